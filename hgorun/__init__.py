@@ -1,0 +1,41 @@
+"""hgorun: the bench for high-gain observers.
+
+>>> import hgorun
+>>> experiment = hgorun.load("config.yaml")
+>>> result = hgorun.simulate(experiment)
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from hgorun.errors import ConfigError, HgorunError, SimulationError
+
+if TYPE_CHECKING:
+    from hgorun.experiment import Experiment
+    from hgorun.load import load
+    from hgorun.result import Result
+    from hgorun.simulate import simulate
+    from hgorun.store import read
+
+__version__ = "0.1.0"
+
+__all__ = ["ConfigError", "Experiment", "HgorunError", "Result", "SimulationError", "load", "read", "simulate"]
+
+# Imported when first used: the command line's help must not wait for numpy.
+_LAZY = {
+    "Experiment": "hgorun.experiment",
+    "Result": "hgorun.result",
+    "load": "hgorun.load",
+    "read": "hgorun.store",
+    "simulate": "hgorun.simulate",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name in _LAZY:
+        value = getattr(import_module(_LAZY[name]), name)
+        globals()[name] = value
+        return value
+    raise AttributeError(f"module 'hgorun' has no attribute {name!r}")

@@ -1,0 +1,1 @@
+"""The configuration: YAML with line numbers, expressions, and the blocks as models."""

@@ -1,0 +1,124 @@
+"""Field types of the configuration: numbers that may be written as expressions, names, poles."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Annotated, Any
+
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, WithJsonSchema, model_validator
+from pydantic_core import PydanticCustomError
+
+from hgorun.config.expressions import ExpressionError, check_name, nearest, parse
+
+
+class Block(BaseModel):
+    """A mapping of the configuration: unknown keys are errors, values do not change."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, protected_namespaces=())
+
+    @model_validator(mode="before")
+    @classmethod
+    def _known_keys(cls, data: Any) -> Any:
+        if isinstance(data, cls):
+            return data
+        keys = ", ".join(cls.model_fields)
+        if not isinstance(data, dict):
+            raise PydanticCustomError(
+                "not_a_mapping", "expected a mapping with keys {keys}; found {found}",
+                {"keys": keys, "found": describe(data)},
+            )
+        for key in data:
+            if key not in cls.model_fields:
+                raise PydanticCustomError(
+                    "unknown_key", "unknown key {name}.{hint} Known here: {keys}",
+                    {"key": key, "name": repr(key), "hint": nearest(str(key), cls.model_fields), "keys": keys},
+                )
+        return data
+
+
+def number(value: Any) -> float:
+    """A finite float from a number or from an expression of numbers and constants."""
+    if isinstance(value, bool) or not isinstance(value, (int, float, str)):
+        raise ValueError(f"expected a number or an expression of numbers, found {describe(value)}")
+    return parse(value, names=()).number()
+
+
+def describe(value: Any) -> str:
+    """What was found, for a message."""
+    if value is None:
+        return "nothing"
+    if isinstance(value, dict):
+        return "a mapping"
+    if isinstance(value, (list, tuple)):
+        return "a list"
+    text = repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def _expression(value: Any) -> str:
+    if isinstance(value, bool) or not isinstance(value, (int, float, str)):
+        raise ValueError(f"expected an expression (text or a number), found {describe(value)}")
+    parse(value)
+    return value if isinstance(value, str) else repr(float(value))
+
+
+def _name(value: Any) -> str:
+    if not isinstance(value, str):
+        raise ValueError(f"expected a name, found {describe(value)}")
+    check_name(value)
+    return value
+
+
+def _pole(value: Any) -> complex:
+    if isinstance(value, str):
+        try:
+            return complex(value.replace(" ", "").replace("i", "j"))
+        except ValueError:
+            pass
+    elif isinstance(value, complex):
+        return value
+    try:
+        return complex(number(value))
+    except (ValueError, ExpressionError) as error:
+        raise ValueError(f'a pole is a number or text such as "-1+2j", found {describe(value)}') from error
+
+
+def _poles(value: Any) -> complex | tuple[complex, ...]:
+    several = isinstance(value, Sequence) and not isinstance(value, str)
+    poles = tuple(_pole(v) for v in (value if several else [value]))
+    for pole in poles:
+        if not (math.isfinite(pole.real) and math.isfinite(pole.imag)):
+            raise ValueError(f"poles must be finite, found {pole}")
+        if pole.real >= 0:
+            raise ValueError(f"poles must have a negative real part, found {_pole_text(pole)}")
+        if poles.count(pole) != poles.count(pole.conjugate()):
+            raise ValueError(f"complex poles come in conjugate pairs: {_pole_text(pole)} has no partner")
+    return poles if several else poles[0]
+
+
+def _pole_text(pole: complex) -> str:
+    return f"{pole.real:g}" if pole.imag == 0 else f"{pole.real:g}{pole.imag:+g}j"
+
+
+_NUMBER_SCHEMA = {"anyOf": [{"type": "number"}, {"type": "string"}]}
+
+Number = Annotated[float, BeforeValidator(number), WithJsonSchema(_NUMBER_SCHEMA)]
+Positive = Annotated[float, BeforeValidator(number), Field(gt=0), WithJsonSchema(_NUMBER_SCHEMA)]
+NonNegative = Annotated[float, BeforeValidator(number), Field(ge=0), WithJsonSchema(_NUMBER_SCHEMA)]
+ExpressionText = Annotated[str, BeforeValidator(_expression), WithJsonSchema(_NUMBER_SCHEMA)]
+Name = Annotated[str, BeforeValidator(_name)]
+Poles = Annotated[
+    complex | tuple[complex, ...],
+    BeforeValidator(_poles),
+    WithJsonSchema({"anyOf": [*_NUMBER_SCHEMA["anyOf"], {"type": "array", "items": _NUMBER_SCHEMA}]}),
+]
+
+
+def _ordered(value: tuple[float, float]) -> tuple[float, float]:
+    if not value[0] < value[1]:
+        raise ValueError(f"expected [low, high] with low < high, found [{value[0]:g}, {value[1]:g}]")
+    return value
+
+
+Interval = Annotated[tuple[Number, Number], AfterValidator(_ordered)]

@@ -1,0 +1,405 @@
+"""YAML text as plain data, together with the file and line of every entry.
+
+The data is built from the events of PyYAML's parser, so no tag can construct anything and every key
+is known with its line. Scalars follow the core schema of YAML 1.2 without octal and hexadecimal integers.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import yaml
+
+from hgorun.config.expressions import nearest
+from hgorun.errors import ConfigError
+
+KeyPath: TypeAlias = tuple[str | int, ...]
+Place: TypeAlias = tuple[str, int]
+
+MAX_BYTES = 2**20
+MAX_NODES = 100_000
+MAX_DEPTH = 50
+_MAX_DIGITS = 300  # no float has more than 309; Python's int() refuses more than 4,300
+
+# U+0085, U+2028 and U+2029 end a line for YAML but not for editors: with them lines would be miscounted.
+_REFUSED = re.compile(
+    "[^\t\n\r\x20-\x7e\xa0-\u2027\u202a-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00010000-\U0010ffff]"
+)
+_LINE_BREAK = re.compile(r"\r\n?|\n")
+_INTEGER = re.compile(r"[-+]?[0-9]+")
+_NUMBER = re.compile(
+    r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?|[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)"
+)
+_WORDS = {
+    **dict.fromkeys(("", "~", "null", "Null", "NULL")),
+    **dict.fromkeys(("true", "True", "TRUE"), True),
+    **dict.fromkeys(("false", "False", "FALSE"), False),
+}
+
+
+class _PythonLoader(yaml.BaseLoader):
+    """PyYAML's own parser with libyaml's rule for tabs: they may separate, not indent."""
+
+    def scan_to_next_token(self) -> None:
+        super().scan_to_next_token()
+        while self.peek() == "\t" and (self.flow_level or not self.allow_simple_key):
+            self.forward()
+            super().scan_to_next_token()
+
+
+# libyaml is ten times as fast; PyYAML's wheels have it, a build from source may not.
+_LOADER: Any = getattr(yaml, "CBaseLoader", _PythonLoader)
+
+
+@dataclass(frozen=True)
+class Source:
+    """Plain data and where each part of it was written.
+
+    Parameters
+    ----------
+    data : Any
+        Dictionaries with text keys, lists, text, numbers, booleans and None; not to be modified.
+    positions : dict
+        Path, such as ``("observers", "SHGO", "theta")``, to (file, line): of an entry of a mapping, the
+        line of its key.
+    """
+
+    data: Any
+    positions: dict[KeyPath, Place]
+
+    def where(self, path: KeyPath) -> Place:
+        """Return the file and line of ``path``, or of the nearest thing around it."""
+        around = (path[:length] for length in range(len(path), -1, -1))
+        return next((self.positions[p] for p in around if p in self.positions), ("", 0))
+
+
+def read(path: Path) -> tuple[str, Source]:
+    """Read a YAML file: its text, verbatim, and what it says.
+
+    Raises
+    ------
+    ConfigError
+        The file is missing, unreadable, larger than 1 MiB, not UTF-8, or not what `parse` takes.
+    """
+    file = str(path)
+    try:
+        with path.open("rb") as stream:
+            content = stream.read(MAX_BYTES + 1)
+        if len(content) > MAX_BYTES:
+            raise ConfigError("larger than 1 MiB: recordings belong in data files", file=file)
+        text = content.decode("utf-8")
+    except FileNotFoundError:
+        near = nearest(path.name, _names_in(path.parent))
+        raise ConfigError(f"there is no such file.{near}", file=file) from None
+    except IsADirectoryError:
+        raise ConfigError("this is a folder; a YAML file was expected", file=file) from None
+    except UnicodeDecodeError as error:
+        line = content.count(b"\n", 0, error.start) + 1
+        message = f"byte 0x{content[error.start]:02x} is not UTF-8: save the file as UTF-8"
+        raise ConfigError(message, file=file, line=line) from error
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the name
+        reason = getattr(error, "strerror", None) or error
+        raise ConfigError(f"cannot be read: {reason}", file=file) from error
+    return text, parse(text, file)
+
+
+def _names_in(folder: Path) -> list[str]:
+    try:
+        return [entry.name for entry in folder.iterdir()]
+    except OSError:
+        return []
+
+
+def parse(text: str, file: str) -> Source:
+    """Turn YAML text into a `Source`; ``file`` is the name that positions and messages carry.
+
+    Raises
+    ------
+    ConfigError
+        The text is empty, not YAML, or uses what is refused: tags, merge keys, several documents, duplicate
+        keys, keys that are no scalars, control characters, aliases inside their anchors, more than 100,000
+        values (aliases written out) or more than 50 levels.
+    """
+    text = text.removeprefix("\ufeff")
+    if bad := _REFUSED.search(text):
+        line = len(_LINE_BREAK.findall(text, 0, bad.start())) + 1
+        raise ConfigError(f"the character U+{ord(bad[0]):04X} cannot stand in YAML", file=file, line=line)
+    builder = _Builder(file)
+    try:
+        for event in yaml.parse(text, Loader=_LOADER):
+            builder.take(event)
+    except yaml.YAMLError as error:
+        raise _syntax_error(error, text, file) from error
+    if not builder.root:
+        raise ConfigError("the file is empty; `hgorun init` writes one to start from", file=file)
+    return Source(builder.root[0], builder.positions)
+
+
+class _Builder:
+    """Builds the data from the events of a document, on a stack of open lists and mappings."""
+
+    def __init__(self, file: str) -> None:
+        self.file = file
+        self.positions: dict[KeyPath, Place] = {}
+        self.root: list[Any] = []  # the document, once it has begun
+        self.open: list[tuple[KeyPath, Any]] = [((), self.root)]
+        self.key: str | None = None  # what waits for its value in the innermost mapping
+        self.anchors: dict[str, KeyPath] = {}
+        self.nodes = 0
+
+    def take(self, event: yaml.Event) -> None:
+        line = event.start_mark.line + 1 if event.start_mark else 1
+        tag = getattr(event, "tag", None)
+        path, parent = self.open[-1]
+        if isinstance(event, (yaml.MappingEndEvent, yaml.SequenceEndEvent)):
+            self.open.pop()
+        elif isinstance(event, yaml.DocumentStartEvent) and self.root:
+            raise self.error("a second document (`---`) starts here; a file is one document", line)
+        elif not isinstance(event, yaml.NodeEvent):
+            return
+        elif tag is not None:
+            raise self.error(f"the tag `{tag}` is refused: values carry no tags here", line)
+        elif isinstance(parent, dict) and self.key is None:
+            self.take_key(event, path, parent, line)
+        elif parent is self.root:
+            if not isinstance(event, yaml.ScalarEvent) or event.style or event.value:
+                self.take_value(event, (), parent, line)  # else: comments, to the parser one empty value
+        else:
+            self.take_value(event, (*path, len(parent) if self.key is None else self.key), parent, line)
+
+    def take_key(self, event: yaml.NodeEvent, path: KeyPath, parent: dict[str, Any], line: int) -> None:
+        if event.anchor is not None:
+            raise self.error(
+                "a key cannot be an anchor or an alias; an anchor stands after the `:`", line, path
+            )
+        if not isinstance(event, yaml.ScalarEvent):
+            raise self.error("a key is text, not a list or a mapping", line, path)
+        key = str(event.value)
+        if not event.style and key in ("", "<<"):
+            hint = "`<<` is refused: use `extends: FILE`, or an alias for the whole value"
+            raise self.error(hint if key else "there is no key before this `:`", line, path)
+        here = (*path, key)
+        if key in parent:
+            first = self.positions[here][1]
+            raise self.error(f"`{key}` is given twice, on line {first} and on line {line}", line, here)
+        self.key = key
+        self.positions[here] = self.file, line
+
+    def take_value(self, event: yaml.NodeEvent, here: KeyPath, parent: Any, line: int) -> None:
+        value: Any
+        if isinstance(event, yaml.AliasEvent):
+            value = self.expand(str(event.anchor), here, line)
+        else:
+            self.count(here, line)
+            if event.anchor is not None:
+                if event.anchor in self.anchors:
+                    raise self.error(f"the anchor `&{event.anchor}` is given twice", line, here)
+                self.anchors[event.anchor] = here
+            if isinstance(event, yaml.ScalarEvent):
+                value = event.value if event.style else self.plain(event.value, here, line)
+            else:
+                value = {} if isinstance(event, yaml.MappingStartEvent) else []
+                self.open.append((here, value))
+        if self.key is None:
+            parent.append(value)
+            self.positions[here] = self.file, line
+        else:
+            parent[self.key] = value
+            self.key = None
+
+    def expand(self, anchor: str, here: KeyPath, line: int) -> Any:
+        """Copy what an anchor names; what is inside keeps the lines of the original."""
+        if anchor not in self.anchors:
+            message = f"there is no `&{anchor}` above `*{anchor}`; text that starts with `*` needs quotes"
+            raise self.error(message, line, here)
+        origin = self.anchors[anchor]
+        if any(path == origin for path, _ in self.open[1:]):
+            raise self.error(f"the alias `*{anchor}` stands inside its own anchor", line, here)
+        value = _at(self.root[0], origin)
+        for path, _ in _walk(value):
+            self.count(here + path, line)
+            if path:
+                self.positions[here + path] = self.positions[origin + path]
+        return _copy(value)
+
+    def plain(self, text: str, here: KeyPath, line: int) -> Any:
+        if "\t" in text:
+            raise self.error("a tab in text without quotes: use spaces", line, here)
+        if text in _WORDS or not _NUMBER.fullmatch(text):
+            return _WORDS.get(text, text)
+        if len(text) > _MAX_DIGITS:
+            raise self.error(f"a number of {len(text)} characters; {_MAX_DIGITS} are the limit", line, here)
+        return int(text) if _INTEGER.fullmatch(text) else float(re.sub(r"\.(?=[iInN])", "", text))
+
+    def count(self, here: KeyPath, line: int) -> None:
+        self.nodes += 1
+        if self.nodes > MAX_NODES:
+            message = f"more than {MAX_NODES:,} values, aliases written out: recordings belong in data files"
+            raise self.error(message, line)
+        if len(here) > MAX_DEPTH:
+            raise self.error(f"more than {MAX_DEPTH} lists and mappings inside each other", line)
+
+    def error(self, message: str, line: int, path: KeyPath = ()) -> ConfigError:
+        if len(message) > 300:  # a key, tag or anchor may be as long as the file
+            message = message[:297] + "..."
+        return ConfigError(message, file=self.file, line=line, key=_dotted(path))
+
+
+# What the parsers say in their own words (libyaml's differ from PyYAML's), and what helps.
+_TAB = "a tab cannot indent: use spaces"
+_SENTENCES = [
+    ("tab character", _TAB),
+    ("block scalar", "after `|` or `>` the line must end; text that starts with one needs quotes"),
+    ("alias|anchor", "text that starts with `*` or `&` needs quotes"),
+    ("cannot start any token", "a value cannot start with `{char}`: put it in quotes"),
+    (
+        "mapping values",
+        "a `:` too many on this line, or wrong indentation; text with `: ` in it needs quotes",
+    ),
+    ("simple key", "this line has no `:` after its key (write `key: value`)"),
+    ("flow", "the bracket opened on line {opened} is not closed, or a comma or a value is missing"),
+    ("directive", "a line that starts with `%` is a directive, which has no use here"),
+    ("escape|hex", "an unknown escape `\\` in double quotes: use single quotes"),
+    ("quoted scalar", "the quote opened on line {opened} is not closed"),
+    ("entries are not", "a list entry `- ` cannot start here: put it on a line of its own"),
+    ("block|document start", "this does not fit the lines above: check indentation, brackets and quotes"),
+]
+
+
+def _syntax_error(error: yaml.YAMLError, text: str, file: str) -> ConfigError:
+    if not isinstance(error, yaml.MarkedYAMLError) or error.problem_mark is None:
+        return ConfigError(f"not valid YAML: {error}", file=file)
+    problem = f"{error.context or ''} {error.problem}".strip()
+    opened = error.context_mark or error.problem_mark
+    mark = opened if re.search("simple key|end of stream", problem) else error.problem_mark
+    lines = _LINE_BREAK.split(text)
+    number = min(mark.line, len(lines) - 1)
+    char = lines[number][mark.column : mark.column + 1]
+    sentence = next((sentence for words, sentence in _SENTENCES if re.search(words, problem)), problem)
+    if char == "\t" or re.match(" *\t", lines[number]):
+        sentence = _TAB
+    sentence = sentence.replace("{char}", char).replace("{opened}", str(opened.line + 1))
+    return ConfigError(sentence, file=file, line=number + 1)
+
+
+def _entries(value: Any) -> Iterable[tuple[str | int, Any]]:
+    if isinstance(value, dict):
+        return value.items()
+    return enumerate(value) if isinstance(value, list) else ()
+
+
+def _walk(data: Any) -> Iterator[tuple[KeyPath, Any]]:
+    """Yield every value in ``data`` with its path, the whole first."""
+    todo: list[tuple[KeyPath, Any]] = [((), data)]
+    while todo:
+        path, value = todo.pop()
+        yield path, value
+        todo += [((*path, key), part) for key, part in _entries(value)]
+
+
+def _at(data: Any, path: KeyPath) -> Any:
+    for key in path:
+        data = data[key]
+    return data
+
+
+def _copy(data: Any) -> Any:  # no deeper than MAX_DEPTH
+    if isinstance(data, dict):
+        return {key: _copy(part) for key, part in data.items()}
+    return [_copy(part) for part in data] if isinstance(data, list) else data
+
+
+def _dotted(path: KeyPath) -> str | None:
+    return ".".join(str(key)[:100] for key in path) or None
+
+
+def set_path(source: Source, assignment: str) -> Source:
+    """Carry out ``assignment``, the ``path=value`` of ``--set``.
+
+    A path is keys and list indices with dots between. The longest path that exists wins, so a label may
+    contain ``=``; what follows it, up to the next ``=``, is created. The value is YAML.
+
+    Raises
+    ------
+    ConfigError
+        There is no ``=``, the value is not YAML, or the path leads into a scalar or past the end of a list.
+    """
+    file = f"--set {assignment}"
+    old, end = _longest_path(source.data, assignment)
+    names, equals, text = assignment[end:].partition("=")
+    new = names[1 if old else 0 :].split(".") if names else []
+    if not equals or not (old or new) or any(not name or name != name.strip() for name in new):
+        raise ConfigError("expected path=value, without spaces around `=`", file=file, line=1)
+    above = _at(source.data, old)
+    if new and above is not None and not isinstance(above, dict):
+        raise ConfigError(_no_way(source.data, old, new[0]), file=file, line=1)
+    path = (*old, *new)
+    value = parse(text, file).data if text.strip() else None
+    data = _replaced(source.data, path, value)
+    places = {at: (file, 1) if at[: len(path)] == path else source.where(at) for at, _ in _walk(data)}
+    created = {path[:length]: (file, 1) for length in range(len(old) + 1, len(path))}
+    if max(map(len, places)) > MAX_DEPTH:
+        raise ConfigError(f"more than {MAX_DEPTH} lists and mappings inside each other", file=file, line=1)
+    return Source(data, places | created)
+
+
+def _longest_path(data: Any, assignment: str) -> tuple[KeyPath, int]:
+    """Find the longest path in ``data`` that ``assignment`` starts with, and where it ends there."""
+    best: tuple[KeyPath, int] = ((), 0)
+    todo: list[tuple[KeyPath, Any, int]] = [((), data, 0)]
+    while todo:
+        path, value, start = todo.pop()
+        for key, part in _entries(value):
+            end = start + len(str(key))
+            follows = assignment[end : end + 1]
+            if follows in (".", "=") and assignment.startswith(str(key), start):
+                best = max(best, ((*path, key), end), key=lambda found: found[1])
+                if follows == ".":
+                    todo.append(((*path, key), part, end + 1))
+    return best
+
+
+def _no_way(data: Any, path: KeyPath, name: str) -> str:
+    here, value = _dotted(path) or "the file", _at(data, path)
+    if isinstance(value, list):
+        indices = f"an index from 0 to {len(value) - 1}" if value else "nothing, as it is empty"
+        return f"`{here}` is a list of {len(value)}: `{name}` was found where there can be {indices}"
+    beside = [str(key) for key, _ in _entries(_at(data, path[:-1]))]
+    names = f" Beside it: {', '.join(beside[:20])}." if beside else ""
+    return f"`{here}` is {str(value)[:40]!r} and has no `{name}` in it.{nearest(name, beside)}{names}"
+
+
+def _replaced(data: Any, path: KeyPath, value: Any) -> Any:
+    """Copy ``data`` along ``path``, with ``value`` at its end; mappings that are missing are created."""
+    result = [data]
+    holder: Any = result
+    last: str | int = 0
+    for key in path:
+        part = holder.get(last) if isinstance(holder, dict) else holder[last]
+        part = list(part) if isinstance(part, list) else dict(part or {})
+        holder[last] = part
+        holder, last = part, key
+    holder[last] = value
+    return result[0]
+
+
+def merge(base: Source, over: Source) -> Source:
+    """Lay ``over`` on ``base``: mappings are merged, everything else is replaced.
+
+    A mapping whose ``type`` differs from that of the one below replaces it whole.
+    """
+    data = _merged(base.data, over.data)
+    places = base.positions | over.positions
+    return Source(data, {path: places[path] for path, _ in _walk(data) if path in places})
+
+
+def _merged(base: Any, over: Any) -> Any:  # no deeper than MAX_DEPTH
+    if not (isinstance(base, dict) and isinstance(over, dict)):
+        return over
+    if "type" in base and over.get("type", base["type"]) != base["type"]:
+        return over
+    return base | {key: _merged(base[key], part) if key in base else part for key, part in over.items()}

@@ -1,0 +1,1 @@
+"""Symbolic systems as native code, and the simulation loop."""

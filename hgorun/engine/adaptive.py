@@ -1,0 +1,175 @@
+"""The native time loop of an embedded method with error control.
+
+A step is accepted when for every state h |sum e_j k_j| <= atol + rtol max(|z|, |z_new|); steps land on
+events. An observer for which no step is small enough is masked like one that has diverged.
+"""
+
+from __future__ import annotations
+
+from hgorun.engine.emit import Emitted
+from hgorun.engine.history import History
+from hgorun.engine.ir import Function, hexadecimal
+from hgorun.engine.layout import (
+    DONE,
+    HISTORY_TOO_SHORT,
+    PAUSED,
+    PLANT_DIVERGED,
+    STEP_TOO_SMALL,
+    WORD,
+    Variant,
+)
+from hgorun.engine.methods import Method
+from hgorun.engine.parts import Module, move
+from hgorun.engine.stepper import Stepper, guard
+
+_SAFETY, _SHRINK, _GROW = 0.9, 0.2, 5.0
+_SMALLEST = 1e-13  # of |t|: below it a step changes t no more
+
+
+def add_adaptive(m: Module, method: Method, history: History | None, flows: dict[Variant, Emitted]) -> None:
+    """``advance<i>(ctx, segment)`` for every variant i."""
+    for i, (variant, flow) in enumerate(flows.items()):
+        _add_advance(Stepper(m, method, history, variant, flow, f"advance{i}"))
+
+
+def _maximum(f: Function, values: list[str]) -> str:
+    """The largest of all values and lanes, as a scalar; NaN counts as infinite."""
+    worst = hexadecimal(0.0)
+    for value in values:
+        for lane in range(f.lanes):
+            one = value if f.lanes == 1 else f.let(f"extractelement {f.real} {value}, i64 {lane}")
+            missing = f.let(f"fcmp uno double {one}, {one}")
+            one = f.let(f"select i1 {missing}, double {hexadecimal(float('inf'))}, double {one}")
+            worst = f.let(f"select i1 {f.test('ogt', one, worst)}, double {one}, double {worst}")
+    return worst
+
+
+def _block_errors(s: Stepper, errors: list[str]) -> list[str]:
+    """The largest error over its tolerance of the plant and of each observer that has not diverged."""
+    f = s.f
+    rtol, atol = (f.splat(f.word("%ctx", WORD[name], "double")) for name in ("rtol", "atol"))
+    ratios = []
+    for i, error in enumerate(errors):
+        old, new = (f.intrinsic("fabs", f.load(f.at(a, i * f.lanes), f.real)) for a in (s.before, s.z))
+        scale = f.select(f.compare("ogt", new, old), new, old)
+        ratios.append(f.div(f.intrinsic("fabs", error), f.add(atol, f.mul(rtol, scale))))
+    structure = s.m.structure
+    worst = [_maximum(f, ratios[: structure.plant_states])]
+    diverged = f.word("%ctx", WORD["diverged"], "ptr")
+    for j, (start, _, end) in enumerate(structure.blocks):
+        alive = f.compare("oeq", f.load(f.at(diverged, j * f.lanes), f.real), f.constant(float("inf")))
+        worst.append(_maximum(f, [f.select(alive, r, f.constant(0.0)) for r in ratios[start:end]]))
+    return worst
+
+
+def _add_advance(s: Stepper) -> None:
+    f, m = s.f, s.m
+    real = {name: f.at("%ctx", WORD[name]) for name in ("now", "step", "max_step")}
+    lost, short, small, pause = (f.label() for _ in range(4))
+    move(f, s.home, s.z, s.size)
+    t = f.load(real["now"])
+    at_start = f.test("eq", t, s.start)
+    s.tick(f.let(f"select i1 {at_start}, double {s.start_eval}, double {t}"), s.clock[0.0])
+    s.slope_at_end(f.let(f"select i1 {at_start}, double {s.start_eval}, double {t}"), s.clock[0.0])
+    with f.loop() as after:
+        t = f.load(real["now"])
+        f.leave_if(f.test("oge", t, s.end), after)
+        budget = f.scalar("sub", f.word("%ctx", WORD["budget"]), "1")
+        f.store(budget, f.at("%ctx", WORD["budget"]), "i64")
+        f.leave_if(f.test("slt", budget, "0"), pause)
+        wanted = f.load(real["step"])
+        h, landing = _fit(f, wanted, f.load(real["max_step"]), f.scalar("fsub", s.end, t))
+        t_new = f.let(f"select i1 {landing}, double {s.end}, double {f.scalar('fadd', t, h)}")
+        t_clock = f.let(f"select i1 {landing}, double {s.end_eval}, double {t_new}")
+        move(f, s.z, s.before, s.size)
+        move(f, s.slope, s.k[0], s.size)
+        move(f, s.trace, s.trace_before, 2 * s.width // m.lanes)
+        s.step(t, h, t_clock, t_new)
+        s.slope_at_end(t_clock, s.clock[1.0])
+        if s.delayed:
+            f.leave_if(f.test("sge", f.load(s.flags, "i64"), "2"), short)
+        errors = [s.embedded(s.method.error, h, i) for i in range(s.size)]
+        blocks = _block_errors(s, errors)
+        worst = _maximum_scalar(f, blocks)
+        accept, reject, next_step = f.label(), f.label(), f.label()
+        f.branch(f.test("ole", worst, hexadecimal(1.0)), accept, reject)
+
+        f.place(accept)
+        s.rows_before(t, t_new, h)
+        if s.history:
+            count = s.remember(t, t_new)
+            f.store(f.scalar("add", count, "1"), f.at("%ctx", WORD["ring_count"]), "i64")
+        s.note_error(errors)
+        f.store(t_new, real["now"])
+        grown = f.scalar("fmul", h, _factor(s, worst, hexadecimal(_GROW)))
+        truncated = f.test("olt", h, wanted)
+        f.store(_pick(f, f.let(f"and i1 {truncated}, {f.test('olt', grown, wanted)}"), wanted, grown), real["step"])
+        guard(f, m, t_new, s.z, lost)
+        f.jump(next_step)
+
+        f.place(reject)
+        move(f, s.before, s.z, s.size)
+        move(f, s.k[0], s.slope, s.size)
+        move(f, s.trace_before, s.trace, 2 * s.width // m.lanes)
+        f.store(f.scalar("fmul", h, _factor(s, worst, hexadecimal(1.0))), real["step"])
+        smallest = f.scalar("fmul", f.let(f"call double @llvm.fabs.f64(double {s.end})"), hexadecimal(_SMALLEST))
+        with f.when(f.test("ole", h, smallest)):
+            f.leave_if(f.test("ugt", blocks[0], hexadecimal(1.0)), small)
+            _mask_failing(s, blocks[1:], t_new)
+            f.store(wanted, real["step"])
+        f.jump(next_step)
+        f.place(next_step)
+    move(f, s.z, s.home, s.size)
+    f.do(f"ret i64 {DONE}")
+    for label, verdict in ((lost, PLANT_DIVERGED), (small, STEP_TOO_SMALL), (short, HISTORY_TOO_SHORT)):
+        if label != short or s.delayed:
+            f.place(label)
+            f.do(f"ret i64 {verdict}")
+    f.place(pause)
+    move(f, s.z, s.home, s.size)
+    f.do(f"ret i64 {PAUSED}")
+    m.finish(f)
+
+
+def _fit(f: Function, wanted: str, longest: str, left: str) -> tuple[str, str]:
+    """The step to make, and whether it lands on the end: the last two steps share what is left."""
+    h = _pick(f, f.test("olt", longest, wanted), longest, wanted)
+    landing = f.test("oge", h, f.scalar("fmul", left, hexadecimal(1 - 1e-12)))
+    half = f.scalar("fmul", left, hexadecimal(0.5))
+    h = _pick(f, f.test("ogt", h, half), half, h)
+    return _pick(f, landing, left, h), landing
+
+
+def _pick(f: Function, condition: str, yes: str, no: str) -> str:
+    return f.let(f"select i1 {condition}, double {yes}, double {no}")
+
+
+def _maximum_scalar(f: Function, values: list[str]) -> str:
+    worst = values[0]
+    for value in values[1:]:
+        worst = _pick(f, f.test("ogt", value, worst), value, worst)
+    return worst
+
+
+def _factor(s: Stepper, error: str, most: str) -> str:
+    """How the step changes: 0.9 error^(-1/5) between 0.2 and ``most``."""
+    f = s.f
+    m = s.m
+    m.declarations.add("declare double @pow(double, double) nounwind memory(none)")
+    power = f.let(f"call double @pow(double {error}, double {hexadecimal(-1 / s.method.order)})")
+    factor = f.scalar("fmul", hexadecimal(_SAFETY), power)
+    factor = _pick(f, f.test("olt", factor, most), factor, most)
+    return _pick(f, f.test("ogt", factor, hexadecimal(_SHRINK)), factor, hexadecimal(_SHRINK))
+
+
+def _mask_failing(s: Stepper, blocks: list[str], t: str) -> None:
+    """Give up the observers whose error no step meets; with several lanes the whole observer."""
+    f = s.f
+    diverged = f.word("%ctx", WORD["diverged"], "ptr")
+    for j, ((start, _, end), error) in enumerate(zip(s.m.structure.blocks, blocks, strict=True)):
+        with f.when(f.test("ugt", error, hexadecimal(1.0))):
+            for lane in range(f.lanes):
+                f.store(t, f.at(diverged, j * f.lanes + lane))
+            for i in range(start, end):
+                for array in (s.z, s.slope):
+                    f.store(f.constant(float("nan")), f.at(array, i * f.lanes), f.real)

@@ -1,0 +1,116 @@
+"""LLVM IR to machine code through llvmlite, with a cache of compiled objects on disk.
+
+The key is the hash of the IR, llvmlite's version and the processor's name and features. An entry starts
+with the hash of its own content and is written whole, so a damaged file is compiled again. The folder is
+``$HGORUN_CACHE_DIR``, or ``hgorun`` in the user's cache folder, private to the user: what is in it is
+executed.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import stat
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import llvmlite
+import llvmlite.binding as llvm
+
+_FORMAT = "1"
+
+
+class NativeModule:
+    """Loaded machine code. Keep it alive as long as its functions are called."""
+
+    def __init__(self, ir: str, exported: tuple[str, ...]) -> None:
+        machine = _target_machine()
+        key = hashlib.sha256(
+            "\0".join(
+                (_FORMAT, llvmlite.__version__, machine.triple, llvm.get_host_cpu_name(), _features(), ir)
+            ).encode()
+        ).hexdigest()
+        self.from_cache = True
+        image = _read_cache(key)
+        if image is None:
+            self.from_cache = False
+            image = _compile(ir, machine)
+            _write_cache(key, image)
+        self._jit = llvm.create_lljit_compiler(_target_machine(), use_jit_link=_needs_jit_link())
+        builder = llvm.JITLibraryBuilder().add_object_img(image).add_current_process()
+        for name in exported:
+            builder.export_symbol(name)
+        self._library = builder.link(self._jit, f"hgorun-{key[:16]}-{id(self)}")
+        self.address = {name: int(self._library[name]) for name in exported}
+
+
+def _needs_jit_link() -> bool:
+    return sys.platform == "linux" and os.uname().machine == "aarch64"
+
+
+def _features() -> str:
+    return str(llvm.get_host_cpu_features().flatten())
+
+
+def _target_machine() -> Any:
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    return llvm.Target.from_default_triple().create_target_machine(
+        cpu=llvm.get_host_cpu_name(), features=_features(), opt=2, reloc="pic", jit=False
+    )
+
+
+def _compile(ir: str, machine: Any) -> bytes:
+    module = llvm.parse_assembly(ir)
+    module.triple = machine.triple
+    module.data_layout = str(machine.target_data)
+    module.verify()
+    options = llvm.create_pipeline_tuning_options(speed_level=2)
+    passes = llvm.create_pass_builder(machine, options)
+    passes.getModulePassManager().run(module, passes)
+    return bytes(machine.emit_object(module))
+
+
+def cache_folder() -> Path:
+    """Where compiled code is kept."""
+    if configured := os.environ.get("HGORUN_CACHE_DIR"):
+        return Path(configured)
+    base = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
+    return Path(base) / "hgorun"
+
+
+def _private(folder: Path) -> bool:
+    """Whether only this user can write into the folder; nothing from another one is ever executed."""
+    if not hasattr(os, "getuid"):
+        return True
+    status = folder.stat()
+    return status.st_uid == os.getuid() and not status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+
+
+def _read_cache(key: str) -> bytes | None:
+    folder = cache_folder()
+    try:
+        if not _private(folder):
+            return None
+        content = (folder / f"{key}.o").read_bytes()
+    except OSError:
+        return None
+    digest, image = content[:32], content[32:]
+    return image if hashlib.sha256(image).digest() == digest else None
+
+
+def _write_cache(key: str, image: bytes) -> None:
+    """A cache that cannot be written costs time, not the run."""
+    folder = cache_folder()
+    try:
+        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+        if not _private(folder):
+            return
+        handle, name = tempfile.mkstemp(dir=folder, prefix=".new-")
+        with os.fdopen(handle, "wb") as file:
+            file.write(hashlib.sha256(image).digest() + image)
+        os.replace(name, folder / f"{key}.o")
+    except OSError:
+        return

@@ -1,0 +1,80 @@
+"""The native time loop of a fixed-step Runge-Kutta method.
+
+One function a variant makes all steps of a segment: from the event at its start to the event at its end
+nothing happens but the flow. The slope at the end of a step is the first slope of the next one; it also
+gives the output points in between and the history for continuous delays.
+"""
+
+from __future__ import annotations
+
+from hgorun.engine.emit import Emitted
+from hgorun.engine.history import History
+from hgorun.engine.layout import DONE, HISTORY_TOO_SHORT, PLANT_DIVERGED, WORD, Variant
+from hgorun.engine.methods import Method
+from hgorun.engine.parts import Module, counts, move
+from hgorun.engine.stepper import Stepper, guard
+
+
+def add_fixed(m: Module, method: Method, history: History | None, flows: dict[Variant, Emitted]) -> None:
+    """``advance<i>(ctx, segment)`` for every variant i."""
+    for i, (variant, flow) in enumerate(flows.items()):
+        _add_advance(Stepper(m, method, history, variant, flow, f"advance{i}"))
+
+
+def _add_advance(s: Stepper) -> None:
+    f, m = s.f, s.m
+    n = counts(f, "%segment")
+    h = f.scalar("fdiv", f.scalar("fsub", s.end, s.start), f.let(f"sitofp i64 {n['steps']} to double"))
+
+    def exact(step: str) -> str:
+        """When step number ``step`` starts."""
+        inside = f.scalar("fadd", s.start, f.scalar("fmul", f.let(f"sitofp i64 {step} to double"), h))
+        return f.let(f"select i1 {f.test('eq', step, n['steps'])}, double {s.end}, double {inside}")
+
+    def clocked(step: str) -> str:
+        """The same, where functions of time are evaluated: on this segment's side of its events."""
+        late = f.let(f"select i1 {f.test('eq', step, n['steps'])}, double {s.end_eval}, double {exact(step)}")
+        return f.let(f"select i1 {f.test('eq', step, '0')}, double {s.start_eval}, double {late}")
+
+    lost, short = f.label(), f.label()
+    move(f, s.home, s.z, s.size)
+    at = f.slot("i64")
+    f.store(n["first"], at, "i64")
+    s.tick(clocked(n["first"]), s.clock[0.0])
+    silent_end = f.test("eq", n["end_slope"], "0")
+    with f.loop() as after:
+        step = f.load(at, "i64")
+        is_last = f.test("eq", step, n["last"])
+        t = exact(step)
+        skipped = f.let(f"and i1 {is_last}, {silent_end}")
+        with f.when(f.let(f"xor i1 {skipped}, true")):
+            s.slope_at_end(clocked(step), s.clock[0.0])
+        with f.when(f.test("ne", step, n["first"])):
+            t_before = exact(f.scalar("sub", step, "1"))
+            s.rows_before(t_before, t, h)
+            if s.history:
+                count = s.remember(t_before, t)
+                f.store(f.scalar("add", count, "1"), f.at("%ctx", WORD["ring_count"]), "i64")
+            if s.method.error:
+                s.note_error([s.embedded(s.method.error, h, i) for i in range(s.size)])
+        f.leave_if(is_last, after)
+        move(f, s.z, s.before, s.size)
+        move(f, s.slope, s.k[0], s.size)
+        move(f, s.trace, s.trace_before, 2 * s.width // m.lanes)
+        following = f.scalar("add", step, "1")
+        s.step(t, h, clocked(following), exact(following))
+        move(f, s.clock[1.0], s.clock[0.0], s.flow.clocked)
+        if s.delayed:
+            f.leave_if(f.test("sge", f.load(s.flags, "i64"), "2"), short)
+        f.store(following, at, "i64")
+        guard(f, m, exact(following), s.z, lost)
+    move(f, s.z, s.home, s.size)
+    f.do(f"ret i64 {DONE}")
+    f.place(lost)
+    f.store(exact(f.load(at, "i64")), f.at("%ctx", WORD["now"]))
+    f.do(f"ret i64 {PLANT_DIVERGED}")
+    if s.delayed:
+        f.place(short)
+        f.store(t, f.at("%ctx", WORD["now"]))
+        f.do(f"ret i64 {HISTORY_TOO_SHORT}")
+    m.finish(f)

@@ -1,0 +1,132 @@
+"""Memory for continuous delays: one ring of steps, each a cubic Hermite piece of every channel.
+
+A piece is (t0, t1, s(t0), s'(t0+), s(t1), s'(t1-)): the slopes are one-sided, since s' jumps at events.
+Before the start of the run everything is constant. A delay shorter than the step looks into the step that
+is being made: that piece is provisional, a straight line at first, then what the step itself gave,
+until it settles.
+"""
+
+from __future__ import annotations
+
+from hgorun.engine.ir import Function
+from hgorun.engine.layout import DELAYED, WORD, Variant
+from hgorun.engine.parts import Module, copy, hermite
+
+REFINEMENTS = 4  # passes of a step whose delays reach into it; each one gains an order
+
+
+def piece_words(channels: int, lanes: int) -> int:
+    """Words of one piece of history."""
+    return 2 + 4 * channels * lanes
+
+
+class History:
+    """Emits the native functions of the history and the calls to them."""
+
+    def __init__(self, m: Module) -> None:
+        self.m = m
+        self.width = m.structure.outputs * m.structure.width * m.lanes
+        self.trace = m.emit(m.structure.channel_slopes, "trace")
+        self.lags = {v: m.emit(lag, f"lags{i}") for i, (v, lag) in enumerate(m.structure.lags.items())}
+        self._add_write()
+        self._add_recall()
+
+    def _add_write(self) -> None:
+        """``remember(ctx, index, t0, t1, start, end)``: start and end hold values, then slopes."""
+        f = self.m.function(
+            "remember", "ptr %ctx, i64 %index, double %t0, double %t1, ptr %start, ptr %end",
+            attributes="nounwind noinline",
+        )
+        piece = self._piece(f, "%index")
+        f.store("%t0", piece)
+        f.store("%t1", f.at(piece, 1))
+        copy(f, "%start", f.at(piece, 2), 2 * self.width)
+        copy(f, "%end", f.at(piece, 2 + 2 * self.width), 2 * self.width)
+        f.do("ret void")
+        self.m.finish(f)
+
+    def _piece(self, f: Function, index: str) -> str:
+        slot = f.scalar("and", index, f.word("%ctx", WORD["ring_mask"]))
+        words = piece_words(self.m.structure.outputs * self.m.structure.width, self.m.lanes)
+        return f.at(f.word("%ctx", WORD["ring"], "ptr"), f.scalar("mul", slot, str(words)))
+
+    def _add_recall(self) -> None:
+        """``recall(ctx, output, t, newest, target)``: an output's channels at t; 1 if from piece ``newest`` + 0.
+
+        Returns 0, or 1 when the provisional piece was used, or 2 when the history is too short.
+        """
+        f = self.m.function(
+            "recall", "ptr %ctx, i64 %output, double %t, i64 %newest, ptr %target",
+            returns="i64", attributes="nounwind noinline",
+        )
+        own = self.m.structure.width * self.m.lanes
+        first = f.scalar("mul", "%output", str(own))
+        before = f.label()
+        search = f.label()
+        f.branch(f.test("ole", "%t", f.word("%ctx", WORD["t_start"], "double")), before, search)
+        f.place(before)
+        copy(f, f.at(f.word("%ctx", WORD["initial"], "ptr"), first), "%target", own)
+        f.do("ret i64 0")
+        f.place(search)
+        hint = f.at(f.word("%ctx", WORD["hints"], "ptr"), "%output")
+        count = f.word("%ctx", WORD["ring_count"])
+        oldest = f.let(
+            f"call i64 @llvm.smax.i64(i64 0, i64 {f.scalar('sub', count, f.word('%ctx', WORD['ring_mask']))})"
+        )
+        self.m.declarations.add("declare i64 @llvm.smax.i64(i64, i64)")
+        self.m.declarations.add("declare i64 @llvm.smin.i64(i64, i64)")
+        start = f.let(f"call i64 @llvm.smax.i64(i64 {oldest}, i64 {f.load(hint, 'i64')})")
+        at = f.slot("i64")
+        f.store(f.let(f"call i64 @llvm.smin.i64(i64 {start}, i64 %newest)"), at, "i64")
+        with f.loop() as after:
+            i = f.load(at, "i64")
+            f.leave_if(f.test("sge", i, "%newest"), after)
+            f.leave_if(f.test("ole", "%t", f.word(self._piece(f, i), 1, "double")), after)
+            f.store(f.scalar("add", i, "1"), at, "i64")
+        with f.loop() as after:
+            i = f.load(at, "i64")
+            f.leave_if(f.test("ole", f.word(self._piece(f, i), 0, "double"), "%t"), after)
+            short, enough = f.label(), f.label()
+            f.branch(f.test("sle", i, oldest), short, enough)
+            f.place(short)
+            f.do("ret i64 2")
+            f.place(enough)
+            f.store(f.scalar("sub", i, "1"), at, "i64")
+        i = f.load(at, "i64")
+        f.store(i, hint, "i64")
+        piece = self._piece(f, i)
+        t0, t1 = f.load(piece), f.word(piece, 1, "double")
+        h = f.scalar("fsub", t1, t0)
+        theta = f.scalar("fdiv", f.scalar("fsub", "%t", t0), h)
+        data = f.at(f.at(piece, 2), first)
+        with f.count(0, own) as k:
+            parts = [f.word(data, f.scalar("add", k, str(j * self.width)), "double") for j in range(4)]
+            f.store(hermite(f, theta, h, *parts), f.at("%target", k))
+        provisional = f.test("eq", i, count)
+        f.do(f"ret i64 {f.let(f'zext i1 {provisional} to i64')}")
+        self.m.finish(f)
+
+    def look_up(self, f: Function, variant: Variant, t: str, newest: str, flags: str) -> None:
+        """Fill w with the delayed channels at time t; or the outcome into the slot ``flags``."""
+        lag = self.lags[variant]
+        s, lanes = self.m.structure, self.m.lanes
+        p, z, w = (f.word("%ctx", WORD[name], "ptr") for name in ("p", "z", "w"))
+        c = self.m.constants_of(f, lag)
+        tau, delays = f.slot("double", lag.clocked * lanes), f.slot("double", s.outputs * lanes)
+        lag.clock(f, t, p, c, tau)
+        lag.main(f, p, c, tau, z, w, delays)
+        for i, (what, _) in enumerate(variant):
+            if what == DELAYED:
+                then = f.scalar("fsub", t, f.word(delays, i * lanes, "double"))
+                target = f.at(w, (s.held_at(i) + 1) * lanes)
+                outcome = f.call(
+                    "recall", f"ptr %ctx, i64 {i}, double {then}, i64 {newest}, ptr {target}", "i64"
+                )
+                f.store(f.scalar("or", f.load(flags, "i64"), outcome), flags, "i64")
+
+    def follow(self, f: Function, t: str, z: str, slope: str, target: str) -> None:
+        """Channels and their slopes at a state and its derivative."""
+        p, c = f.word("%ctx", WORD["p"], "ptr"), self.m.constants_of(f, self.trace)
+        tau = f.slot("double", self.trace.clocked * self.m.lanes)
+        self.trace.clock(f, t, p, c, tau)
+        self.trace.main(f, p, c, tau, z, slope, target)

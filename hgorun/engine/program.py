@@ -1,0 +1,289 @@
+"""A structure compiled once, and its runs."""
+
+from __future__ import annotations
+
+import ctypes
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from hgorun.engine.adaptive import add_adaptive
+from hgorun.engine.compiler import NativeModule
+from hgorun.engine.fixed import add_fixed
+from hgorun.engine.history import History, piece_words
+from hgorun.engine.layout import (
+    CONTEXT,
+    DONE,
+    HISTORY_TOO_SHORT,
+    PAUSED,
+    PLANT_DIVERGED,
+    STEP_TOO_SMALL,
+    WORD,
+    Structure,
+)
+from hgorun.engine.methods import METHODS
+from hgorun.engine.parts import Module, add_actions, add_channels, add_flag, add_rows, counts, span
+from hgorun.engine.plan import Floats, Plan
+from hgorun.errors import SimulationError
+
+_SLICE = 0.05  # seconds of native code between two looks at the keyboard
+_ADAPTIVE_HISTORY = 1 << 16  # pieces kept where the number of steps is not known before
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """Control of an adaptive method: relative and absolute tolerance, longest and first step."""
+
+    rtol: float
+    atol: float
+    max_step: float
+    first_step: float
+
+
+@dataclass(frozen=True)
+class Start:
+    """Where a run starts, for every lane.
+
+    Attributes
+    ----------
+    z : ndarray, shape (states, lanes)
+    p : ndarray, shape (parameters, lanes)
+    bound : (offset, factor)
+        An observer has diverged when one of its states exceeds offset + factor * max |x| so far.
+    """
+
+    z: Floats
+    p: Floats
+    bound: tuple[float, float] = (1e6, 1e6)
+
+
+@dataclass(frozen=True)
+class Raw:
+    """What a run leaves, one lane after the other in the last axis.
+
+    Attributes
+    ----------
+    rows : ndarray, shape (grid points, states, lanes)
+    measured : ndarray, shape (slots, lanes)
+    diverged : ndarray, shape (observers, lanes)
+        Time of divergence, infinity where there was none.
+    error : ndarray, shape (states, lanes)
+        Largest local error estimate of an embedded method, zeros otherwise.
+    """
+
+    rows: Floats
+    measured: Floats
+    diverged: Floats
+    error: Floats
+
+
+def generate(structure: Structure, method: str, *, adaptive: bool = False, lanes: int = 1) -> tuple[str, int]:
+    """The IR of a structure, and how many constants a lane of a run has."""
+    m = Module(structure, lanes)
+    flows = {v: m.emit(flow, f"flow{i}") for i, (v, flow) in enumerate(structure.flows.items())}
+    add_channels(m)
+    add_actions(m)
+    add_flag(m)
+    add_rows(m, quintic=bool(METHODS[method].dense))
+    history = History(m) if structure.remembers else None
+    (add_adaptive if adaptive else add_fixed)(m, METHODS[method], history, flows)
+    _add_run(m, len(flows))
+    m.setup()
+    return m.text(), m.constants
+
+
+def _add_run(m: Module, variants: int) -> None:
+    """``run(ctx, stop)``: go on to segment ``stop``; ``begin(ctx)``: the channels at the start."""
+    f = m.function("run", "ptr %ctx, i64 %stop", returns="i64")
+    verdict, at, paused = f.slot("i64"), f.at("%ctx", WORD["segment"]), f.at("%ctx", WORD["paused"])
+    leave = f.label()
+    f.store(str(DONE), verdict, "i64")
+    with f.loop() as after:
+        segment = f.load(at, "i64")
+        f.leave_if(f.test("sge", segment, "%stop"), after)
+        n = counts(f, segment)
+        with f.when(f.test("eq", f.load(paused, "i64"), "0")):
+            f.store(span(f, segment)[0], f.at("%ctx", WORD["now"]))
+            with f.when(f.test("ne", n["action_first"], n["action_last"])):
+                f.call("act", f"ptr %ctx, i64 {segment}")
+        f.store("0", paused, "i64")
+        for i in range(variants):
+            with f.when(f.test("eq", n["variant"], str(i))):
+                f.store(f.call(f"advance{i}", f"ptr %ctx, i64 {segment}", "i64"), verdict, "i64")
+        f.leave_if(f.test("ne", f.load(verdict, "i64"), str(DONE)), leave)
+        f.store(f.scalar("add", segment, "1"), at, "i64")
+    f.jump(leave)
+    f.place(leave)
+    stopped = f.load(verdict, "i64")
+    f.store(f.let(f"zext i1 {f.test('eq', stopped, str(PAUSED))} to i64"), paused, "i64")
+    f.do(f"ret i64 {stopped}")
+    m.finish(f, "dso_local")
+    g = m.function("begin", "ptr %ctx")
+    g.call("setup", "ptr %ctx")
+    g.call("channels", f"ptr %ctx, double {g.word('%ctx', WORD['t_start'], 'double')}")
+    g.do("ret void")
+    m.finish(g, "dso_local")
+
+
+class Program:
+    """Native code for a structure, ready to run with any numbers.
+
+    Parameters
+    ----------
+    structure : Structure
+    method : str
+        ``euler``, ``rk4`` or ``dopri5``.
+    adaptive : bool
+        Control the step by the method's embedded error estimate.
+    lanes : int
+        Runs side by side.
+    """
+
+    def __init__(self, structure: Structure, method: str, *, adaptive: bool = False, lanes: int = 1) -> None:
+        self.structure, self.method, self.adaptive, self.lanes = structure, METHODS[method], adaptive, lanes
+        ir, self._constants = generate(structure, method, adaptive=adaptive, lanes=lanes)
+        self._native = NativeModule(ir, ("begin", "run"))
+        self._begin = ctypes.CFUNCTYPE(None, ctypes.c_void_p)(self._native.address["begin"])
+        self._run = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p, ctypes.c_int64)(self._native.address["run"])
+
+    def run(
+        self, plan: Plan, start: Start, tolerance: Tolerance | None = None,
+        progress: Callable[[float], None] | None = None,
+    ) -> Raw:
+        """Run a plan.
+
+        Parameters
+        ----------
+        plan : Plan
+        start : Start
+        tolerance : Tolerance, optional
+            For an adaptive method.
+        progress : callable, optional
+            Told now and then which part of the run is done, 0 to 1.
+
+        Raises
+        ------
+        SimulationError
+            When the plant diverges or no step is small enough for it.
+        """
+        memory = _Memory(self.structure, self.lanes, self._constants, plan, start, tolerance)
+        self._begin(memory.address)
+        memory.keep_initial()
+        segments, stop, chunk = len(plan.spans), 0, 64
+        while stop < segments:
+            before = time.perf_counter()
+            stop = min(stop + chunk, segments)
+            memory["budget"] = 20_000
+            verdict = self._run(memory.address, stop)
+            while verdict == PAUSED:
+                memory["budget"] = 20_000
+                verdict = self._run(memory.address, stop)
+            if verdict != DONE:
+                raise SimulationError(_explain(verdict, memory.real("now")))
+            spent = max(time.perf_counter() - before, 1e-6)
+            chunk = max(1, min(int(chunk * min(_SLICE / spent, 8.0)), 1 << 20))
+            if progress:
+                progress(stop / segments)
+        return memory.result()
+
+
+def _explain(verdict: int, t: float) -> str:
+    return {
+        PLANT_DIVERGED: f"the plant itself diverged at t = {t:.6g}: nothing can be said about its observers",
+        STEP_TOO_SMALL: f"no step is small enough for the plant at t = {t:.6g}: its equations are singular there "
+        "or the tolerance is out of reach",
+        HISTORY_TOO_SHORT: f"the delay at t = {t:.6g} reaches further back than the stored history of "
+        f"{_ADAPTIVE_HISTORY} steps; use a fixed step",
+    }[verdict]
+
+
+class _Memory:
+    """The arrays of one run and the context that points to them."""
+
+    def __init__(self, s: Structure, lanes: int, constants: int, plan: Plan, start: Start,
+                 tolerance: Tolerance | None) -> None:
+        channels = s.outputs * s.width
+        pieces = self._pieces(plan, tolerance) if s.remembers else 1
+        ring = np.zeros(pieces * piece_words(channels, lanes) if s.remembers else 1)
+        alpha = [[block[1] + i for block in s.blocks] for i in range(s.outputs)] if s.has_alpha else [[]]
+        entries = np.array([e * lanes + lane for row in alpha for e in row for lane in range(lanes)], dtype=np.int64)
+        self.shape = (plan.grid.size, s.states, lanes)
+        self.arrays: dict[str, np.ndarray] = {
+            "p": np.ascontiguousarray(start.p, dtype=float),
+            "c": np.zeros(max(constants, 1) * lanes),
+            "z": np.ascontiguousarray(start.z, dtype=float).copy(),
+            "w": np.zeros(max(s.held, 1) * lanes),
+            "channels": np.zeros(max(channels, 1) * lanes),
+            "spans": np.ascontiguousarray(plan.spans),
+            "counts": np.ascontiguousarray(plan.counts),
+            "actions": np.ascontiguousarray(plan.actions) if plan.actions.size else np.zeros(5, dtype=np.int64),
+            "grid": np.append(plan.grid, np.inf),
+            "rows": np.full(self.shape, np.nan),
+            "slots": np.zeros(max(plan.slots, 1) * s.width * lanes),
+            "gain": _spread(plan.gain, lanes),
+            "bias": _spread(plan.bias, lanes),
+            "measured": np.full((max(plan.slots, 1), lanes), np.nan),
+            "holds": _spread(plan.holds, lanes),
+            "alpha": entries if entries.size else np.zeros(1, dtype=np.int64),
+            "blocks": np.array(s.blocks or [(0, 0, 0)], dtype=np.int64),
+            "diverged": np.full((max(s.observers, 1), lanes), np.inf),
+            "largest": np.abs(start.z[: s.plant_states]).max(axis=0),
+            "ring": ring,
+            "initial": np.zeros(max(channels, 1) * lanes),
+            "hints": np.zeros(max(s.outputs, 1), dtype=np.int64),
+            "error": np.zeros((s.states, lanes)),
+        }
+        self.context = np.zeros(len(CONTEXT), dtype=np.int64)
+        for name, array in self.arrays.items():
+            self.context[WORD[name]] = array.ctypes.data
+        self.context[WORD["ring_mask"]] = pieces - 1
+        reals = self.context.view(float)
+        reals[WORD["bound_offset"]], reals[WORD["bound_factor"]] = start.bound
+        reals[WORD["t_start"]] = plan.spans[0, 0]
+        if tolerance:
+            for word, value in (
+                ("rtol", tolerance.rtol),
+                ("atol", tolerance.atol),
+                ("max_step", tolerance.max_step),
+                ("step", tolerance.first_step),
+            ):
+                reals[WORD[word]] = value
+        self.address = self.context.ctypes.data
+        self.slots, self.observers = plan.slots, s.observers
+
+    @staticmethod
+    def _pieces(plan: Plan, tolerance: Tolerance | None) -> int:
+        """A power of two with room for all steps that the longest delay spans."""
+        if tolerance:
+            return _ADAPTIVE_HISTORY
+        ends = plan.spans[:, 1]
+        done = np.cumsum(plan.counts[:, 2] - plan.counts[:, 1])
+        started = np.searchsorted(ends, plan.spans[:, 0] - plan.reach, side="left")
+        most = int(np.max(done - np.concatenate([[0], done])[started])) + 4
+        return 1 << most.bit_length()
+
+    def __setitem__(self, word: str, value: int) -> None:
+        self.context[WORD[word]] = value
+
+    def real(self, word: str) -> float:
+        return float(self.context.view(float)[WORD[word]])
+
+    def keep_initial(self) -> None:
+        """The channels before the start are those at the start."""
+        self.arrays["initial"][:] = self.arrays["channels"]
+
+    def result(self) -> Raw:
+        rows = self.arrays["rows"]
+        done = int(self.context[WORD["row"]])
+        rows[done:] = self.arrays["z"].reshape(1, *self.shape[1:])  # the points at the end of the run
+        return Raw(rows, self.arrays["measured"][: self.slots], self.arrays["diverged"][: self.observers],
+                   self.arrays["error"])
+
+
+def _spread(values: Floats, lanes: int) -> Floats:
+    """One number a row for all lanes, or a row of lanes."""
+    values = values if values.size else np.zeros(1)
+    wide = np.repeat(values[:, None], lanes, axis=1) if values.ndim == 1 else values
+    return np.ascontiguousarray(wide, dtype=float)

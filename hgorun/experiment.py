@@ -1,0 +1,143 @@
+"""An experiment: a validated configuration with its plant, its observers and its schedule."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from hgorun.config.models import Experiment as Blocks
+from hgorun.config.yaml_source import Source
+from hgorun.errors import ConfigError, Problem
+from hgorun.measurement.availability import Stretch, resolve
+from hgorun.observers.base import Observer
+from hgorun.plants.base import Plant
+from hgorun.plants.build import BuiltPlant, build_plant
+from hgorun.symbolic.canonical import CanonicalForm, NotObservableForm, canonical_form
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """One run, complete: everything that :func:`hgorun.simulate` needs.
+
+    Attributes
+    ----------
+    name : str
+        Stem of the configuration file; results are called by it.
+    text : str
+        The configuration as written, before ``extends`` and ``--set``.
+    source : Source
+        The configuration with everything merged, and where each part was written.
+    blocks : hgorun.config.models.Experiment
+    plant_block : Plant
+    observers : dict of str to Observer
+    """
+
+    name: str
+    text: str
+    source: Source
+    blocks: Blocks
+    plant_block: Plant
+    observers: dict[str, Observer]
+
+    @contextmanager
+    def located(self) -> Iterator[None]:
+        """Turn a problem at a key into an error that names file, line and key."""
+        try:
+            yield
+        except Problem as problem:
+            file, line = self.source.where(problem.path)
+            key = ".".join(map(str, problem.path))
+            raise ConfigError(problem.message, file=file, line=line, key=key) from problem
+
+    @cached_property
+    def plant(self) -> BuiltPlant:
+        """The plant as a model with numbers."""
+        with self.located():
+            return build_plant(self.plant_block)
+
+    @cached_property
+    def form(self) -> CanonicalForm | None:
+        """The coordinates of the observers' corrections; None without observers."""
+        if not self.observers:
+            return None
+        with self.located():
+            try:
+                return canonical_form(self.plant.model, self.plant.initial, self.plant.parameters)
+            except NotObservableForm as error:
+                raise Problem(("plant",), str(error)) from error
+
+    @cached_property
+    def stretches(self) -> list[list[Stretch]]:
+        """Every output's availability, phase by phase."""
+        with self.located():
+            return resolve(self.blocks.measurement, self.plant.model.outputs, self.blocks.time)
+
+    @property
+    def metric_step(self) -> float:
+        """Spacing of the points that metrics are taken from."""
+        return self.blocks.metrics.record or self.blocks.time.output_step
+
+    @cached_property
+    def grid(self) -> tuple[np.ndarray, int, int]:
+        """The finer of output and metric grid, and how many of its points make a step of each.
+
+        Raises
+        ------
+        ConfigError
+            When one grid is no multiple of the other, or the output is larger than allowed.
+        """
+        time, record = self.blocks.time, self.metric_step
+        fine = min(record, time.output_step)
+        ratios = [round(step / fine) for step in (time.output_step, record)]
+        with self.located():
+            for ratio, step in zip(ratios, (time.output_step, record), strict=True):
+                if abs(ratio * fine - step) > 1e-6 * fine:
+                    raise Problem(
+                        ("metrics", "record"),
+                        f"record {record:g} and output_step {time.output_step:g}: one must be a multiple of the other",
+                    )
+            count = np.floor((time.end - time.start) / fine * (1 + 1e-12) + 1e-9) + 1
+            width = self.plant.model.n + sum(
+                self.plant.model.n * 2 + 8 for _ in self.observers
+            )  # states and estimates, before the exact size is known
+            size = count * width * 8
+            if size > time.max_memory:
+                raise Problem(
+                    ("time", "output_step"),
+                    f"the output grid has {count:.4g} points, about {size / 2**30:.3g} GiB; "
+                    f"time.max_memory allows {time.max_memory / 2**30:.3g} GiB",
+                )
+        return time.start + np.arange(int(count)) * fine, ratios[0], ratios[1]
+
+    def with_seed(self, seed: int) -> Experiment:
+        """The same experiment with another seed."""
+        return replace(self, blocks=self.blocks.model_copy(update={"seed": seed}))
+
+    def resolved_text(self) -> str:
+        """The resolved configuration as YAML."""
+        import yaml
+
+        return yaml.safe_dump(self.resolved(), sort_keys=False, allow_unicode=True)
+
+    def resolved(self) -> dict[str, Any]:
+        """The configuration after ``extends``, ``--set`` and defaults."""
+        values = self.blocks.model_dump(mode="json", exclude={"plant", "observers", "extends"})
+        values["plant"] = self.plant_block.model_dump(mode="json")
+        values["observers"] = {label: _plain(o.model_dump(exclude_none=True)) for label, o in self.observers.items()}
+        return values
+
+
+def _plain(value: Any) -> Any:
+    """Values as YAML can write them: complex numbers as text, tuples as lists."""
+    if isinstance(value, dict):
+        return {k: _plain(v) for k, v in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(v) for v in value]
+    if isinstance(value, complex):
+        return value.real if value.imag == 0 else str(value).strip("()")
+    return value

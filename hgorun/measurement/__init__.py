@@ -1,0 +1,1 @@
+"""What the observers are told, and when: sampling, delay, noise."""

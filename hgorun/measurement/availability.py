@@ -1,0 +1,163 @@
+"""Every output's availability, phase by phase, with nothing omitted."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from hgorun.config.expressions import ExpressionError, nearest, parse
+from hgorun.config.models import Availability, ExpressionNoise, Measurement, Noise, Sinusoids, Time
+from hgorun.errors import Problem
+
+Path = tuple[str | int, ...]
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """What one output is between ``start`` and ``end``.
+
+    Attributes
+    ----------
+    sampling, delay, noise, mode
+        As configured; ``delay`` is text.
+    paths : dict
+        Where in the file each of them was written.
+    """
+
+    start: float
+    end: float
+    sampling: Any
+    delay: str
+    noise: tuple[Noise, ...]
+    mode: str
+    paths: dict[str, Path]
+
+    @property
+    def continuous(self) -> bool:
+        return self.sampling == "continuous"
+
+    @property
+    def multiplicative(self) -> bool:
+        return self.mode == "multiplicative"
+
+    @property
+    def undelayed(self) -> bool:
+        """Whether the delay is the number zero."""
+        expression = parse(self.delay)
+        return not expression.names and expression.number() == 0.0
+
+    @property
+    def delay_is_constant(self) -> bool:
+        """Whether the delay is a number."""
+        return not parse(self.delay).names
+
+    def delay_symbol(self, t: ca.SX) -> ca.SX:
+        return parse(self.delay, names=("t",)).symbol({"t": t})
+
+    def delay_at(self, times: np.ndarray) -> np.ndarray:
+        """d(t) at several times."""
+        expression = parse(self.delay, names=("t",))
+        if not expression.names:
+            return np.full(times.shape, expression.number())
+        t = ca.SX.sym("t")
+        return evaluate(ca.Function("d", [t], [expression.symbol({"t": t})]), times)
+
+
+def evaluate(function: ca.Function, times: np.ndarray, *more: np.ndarray) -> np.ndarray:
+    """A scalar function of time (and constant arguments) at several times."""
+    if times.size == 0:
+        return np.zeros(0)
+    values = function(ca.DM(times.reshape(1, -1)), *[ca.DM(m) for m in more])
+    return np.asarray(values.full(), dtype=float).reshape(-1, times.size)[0]
+
+
+def resolve(measurement: Measurement, outputs: Sequence[str], time: Time) -> list[list[Stretch]]:
+    """One list of stretches an output, from start to end without a gap.
+
+    Raises
+    ------
+    Problem
+        For unknown outputs, phases that do not cover the run, expressions that cannot be read.
+    """
+    _require_outputs(measurement.outputs, outputs, ("measurement", "outputs"))
+    bounds = [time.start]
+    for number, phase in enumerate(measurement.phases):
+        path = ("measurement", "phases", number)
+        _require_outputs(phase.outputs, outputs, (*path, "outputs"))
+        if not phase.until > bounds[-1]:
+            raise Problem((*path, "until"), f"phases end one after the other: {phase.until:g} is not after {bounds[-1]:g}")
+        bounds.append(phase.until)
+    if measurement.phases:
+        if bounds[-1] < time.end:
+            raise Problem(
+                ("measurement", "phases", len(measurement.phases) - 1, "until"),
+                f"the last phase ends at {bounds[-1]:g}, before the run does at {time.end:g}",
+            )
+    else:
+        bounds.append(time.end)
+    found = []
+    for output in outputs:
+        base = _layered({}, {}, measurement, ("measurement",))
+        if output in measurement.outputs:
+            base = _layered(*base, measurement.outputs[output], ("measurement", "outputs", output))
+        stretches = []
+        for number, (start, end) in enumerate(zip(bounds, bounds[1:], strict=False)):
+            values = base
+            if measurement.phases:
+                phase, path = measurement.phases[number], ("measurement", "phases", number)
+                values = _layered(*values, phase, path)
+                if output in phase.outputs:
+                    values = _layered(*values, phase.outputs[output], (*path, "outputs", output))
+            if start < time.end:
+                stretches.append(_stretch(start, min(end, time.end), *values))
+        found.append(stretches)
+    return found
+
+
+def _require_outputs(given: Any, outputs: Sequence[str], path: Path) -> None:
+    for name in given:
+        if name not in outputs:
+            raise Problem((*path, name), f"unknown output {name!r}; the plant's outputs are {', '.join(outputs)}."
+                          + nearest(name, outputs))
+
+
+def _layered(values: dict[str, Any], paths: dict[str, Path], block: Availability, path: Path) -> tuple[dict[str, Any], dict[str, Path]]:
+    """The values with those of a block on top."""
+    new = {key: getattr(block, key) for key in ("sampling", "delay", "noise", "mode")}
+    new = {key: value for key, value in new.items() if value is not None}
+    return values | new, paths | {key: (*path, key) for key in new}
+
+
+def _stretch(start: float, end: float, values: dict[str, Any], paths: dict[str, Path]) -> Stretch:
+    stretch = Stretch(
+        start,
+        end,
+        values.get("sampling", "continuous"),
+        values.get("delay", "0"),
+        values.get("noise", ()),
+        values.get("mode", "additive"),
+        {key: paths.get(key, ("measurement",)) for key in ("sampling", "delay", "noise", "mode")},
+    )
+    _check(stretch, stretch.paths["delay"], stretch.delay, ("t",))
+    if not isinstance(stretch.sampling, str) and hasattr(stretch.sampling, "steps"):
+        _check(stretch, (*stretch.paths["sampling"], "steps"), stretch.sampling.steps, ("k",))
+    for i, item in enumerate(stretch.noise):
+        path = (*stretch.paths["noise"], i)
+        if isinstance(item, ExpressionNoise):
+            _check(stretch, (*path, "value"), item.value, ("t",) if stretch.continuous else ("t", "k"))
+        elif stretch.continuous and not isinstance(item, Sinusoids) and item.hold is None:
+            raise Problem(path, f"{item.type} noise on a continuous measurement needs hold: the time between two draws")
+    return stretch
+
+
+def _check(stretch: Stretch, path: Path, text: str, names: tuple[str, ...]) -> None:
+    try:
+        expression = parse(text, names=names)
+        if not expression.names:
+            expression.number()
+    except ExpressionError as error:
+        raise Problem(path, str(error)) from error

@@ -1,0 +1,108 @@
+"""Where the right-hand side is not smooth: kinks of functions of time, and what delays make of them.
+
+A step of a Runge-Kutta method keeps its order only if everything is smooth inside it. Functions of time
+have kinks or jumps where the argument of abs, sign, min, max, floor or a comparison crosses zero; a
+continuous delay repeats every event, one derivative smoother each time, at the times t with t - d(t) = event.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+import casadi as ca
+import numpy as np
+
+from hgorun.measurement.availability import evaluate
+
+LEVELS = 4  # repetitions of an event that a fourth-order method can see
+_DIFFERENCES = {ca.OP_FMIN, ca.OP_FMAX, ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE}
+
+
+def kink_arguments(expressions: Iterable[ca.SX]) -> list[ca.SX]:
+    """The expressions whose zeros are the kinks."""
+    found: list[ca.SX] = []
+    seen: set[int] = set()
+    stack = [e[i] for e in expressions for i in range(e.numel())]
+    while stack:
+        node = stack.pop()
+        if node.is_leaf() or node.element_hash() in seen:
+            continue
+        seen.add(node.element_hash())
+        parts = [node.dep(i) for i in range(node.n_dep())]
+        stack += parts
+        op = node.op()
+        if op in (ca.OP_FABS, ca.OP_SIGN):
+            found.append(parts[0])
+        elif op in _DIFFERENCES:
+            found.append(parts[0] - parts[1])
+        elif op in (ca.OP_FLOOR, ca.OP_CEIL):
+            found.append(ca.sin(np.pi * parts[0]))
+    return found
+
+
+def roots(functions: list[Callable[[np.ndarray], np.ndarray]], start: float, end: float, points: int) -> np.ndarray:
+    """Zeros of functions of time between start and end, both ends included, to the last digit.
+
+    Zeros closer to each other than the spacing of ``points`` may be missed.
+    """
+    grid = np.linspace(start, end, points)
+    found = []
+    for function in functions:
+        values = function(grid)
+        found.append(grid[values == 0.0])
+        change = np.flatnonzero(np.sign(values[:-1]) * np.sign(values[1:]) < 0)
+        low, high = grid[change], grid[change + 1]
+        found.append(_bisect(function, low, high))
+    return np.unique(np.concatenate(found)) if found else np.zeros(0)
+
+
+def _bisect(function: Callable[[np.ndarray], np.ndarray], low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Roots bracketed by low and high, all at once."""
+    if not low.size:
+        return low
+    positive = function(low) > 0
+    for _ in range(80):
+        middle = 0.5 * (low + high)
+        same = (function(middle) > 0) == positive
+        moved = np.where(same, middle, low), np.where(same, high, middle)
+        if np.array_equal(moved[0], low) and np.array_equal(moved[1], high):
+            break
+        low, high = moved
+    return high
+
+
+def kinks(expressions: list[ca.SX], t: ca.SX, p: ca.SX, values: np.ndarray, start: float, end: float,
+          points: int) -> np.ndarray:
+    """Kinks and jumps of expressions of t and p."""
+    functions = []
+    for argument in kink_arguments(expressions):
+        if ca.depends_on(argument, t):
+            f = ca.Function("g", [t, p], [argument])
+            functions.append(lambda times, f=f: evaluate(f, times, values))
+    return roots(functions, start, end, points)
+
+
+def repeated(events: np.ndarray, delay: Callable[[np.ndarray], np.ndarray], constant: bool, start: float, end: float,
+             points: int) -> np.ndarray:
+    """The times t in (start, end] with t - d(t) = an event."""
+    if constant:
+        times = events + delay(np.array([start]))[0]
+        return times[(times > start) & (times <= end)]
+    grid = np.linspace(start, end, points)
+    then = grid - delay(grid)
+    ordered = np.sort(events)
+    low, high = np.minimum(then[:-1], then[1:]), np.maximum(then[:-1], then[1:])
+    first, last = np.searchsorted(ordered, low, side="right"), np.searchsorted(ordered, high, side="right")
+    cells = np.repeat(np.arange(points - 1), last - first)
+    inside = np.arange(cells.size) - np.repeat(np.cumsum(last - first) - (last - first), last - first)
+    target = ordered[first[cells] + inside]
+    return _bisect(lambda times: times - delay(times) - target, grid[cells], grid[cells + 1])
+
+
+def merge(times: np.ndarray, tolerance: float) -> np.ndarray:
+    """Sorted times, those closer than ``tolerance`` to their predecessor dropped."""
+    times = np.unique(times)
+    if times.size < 2:
+        return times
+    groups = np.concatenate([[True], np.diff(times) > tolerance])
+    return times[groups]

@@ -1,0 +1,132 @@
+"""Measurement noise: deterministic parts as expressions, random parts drawn before the run.
+
+Each random channel has its own generator, a child of the seed named by the channel, so a draw depends on
+the seed and on the channel and on nothing else.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+
+import casadi as ca
+import numpy as np
+
+from hgorun.config.expressions import parse
+from hgorun.config.models import ExpressionNoise, GaussianNoise, Sinusoids, UniformNoise
+from hgorun.measurement.availability import Stretch
+from hgorun.symbolic.system import Parameters
+
+
+def generator(seed: int, *channel: object) -> np.random.Generator:
+    """The random numbers of a channel."""
+    digest = hashlib.sha256("/".join(map(str, channel)).encode()).digest()
+    key = tuple(int(word) for word in np.frombuffer(digest[:16], dtype="<u4"))
+    return np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed, spawn_key=key)))
+
+
+def continuous_noise(stretch: Stretch, t: ca.SX, parameters: Parameters, name: str) -> ca.SX:
+    """v(t) of a continuous output without its random parts; amplitudes and frequencies are run-time numbers."""
+    total = ca.SX(0)
+    for i, item in enumerate(stretch.noise):
+        if isinstance(item, Sinusoids):
+            a, omega, phase = (
+                parameters.add(f"{name}.{i}.{key}", [getattr(term, key) for term in item.terms])
+                for key in ("amplitude", "omega", "phase")
+            )
+            for k in range(len(item.terms)):
+                total += a[k] * ca.sin(omega[k] * t + phase[k])
+        elif isinstance(item, ExpressionNoise):
+            total += parse(item.value, names=("t",)).symbol({"t": t})
+    return total
+
+
+class RandomNoise:
+    """The random parts of one output's noise in one stretch.
+
+    Parameters
+    ----------
+    stretch : Stretch
+    seed : int
+    channel : str
+        Name of the output and phase.
+    start, end : float
+        Of the run: held noise changes at start + m hold.
+    mean_square : callable
+        The mean of the noise-free output squared, asked for only where a signal-to-noise ratio needs it.
+    """
+
+    def __init__(self, stretch: Stretch, seed: int, channel: str, start: float, end: float,
+                 mean_square: Callable[[], float]) -> None:
+        self.start, self.end = start, end
+        self.items: list[tuple[UniformNoise | GaussianNoise, np.random.Generator]] = [
+            (item, generator(seed, "noise", channel, i))
+            for i, item in enumerate(stretch.noise)
+            if isinstance(item, (UniformNoise, GaussianNoise))
+        ]
+        self._std = [self._standard_deviation(item, mean_square) for item, _ in self.items]
+        self._draws: list[np.ndarray] = [
+            self._draw(j, self.holds(item.hold)) if item.hold is not None else np.zeros(0)
+            for j, (item, _) in enumerate(self.items)
+        ]
+
+    @staticmethod
+    def _standard_deviation(item: UniformNoise | GaussianNoise, mean_square: Callable[[], float]) -> float:
+        if isinstance(item, UniformNoise):
+            return 0.0
+        if item.std is not None:
+            return item.std
+        assert item.snr_db is not None
+        return float(np.sqrt(mean_square() / 10 ** (item.snr_db / 10)))
+
+    def holds(self, hold: float) -> int:
+        """How many draws the run needs."""
+        return int(np.floor((self.end - self.start) / hold * (1 + 1e-12))) + 1
+
+    def _draw(self, j: int, count: int) -> np.ndarray:
+        item, random = self.items[j]
+        if isinstance(item, UniformNoise):
+            return random.uniform(item.low, item.high, count)
+        return random.normal(0.0, 1.0, count) * self._std[j]
+
+    def change_times(self) -> np.ndarray:
+        """When a held part changes."""
+        times = [
+            self.start + np.arange(draws.size) * item.hold
+            for (item, _), draws in zip(self.items, self._draws, strict=True)
+            if item.hold is not None
+        ]
+        return np.unique(np.concatenate(times)) if times else np.zeros(0)
+
+    def held(self, times: np.ndarray) -> np.ndarray:
+        """The sum of the held parts at several times."""
+        total = np.zeros(times.size)
+        for (item, _), draws in zip(self.items, self._draws, strict=True):
+            if item.hold is not None:
+                index = np.floor((times - self.start) / item.hold * (1 + 1e-12) + 1e-9).astype(int)
+                total += draws[np.clip(index, 0, draws.size - 1)]
+        return total
+
+    def sampled(self, times: np.ndarray, numbers: np.ndarray) -> np.ndarray:
+        """The random noise of samples: held parts at t_k, one draw a sample of the others."""
+        total = self.held(times)
+        count = int(numbers.max()) + 1 if numbers.size else 0
+        for j, (item, _) in enumerate(self.items):
+            if item.hold is None:
+                total += self._draw(j, count)[numbers]
+        return total
+
+
+def sampled_noise(stretch: Stretch, times: np.ndarray, numbers: np.ndarray) -> np.ndarray:
+    """The deterministic noise of samples at times t_k, numbered k."""
+    total = np.zeros(times.size)
+    for item in stretch.noise:
+        if isinstance(item, Sinusoids):
+            for term in item.terms:
+                total += term.amplitude * np.sin(term.omega * times + term.phase)
+        elif isinstance(item, ExpressionNoise) and times.size:
+            t, k = ca.SX.sym("t"), ca.SX.sym("k")
+            expression = parse(item.value, names=("t", "k")).symbol({"t": t, "k": k})
+            values = ca.Function("v", [t, k], [expression])(ca.DM(times[None, :]), ca.DM(numbers[None, :]))
+            total += np.asarray(values.full()).ravel()
+    return total

@@ -1,0 +1,120 @@
+"""When samples arrive, of which time they speak, and which of them are used."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hgorun.config.expressions import ExpressionError, parse
+from hgorun.config.models import Periodic, Times
+from hgorun.errors import Problem
+from hgorun.measurement.availability import Stretch
+from hgorun.measurement.noise import generator
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Samples of one output, in the order of their arrival.
+
+    Attributes
+    ----------
+    arrival, taken : ndarray, shape (Nk,)
+        When a sample arrives and the time it speaks of.
+    number : ndarray of int, shape (Nk,)
+        k, counted from the start of its stretch and with the lost ones.
+    stretch : ndarray of int, shape (Nk,)
+        The stretch that each belongs to.
+    used : ndarray of bool, shape (Nk,)
+        False for a sample that came after a newer one.
+    """
+
+    arrival: np.ndarray
+    taken: np.ndarray
+    number: np.ndarray
+    stretch: np.ndarray
+    used: np.ndarray
+
+
+def find_samples(stretches: list[Stretch], start: float, seed: int, output: str, most: int) -> Samples:
+    """All samples of an output.
+
+    Raises
+    ------
+    Problem
+        For a negative delay or more than ``most`` samples.
+    """
+    arrival, taken, number, which = [], [], [], []
+    for i, stretch in enumerate(stretches):
+        if stretch.continuous:
+            continue
+        times, k = _arrivals(stretch, generator(seed, "sampling", output, i), most)
+        last = i == len(stretches) - 1
+        tolerance = 1e-12 * max(abs(stretch.end), abs(stretch.start))
+        inside = (times >= stretch.start) & (times <= stretch.end + tolerance if last else times < stretch.end - tolerance)
+        times, k = np.minimum(times[inside], stretch.end), k[inside]
+        delay = stretch.delay_at(times)
+        if not np.all(np.isfinite(delay)) or np.any(delay < 0):
+            worst = times[np.argmin(np.where(np.isfinite(delay), delay, -np.inf))]
+            raise Problem(stretch.paths["delay"], f"the delay must be a number >= 0, found {delay.min():g} at t = {worst:g}")
+        arrival.append(times)
+        taken.append(np.maximum(times - delay, start))
+        number.append(k)
+        which.append(np.full(times.size, i))
+    if not arrival:
+        empty, none = np.zeros(0), np.zeros(0, dtype=np.int64)
+        return Samples(empty, empty, none, none, none.astype(bool))
+    all_taken = np.concatenate(taken)
+    newest = np.maximum.accumulate(np.concatenate([[-np.inf], all_taken]))[:-1]
+    return Samples(
+        np.concatenate(arrival), all_taken, np.concatenate(number), np.concatenate(which), all_taken >= newest
+    )
+
+
+def _arrivals(stretch: Stretch, random: np.random.Generator, most: int) -> tuple[np.ndarray, np.ndarray]:
+    sampling, path = stretch.sampling, stretch.paths["sampling"]
+    if isinstance(sampling, Times):
+        times = np.array(sampling.times)
+        outside = times[(times < stretch.start) | (times > stretch.end)]
+        if outside.size == times.size:
+            raise Problem((*path, "times"), f"no sample lies between {stretch.start:g} and {stretch.end:g}")
+        return times, np.arange(times.size)
+    if isinstance(sampling, Periodic):
+        count = np.floor((stretch.end - stretch.start - sampling.offset) / sampling.period * (1 + 1e-12) + 1e-9) + 1
+        if count > most:
+            raise Problem((*path, "period"), f"{count:.3g} samples are more than time.max_memory allows")
+        k = np.arange(max(int(count), 0))
+        times = stretch.start + sampling.offset + k * sampling.period
+        moved = times + random.uniform(-1.0, 1.0, k.size) * sampling.jitter
+        kept = random.uniform(0.0, 1.0, k.size) >= sampling.dropout
+        moved = np.clip(moved, stretch.start, stretch.end) if sampling.jitter else times
+        order = np.argsort(moved[kept], kind="stable")
+        return moved[kept][order], k[kept][order]
+    return _stepped(stretch, (*path, "steps"), most)
+
+
+def _stepped(stretch: Stretch, path: tuple[str | int, ...], most: int) -> tuple[np.ndarray, np.ndarray]:
+    """t_0 = start, t_(k+1) = t_k + steps(k)."""
+    import casadi as ca
+
+    k = ca.SX.sym("k")
+    try:
+        steps = ca.Function("steps", [k], [parse(stretch.sampling.steps, names=("k",)).symbol({"k": k})])
+    except ExpressionError as error:
+        raise Problem(path, str(error)) from error
+    times, block = np.array([stretch.start]), 1024
+    while times[-1] <= stretch.end:
+        numbers = np.arange(times.size - 1, times.size - 1 + block)
+        values = np.asarray(steps(ca.DM(numbers[None, :])).full()).ravel()
+        bad = ~(np.isfinite(values) & (values > 0))
+        if np.any(bad):
+            first = int(np.argmax(bad))
+            reached = times[-1] + values[:first].sum()
+            if reached <= stretch.end:
+                raise Problem(path, f"steps must be positive, found {values[first]:g} at k = {numbers[first]}")
+            values = values[:first]
+        times = np.concatenate([times, times[-1] + np.cumsum(values)])
+        if times.size > most:
+            raise Problem(path, f"more than {most} samples: the steps shrink before the end of the run")
+        block = min(block * 2, 1 << 20)
+    return times, np.arange(times.size)

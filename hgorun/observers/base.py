@@ -1,0 +1,93 @@
+"""What an observer is: states, numbers designed from its gains, and equations.
+
+An observer's file holds its equations and its gain design and nothing else. The class is also the
+model of its YAML block: each field is a key, with its admissible range.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any, ClassVar, Literal
+
+import casadi as ca
+import numpy as np
+from pydantic import Field
+
+from hgorun.config.types import Block, Interval, Name, Number
+from hgorun.symbolic.canonical import CanonicalForm
+from hgorun.symbolic.copy import PlantCopy
+
+
+@dataclass(frozen=True)
+class Flow:
+    """The right-hand sides of an observer between measurements.
+
+    Attributes
+    ----------
+    derivatives : mapping of str to casadi.SX
+        d/dt of ``xhat`` and of every state that the observer declares.
+    correction : casadi.SX, shape (q,)
+        c: for each output the term that the equation of its measured state subtracts. The innovation's
+        alpha' = -c removes the observer's own correction from the delayed comparison.
+    """
+
+    derivatives: Mapping[str, ca.SX]
+    correction: ca.SX
+
+
+class Observer(Block):
+    """Base of all observers; its fields are the keys that every observer block has."""
+
+    reference: ClassVar[str] = ""
+
+    type: str = Field(description="name of the observer family")
+    initial: dict[Name, Number] = Field(
+        default_factory=dict, description="initial estimate in the plant's coordinates; omitted states 0"
+    )
+    internal: dict[Name, Any] = Field(
+        default_factory=dict, description="initial internal states: a number stands for that multiple of ones"
+    )
+    saturation: dict[Name, Interval] = Field(
+        default_factory=dict, description="state: [low, high], applied to the arguments of F and phi"
+    )
+    coordinates: Literal["original", "canonical"] = Field(
+        default="original", description="where the observer computes; results are always in the plant's"
+    )
+
+    @abstractmethod
+    def design(self, form: CanonicalForm) -> dict[str, np.ndarray]:
+        """The numbers that the equations use, from the gains of the block.
+
+        Raises
+        ------
+        ValueError
+            When the gains do not fit the plant; the message becomes the user's.
+        """
+
+    @abstractmethod
+    def states(self, form: CanonicalForm) -> dict[str, np.ndarray]:
+        """Internal states other than xhat: their names, shapes and default initial values."""
+
+    @abstractmethod
+    def equations(self, plant: PlantCopy, s: SimpleNamespace, e: ca.SX, k: SimpleNamespace) -> Flow:
+        """The flow.
+
+        Parameters
+        ----------
+        plant : PlantCopy
+            The observer's copy of the plant in the coordinates where it computes.
+        s : namespace of casadi.SX
+            ``s.xhat`` and the states declared by :meth:`states`, same shapes.
+        e : casadi.SX, shape (q,)
+            The innovation C xhat(t-d) - y_d(t) + alpha(t) - alpha(t-d); C xhat - y when the output is
+            continuous and not late.
+        k : namespace of casadi.SX
+            The numbers of :meth:`design`, as run-time arguments of the compiled code.
+        """
+
+    def fastest_rate(self, form: CanonicalForm) -> float:
+        """The largest modulus of the error dynamics' eigenvalues (1/time), for ``step: auto``; 0: unknown."""
+        return 0.0

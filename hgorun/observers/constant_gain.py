@@ -1,0 +1,47 @@
+"""Gains that place the eigenvalues of an integrator chain, shared by the constant-gain observers."""
+
+from __future__ import annotations
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from hgorun.config.types import Number, Poles, Positive
+from hgorun.observers.base import Observer
+from hgorun.symbolic.canonical import CanonicalForm
+from hgorun.symbolic.matrices import hurwitz_gain
+
+
+class ConstantGain(Observer):
+    """theta, and either ``poles`` or ``gains`` of an order that the family decides."""
+
+    theta: Positive = Field(description="high gain theta > 0: the error's eigenvalues are theta times the poles")
+    poles: Poles = Field(
+        default=complex(-1), description="eigenvalues at theta = 1: a number (all there) or a list; real part < 0"
+    )
+    gains: tuple[Number, ...] | None = Field(
+        default=None, description="the gain itself, in place of poles; filter part first"
+    )
+
+    @model_validator(mode="after")
+    def _one_of_poles_and_gains(self) -> ConstantGain:
+        if self.gains is not None and "poles" in self.model_fields_set:
+            raise ValueError("give either poles or gains, not both")
+        return self
+
+    def gain(self, order: int) -> np.ndarray:
+        """The gain of a chain of this order, shape (order,)."""
+        given = self.gains if self.gains is not None else self.poles
+        if isinstance(given, tuple) and len(given) != order:
+            what = "gains" if self.gains is not None else "poles"
+            raise ValueError(f"{what}: expected {order} numbers (or one pole for all), found {len(given)}")
+        return np.asarray(self.gains) if self.gains is not None else hurwitz_gain(order, self.poles)
+
+    def chain_gains(self, form: CanonicalForm, filter_order: int = 0) -> tuple[np.ndarray, np.ndarray]:
+        """(K_r; K_n) of every chain: K_r with one column a chain, shape (r, q), K_n stacked, shape (n,)."""
+        gains = [self.gain(filter_order + length) for length in form.chains]
+        K_r = np.column_stack([gain[:filter_order] for gain in gains])
+        return K_r, np.concatenate([gain[filter_order:] for gain in gains])
+
+    def _rate(self, form: CanonicalForm, filter_order: int = 0) -> float:
+        roots = [np.roots([1.0, *self.gain(filter_order + length)]) for length in form.chains]
+        return self.theta * max(float(np.max(np.abs(r))) for r in roots)

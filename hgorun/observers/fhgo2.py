@@ -1,0 +1,58 @@
+"""The filtered high-gain observer FHGO II for uniformly observable plants."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import casadi as ca
+import numpy as np
+from pydantic import Field
+
+from hgorun.observers.base import Flow
+from hgorun.observers.constant_gain import ConstantGain
+from hgorun.registry import observer
+from hgorun.symbolic.canonical import CanonicalForm
+from hgorun.symbolic.copy import PlantCopy
+from hgorun.symbolic.matrices import A, B, C
+
+
+@observer("fhgo2")
+class FilteredObserver2(ConstantGain):
+    """Filtered high-gain observer of filter order r (FHGO II) for uniformly observable plants.
+
+    The correction uses the innovation e filtered r times,
+
+        eta'  = theta ((A_r - K_r C_r) eta + B_r e)
+        xhat' = A_n xhat + phi^s(u, xhat) - theta Delta_n^-1(theta) K_n eta_1
+
+    or xhat' = f(xhat, u) - theta J^-1(xhat) Delta_n^-1(theta) K_n eta_1 in the plant's own coordinates.
+    (K_r; K_n) gives A_(r+n) - K C_(r+n) the r + n poles. Noise of frequency omega reaches component i with
+    amplitude theta^(r+i) k_(r+i) / omega^(r+1): each r is one more power of theta/omega, and one more lag.
+    r = 0 is the standard observer. With several outputs there is one filter a chain.
+
+    (3.74)-(3.75) of the thesis print a second theta beside eta_1 in the delayed correction; (3.66) is right.
+    The observer is the integral observer (3.32) with the filter's state scaled.
+    """
+
+    reference = "Robles Magdaleno 2023, (3.33), (3.64)-(3.67), (3.144)-(3.146)"
+
+    r: int = Field(default=1, ge=0, le=20, strict=True, description="order of the filter, r >= 0; 0 is the SHGO")
+
+    def design(self, form: CanonicalForm) -> dict[str, np.ndarray]:
+        K_r, K_n = self.chain_gains(form, self.r)
+        return {"theta": np.array(self.theta), "K_r": K_r, "K_n": K_n}
+
+    def states(self, form: CanonicalForm) -> dict[str, np.ndarray]:
+        return {"eta": np.zeros((self.r, len(form.chains)))} if self.r else {}
+
+    def equations(self, plant: PlantCopy, s: SimpleNamespace, e: ca.SX, k: SimpleNamespace) -> Flow:
+        r, derivatives, filtered = self.r, {}, e
+        if r > 0:  # one column of eta and of K_r a chain
+            filtered = (C(r) @ s.eta).T
+            derivatives["eta"] = k.theta * (A(r) @ s.eta - k.K_r @ ca.diag(filtered) + B(r) @ e.T)
+        kappa = k.theta * plant.inv_Delta(k.theta) @ (k.K_n * plant.along_chains(filtered))
+        derivatives["xhat"] = plant.copy(s.xhat) - plant.lift(s.xhat, kappa)
+        return Flow(derivatives, correction=plant.heads(kappa))
+
+    def fastest_rate(self, form: CanonicalForm) -> float:
+        return self._rate(form, self.r)

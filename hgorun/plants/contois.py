@@ -1,0 +1,54 @@
+"""A continuous bioreactor with Contois growth."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any
+
+import casadi as ca
+
+from hgorun.plants.base import Plant, Quantity
+from hgorun.registry import plant
+
+
+@plant("contois")
+class Contois(Plant):
+    """Biomass x1 growing on a substrate x2 at the Contois rate, in a continuous culture.
+
+        x1' =  g - D x1
+        x2' = -g + D (s_in - x2),    g = mu x1 x2 / (k_c x1 + x2),    y = x1
+
+    Canonical coordinates: z = (x1, g), the growth without the dilution. The thesis prints k_c x2 + x2 in
+    x1'; that is not the Contois law, and at the thesis's dilution rate the culture would be washed out.
+    """
+
+    reference = "Robles Magdaleno 2023, (3.138)-(3.140)"
+    valid = "x1 > 0, x2 > 0"
+    known_parameters = {
+        "mu": Quantity(1.064, "1/h", "maximal growth rate"),
+        "k_c": Quantity(4.39, "g/g", "Contois constant"),
+        "s_in": Quantity(20.0, "g/L", "substrate in the feed"),
+    }
+    known_inputs = {"D": Quantity(None, "1/h", "dilution rate")}
+    units = {"x1": "g/L", "x2": "g/L"}
+
+    @property
+    def state_names(self) -> tuple[str, ...]:
+        return ("x1", "x2")
+
+    @property
+    def output_names(self) -> tuple[str, ...]:
+        return ("x1",)
+
+    def equations(self, t: ca.SX, x: SimpleNamespace, u: SimpleNamespace, p: SimpleNamespace) -> tuple[Any, Any]:
+        g = p.mu * x.x1 * x.x2 / (p.k_c * x.x1 + x.x2)
+        return [g - u.D * x.x1, -g + u.D * (p.s_in - x.x2)], [x.x1]
+
+    @property
+    def inverse(self) -> Callable[[ca.SX, ca.SX], ca.SX]:
+        def x_of(z: ca.SX, p: ca.SX) -> ca.SX:
+            mu, k_c = p[0], p[1]
+            return ca.vertcat(z[0], k_c * z[0] * z[1] / (mu * z[0] - z[1]))
+
+        return x_of

@@ -1,0 +1,66 @@
+"""A plant written in the configuration."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import casadi as ca
+from pydantic import Field, field_validator, model_validator
+
+from hgorun.config.expressions import parse
+from hgorun.config.types import ExpressionText, Name, describe
+from hgorun.plants.base import Plant
+
+
+class InlinePlant(Plant):
+    """A model given by its equations: states, dynamics, output."""
+
+    type: str = "inline"
+    states: tuple[Name, ...] = Field(min_length=1, max_length=200, description="names of the states")
+    dynamics: dict[Name, ExpressionText] = Field(description="state: right-hand side")
+    output: dict[str, ExpressionText] = Field(description="expression, list of expressions, or name: expression")
+
+    @field_validator("output", mode="before")
+    @classmethod
+    def _named(cls, value: Any) -> Any:
+        if isinstance(value, (str, int, float)) and not isinstance(value, bool):
+            value = [value]
+        if isinstance(value, list):
+            # an output that is not a name has its place as name
+            names = [v if isinstance(v, str) and v.isidentifier() else f"y{i + 1}" for i, v in enumerate(value)]
+            if len(set(names)) < len(names):
+                raise ValueError(f"outputs must differ, found {', '.join(names)}")
+            value = dict(zip(names, value, strict=True))
+        if not isinstance(value, dict):
+            raise ValueError(f"expected an expression, a list or name: expression, found {describe(value)}")
+        if not value:
+            raise ValueError("at least one output is needed")
+        return value
+
+    @model_validator(mode="after")
+    def _complete(self) -> InlinePlant:
+        if len(set(self.states)) < len(self.states):
+            raise ValueError("states: a name stands twice")
+        missing = [s for s in self.states if s not in self.dynamics]
+        if missing:
+            raise ValueError(f"dynamics: the right-hand side of {', '.join(missing)} is missing")
+        return self
+
+    @property
+    def state_names(self) -> tuple[str, ...]:
+        return self.states
+
+    @property
+    def output_names(self) -> tuple[str, ...]:
+        return tuple(self.output)
+
+    @property
+    def input_names(self) -> tuple[str, ...]:
+        return tuple(self.inputs)
+
+    def equations(self, t: ca.SX, x: SimpleNamespace, u: SimpleNamespace, p: SimpleNamespace) -> tuple[Any, Any]:
+        values = {**vars(p), **vars(u), **vars(x), "t": t}
+        dynamics = [parse(self.dynamics[s], names=values).symbol(values) for s in self.states]
+        outputs = [parse(text, names=values).symbol(values) for text in self.output.values()]
+        return dynamics, outputs

@@ -1,0 +1,49 @@
+"""A chain of integrators with an optional nonlinearity."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import casadi as ca
+from pydantic import Field
+
+from hgorun.config.expressions import parse
+from hgorun.config.types import ExpressionText
+from hgorun.plants.base import Plant
+from hgorun.registry import plant
+
+
+@plant("integrator_chain")
+class IntegratorChain(Plant):
+    """Chain of n integrators, the last one driven by phi.
+
+        x1' = x2, ..., x(n-1)' = xn, xn' = phi(t, x, u),    y = x1
+
+    phi is an expression of x1..xn, t, the inputs and the parameters that the block declares; zero when
+    omitted.
+    """
+
+    reference = "Astolfi, Marconi, Praly, Teel 2016, (1)"
+    valid = "everywhere"
+
+    n: int = Field(default=2, ge=1, le=50, strict=True, description="number of integrators")
+    phi: ExpressionText = Field(default="0", description="right-hand side of the last equation")
+
+    @property
+    def state_names(self) -> tuple[str, ...]:
+        return tuple(f"x{i + 1}" for i in range(self.n))
+
+    @property
+    def output_names(self) -> tuple[str, ...]:
+        return ("x1",)
+
+    @property
+    def input_names(self) -> tuple[str, ...]:
+        return tuple(self.inputs)
+
+    def equations(self, t: ca.SX, x: SimpleNamespace, u: SimpleNamespace, p: SimpleNamespace) -> tuple[Any, Any]:
+        values = {**vars(p), **vars(u), **vars(x), "t": t}
+        phi = parse(self.phi, names=values).symbol(values)
+        states = list(vars(x).values())
+        return [*states[1:], phi], [states[0]]

@@ -1,0 +1,40 @@
+"""The Van der Pol oscillator."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import casadi as ca
+
+from hgorun.plants.base import Plant, Quantity
+from hgorun.registry import plant
+
+
+@plant("van_der_pol")
+class VanDerPol(Plant):
+    """Van der Pol oscillator, a chain.
+
+        x1' = x2,    x2' = stiffness x1 + mu (1 - x1^2) x2,    y = x1
+
+    Katayama's (26) prints the stiffness term with a plus sign (stiffness = 1); then the state grows like
+    2 sqrt(t), while the text calls it bounded: with stiffness = -1 it is.
+    """
+
+    reference = "Katayama, (26)"
+    valid = "everywhere; bounded for stiffness < 0"
+    known_parameters = {
+        "mu": Quantity(0.5, "", "damping"),
+        "stiffness": Quantity(-1.0, "", "factor of the stiffness term: -1 oscillates, +1 as printed"),
+    }
+
+    @property
+    def state_names(self) -> tuple[str, ...]:
+        return ("x1", "x2")
+
+    @property
+    def output_names(self) -> tuple[str, ...]:
+        return ("x1",)
+
+    def equations(self, t: ca.SX, x: SimpleNamespace, u: SimpleNamespace, p: SimpleNamespace) -> tuple[Any, Any]:
+        return [x.x2, p.stiffness * x.x1 + p.mu * (1 - x.x1**2) * x.x2], [x.x1]

@@ -1,0 +1,1 @@
+"""Plants and observers as symbolic expressions: matrices of the field, canonical forms, the whole system."""

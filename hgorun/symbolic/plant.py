@@ -1,0 +1,57 @@
+"""A plant as symbolic expressions of its state, inputs, parameters and time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+
+
+@dataclass(frozen=True)
+class PlantModel:
+    """x' = f(t, x, u, p), y = h(t, x, u, p), without the disturbance that observers do not know.
+
+    Attributes
+    ----------
+    states, outputs, inputs, parameters : tuple of str
+        Names, in the order of the vectors x (n), y (q), u (m) and p.
+    t, x, u, p : casadi.SX
+        The symbols that ``dynamics`` (n) and ``output`` (q) are written in.
+    inverse : callable, optional
+        ``inverse(z, p)`` gives x from the canonical coordinates z, where the plant knows it.
+    """
+
+    states: tuple[str, ...]
+    outputs: tuple[str, ...]
+    inputs: tuple[str, ...]
+    parameters: tuple[str, ...]
+    t: ca.SX
+    x: ca.SX
+    u: ca.SX
+    p: ca.SX
+    dynamics: ca.SX
+    output: ca.SX
+    inverse: Callable[[ca.SX, ca.SX], ca.SX] | None = None
+
+    @property
+    def n(self) -> int:
+        """Number of states."""
+        return len(self.states)
+
+    @cached_property
+    def _f(self) -> ca.Function:
+        return ca.Function("f", [self.t, self.x, self.u, self.p], [self.dynamics])
+
+    @cached_property
+    def _h(self) -> ca.Function:
+        return ca.Function("h", [self.t, self.x, self.u, self.p], [self.output])
+
+    def f(self, t: ca.SX, x: ca.SX, u: ca.SX, p: ca.SX) -> ca.SX:
+        """The vector field at other arguments."""
+        return self._f(t, x, u, p)
+
+    def h(self, t: ca.SX, x: ca.SX, u: ca.SX, p: ca.SX) -> ca.SX:
+        """The output at other arguments."""
+        return self._h(t, x, u, p)
