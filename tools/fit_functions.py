@@ -94,12 +94,14 @@ def value(coefficients: list[Real], x: Real) -> Real:
 
 
 def remez(target: list[Real], weight: list[Real], grid: list[Real], count: int) -> list[Real]:
-    """The minimax coefficients of x⁰ ... x^(count-1) on the grid points, by exchange of one point at a time."""
+    """The minimax coefficients of x⁰ ... x^(count-1) on the grid, exchanging one point at a time."""
     nodes = [round((len(grid) - 1) * (k + 0.5) / (count + 1)) for k in range(count + 1)]
     while True:
         # unknown are the coefficients and the error that the nodes share, of alternating sign
         rows = [[weight[i] * grid[i] ** j for j in range(count)] + [(-1) ** k] for k, i in enumerate(nodes)]
-        *coefficients, level = mp.lu_solve(mp.matrix(rows), mp.matrix([weight[i] * target[i] for i in nodes]))
+        right = [weight[i] * target[i] for i in nodes]
+        solution = list(mp.lu_solve(mp.matrix(rows), mp.matrix(right)))
+        coefficients, level = solution[:-1], solution[-1]
         error = [w * (t - value(coefficients, x)) for w, t, x in zip(weight, target, grid, strict=True)]
         worst = max(range(len(grid)), key=lambda i: abs(error[i]))
         if abs(error[worst]) <= abs(level) * (1 + mpf(1) / 1000):

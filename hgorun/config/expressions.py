@@ -269,7 +269,7 @@ def _foreign(token: str) -> str:
 
 
 def _check_neighbours(left: re.Match[str], right: re.Match[str]) -> None:
-    a, b = left[0], right[0]
+    a, b = _short(left[0]), _short(right[0])
     if {a, b} & {"and", "or", "not"}:
         return
     if left.lastgroup == "number" and left.end() == right.start():
@@ -286,14 +286,14 @@ def _check_neighbours(left: re.Match[str], right: re.Match[str]) -> None:
 def _syntax_tree(tokens: list[str]) -> ast.expr:
     # Joined by single spaces, with every number a float, the text holds nothing that Python warns about.
     if tokens[-1] in ("not", "and", "or") or not re.match(r"[\w.)]", tokens[-1]):
-        raise ExpressionError(f"something is missing after `{tokens[-1]}`")
+        raise ExpressionError(f"something is missing after `{_short(tokens[-1])}`")
     parts = [repr(_finite(token, token)) if token[0] in ".0123456789" else token for token in tokens]
     text = " ".join(parts)
     try:
         return ast.parse(text, mode="eval").body
     except SyntaxError as error:
         last = len(text[: max((error.offset or 1) - 1, 0)].split())
-        where = f"after `{tokens[min(last, len(tokens)) - 1]}`" if last else "at the beginning"
+        where = f"after `{_short(tokens[min(last, len(tokens)) - 1])}`" if last else "at the beginning"
         raise ExpressionError(f"something is missing or too much {where}") from None
     except (RecursionError, MemoryError):
         raise ExpressionError("the nesting is too deep") from None
@@ -377,7 +377,7 @@ def _evaluate(node: _Node, values: Mapping[str, Any]) -> Any:
         case _Name(name, constant):
             value = values.get(name, constant)
             if value is None:
-                raise ExpressionError(f"`{name}` has no value")
+                raise ExpressionError(f"`{_short(name)}` has no value")
             return _finite(value, f"the value of `{name}`") if isinstance(value, Real) else value
         case _Comparison(rest=rest):
             links = _links(node, values)

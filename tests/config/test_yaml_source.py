@@ -73,14 +73,37 @@ def with_parser(loader: Any, text: str) -> Source | None:
     ("text", "value"),
     [
         *[("1e-3", 1e-3), ("1.0e-3", 1e-3), (".5", 0.5), ("5.", 5.0), ("1e5", 1e5), ("-.5E+2", -50.0)],
-        *[("+1", 1), ("-0", 0), ("017", 17), ("0", 0), ("+1.5", 1.5), ("12345678901234567890", 12345678901234567890)],
+        *[
+            ("+1", 1),
+            ("-0", 0),
+            ("017", 17),
+            ("0", 0),
+            ("+1.5", 1.5),
+            ("12345678901234567890", 12345678901234567890),
+        ],
         *[(".inf", math.inf), ("-.INF", -math.inf), ("+.Inf", math.inf)],
         *[("true", True), ("True", True), ("FALSE", False), ("false", False)],
         *[("null", None), ("Null", None), ("NULL", None), ("~", None), ("", None)],
-        *[(text, text) for text in ("yes", "no", "on", "off", "Yes", "y", "n", "tRue", "nULL", "inf", "nan", ".iNf")],
-        *[(text, text) for text in ("0o17", "0x1F", "1:30", "1_000", "1:30:00", "2020-01-01", ".", "e5", "1e")],
-        *[(text, text) for text in ("1 2", "1.2.3", "+-1", "1e+", "=", "-1+2j", "x1*x2/(k_c + x1)", "٣", "1e5.0")],
-        *[('"1"', "1"), ("'true'", "true"), ('"~"', "~"), ("''", ""), ('"a\\tb"', "a\tb"), ("'it''s'", "it's")],
+        *[
+            (text, text)
+            for text in ("yes", "no", "on", "off", "Yes", "y", "n", "tRue", "nULL", "inf", "nan", ".iNf")
+        ],
+        *[
+            (text, text)
+            for text in ("0o17", "0x1F", "1:30", "1_000", "1:30:00", "2020-01-01", ".", "e5", "1e")
+        ],
+        *[
+            (text, text)
+            for text in ("1 2", "1.2.3", "+-1", "1e+", "=", "-1+2j", "x1*x2/(k_c + x1)", "٣", "1e5.0")
+        ],
+        *[
+            ('"1"', "1"),
+            ("'true'", "true"),
+            ('"~"', "~"),
+            ("''", ""),
+            ('"a\\tb"', "a\tb"),
+            ("'it''s'", "it's"),
+        ],
         *[("|\n    a\n    1", "a\n1"), (">\n    1\n", "1\n"), ("a\n    b", "a b")],
     ],
 )
@@ -137,7 +160,9 @@ def test_every_value_has_a_position() -> None:
 
 
 @pytest.mark.usefixtures("parser")
-@pytest.mark.parametrize("text", ["a: 1\r\nb: 2\r\n", "\ufeffa: 1\nb: 2", "---\na: 1\nb: 2\n...\n", "a: 1\rb: 2"])
+@pytest.mark.parametrize(
+    "text", ["a: 1\r\nb: 2\r\n", "\ufeffa: 1\nb: 2", "---\na: 1\nb: 2\n...\n", "a: 1\rb: 2"]
+)
 def test_line_ends_marks_and_document_signs(text: str) -> None:
     source = parse(text, "f")
     assert source.data == {"a": 1, "b": 2}
@@ -163,8 +188,14 @@ def test_aliases_are_written_out() -> None:
 
 @given(
     st.recursive(
-        st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False) | st.text("ab: #-'\"{é\n", max_size=8),
-        lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text("abc =", max_size=4), inner, max_size=3),
+        st.none()
+        | st.booleans()
+        | st.integers()
+        | st.floats(allow_nan=False)
+        | st.text("ab: #-'\"{é\n", max_size=8),
+        lambda inner: (
+            st.lists(inner, max_size=3) | st.dictionaries(st.text("abc =", max_size=4), inner, max_size=3)
+        ),
         max_leaves=12,
     ),
     st.booleans(),
@@ -253,7 +284,13 @@ def test_refusals_name_the_line_and_the_matter(text: str, line: int | None, word
 def test_depth_is_bounded() -> None:
     assert data("[" * 50 + "]" * 50)
     assert data("[" * 50 + "1" + "]" * 50)
-    for text in ("[" * 52 + "]" * 52, "[" * 100_000, "{a: " * 100_000, "- " * 100_000, "a:\n" + " " * 9 + "- " * 60):
+    for text in (
+        "[" * 52 + "]" * 52,
+        "[" * 100_000,
+        "{a: " * 100_000,
+        "- " * 100_000,
+        "a:\n" + " " * 9 + "- " * 60,
+    ):
         assert "50" in str(refusal(text))
     assert "50" in str(refusal("\n".join(" " * i + "a:" for i in range(2000))))
 
@@ -285,9 +322,61 @@ def test_messages_stay_short() -> None:
 
 
 YAML_PIECES = [
-    *["a", "b: ", "- ", "? ", ": ", "[", "]", "{", "}", ",", "\n", "\n  ", '"', "'", "1", " #", "&a ", "*a", "!t "],
-    *["|", ">", "|\n  ", "---\n", "...\n", "%YAML 1.2\n", "@", "`", "\t", " ", "-", "?", ":", "é", "\r\n", "\r", "~"],
-    *["a: 1\n", "  c: 2\n", "- 1\n", "\\", '"q"', "<<: ", "\ufeff", "\x00", "\x85", "\ud800", "😀", "1e5", ".inf"],
+    *[
+        "a",
+        "b: ",
+        "- ",
+        "? ",
+        ": ",
+        "[",
+        "]",
+        "{",
+        "}",
+        ",",
+        "\n",
+        "\n  ",
+        '"',
+        "'",
+        "1",
+        " #",
+        "&a ",
+        "*a",
+        "!t ",
+    ],
+    *[
+        "|",
+        ">",
+        "|\n  ",
+        "---\n",
+        "...\n",
+        "%YAML 1.2\n",
+        "@",
+        "`",
+        "\t",
+        " ",
+        "-",
+        "?",
+        ":",
+        "é",
+        "\r\n",
+        "\r",
+        "~",
+    ],
+    *[
+        "a: 1\n",
+        "  c: 2\n",
+        "- 1\n",
+        "\\",
+        '"q"',
+        "<<: ",
+        "\ufeff",
+        "\x00",
+        "\x85",
+        "\ud800",
+        "😀",
+        "1e5",
+        ".inf",
+    ],
 ]
 
 
@@ -374,8 +463,16 @@ def get(source: Source, *path: str | int) -> Any:
         ("observers.FHGO r=2.new=4", ("observers", "FHGO r=2", "new"), 4),
         ("observers.FHGO r=2=4", ("observers", "FHGO r=2"), 4),
         ("observers.FHGO r=3.theta=4", ("observers", "FHGO r"), "3.theta=4"),
-        ("observers.SHGO={type: shgo, theta: [1, 2]}", ("observers", "SHGO"), {"type": "shgo", "theta": [1, 2]}),
-        ("measurement.noise.0.terms.1.omega=0.95*pi", ("measurement", "noise", 0, "terms", 1, "omega"), "0.95*pi"),
+        (
+            "observers.SHGO={type: shgo, theta: [1, 2]}",
+            ("observers", "SHGO"),
+            {"type": "shgo", "theta": [1, 2]},
+        ),
+        (
+            "measurement.noise.0.terms.1.omega=0.95*pi",
+            ("measurement", "noise", 0, "terms", 1, "omega"),
+            "0.95*pi",
+        ),
         ("measurement.noise.0=null", ("measurement", "noise", 0), None),
         ("plant.parameters.mu=1", ("plant", "parameters", "mu"), 1),
         ("disturbance.x1=sin(t)", ("disturbance", "x1"), "sin(t)"),
@@ -451,7 +548,10 @@ def test_set_path_into_an_empty_list_or_a_scalar() -> None:
 
 
 @given(
-    st.lists(st.sampled_from(["time", "end", "observers", "FHGO r=2", ".", "=", "0", " ", "{a: 1}", "é"]), max_size=9)
+    st.lists(
+        st.sampled_from(["time", "end", "observers", "FHGO r=2", ".", "=", "0", " ", "{a: 1}", "é"]),
+        max_size=9,
+    )
 )
 @settings(max_examples=200, deadline=1000)
 def test_any_assignment_is_carried_out_or_refused(pieces: list[str]) -> None:
@@ -466,8 +566,12 @@ def test_any_assignment_is_carried_out_or_refused(pieces: list[str]) -> None:
 
 
 def test_merge() -> None:
-    base = parse("a: 1\nb: {c: 2, d: [1, 2]}\nplant: {type: contois, k: 1}\no: {A: {type: shgo, theta: 1}}", "base")
-    over = parse("\n\n\n\nb:\n  d: [3]\n  e: 4\nplant:\n  type: duffing\no: {A: {theta: 2}, B: {type: x}}", "over")
+    base = parse(
+        "a: 1\nb: {c: 2, d: [1, 2]}\nplant: {type: contois, k: 1}\no: {A: {type: shgo, theta: 1}}", "base"
+    )
+    over = parse(
+        "\n\n\n\nb:\n  d: [3]\n  e: 4\nplant:\n  type: duffing\no: {A: {theta: 2}, B: {type: x}}", "over"
+    )
     both = merge(base, over)
     assert both.data == {
         "a": 1,

@@ -1,0 +1,563 @@
+"""Expressions: Python's arithmetic is the oracle, CasADi must agree, only ExpressionError comes out."""
+
+import math
+import pickle
+import subprocess
+import sys
+import time
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from hgorun.config.expressions import FUNCTIONS, Expression, ExpressionError, check_name, nearest, parse
+
+NO_NUMBER = (ZeroDivisionError, OverflowError, ValueError, TypeError)
+ONE_ARGUMENT = [
+    "sin",
+    "cos",
+    "tan",
+    "asin",
+    "acos",
+    "atan",
+    "sinh",
+    "cosh",
+    "tanh",
+    "exp",
+    "log",
+    "log10",
+    "sqrt",
+]
+ONE_ARGUMENT += ["abs", "sign", "floor", "ceil"]
+REFERENCE: dict[str, Any] = {name: getattr(math, name) for name in FUNCTIONS if hasattr(math, name)}
+REFERENCE |= {"abs": abs, "min": min, "max": max, "float": float, "bool": bool, "pi": math.pi, "e": math.e}
+REFERENCE |= {"floor": lambda x: float(math.floor(x)), "ceil": lambda x: float(math.ceil(x))}
+REFERENCE |= {"sign": lambda x: math.copysign(1.0, x) if x else 0.0, "__builtins__": {}}
+
+Pair = tuple[str, str]  # text in our grammar, and in Python
+
+
+def literals() -> st.SearchStrategy[Pair]:
+    integers = st.integers(0, 12).map(lambda n: (str(n), repr(float(n))))
+    forms = st.sampled_from(["{:.3f}", "{:.2e}", "{:g}", "{:.0f}."])
+    floats = st.tuples(st.floats(0.001, 50), forms).map(lambda pair: pair[1].format(pair[0]))
+    return integers | floats.map(lambda text: (text, repr(float(text))))
+
+
+def atoms() -> st.SearchStrategy[Pair]:
+    return literals() | st.sampled_from(["x", "y", "pi", "e"]).map(lambda name: (name, name))
+
+
+@st.composite
+def chains(draw: st.DrawFn, parts: st.SearchStrategy[Pair]) -> Pair:
+    """Operands and operators without parentheses: precedence is part of the test."""
+    ours, python = "", ""
+    for index in range(draw(st.integers(1, 4))):
+        sign = draw(st.sampled_from(["+", "-", "*", "/", "**", " * ", " - "])) if index else ""
+        sign += draw(st.sampled_from(["", "", "", "-", "+", "--"]))
+        part = draw(parts)
+        ours, python = ours + sign + part[0], python + sign + part[1]
+    return f"({ours})", f"({python})"
+
+
+@st.composite
+def calls(draw: st.DrawFn, parts: st.SearchStrategy[Pair]) -> Pair:
+    name = draw(st.sampled_from([*ONE_ARGUMENT, "atan2", "min", "max"]))
+    count = 1 if name in ONE_ARGUMENT else 2 if name == "atan2" else draw(st.integers(2, 4))
+    arguments = [draw(parts) for _ in range(count)]
+    ours, python = (", ".join(a[i] for a in arguments) for i in (0, 1))
+    return f"{name}({ours})", f"{name}({python})"
+
+
+@st.composite
+def logic(draw: st.DrawFn, parts: st.SearchStrategy[Pair]) -> Pair:
+    a, b, c = (draw(parts) for _ in range(3))
+    signs = st.sampled_from(["<", "<=", ">", ">=", "==", "!="])
+    match draw(st.sampled_from(["one", "two", "and", "or", "not", "where"])):
+        case "one":
+            sign = draw(signs)
+            return f"({a[0]} {sign} {b[0]})", f"float({a[1]} {sign} {b[1]})"
+        case "two":
+            s, t = draw(signs), draw(signs)
+            return f"({a[0]}{s}{b[0]}{t}{c[0]})", f"float({a[1]}{s}{b[1]}{t}{c[1]})"
+        case "not":
+            return f"(not {a[0]})", f"float(not {a[1]})"
+        case "where":
+            return f"where({a[0]}, {b[0]}, {c[0]})", f"({b[1]} if {a[1]} else {c[1]})"
+        case word:
+            python = f" {word} ".join(f"bool({part[1]})" for part in (a, b, c))
+            return f"({a[0]} {word} {b[0]} {word} {c[0]})", f"float({python})"
+
+
+expressions = st.recursive(atoms(), lambda parts: chains(parts) | calls(parts) | logic(parts), max_leaves=14)
+points = st.fixed_dictionaries({name: st.floats(-9, 9).map(lambda v: round(v, 3)) for name in ("x", "y")})
+
+
+@given(expressions, points)
+@settings(max_examples=500, deadline=1000)
+def test_numbers_are_pythons(pair: Pair, values: dict[str, float]) -> None:
+    ours, python = pair
+    assume(len(ours) <= 2000)
+    expression = parse(ours, names={"x", "y"})
+    assert expression == parse(ours)
+    assert expression.names == {"x", "y"} & set(ours.replace("exp", "").replace("max", ""))
+    try:
+        expected = eval(python, REFERENCE | values)
+    except NO_NUMBER:
+        expected = math.nan
+    try:
+        found = expression.number(values)
+    except ExpressionError:
+        # We stop at the first infinite or complex number; Python may get back to a finite one.
+        assume(isinstance(expected, complex) or not math.isfinite(expected))
+        return
+    assert found == expected
+    assert type(found) is float
+
+
+@given(expressions, points)
+@settings(max_examples=250, deadline=1000)
+def test_casadi_agrees(pair: Pair, values: dict[str, float]) -> None:
+    assume(len(pair[0]) <= 2000)
+    expression = parse(pair[0])
+    symbols = {name: ca.SX.sym(name) for name in values}
+    try:
+        number = expression.number(values)
+        nearby = [
+            expression.number({n: v + h * (1 + abs(v)) for n, v in values.items()}) for h in (1e-12, -1e-12)
+        ]
+        symbol = expression.symbol(symbols)
+    except ExpressionError:
+        return
+    assume(all(math.isclose(number, other, rel_tol=1e-6, abs_tol=1e-9) for other in nearby))
+    function = ca.Function("f", list(symbols.values()), [symbol])
+    assert math.isclose(float(function(*values.values())), number, rel_tol=1e-5, abs_tol=1e-8)
+    partial = {"x": symbols["x"], "y": values["y"]}
+    function = ca.Function("f", [symbols["x"]], [expression.symbol(partial)])
+    assert math.isclose(float(function(values["x"])), number, rel_tol=1e-5, abs_tol=1e-8)
+
+
+PIECES = [
+    *FUNCTIONS,
+    "x",
+    "lambda",
+    "if",
+    "and",
+    "or",
+    "not",
+    "in",
+    "is",
+    "e",
+    "pi",
+    "j",
+    "_",
+    "__a__",
+    "True",
+    "é",
+]
+PIECES += [
+    *"()[]{}+-*/%^&|~!<>=,.:;@#$?\\'\"` \t\n0159",
+    "**",
+    "//",
+    "<<",
+    ":=",
+    "1e5",
+    "1e999",
+    "0x",
+    ".5",
+    "θ",
+    "\0",
+]
+PIECES += [
+    "\ud800",
+    "１",
+    "²",
+    "−",
+    "(" * 60,
+    ")" * 60,
+    "-" * 60,
+    "not " * 60,
+    "9**" * 60,
+    "9" * 400,
+    "1+" * 400,
+]
+
+
+@given(st.text(max_size=40) | st.lists(st.sampled_from(PIECES), max_size=12).map("".join))
+@settings(max_examples=800, deadline=1000)
+def test_any_text_is_an_expression_or_an_expression_error(text: str) -> None:
+    for names in (None, {"x", "alpha"}):
+        try:
+            expression = parse(text, names=names)
+            expression.symbol({name: ca.SX.sym(name) for name in expression.names})
+            assert math.isfinite(expression.number(dict.fromkeys(expression.names, 0.3)))
+        except ExpressionError as error:
+            message = str(error)
+            assert message.isprintable()
+            assert 0 < len(message) < 700
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        *[
+            ("abs(-2)", 2),
+            ("acos(1)", 0),
+            ("asin(1)", math.pi / 2),
+            ("atan(1)", math.pi / 4),
+            ("atan2(1, -1)", 2.356194),
+        ],
+        *[
+            ("ceil(1.2)", 2),
+            ("cos(pi)", -1),
+            ("cosh(0)", 1),
+            ("exp(1)", math.e),
+            ("floor(-1.2)", -2),
+            ("log(e)", 1),
+        ],
+        *[("log10(1000)", 3), ("max(1, 3, 2)", 3), ("min(1, 3, -2)", -2), ("sign(-3)", -1), ("sign(0)", 0)],
+        *[
+            ("sin(pi/2)", 1),
+            ("sinh(0)", 0),
+            ("sqrt(9)", 3),
+            ("tan(pi/4)", 1),
+            ("tanh(0)", 0),
+            ("where(1<2, 5, 6)", 5),
+        ],
+        *[
+            ("-2**2", -4),
+            ("2**-1", 0.5),
+            ("2**3**2", 512),
+            ("7 - 2 - 1", 4),
+            ("8/4/2", 1),
+            ("+3", 3),
+            ("017*2", 34),
+        ],
+        *[("1 < 2 < 3", 1), ("1 < 3 < 2", 0), ("1 < 2 != 3", 1), ("2 and 3", 1), ("0 or 0", 0), ("not 2", 0)],
+        *[("not 1 < 2", 0), ("1or 2", 1), ("0or 2", 1), ("0.95*pi/0.25", 0.95 * math.pi / 0.25), ("\t1 ", 1)],
+        *[
+            ("where(0, 1/0, 2)", 2),
+            ("1 or 1/0", 1),
+            ("0 and 1/0", 0),
+            ("2 < 1 < 1/0", 0),
+            (".5e1", 5),
+            ("5.", 5),
+        ],
+    ],
+)
+def test_values(text: str, value: float) -> None:
+    assert parse(text, names=()).number() == pytest.approx(value, rel=1e-6)
+    assert float(parse(text).symbol()) == pytest.approx(value, rel=1e-6)
+
+
+def test_every_function_is_described_and_works() -> None:
+    for name, description in FUNCTIONS.items():
+        assert description.startswith(f"{name}(")
+        count = description.partition(")")[0].count(",") + 1
+        text = f"{name}({', '.join(['0.5'] * count)})".replace("...", "1")
+        assert math.isfinite(parse(text).number())
+        x = ca.SX.sym("x")
+        assert parse(text.replace("0.5", "x", 1)).symbol({"x": x}).is_scalar()
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        *[
+            ("x^2", "a power is `**`"),
+            ("2x", "`2*x`"),
+            ("2 x", "`2*x`"),
+            ("x y", "`x*y`"),
+            ("(x)(y)", "`)*(`"),
+        ],
+        *[("2(x)", "`2*(`"), ("x 2", "`x*2`"), ("2e", "`2*e`"), ("1.2.3", "`1.2.3` is not a number")],
+        ("lambda*x", "`lambda` cannot be a name: it is a keyword of the expression grammar"),
+        ("lambda x: x", "`lambda` cannot be a name"),
+        *[
+            ("x.real", "no attributes"),
+            ("...", "no attributes"),
+            ("x[1]", "no subscripts"),
+            ("[x]", "no lists"),
+        ],
+        *[
+            ("'x'", "no text"),
+            ('f"{x}"', "no text"),
+            ("[x for x in y]", "not in the grammar"),
+            ("{x}", "`{`"),
+        ],
+        *[
+            ("(x for x in y)", "`for` cannot be a name"),
+            ("(x := 1)", "`:=`"),
+            ("x if y else 1", "where(condition, a, b)"),
+        ],
+        *[("min(*x)", "`*`"), ("min(1, **x)", "`*`"), ("min(a=1)", "no keywords"), ("x = 1", "`==`")],
+        *[
+            ("sine(x)", "Did you mean `sin`? Functions: abs,"),
+            ("mu(1 - x)", "`mu*(...)`"),
+            ("pi(2)", "`pi*(...)`"),
+        ],
+        *[
+            ("sin(1, 2)", "sine of x"),
+            ("min(1)", "two or more"),
+            ("where(1, 2)", "where(condition, a, b)"),
+            ("sin()", "0"),
+        ],
+        *[
+            ("sin", "is a function"),
+            ("sin*2", "is a function"),
+            ("a//b", "floor(a/b)"),
+            ("a % b", "floor(a/b)"),
+        ],
+        *[
+            ("a & b", "`and`"),
+            ("a | b", "`or`"),
+            ("a << 1", "`<<`"),
+            ("~a", "`~`"),
+            ("a @ b", "`@`"),
+            ("!a", "`not`"),
+        ],
+        *[("x − 1", "write `-`"), ("2·x", "write `*`"), ("x²", "write `**2`"), ("θ*2", "write `theta`")],
+        *[
+            ("х + 1", "U+0445, CYRILLIC SMALL LETTER HA"),
+            ("１", "U+FF11"),
+            ("x\u200b", "U+200B"),
+            ("π", "write `pi`"),
+        ],
+        *[
+            ("", "empty"),
+            ("  ", "empty"),
+            ("1j", "complex"),
+            ("2J", "complex"),
+            ("True", "`True`"),
+            ("None", "`None`"),
+        ],
+        *[
+            ("1_000", "is not a number"),
+            ("0x1F", "is not a number"),
+            ("0b1", "is not a number"),
+            ("1e999", "not finite"),
+        ],
+        *[
+            ("x\ny", "one line"),
+            ("x # y", "comment"),
+            ("x\\", "`\\`"),
+            ("x;y", "`;`"),
+            ("\0", "not in the grammar"),
+        ],
+        *[
+            ("1 +", "after `+`"),
+            ("*x", "at the beginning"),
+            ("2 * * 3", "after `*`"),
+            ("()", "nothing between"),
+        ],
+        *[
+            ("1, 2", "`,`"),
+            ("(1", "not closed"),
+            ("1)", "has no `(`"),
+            ("f(,)", "after `(`"),
+            ("not", "after `not`"),
+        ],
+        *[
+            ("__import__('os')", "`__import__` cannot be"),
+            ("__x__", "do not begin with `__`"),
+            ("x is y", "`is`"),
+            ("await x", "`await`"),
+        ],
+        *[("1" * 2001, "2,001 characters"), ("9" * 400, "not finite")],
+    ],
+)
+def test_refusals(text: str, words: str) -> None:
+    with pytest.raises(ExpressionError) as caught:
+        parse(text)
+    assert words in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["(" * 101 + "1" + ")" * 101, "-" * 101 + "1", "-" * 1999 + "1", "not " * 499 + "1", "2**" * 600 + "1"],
+)
+def test_deep_nesting_is_refused(text: str) -> None:
+    with pytest.raises(ExpressionError, match=r"inside each other|too deep"):
+        parse(text)
+
+
+def test_what_is_long_but_not_deep_is_fine() -> None:
+    assert parse("1+" * 999 + "1").number() == 1000
+    assert parse("1*1-" * 499 + "1").number() == -498
+    assert parse("max(" + "1," * 900 + "2)").number() == 2
+    assert parse("1<" * 900 + "2").number() == 0
+    assert parse("1 and " * 300 + "2").number() == 1
+    assert parse("(" * 100 + "1" + ")" * 100).number() == 1
+    assert parse("-" * 100 + "1").number() == 1
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        *[
+            ("1/0", "1 / 0 divides by zero"),
+            ("0**-1", "divides by zero"),
+            ("9**9**9", "too large"),
+            ("exp(1000)", "large"),
+        ],
+        *[
+            ("1e300*1e300", "too large"),
+            ("1e308 + 1e308", "too large"),
+            ("sqrt(-1)", "sqrt(-1) is not a real number"),
+        ],
+        *[
+            ("log(0)", "not a real number"),
+            ("asin(2)", "not a real"),
+            ("(-8)**(1/3)", "(-8) ** 0.333333 is not a real"),
+        ],
+        *[("1/(1e300*1e300)", "too large"), ("x", "`x` has no value"), ("e + q", "`q` has no value")],
+    ],
+)
+def test_no_number(text: str, words: str) -> None:
+    expression = parse(text)
+    start = time.perf_counter()
+    with pytest.raises(ExpressionError) as caught:
+        expression.number()
+    assert time.perf_counter() - start < 0.1
+    assert words in str(caught.value)
+    with pytest.raises(ExpressionError):
+        expression.symbol()
+
+
+def test_names() -> None:
+    with pytest.raises(ExpressionError) as caught:
+        parse("mu*x3", names=["x1", "x2", "mu"])
+    assert "`x3` is not known. Did you mean `x" in str(caught.value)
+    assert "Known names: mu, x1, x2, pi, e" in str(caught.value)
+    with pytest.raises(ExpressionError, match="Did you mean `theta`"):
+        parse("Thetta", names=["theta"])
+    with pytest.raises(ExpressionError, match="and 82 more"):
+        parse("zzz", names=[f"x{i}" for i in range(100)])
+    with pytest.raises(ExpressionError, match=r"`mu\*\(\.\.\.\)`"):
+        parse("mu(1)", names=["mu"])
+    assert parse("mu*x1 + pi", names=["x1", "x2", "mu"]).names == {"mu", "x1"}
+    assert parse("sin(q)").names == {"q"}
+    assert parse("match + type + _").names == {"match", "type", "_"}
+
+
+def test_names_shadow_constants() -> None:
+    assert parse("2*pi").number() == 2 * math.pi
+    assert parse("2*e", names=()).number() == 2 * math.e
+    assert parse("2*e", names={"e"}).number({"e": 3}) == 6
+    assert parse("2*e", names={"e"}).names == {"e"}
+    assert parse("2*e").names == frozenset()
+    assert parse("2*e").number({"e": 3}) == 6
+    with pytest.raises(ExpressionError, match="`e` has no value"):
+        parse("2*e", names={"e"}).number()
+
+
+def test_values_must_be_finite_numbers() -> None:
+    expression = parse("x")
+    assert expression.number({"x": np.float64(2)}) == 2
+    assert expression.number({"x": 2, "unused": math.nan}) == 2
+    for value in (math.nan, math.inf, 10**400):
+        with pytest.raises(ExpressionError, match="the value of `x` is not finite"):
+            expression.number({"x": value})
+    with pytest.raises(ExpressionError, match="not a number"):
+        expression.number({"x": ca.SX.sym("x")})
+
+
+@pytest.mark.parametrize(
+    ("value", "text"), [(2, "2"), (0.1, "0.1"), (-3, "-3"), (1e-3, "0.001"), (np.float64(2), "2.0")]
+)
+def test_numbers_are_expressions(value: float, text: str) -> None:
+    expression = parse(value, names=())
+    assert expression.number() == float(value)
+    assert expression.text == text
+    assert expression.names == frozenset()
+    assert parse(expression.text).number() == float(value)
+
+
+@pytest.mark.parametrize(
+    "value", [True, False, None, math.nan, math.inf, -math.inf, 10**400, 1j, [1], {}, b"1"]
+)
+def test_other_values_are_refused(value: Any) -> None:
+    with pytest.raises(ExpressionError):
+        parse(value)
+
+
+def test_an_expression_is_a_value() -> None:
+    expression = parse(" x + 1 ")
+    assert expression.text == "x + 1"
+    assert expression == parse("x + 1")
+    assert hash(expression) == hash(parse("x + 1"))
+    assert pickle.loads(pickle.dumps(expression)).number({"x": 1}) == 2
+    assert isinstance(expression, Expression)
+    assert "_tree" not in repr(expression)
+
+
+def test_integer_powers_stay_products_in_casadi() -> None:
+    x = ca.SX.sym("x")
+    for text in ("x**3", "x**3.0", "x**(2 + 1)", "x**n"):
+        assert ca.is_equal(parse(text).symbol({"x": x, "n": 3}), x**3, 9)
+    assert float(ca.Function("f", [x], [parse("x**-2").symbol({"x": x})])(-2)) == 0.25
+    assert "pow" not in str(parse("x**3").symbol({"x": x}))
+
+
+def test_what_is_not_chosen_does_not_matter_in_casadi() -> None:
+    x = ca.SX.sym("x")
+    function = ca.Function("f", [x], [parse("where(x == 0, 1, sin(x)/x)").symbol({"x": x})])
+    assert float(function(0)) == 1
+    assert float(function(1)) == math.sin(1)
+    truth = ca.Function("f", [x], [parse("x and 2").symbol({"x": x})])
+    assert [float(truth(value)) for value in (0, 3)] == [0, 1]
+
+
+@pytest.mark.parametrize(
+    "name", ["x1", "D", "k_c", "mu", "lam", "e", "pi", "t", "_", "_x", "match", "x" * 50]
+)
+def test_names_that_can_be_used(name: str) -> None:
+    check_name(name)
+    assert parse(name, names={name}).number({name: 2}) == 2
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("lambda", "`lambda` cannot be a name: it is a keyword of the expression grammar"),
+        *[(name, "keyword") for name in ("and", "not", "if", "None", "True", "in", "async")],
+        *[(name, "it is a function") for name in ("sin", "where", "min")],
+        *[(name, "`__`") for name in ("__class__", "__x")],
+        *[(name, "ASCII") for name in ("", "1x", "x-1", "x 1", "θ", "x\n", "x.y", "é", "ｘ")],
+    ],
+)
+def test_names_that_cannot_be_used(name: str, words: str) -> None:
+    with pytest.raises(ExpressionError) as caught:
+        check_name(name)
+    assert words in str(caught.value)
+    assert str(caught.value).isprintable()
+
+
+@given(st.text("abxt_1é. λ", max_size=5) | st.sampled_from(PIECES))
+@settings(max_examples=200, deadline=1000)
+def test_a_name_that_passes_is_an_expression_of_itself(name: str) -> None:
+    try:
+        check_name(name)
+    except ExpressionError:
+        return
+    assert parse(name, names={name}).names == {name}
+
+
+def test_nearest() -> None:
+    assert nearest("thetha", ["theta", "poles"]) == " Did you mean `theta`?"
+    assert nearest("THETA", ["theta", "poles"]) == " Did you mean `theta`?"
+    assert nearest("x", ["theta", "poles"]) == ""
+    assert nearest("x", []) == ""
+    start = time.perf_counter()
+    nearest("a" * 100_000, ["a" * n for n in range(2_000)])
+    assert time.perf_counter() - start < 1
+
+
+def test_casadi_is_imported_only_for_symbols() -> None:
+    code = "import sys; from hgorun.config.expressions import parse; parse('sin(1)').number();"
+    code += "print('casadi' in sys.modules)"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout.strip() == "False"
