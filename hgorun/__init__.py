@@ -21,7 +21,16 @@ if TYPE_CHECKING:
 
 __version__ = "0.1.0"
 
-__all__ = ["ConfigError", "Experiment", "HgorunError", "Result", "SimulationError", "load", "read", "simulate"]
+__all__ = [
+    "ConfigError",
+    "Experiment",
+    "HgorunError",
+    "Result",
+    "SimulationError",
+    "load",
+    "read",
+    "simulate",
+]
 
 # Imported when first used: the command line's help must not wait for numpy.
 _LAZY = {

@@ -126,9 +126,11 @@ class Experiment:
 
     def resolved(self) -> dict[str, Any]:
         """The configuration after ``extends``, ``--set`` and defaults."""
-        values = self.blocks.model_dump(mode="json", exclude={"plant", "observers", "extends"})
-        values["plant"] = self.plant_block.model_dump(mode="json")
-        values["observers"] = {label: _plain(o.model_dump(exclude_none=True)) for label, o in self.observers.items()}
+        values = self.blocks.model_dump(mode="json", exclude={"plant", "observers", "extends"}, exclude_none=True)
+        values["plant"] = self.plant_block.model_dump(mode="json", exclude_none=True)
+        values["observers"] = {
+            label: _plain(o.model_dump(exclude_none=True)) for label, o in self.observers.items()
+        }
         return values
 
 

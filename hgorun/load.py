@@ -66,7 +66,9 @@ def _extended(source: Source, path: Path, seen: list[Path]) -> Source:
     base = source.data["extends"]
     file, line = source.where(("extends",))
     if not isinstance(base, str):
-        raise ConfigError(f"expected the name of a file, found {describe(base)}", file=file, line=line, key="extends")
+        raise ConfigError(
+            f"expected the name of a file, found {describe(base)}", file=file, line=line, key="extends"
+        )
     target = path.parent / base
     if target.resolve() in seen or len(seen) > _LONGEST_CHAIN:
         raise ConfigError(f"{base} extends itself, in a circle", file=file, line=line, key="extends")
@@ -87,7 +89,10 @@ def _plant(blocks: Blocks, source: Source) -> Plant:
             file, line = source.where(("plant",))
             known = ", ".join(registry.names("plants"))
             raise ConfigError(
-                f"expected type (one of {known}) or a model: states, dynamics, output", file=file, line=line, key="plant"
+                f"expected type (one of {known}) or a model: states, dynamics, output",
+                file=file,
+                line=line,
+                key="plant",
             )
         return validate(InlinePlant, block, source, ("plant",))
     return validate(_find("plants", block["type"], source, ("plant", "type")), block, source, ("plant",))
@@ -98,7 +103,10 @@ def _observer(label: str, block: dict[str, Any], source: Source) -> Observer:
     file, line = source.where(path)
     if not label or "/" in label or "." in label:
         raise ConfigError(
-            "an observer's label must not be empty and has no / and no . in it", file=file, line=line, key=f"observers.{label}"
+            "an observer's label must not be empty and has no / and no . in it",
+            file=file,
+            line=line,
+            key=f"observers.{label}",
         )
     if "type" not in block:
         known = ", ".join(registry.names("observers"))
@@ -114,7 +122,9 @@ def _find(kind: str, name: Any, source: Source, path: tuple[str, ...]) -> Any:
         known = registry.names(kind)
         raise ConfigError(
             f"no {kind[:-1]} is called {describe(name)}.{nearest(str(name), known)} Known: {', '.join(known)}",
-            file=file, line=line, key=".".join(path),
+            file=file,
+            line=line,
+            key=".".join(path),
         ) from None
 
 
@@ -130,7 +140,7 @@ def _explained(error: ValidationError, source: Source, path: tuple[str | int, ..
     candidates = []
     for item in error.errors(include_url=False):
         where = _known_path(source, path, item["loc"])
-        if item["type"] == "unknown_key":
+        if item["type"] in ("unknown_key", "no_value"):
             where = (*where, item["ctx"]["key"])
         file, line = source.where(where)
         candidates.append((line, where, file, _sentence(item)))
@@ -138,10 +148,14 @@ def _explained(error: ValidationError, source: Source, path: tuple[str | int, ..
     return ConfigError(message, file=file, line=line, key=".".join(map(str, where)) or None)
 
 
-def _known_path(source: Source, path: tuple[str | int, ...], location: tuple[str | int, ...]) -> tuple[str | int, ...]:
+def _known_path(
+    source: Source, path: tuple[str | int, ...], location: tuple[str | int, ...]
+) -> tuple[str | int, ...]:
     """The part of pydantic's location that is in the file: names of union members are not."""
     for i, part in enumerate(location):
-        if (*path, part) in source.positions or (i == len(location) - 1 and isinstance(part, str) and part.isidentifier()):
+        if (*path, part) in source.positions or (
+            i == len(location) - 1 and isinstance(part, str) and part.isidentifier()
+        ):
             path = (*path, part)
     return path
 
@@ -152,6 +166,6 @@ def _sentence(item: Any) -> str:
         return "this key is missing"
     if kind == "value_error":
         return message.removeprefix("Value error, ")
-    if kind in ("unknown_key", "not_a_mapping"):
+    if kind in ("unknown_key", "no_value", "not_a_mapping"):
         return message
     return f"{message[0].lower()}{message[1:]}, found {describe(item['input'])}"

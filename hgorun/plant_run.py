@@ -55,7 +55,14 @@ class PlantRun:
         counts = np.column_stack([steps, zero, steps, zero, zero, zero, zero + 1])
         nothing = np.zeros(0)
         plan = Plan(
-            spans, counts, np.zeros((0, 5), dtype=np.int64), np.append(times, self.end), 0, nothing, nothing, nothing
+            spans,
+            counts,
+            np.zeros((0, 5), dtype=np.int64),
+            np.append(times, self.end),
+            0,
+            nothing,
+            nothing,
+            nothing,
         )
         z0 = np.concatenate([self.plant.initial, np.zeros(self.q)])
         raw = self._program.run(plan, Start(z0[:, None], self.plant.parameters[:, None]))

@@ -78,4 +78,6 @@ def _load_entry_points(kind: str, name: str | None = None) -> None:
             try:
                 _REGISTERED[kind][entry.name] = entry.load()
             except Exception as error:
-                raise HgorunError(f"the {kind[:-1]} {entry.name!r} of {entry.value} cannot be loaded: {error}") from error
+                raise HgorunError(
+                    f"the {kind[:-1]} {entry.name!r} of {entry.value} cannot be loaded: {error}"
+                ) from error

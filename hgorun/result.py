@@ -115,7 +115,8 @@ class Result:
         """{observer: {metric: {state: number}}}."""
         return {
             label: {
-                name: dict(zip(self.states, map(float, values), strict=True)) for name, values in o.metrics.items()
+                name: dict(zip(self.states, map(float, values), strict=True))
+                for name, values in o.metrics.items()
             }
             for label, o in self.observers.items()
         }

@@ -56,13 +56,24 @@ def simulate(
     SimulationError
         When the plant diverges.
     """
+    return prepare(experiment).simulate(check_step=check_step, progress=progress)
+
+
+def prepare(experiment: Experiment) -> Run:
+    """Check all that can be checked without running: models, schedules, observers, figures.
+
+    Raises
+    ------
+    ConfigError
+    """
     with experiment.located():
-        run = _Run(experiment)
-        result = run.result(run.execute(run.step, progress))
-        if check_step and not experiment.blocks.solver.adaptive:
-            half = run.result(run.execute(run.step / 2, progress))
-            result = replace(result, integration_error=_difference(result, half))
-        return result
+        run = Run(experiment)
+        if experiment.blocks.figures:
+            from hgorun.figures import check
+
+            model = experiment.plant.model
+            check(experiment.blocks.figures, model.states, model.outputs, tuple(experiment.observers))
+        return run
 
 
 def _difference(a: Result, b: Result) -> dict[str, float]:
@@ -74,26 +85,32 @@ def _difference(a: Result, b: Result) -> dict[str, float]:
     return found
 
 
-class _Run:
-    """All that is decided before the first step."""
+class Run:
+    """All that is decided before the first step, and the run itself."""
 
     def __init__(self, experiment: Experiment) -> None:
         self.experiment, self.blocks = experiment, experiment.blocks
         self.plant, self.form = experiment.plant, experiment.form
         self.time, self.solver = self.blocks.time, self.blocks.solver
-        self.adaptive = self.solver.adaptive or (self.solver.method == "dopri5" and self.solver.step == "auto")
+        self.adaptive = self.solver.adaptive or (
+            self.solver.method == "dopri5" and self.solver.step == "auto"
+        )
         self.grid, _, _ = experiment.grid
         self.channels = find_channels(
             experiment.stretches, self.plant.model.outputs, self.time, self.blocks.seed, self._mean_square
         )
-        self.points = int(np.clip((self.time.end - self.time.start) / (self._given_step() or 1e-3), *_SEARCH_POINTS))
+        self.points = int(
+            np.clip((self.time.end - self.time.start) / (self._given_step() or 1e-3), *_SEARCH_POINTS)
+        )
         self.smallest_delay, self.reach = check_delays(self.channels, self.points)
         self.parameters = Parameters()
         self.plant_symbol = self.parameters.add("plant", self.plant.parameters)
         t = self.plant.model.t
         self.signals = {
             (i, k): Signal(
-                continuous_noise(s, t, self.parameters, f"noise.{channel.name}.{k}"), s.multiplicative, s.delay_symbol(t)
+                continuous_noise(s, t, self.parameters, f"noise.{channel.name}.{k}"),
+                s.multiplicative,
+                s.delay_symbol(t),
             )
             for i, channel in enumerate(self.channels)
             for k, s in enumerate(channel.stretches)
@@ -102,11 +119,30 @@ class _Run:
         self.step = self._given_step() or self._automatic_step()
         self.schedule = build_schedule(self.channels, self.time, self._kinks(), self.step, self.points)
         self.system = build_system(
-            self.plant, self.form, experiment.observers, self.signals, self.schedule.variants, self.parameters,
+            self.plant,
+            self.form,
+            experiment.observers,
+            self.signals,
+            self.schedule.variants,
+            self.parameters,
             self.plant_symbol,
         )
         self._check_start()
-        self.program = Program(self.system.structure, self.solver.method, adaptive=self.adaptive)
+
+    def simulate(
+        self, *, check_step: bool = False, progress: Callable[[float], None] | None = None
+    ) -> Result:
+        """See :func:`simulate`."""
+        result = self.result(self.execute(self.step, progress))
+        if check_step and not self.adaptive:
+            half = self.result(self.execute(self.step / 2, progress))
+            result = replace(result, integration_error=_difference(result, half))
+        return result
+
+    @cached_property
+    def program(self) -> Program:
+        """Native code for the structure."""
+        return Program(self.system.structure, self.solver.method, adaptive=self.adaptive)
 
     def _given_step(self) -> float | None:
         return None if self.solver.step == "auto" or self.adaptive else self.solver.step
@@ -119,8 +155,15 @@ class _Run:
         """
         rates = [o.fastest_rate(self.form) for o in self.experiment.observers.values() if self.form]
         jacobian = ca.Function(
-            "A", [self.plant.model.t, self.plant.model.x, self.plant.model.p],
-            [ca.substitute(ca.jacobian(self.plant.model.dynamics, self.plant.model.x), self.plant.model.u, self.plant.inputs)],
+            "A",
+            [self.plant.model.t, self.plant.model.x, self.plant.model.p],
+            [
+                ca.substitute(
+                    ca.jacobian(self.plant.model.dynamics, self.plant.model.x),
+                    self.plant.model.u,
+                    self.plant.inputs,
+                )
+            ],
         )
         at_start = np.asarray(jacobian(self.time.start, self.plant.initial, self.plant.parameters).full())
         if np.all(np.isfinite(at_start)):
@@ -138,7 +181,9 @@ class _Run:
 
     def _plant_kinks(self) -> np.ndarray:
         model, functions = self.plant.model, [self.plant.inputs, self.plant.disturbance]
-        return kinks(functions, model.t, model.p, self.plant.parameters, self.time.start, self.time.end, self.points)
+        return kinks(
+            functions, model.t, model.p, self.plant.parameters, self.time.start, self.time.end, self.points
+        )
 
     def _kinks(self) -> np.ndarray:
         t, p, values = self.plant.model.t, self.parameters.symbol, self.parameters.values
@@ -168,7 +213,9 @@ class _Run:
             if bad.size:
                 name = self.plant.model.states[int(bad[0])]
                 path = ("plant", "dynamics", name) if hasattr(self.plant.block, "dynamics") else ("plant",)
-                raise Problem(path, f"the right-hand side of {name} is not a finite number at the start of the run")
+                raise Problem(
+                    path, f"the right-hand side of {name} is not a finite number at the start of the run"
+                )
             for b in s.observers:
                 if not np.all(np.isfinite(rates[b.start : b.end])):
                     raise Problem(
@@ -184,9 +231,13 @@ class _Run:
         if self.smallest_delay > _OVERLAP * step:
             longest = min(longest, self.smallest_delay)
         plan = build_plan(
-            self.schedule, self.grid, remembers=structure.remembers, has_alpha=structure.has_alpha,
+            self.schedule,
+            self.grid,
+            remembers=structure.remembers,
+            has_alpha=structure.has_alpha,
             always_slope=bool(METHODS[self.solver.method].error),
-            longest=np.inf if self.adaptive else longest, reach=self.reach,
+            longest=np.inf if self.adaptive else longest,
+            reach=self.reach,
         )
         bound = (1e6, 1e6) if self.solver.divergence is None else (self.solver.divergence, 0.0)
         start = Start(self.system.z0[:, None], self.system.p[:, None], bound)
@@ -195,7 +246,9 @@ class _Run:
             span = self.time.end - self.time.start
             most = min(self.solver.max_step or span, longest)
             first = min(1e-4 * span, most) if self.solver.step == "auto" else min(self.solver.step, most)
-            tolerance = Tolerance(self.solver.rtol or _DEFAULT_RTOL, self.solver.atol or _DEFAULT_ATOL, most, first)
+            tolerance = Tolerance(
+                self.solver.rtol or _DEFAULT_RTOL, self.solver.atol or _DEFAULT_ATOL, most, first
+            )
         return self.program.run(plan, start, tolerance, progress)
 
     def result(self, raw: Raw) -> Result:
@@ -216,8 +269,11 @@ class _Run:
             found[b.label] = ObserverResult(
                 b.observer.type,
                 np.ascontiguousarray(xhat[shown]),
-                {name: self._shaped(rows[shown, st.start : st.start + st.size], st.shape)
-                 for name, st in b.states.items() if name != "xhat" and st.size},
+                {
+                    name: self._shaped(rows[shown, st.start : st.start + st.size], st.shape)
+                    for name, st in b.states.items()
+                    if name != "xhat" and st.size
+                },
                 {name: np.asarray(value).tolist() for name, value in b.design.items()},
                 sum(st.size for name, st in b.states.items() if name != "alpha"),
                 lost_at if np.isfinite(lost_at) else None,
@@ -229,10 +285,24 @@ class _Run:
             embedded = {label: float(np.max(raw.error[a:b])) for label, (a, b) in blocks_of.items()}
         units = {"time": self.time.unit, **self.plant.units}
         return Result(
-            self.experiment.name, blocks.title, self.grid[shown].copy(), np.ascontiguousarray(x[shown]), u[shown].copy(),
-            y[shown].copy(), model.states, model.inputs, model.outputs, units,
-            self._measurements(raw, y[shown]), found, self.experiment.text, self.experiment.resolved_text(),
-            blocks.seed, asdict(windows), embedded, blocks.figures,
+            self.experiment.name,
+            blocks.title,
+            self.grid[shown].copy(),
+            np.ascontiguousarray(x[shown]),
+            u[shown].copy(),
+            y[shown].copy(),
+            model.states,
+            model.inputs,
+            model.outputs,
+            units,
+            self._measurements(raw, y[shown]),
+            found,
+            self.experiment.text,
+            self.experiment.resolved_text(),
+            blocks.seed,
+            asdict(windows),
+            embedded,
+            blocks.figures,
         )
 
     @staticmethod

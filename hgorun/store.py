@@ -78,9 +78,15 @@ class _Writer:
         self.file = file
 
     def group(self, path: str) -> h5py.Group:
-        return self.file.require_group(path) if path in self.file else self.file.create_group(path, track_order=True)
+        return (
+            self.file.require_group(path)
+            if path in self.file
+            else self.file.create_group(path, track_order=True)
+        )
 
-    def data(self, path: str, values: Any, dimensions: tuple[str, ...] = (), **attributes: Any) -> h5py.Dataset:
+    def data(
+        self, path: str, values: Any, dimensions: tuple[str, ...] = (), **attributes: Any
+    ) -> h5py.Dataset:
         parent, _, name = path.rpartition("/")
         group = self.group(parent) if parent else self.file
         data = group.create_dataset(name, data=values, track_times=False)
@@ -119,22 +125,40 @@ def _write(result: Result, file: h5py.File) -> None:
     each = [units.get(s, "") for s in result.states]
     # one unit for all states, or one after the other in their order
     of_states = (each[0] if len(set(each)) == 1 else "; ".join(each)) if any(each) else None
-    w.data("plant/x", result.x, ("time", "plant_state"), labels=_labels(result.states), long_name="state", units=of_states)
+    w.data(
+        "plant/x",
+        result.x,
+        ("time", "plant_state"),
+        labels=_labels(result.states),
+        long_name="state",
+        units=of_states,
+    )
     if result.inputs:
         w.data("plant/u", result.u, ("time", "plant_input"), labels=_labels(result.inputs), long_name="input")
     w.data(
-        "plant/y", result.y, ("time", "plant_output"), labels=_labels(result.outputs), long_name="noise-free output"
+        "plant/y",
+        result.y,
+        ("time", "plant_output"),
+        labels=_labels(result.outputs),
+        long_name="noise-free output",
     )
     m = result.measurements
     # their dimension is the number of the measurement: a second dimension called time would clash with the grid
     w.scale("measurement/number", np.arange(m.time.size), long_name="number of the measurement")
     numbered = ("measurement/number", "plant_output")
     w.data(
-        "measurement/time", m.time, numbered[:1], units=unit, long_name="when the measurement becomes available"
+        "measurement/time",
+        m.time,
+        numbered[:1],
+        units=unit,
+        long_name="when the measurement becomes available",
     )
     w.data("measurement/taken", m.taken, numbered, units=unit, long_name="time that it speaks of")
     w.data(
-        "measurement/y", m.y, numbered, labels=_labels(result.outputs),
+        "measurement/y",
+        m.y,
+        numbered,
+        labels=_labels(result.outputs),
         long_name="measurement that the observers got",
     )
     w.group("observers")
@@ -145,7 +169,14 @@ def _write(result: Result, file: h5py.File) -> None:
 
 def _write_observer(w: _Writer, result: Result, label: str, o: ObserverResult, units: str | None) -> None:
     base = f"observers/{label}"
-    w.data(f"{base}/xhat", o.xhat, ("time", "plant_state"), labels=_labels(result.states), long_name="estimate", units=units)
+    w.data(
+        f"{base}/xhat",
+        o.xhat,
+        ("time", "plant_state"),
+        labels=_labels(result.states),
+        long_name="estimate",
+        units=units,
+    )
     w.group(f"{base}/state")
     for name, values in o.internal.items():
         data = w.data(f"{base}/state/{name}", values)
@@ -249,10 +280,7 @@ def _read(file: h5py.File, path: Path) -> Result:
     nt, n = time.size, len(states)
     observers = {}
     for label, group in file["observers"].items():
-        internal = {
-            name: numbers(f"observers/{label}/state/{name}")
-            for name in group["state"]
-        }
+        internal = {name: numbers(f"observers/{label}/state/{name}") for name in group["state"]}
         metrics = {name: numbers(f"metrics/{label}/{name}", n) for name in file[f"metrics/{label}"]}
         observers[label] = ObserverResult(
             str(group.attrs["type"]),
@@ -265,16 +293,29 @@ def _read(file: h5py.File, path: Path) -> Result:
         )
     y_times = numbers("measurement/time")
     measurements = Measurements(
-        y_times, numbers("measurement/taken", y_times.size, len(outputs)),
+        y_times,
+        numbers("measurement/taken", y_times.size, len(outputs)),
         numbers("measurement/y", y_times.size, len(outputs)),
     )
     error = file.attrs.get("integration_error")
     return Result(
-        str(file.attrs["name"]), str(file.attrs["title"]), time, numbers("plant/x", nt, n),
-        numbers("plant/u", nt, len(inputs)) if inputs else np.zeros((nt, 0)), numbers("plant/y", nt, len(outputs)),
-        states, inputs, outputs, _mapping(file.attrs["units"]), measurements, observers,
-        str(file.attrs["config"]), str(file.attrs["config_resolved"]), int(file.attrs["seed"]),
-        _mapping(file.attrs["windows"]), _mapping(error) if error is not None else None,
+        str(file.attrs["name"]),
+        str(file.attrs["title"]),
+        time,
+        numbers("plant/x", nt, n),
+        numbers("plant/u", nt, len(inputs)) if inputs else np.zeros((nt, 0)),
+        numbers("plant/y", nt, len(outputs)),
+        states,
+        inputs,
+        outputs,
+        _mapping(file.attrs["units"]),
+        measurements,
+        observers,
+        str(file.attrs["config"]),
+        str(file.attrs["config_resolved"]),
+        int(file.attrs["seed"]),
+        _mapping(file.attrs["windows"]),
+        _mapping(error) if error is not None else None,
     )
 
 
@@ -298,8 +339,10 @@ def to_xarray(result: Result) -> xarray.Dataset:
         "input": list(result.inputs),
         "observer": list(result.observers),
     }
-    estimates = np.stack([o.xhat for o in result.observers.values()]) if result.observers else np.zeros(
-        (0, *result.x.shape)
+    estimates = (
+        np.stack([o.xhat for o in result.observers.values()])
+        if result.observers
+        else np.zeros((0, *result.x.shape))
     )
     return xarray.Dataset(
         {

@@ -6,7 +6,15 @@ import math
 from collections.abc import Sequence
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, WithJsonSchema, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    WithJsonSchema,
+    model_validator,
+)
 from pydantic_core import PydanticCustomError
 
 from hgorun.config.expressions import ExpressionError, check_name, nearest, parse
@@ -25,15 +33,24 @@ class Block(BaseModel):
         keys = ", ".join(cls.model_fields)
         if not isinstance(data, dict):
             raise PydanticCustomError(
-                "not_a_mapping", "expected a mapping with keys {keys}; found {found}",
+                "not_a_mapping",
+                "expected a mapping with keys {keys}; found {found}",
                 {"keys": keys, "found": describe(data)},
             )
         for key in data:
             if key not in cls.model_fields:
                 raise PydanticCustomError(
-                    "unknown_key", "unknown key {name}.{hint} Known here: {keys}",
-                    {"key": key, "name": repr(key), "hint": nearest(str(key), cls.model_fields), "keys": keys},
+                    "unknown_key",
+                    "unknown key {name}.{hint} Known here: {keys}",
+                    {
+                        "key": key,
+                        "name": repr(key),
+                        "hint": nearest(str(key), cls.model_fields),
+                        "keys": keys,
+                    },
                 )
+            if data[key] is None:
+                raise PydanticCustomError("no_value", "this key has no value", {"key": key})
         return data
 
 
@@ -120,5 +137,14 @@ def _ordered(value: tuple[float, float]) -> tuple[float, float]:
         raise ValueError(f"expected [low, high] with low < high, found [{value[0]:g}, {value[1]:g}]")
     return value
 
+
+def _nonempty(value: tuple[Any, ...]) -> tuple[Any, ...]:
+    if not value:
+        raise ValueError("expected at least one entry, found an empty list")
+    return value
+
+
+# Not min_length: pydantic would then report entries that are wrong as missing.
+NonEmpty = AfterValidator(_nonempty)
 
 Interval = Annotated[tuple[Number, Number], AfterValidator(_ordered)]

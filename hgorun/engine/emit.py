@@ -122,9 +122,20 @@ class _Emitter:
         pointers = "ptr noalias %p, ptr noalias %c"
         self.parts = [
             Function(f"{name}_setup", pointers, lanes, declarations, attributes=inline),
-            Function(f"{name}_clock", f"double %t, {pointers}, ptr noalias %tau", lanes, declarations, attributes=inline),
-            Function(name, f"{pointers}, ptr noalias %tau, ptr noalias %z, ptr noalias %w, ptr noalias %d", lanes,
-                     declarations, attributes=inline),
+            Function(
+                f"{name}_clock",
+                f"double %t, {pointers}, ptr noalias %tau",
+                lanes,
+                declarations,
+                attributes=inline,
+            ),
+            Function(
+                name,
+                f"{pointers}, ptr noalias %tau, ptr noalias %z, ptr noalias %w, ptr noalias %d",
+                lanes,
+                declarations,
+                attributes=inline,
+            ),
         ]
         self.lanes = lanes
         self.sizes = [0, 0]
@@ -157,7 +168,11 @@ class _Emitter:
                     self.passed[value] = self.sizes[source]
                     self.sizes[source] += 1
                     maker = self.parts[source]
-                    maker.store(self.names[source][value], self._address(source, array, self.passed[value]), maker.real)
+                    maker.store(
+                        self.names[source][value],
+                        self._address(source, array, self.passed[value]),
+                        maker.real,
+                    )
                 known[value] = self._load(part, array, self.passed[value])
         return known[value]
 
@@ -221,6 +236,10 @@ def emit(function: ca.Function, name: str, lanes: int, declarations: set[str]) -
     for part in emitter.parts:
         part.do("ret void")
     return Emitted(
-        name, lanes, emitter.sizes[0], emitter.sizes[1], function.n_instructions(),
+        name,
+        lanes,
+        emitter.sizes[0],
+        emitter.sizes[1],
+        function.n_instructions(),
         "\n".join(part.text() for part in emitter.parts),
     )

@@ -48,7 +48,8 @@ def _add_advance(s: Stepper) -> None:
         t = exact(step)
         skipped = f.let(f"and i1 {is_last}, {silent_end}")
         with f.when(f.let(f"xor i1 {skipped}, true")):
-            s.slope_at_end(clocked(step), s.clock[0.0])
+            at_first = f.let(f"zext i1 {f.test('eq', step, n['first'])} to i64")
+            s.slope_at_end(clocked(step), s.clock[0.0], finished=at_first)
         with f.when(f.test("ne", step, n["first"])):
             t_before = exact(f.scalar("sub", step, "1"))
             s.rows_before(t_before, t, h)

@@ -34,7 +34,8 @@ class History:
     def _add_write(self) -> None:
         """``remember(ctx, index, t0, t1, start, end)``: start and end hold values, then slopes."""
         f = self.m.function(
-            "remember", "ptr %ctx, i64 %index, double %t0, double %t1, ptr %start, ptr %end",
+            "remember",
+            "ptr %ctx, i64 %index, double %t0, double %t1, ptr %start, ptr %end",
             attributes="nounwind noinline",
         )
         piece = self._piece(f, "%index")
@@ -51,19 +52,22 @@ class History:
         return f.at(f.word("%ctx", WORD["ring"], "ptr"), f.scalar("mul", slot, str(words)))
 
     def _add_recall(self) -> None:
-        """``recall(ctx, output, t, newest, target)``: an output's channels at t; 1 if from piece ``newest`` + 0.
+        """``recall(ctx, output, t, newest, target)``: an output's channels at t, from piece ``newest`` or an older one.
 
         Returns 0, or 1 when the provisional piece was used, or 2 when the history is too short.
         """
         f = self.m.function(
-            "recall", "ptr %ctx, i64 %output, double %t, i64 %newest, ptr %target",
-            returns="i64", attributes="nounwind noinline",
+            "recall",
+            "ptr %ctx, i64 %output, double %t, i64 %newest, ptr %target",
+            returns="i64",
+            attributes="nounwind noinline",
         )
         own = self.m.structure.width * self.m.lanes
         first = f.scalar("mul", "%output", str(own))
         before = f.label()
         search = f.label()
-        f.branch(f.test("ole", "%t", f.word("%ctx", WORD["t_start"], "double")), before, search)
+        early = f.test("ole", "%t", f.word("%ctx", WORD["t_start"], "double"))
+        f.branch(f.let(f"or i1 {early}, {f.test('slt', '%newest', '0')}"), before, search)
         f.place(before)
         copy(f, f.at(f.word("%ctx", WORD["initial"], "ptr"), first), "%target", own)
         f.do("ret i64 0")

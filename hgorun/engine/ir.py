@@ -126,8 +126,16 @@ class Function(Block):
     Variables are stack slots: LLVM turns them into registers. Integers are ``i64``.
     """
 
-    def __init__(self, name: str, arguments: str, lanes: int, declarations: set[str], *, returns: str = "void",
-                 attributes: str = "nounwind") -> None:
+    def __init__(
+        self,
+        name: str,
+        arguments: str,
+        lanes: int,
+        declarations: set[str],
+        *,
+        returns: str = "void",
+        attributes: str = "nounwind",
+    ) -> None:
         super().__init__(lanes, declarations)
         self.name = name
         self._head = f"define {{linkage}} {returns} @{name}({arguments}) {attributes} {{{{"
@@ -165,7 +173,9 @@ class Function(Block):
     def test(self, predicate: str, a: str, b: str) -> str:
         """Compare scalars: ``slt``, ``eq``, ... integers; ``olt``, ``ugt``, ... doubles."""
         integer = predicate in {"eq", "ne", "slt", "sle", "sgt", "sge"}
-        return self.let(f"{'icmp' if integer else 'fcmp'} {predicate} {'i64' if integer else 'double'} {a}, {b}")
+        return self.let(
+            f"{'icmp' if integer else 'fcmp'} {predicate} {'i64' if integer else 'double'} {a}, {b}"
+        )
 
     def label(self) -> str:
         self._labels += 1

@@ -29,8 +29,12 @@ class Module:
         self._offset: dict[str, int] = {}
         self._emitted: list[Emitted] = []
 
-    def function(self, name: str, arguments: str, *, returns: str = "void", attributes: str = "nounwind") -> Function:
-        return Function(name, arguments, self.lanes, self.declarations, returns=returns, attributes=attributes)
+    def function(
+        self, name: str, arguments: str, *, returns: str = "void", attributes: str = "nounwind"
+    ) -> Function:
+        return Function(
+            name, arguments, self.lanes, self.declarations, returns=returns, attributes=attributes
+        )
 
     def finish(self, f: Function, linkage: str = "internal") -> None:
         self.functions.append(f.text(linkage))
@@ -150,7 +154,9 @@ def add_actions(m: Module) -> None:
 def add_flag(m: Module) -> None:
     """``flag(ctx, t, z, bound)``: mask the observers that have left the bound; 1 when the plant has."""
     lanes = m.lanes
-    f = m.function("flag", "ptr %ctx, double %t, ptr %z, ptr %bound", returns="i64", attributes="nounwind noinline")
+    f = m.function(
+        "flag", "ptr %ctx, double %t, ptr %z, ptr %bound", returns="i64", attributes="nounwind noinline"
+    )
     bad = f.slot("i64")
 
     def watch(start: str, stop: str, lane: str, bound: str) -> str:
@@ -205,7 +211,8 @@ def add_rows(m: Module, *, quintic: bool) -> None:
     """
     width = m.structure.states * m.lanes
     f = m.function(
-        "rows", "ptr %ctx, double %t0, double %t1, double %snap, ptr %z0, ptr %k0, ptr %z1, ptr %k1, ptr %q",
+        "rows",
+        "ptr %ctx, double %t0, double %t1, double %snap, ptr %z0, ptr %k0, ptr %z1, ptr %k1, ptr %q",
         attributes="nounwind noinline",
     )
     grid, rows = f.word("%ctx", WORD["grid"], "ptr"), f.word("%ctx", WORD["rows"], "ptr")

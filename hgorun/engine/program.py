@@ -146,10 +146,15 @@ class Program:
         ir, self._constants = generate(structure, method, adaptive=adaptive, lanes=lanes)
         self._native = NativeModule(ir, ("begin", "run"))
         self._begin = ctypes.CFUNCTYPE(None, ctypes.c_void_p)(self._native.address["begin"])
-        self._run = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p, ctypes.c_int64)(self._native.address["run"])
+        self._run = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p, ctypes.c_int64)(
+            self._native.address["run"]
+        )
 
     def run(
-        self, plan: Plan, start: Start, tolerance: Tolerance | None = None,
+        self,
+        plan: Plan,
+        start: Start,
+        tolerance: Tolerance | None = None,
         progress: Callable[[float], None] | None = None,
     ) -> Raw:
         """Run a plan.
@@ -202,13 +207,16 @@ def _explain(verdict: int, t: float) -> str:
 class _Memory:
     """The arrays of one run and the context that points to them."""
 
-    def __init__(self, s: Structure, lanes: int, constants: int, plan: Plan, start: Start,
-                 tolerance: Tolerance | None) -> None:
+    def __init__(
+        self, s: Structure, lanes: int, constants: int, plan: Plan, start: Start, tolerance: Tolerance | None
+    ) -> None:
         channels = s.outputs * s.width
         pieces = self._pieces(plan, tolerance) if s.remembers else 1
         ring = np.zeros(pieces * piece_words(channels, lanes) if s.remembers else 1)
         alpha = [[block[1] + i for block in s.blocks] for i in range(s.outputs)] if s.has_alpha else [[]]
-        entries = np.array([e * lanes + lane for row in alpha for e in row for lane in range(lanes)], dtype=np.int64)
+        entries = np.array(
+            [e * lanes + lane for row in alpha for e in row for lane in range(lanes)], dtype=np.int64
+        )
         self.shape = (plan.grid.size, s.states, lanes)
         self.arrays: dict[str, np.ndarray] = {
             "p": np.ascontiguousarray(start.p, dtype=float),
@@ -218,7 +226,9 @@ class _Memory:
             "channels": np.zeros(max(channels, 1) * lanes),
             "spans": np.ascontiguousarray(plan.spans),
             "counts": np.ascontiguousarray(plan.counts),
-            "actions": np.ascontiguousarray(plan.actions) if plan.actions.size else np.zeros(5, dtype=np.int64),
+            "actions": np.ascontiguousarray(plan.actions)
+            if plan.actions.size
+            else np.zeros(5, dtype=np.int64),
             "grid": np.append(plan.grid, np.inf),
             "rows": np.full(self.shape, np.nan),
             "slots": np.zeros(max(plan.slots, 1) * s.width * lanes),
@@ -278,8 +288,12 @@ class _Memory:
         rows = self.arrays["rows"]
         done = int(self.context[WORD["row"]])
         rows[done:] = self.arrays["z"].reshape(1, *self.shape[1:])  # the points at the end of the run
-        return Raw(rows, self.arrays["measured"][: self.slots], self.arrays["diverged"][: self.observers],
-                   self.arrays["error"])
+        return Raw(
+            rows,
+            self.arrays["measured"][: self.slots],
+            self.arrays["diverged"][: self.observers],
+            self.arrays["error"],
+        )
 
 
 def _spread(values: Floats, lanes: int) -> Floats:

@@ -76,14 +76,13 @@ class Stepper:
         Channels and their slopes at the end and the start, where there is a history.
     """
 
-    def __init__(self, m: Module, method: Method, history: History | None, variant: Variant, flow: Emitted,
-                 name: str) -> None:
+    def __init__(
+        self, m: Module, method: Method, history: History | None, variant: Variant, flow: Emitted, name: str
+    ) -> None:
         self.m, self.method, self.history, self.variant, self.flow = m, method, history, variant, flow
         self.delayed = is_delayed(variant)
         self.size, lanes = m.structure.states, m.lanes
-        self.f = f = m.function(
-            name, "ptr %ctx, i64 %segment", returns="i64", attributes="nounwind noinline"
-        )
+        self.f = f = m.function(name, "ptr %ctx, i64 %segment", returns="i64", attributes="nounwind noinline")
         self.start, self.end, self.start_eval, self.end_eval = span(f, "%segment")
         self.p, self.w, self.home = (f.word("%ctx", WORD[name], "ptr") for name in ("p", "w", "z"))
         self.c = m.constants_of(f, flow)
@@ -99,18 +98,18 @@ class Stepper:
         """What depends on time alone, at t."""
         self.flow.clock(self.f, t, self.p, self.c, tau)
 
-    def flow_at(self, t: str, tau: str, z: str, target: str, *, inside: bool) -> None:
-        """z' at (t, z); ``inside`` a step its own provisional piece of history may be used."""
+    def flow_at(self, t: str, tau: str, z: str, target: str, *, finished: str = "0") -> None:
+        """z' at (t, z); ``finished``: "1" where no step is being made whose provisional piece may be used."""
         f = self.f
         if self.delayed:
             assert self.history is not None
-            newest = f.scalar("sub", f.word("%ctx", WORD["ring_count"]), "0" if inside else "1")
+            newest = f.scalar("sub", f.word("%ctx", WORD["ring_count"]), finished)
             self.history.look_up(f, self.variant, t, newest, self.flags)
         self.flow.main(f, self.p, self.c, tau, z, self.w, target)
 
-    def slope_at_end(self, t: str, tau: str) -> None:
-        """The slope at the end of the step, and the channels there."""
-        self.flow_at(t, tau, self.z, self.slope, inside=False)
+    def slope_at_end(self, t: str, tau: str, *, finished: str = "0") -> None:
+        """The slope at the end of the step, and the channels there; ``finished`` as in :meth:`flow_at`."""
+        self.flow_at(t, tau, self.z, self.slope, finished=finished)
         if self.history:
             self.history.follow(self.f, t, self.z, self.slope, self.trace)
 
@@ -136,7 +135,7 @@ class Stepper:
             f.place(refine)
             end_clock = f.slot("double", self.flow.clocked * self.m.lanes)
             self.tick(t_end, end_clock)
-            self.flow_at(t_end, end_clock, self.z, self.slope, inside=True)
+            self.flow_at(t_end, end_clock, self.z, self.slope)
             self.history.follow(f, t_end, self.z, self.slope, self.trace)  # type: ignore[union-attr]
             f.store("0", self.flags, "i64")
             f.jump(again)
@@ -151,7 +150,7 @@ class Stepper:
                 self.tick(t_stage, self.clock[c])
                 ticked.add(c)
             combine(f, row, h, self.before, self.k, self.stage, self.size)
-            self.flow_at(t_stage, self.clock[c], self.stage, target, inside=True)
+            self.flow_at(t_stage, self.clock[c], self.stage, target)
         combine(f, method.result, h, self.before, self.k, self.z, self.size)
         if 1.0 not in ticked:
             self.tick(t_end, self.clock[1.0])

@@ -89,7 +89,10 @@ def resolve(measurement: Measurement, outputs: Sequence[str], time: Time) -> lis
         path = ("measurement", "phases", number)
         _require_outputs(phase.outputs, outputs, (*path, "outputs"))
         if not phase.until > bounds[-1]:
-            raise Problem((*path, "until"), f"phases end one after the other: {phase.until:g} is not after {bounds[-1]:g}")
+            raise Problem(
+                (*path, "until"),
+                f"phases end one after the other: {phase.until:g} is not after {bounds[-1]:g}",
+            )
         bounds.append(phase.until)
     if measurement.phases:
         if bounds[-1] < time.end:
@@ -121,11 +124,16 @@ def resolve(measurement: Measurement, outputs: Sequence[str], time: Time) -> lis
 def _require_outputs(given: Any, outputs: Sequence[str], path: Path) -> None:
     for name in given:
         if name not in outputs:
-            raise Problem((*path, name), f"unknown output {name!r}; the plant's outputs are {', '.join(outputs)}."
-                          + nearest(name, outputs))
+            raise Problem(
+                (*path, name),
+                f"unknown output {name!r}; the plant's outputs are {', '.join(outputs)}."
+                + nearest(name, outputs),
+            )
 
 
-def _layered(values: dict[str, Any], paths: dict[str, Path], block: Availability, path: Path) -> tuple[dict[str, Any], dict[str, Path]]:
+def _layered(
+    values: dict[str, Any], paths: dict[str, Path], block: Availability, path: Path
+) -> tuple[dict[str, Any], dict[str, Path]]:
     """The values with those of a block on top."""
     new = {key: getattr(block, key) for key in ("sampling", "delay", "noise", "mode")}
     new = {key: value for key, value in new.items() if value is not None}
@@ -150,7 +158,9 @@ def _stretch(start: float, end: float, values: dict[str, Any], paths: dict[str, 
         if isinstance(item, ExpressionNoise):
             _check(stretch, (*path, "value"), item.value, ("t",) if stretch.continuous else ("t", "k"))
         elif stretch.continuous and not isinstance(item, Sinusoids) and item.hold is None:
-            raise Problem(path, f"{item.type} noise on a continuous measurement needs hold: the time between two draws")
+            raise Problem(
+                path, f"{item.type} noise on a continuous measurement needs hold: the time between two draws"
+            )
     return stretch
 
 

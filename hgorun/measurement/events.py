@@ -40,7 +40,9 @@ def kink_arguments(expressions: Iterable[ca.SX]) -> list[ca.SX]:
     return found
 
 
-def roots(functions: list[Callable[[np.ndarray], np.ndarray]], start: float, end: float, points: int) -> np.ndarray:
+def roots(
+    functions: list[Callable[[np.ndarray], np.ndarray]], start: float, end: float, points: int
+) -> np.ndarray:
     """Zeros of functions of time between start and end, both ends included, to the last digit.
 
     Zeros closer to each other than the spacing of ``points`` may be missed.
@@ -71,8 +73,9 @@ def _bisect(function: Callable[[np.ndarray], np.ndarray], low: np.ndarray, high:
     return high
 
 
-def kinks(expressions: list[ca.SX], t: ca.SX, p: ca.SX, values: np.ndarray, start: float, end: float,
-          points: int) -> np.ndarray:
+def kinks(
+    expressions: list[ca.SX], t: ca.SX, p: ca.SX, values: np.ndarray, start: float, end: float, points: int
+) -> np.ndarray:
     """Kinks and jumps of expressions of t and p."""
     functions = []
     for argument in kink_arguments(expressions):
@@ -82,8 +85,14 @@ def kinks(expressions: list[ca.SX], t: ca.SX, p: ca.SX, values: np.ndarray, star
     return roots(functions, start, end, points)
 
 
-def repeated(events: np.ndarray, delay: Callable[[np.ndarray], np.ndarray], constant: bool, start: float, end: float,
-             points: int) -> np.ndarray:
+def repeated(
+    events: np.ndarray,
+    delay: Callable[[np.ndarray], np.ndarray],
+    constant: bool,
+    start: float,
+    end: float,
+    points: int,
+) -> np.ndarray:
     """The times t in (start, end] with t - d(t) = an event."""
     if constant:
         times = events + delay(np.array([start]))[0]

@@ -56,8 +56,15 @@ class RandomNoise:
         The mean of the noise-free output squared, asked for only where a signal-to-noise ratio needs it.
     """
 
-    def __init__(self, stretch: Stretch, seed: int, channel: str, start: float, end: float,
-                 mean_square: Callable[[], float]) -> None:
+    def __init__(
+        self,
+        stretch: Stretch,
+        seed: int,
+        channel: str,
+        start: float,
+        end: float,
+        mean_square: Callable[[], float],
+    ) -> None:
         self.start, self.end = start, end
         self.items: list[tuple[UniformNoise | GaussianNoise, np.random.Generator]] = [
             (item, generator(seed, "noise", channel, i))

@@ -51,12 +51,17 @@ def find_samples(stretches: list[Stretch], start: float, seed: int, output: str,
         times, k = _arrivals(stretch, generator(seed, "sampling", output, i), most)
         last = i == len(stretches) - 1
         tolerance = 1e-12 * max(abs(stretch.end), abs(stretch.start))
-        inside = (times >= stretch.start) & (times <= stretch.end + tolerance if last else times < stretch.end - tolerance)
+        inside = (times >= stretch.start) & (
+            times <= stretch.end + tolerance if last else times < stretch.end - tolerance
+        )
         times, k = np.minimum(times[inside], stretch.end), k[inside]
         delay = stretch.delay_at(times)
         if not np.all(np.isfinite(delay)) or np.any(delay < 0):
             worst = times[np.argmin(np.where(np.isfinite(delay), delay, -np.inf))]
-            raise Problem(stretch.paths["delay"], f"the delay must be a number >= 0, found {delay.min():g} at t = {worst:g}")
+            raise Problem(
+                stretch.paths["delay"],
+                f"the delay must be a number >= 0, found {delay.min():g} at t = {worst:g}",
+            )
         arrival.append(times)
         taken.append(np.maximum(times - delay, start))
         number.append(k)
@@ -80,7 +85,10 @@ def _arrivals(stretch: Stretch, random: np.random.Generator, most: int) -> tuple
             raise Problem((*path, "times"), f"no sample lies between {stretch.start:g} and {stretch.end:g}")
         return times, np.arange(times.size)
     if isinstance(sampling, Periodic):
-        count = np.floor((stretch.end - stretch.start - sampling.offset) / sampling.period * (1 + 1e-12) + 1e-9) + 1
+        count = (
+            np.floor((stretch.end - stretch.start - sampling.offset) / sampling.period * (1 + 1e-12) + 1e-9)
+            + 1
+        )
         if count > most:
             raise Problem((*path, "period"), f"{count:.3g} samples are more than time.max_memory allows")
         k = np.arange(max(int(count), 0))
@@ -111,7 +119,9 @@ def _stepped(stretch: Stretch, path: tuple[str | int, ...], most: int) -> tuple[
             first = int(np.argmax(bad))
             reached = times[-1] + values[:first].sum()
             if reached <= stretch.end:
-                raise Problem(path, f"steps must be positive, found {values[first]:g} at k = {numbers[first]}")
+                raise Problem(
+                    path, f"steps must be positive, found {values[first]:g} at k = {numbers[first]}"
+                )
             values = values[:first]
         times = np.concatenate([times, times[-1] + np.cumsum(values)])
         if times.size > most:

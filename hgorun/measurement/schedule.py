@@ -89,8 +89,13 @@ class Schedule:
     step: float
 
 
-def find_channels(resolved: list[list[Stretch]], outputs: tuple[str, ...], time: Time, seed: int,
-                  mean_square: Callable[[int], float]) -> list[Channel]:
+def find_channels(
+    resolved: list[list[Stretch]],
+    outputs: tuple[str, ...],
+    time: Time,
+    seed: int,
+    mean_square: Callable[[int], float],
+) -> list[Channel]:
     """Samples and random noise of every output."""
     most = int(time.max_memory / 64)
     channels = []
@@ -99,7 +104,9 @@ def find_channels(resolved: list[list[Stretch]], outputs: tuple[str, ...], time:
             for j, item in enumerate(stretch.noise):
                 hold = getattr(item, "hold", None)
                 if hold is not None and (time.end - time.start) / hold > most:
-                    raise Problem((*stretch.paths["noise"], j, "hold"), "more draws than time.max_memory allows")
+                    raise Problem(
+                        (*stretch.paths["noise"], j, "hold"), "more draws than time.max_memory allows"
+                    )
         samples = find_samples(stretches, time.start, seed, name, most)
         random = [
             RandomNoise(s, seed, f"{name}/{k}", time.start, time.end, lambda i=i: mean_square(i))
@@ -128,12 +135,16 @@ def check_delays(channels: list[Channel], points: int) -> tuple[float, float]:
         delays = s.delay_at(times)
         if not np.all(np.isfinite(delays)) or np.any(delays < 0):
             where = times[np.argmin(np.where(np.isfinite(delays), delays, -np.inf))]
-            raise Problem(s.paths["delay"], f"the delay must be a number >= 0, found {delays.min():g} at t = {where:g}")
+            raise Problem(
+                s.paths["delay"], f"the delay must be a number >= 0, found {delays.min():g} at t = {where:g}"
+            )
         smallest, largest = min(smallest, float(delays.min())), max(largest, float(delays.max()))
     return smallest, largest
 
 
-def build_schedule(channels: list[Channel], time: Time, kinks: np.ndarray, step: float, points: int) -> Schedule:
+def build_schedule(
+    channels: list[Channel], time: Time, kinks: np.ndarray, step: float, points: int
+) -> Schedule:
     """Collect all events of a run.
 
     Parameters
@@ -157,12 +168,14 @@ def build_schedule(channels: list[Channel], time: Time, kinks: np.ndarray, step:
     newest = events
     for _ in range(LEVELS if continuous_delays(channels) else 0):
         found = [
-            repeated(newest, s.delay_at, s.delay_is_constant, s.start, s.end, points) for s in continuous_delays(channels)
+            repeated(newest, s.delay_at, s.delay_is_constant, s.start, s.end, points)
+            for s in continuous_delays(channels)
         ]
         fresh = merge(np.concatenate(found), tolerance)
         near = np.searchsorted(events, fresh)
         away = np.minimum(
-            np.abs(fresh - events[np.clip(near, 0, events.size - 1)]), np.abs(fresh - events[np.clip(near - 1, 0, None)])
+            np.abs(fresh - events[np.clip(near, 0, events.size - 1)]),
+            np.abs(fresh - events[np.clip(near - 1, 0, None)]),
         )
         newest = fresh[away > tolerance]
         events = _clipped(np.concatenate([events, newest]), time, tolerance)
@@ -186,8 +199,16 @@ def _nearest(events: np.ndarray, times: np.ndarray) -> np.ndarray:
     return np.where(times - events[right - 1] <= events[right] - times, right - 1, right)
 
 
-def build_plan(schedule: Schedule, grid: np.ndarray, *, remembers: bool, has_alpha: bool, always_slope: bool,
-               longest: float, reach: float) -> Plan:
+def build_plan(
+    schedule: Schedule,
+    grid: np.ndarray,
+    *,
+    remembers: bool,
+    has_alpha: bool,
+    always_slope: bool,
+    longest: float,
+    reach: float,
+) -> Plan:
     """The engine's tables.
 
     Parameters
@@ -218,7 +239,7 @@ def build_plan(schedule: Schedule, grid: np.ndarray, *, remembers: bool, has_alp
     spans, counts = _split(spans, counts, _PIECE)
     # what happens at the very end: one more segment without steps
     last = np.array([[1, 0, 0, counts[-1, 3], table.first[-1], table.rows.shape[0], 0]])
-    end = np.array([[events[-1], events[-1] + schedule.step, events[-1], events[-1]]])
+    end = np.full((1, 4), events[-1])
     return Plan(
         np.concatenate([spans, end]),
         np.concatenate([counts, last]).astype(np.int64),
@@ -262,7 +283,9 @@ class _Actions:
 
     def __init__(self, schedule: Schedule, *, rebase: bool) -> None:
         events = schedule.events
-        parts = [np.zeros((0, 7), dtype=np.int64)]  # event, rank at the event, then the engine's five integers
+        parts = [
+            np.zeros((0, 7), dtype=np.int64)
+        ]  # event, rank at the event, then the engine's five integers
         gain, bias, holds = [np.zeros(0)], [np.zeros(0)], [np.zeros(0)]
         base, held = 0, 0
         for i, c in enumerate(schedule.channels):
@@ -273,7 +296,9 @@ class _Actions:
             parts.append(_rows(arrive, 1, np.where(s.used, ARRIVE, RECORD), i, slot))
             if rebase:
                 pending = base + _taken_by(take, arrive)
-                parts.append(_rows(arrive, 2, REBASE, i, slot, slot + 1, np.maximum(pending, slot + 1))[s.used])
+                parts.append(
+                    _rows(arrive, 2, REBASE, i, slot, slot + 1, np.maximum(pending, slot + 1))[s.used]
+                )
             g, b = _measured(c)
             gain.append(g)
             bias.append(b)

@@ -63,8 +63,8 @@ class Observer(Block):
 
         Raises
         ------
-        ValueError
-            When the gains do not fit the plant; the message becomes the user's.
+        Problem
+            When the gains do not fit the plant; its path starts at the key of this block.
         """
 
     @abstractmethod

@@ -6,6 +6,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from hgorun.config.types import Number, Poles, Positive
+from hgorun.errors import Problem
 from hgorun.observers.base import Observer
 from hgorun.symbolic.canonical import CanonicalForm
 from hgorun.symbolic.matrices import hurwitz_gain
@@ -14,9 +15,12 @@ from hgorun.symbolic.matrices import hurwitz_gain
 class ConstantGain(Observer):
     """theta, and either ``poles`` or ``gains`` of an order that the family decides."""
 
-    theta: Positive = Field(description="high gain theta > 0: the error's eigenvalues are theta times the poles")
+    theta: Positive = Field(
+        description="high gain theta > 0: the error's eigenvalues are theta times the poles"
+    )
     poles: Poles = Field(
-        default=complex(-1), description="eigenvalues at theta = 1: a number (all there) or a list; real part < 0"
+        default=complex(-1),
+        description="eigenvalues at theta = 1: a number (all there) or a list; real part < 0",
     )
     gains: tuple[Number, ...] | None = Field(
         default=None, description="the gain itself, in place of poles; filter part first"
@@ -32,8 +36,9 @@ class ConstantGain(Observer):
         """The gain of a chain of this order, shape (order,)."""
         given = self.gains if self.gains is not None else self.poles
         if isinstance(given, tuple) and len(given) != order:
-            what = "gains" if self.gains is not None else "poles"
-            raise ValueError(f"{what}: expected {order} numbers (or one pole for all), found {len(given)}")
+            key = "gains" if self.gains is not None else "poles"
+            alternative = "" if self.gains is not None else ", or one number for all"
+            raise Problem((key,), f"expected {order} numbers{alternative}; found {len(given)}")
         return np.asarray(self.gains) if self.gains is not None else hurwitz_gain(order, self.poles)
 
     def chain_gains(self, form: CanonicalForm, filter_order: int = 0) -> tuple[np.ndarray, np.ndarray]:

@@ -37,7 +37,8 @@ class Plant(Block):
     inputs: dict[Name, ExpressionText] = Field(default_factory=dict, description="name: expression of t")
     initial: dict[Name, Number] = Field(default_factory=dict, description="initial state, every state named")
     disturbance: dict[Name, ExpressionText] = Field(
-        default_factory=dict, description="state: expression of t, added to the plant, unknown to the observers"
+        default_factory=dict,
+        description="state: expression of t, added to the plant, unknown to the observers",
     )
 
     @property
@@ -56,7 +57,9 @@ class Plant(Block):
         return tuple(self.known_inputs)
 
     @abstractmethod
-    def equations(self, t: ca.SX, x: SimpleNamespace, u: SimpleNamespace, p: SimpleNamespace) -> tuple[Any, Any]:
+    def equations(
+        self, t: ca.SX, x: SimpleNamespace, u: SimpleNamespace, p: SimpleNamespace
+    ) -> tuple[Any, Any]:
         """(dynamics, outputs): the right-hand side of each state and each output, as lists."""
 
     @property

@@ -67,8 +67,10 @@ def build_plant(block: Plant) -> BuiltPlant:
 
     t = ca.SX.sym("t")
     x, u, p = (ca.vertcat(*[ca.SX.sym(n) for n in names]) for names in (states, inputs, tuple(values)))
-    spaces = [SimpleNamespace(**dict(zip(names, ca.vertsplit(v) if v.numel() else [], strict=True)))
-              for names, v in ((states, x), (inputs, u), (tuple(values), p))]
+    spaces = [
+        SimpleNamespace(**dict(zip(names, ca.vertsplit(v) if v.numel() else [], strict=True)))
+        for names, v in ((states, x), (inputs, u), (tuple(values), p))
+    ]
     dynamics, output = _equations(block, t, *spaces)
     model = PlantModel(states, outputs, inputs, tuple(values), t, x, u, p, dynamics, output, block.inverse)
     symbols = {**vars(spaces[2]), "t": t}
@@ -82,20 +84,23 @@ def build_plant(block: Plant) -> BuiltPlant:
     )
 
 
-def _equations(block: Plant, t: ca.SX, x: SimpleNamespace, u: SimpleNamespace, p: SimpleNamespace) -> tuple[ca.SX, ca.SX]:
+def _equations(
+    block: Plant, t: ca.SX, x: SimpleNamespace, u: SimpleNamespace, p: SimpleNamespace
+) -> tuple[ca.SX, ca.SX]:
     values = {**vars(p), **vars(u), **vars(x), "t": t}
     for key in ("dynamics", "output"):
         for name, text in getattr(block, key, {}).items():
-            _parse(("plant", key, name), text, values)
+            _symbol(("plant", key, name), text, values)
     if hasattr(block, "phi"):
-        _parse(("plant", "phi"), block.phi, values)
+        _symbol(("plant", "phi"), block.phi, values)
     dynamics, output = block.equations(t, x, u, p)
     return ca.SX(ca.vertcat(*dynamics)), ca.SX(ca.vertcat(*output))
 
 
-def _parse(path: tuple[str | int, ...], text: str, names: Collection[str]) -> Expression:
+def _symbol(path: tuple[str | int, ...], text: str, values: Mapping[str, ca.SX]) -> ca.SX:
+    """An expression of known names as a symbolic one."""
     try:
-        return parse(text, names=names)
+        return parse(text, names=values).symbol(values)
     except ExpressionError as error:
         raise Problem(path, str(error)) from error
 
@@ -104,7 +109,9 @@ def _require_known(block: str, key: str, given: Collection[str], known: Collecti
     for name in given:
         if name not in known:
             allowed = ", ".join(known) or "none"
-            raise Problem((block, key, name), f"unknown name {name!r}; known here: {allowed}.{nearest(name, known)}")
+            raise Problem(
+                (block, key, name), f"unknown name {name!r}; known here: {allowed}.{nearest(name, known)}"
+            )
 
 
 def _require_distinct(groups: Mapping[str, tuple[str, ...]]) -> None:
@@ -112,19 +119,32 @@ def _require_distinct(groups: Mapping[str, tuple[str, ...]]) -> None:
     for group, names in groups.items():
         for name in names:
             if name in owner:
-                raise Problem(("plant",), f"{name!r} is a name of {owner[name]} and of {group}; names must differ")
+                raise Problem(
+                    ("plant",), f"{name!r} is a name of {owner[name]} and of {group}; names must differ"
+                )
             owner[name] = group
 
 
-def _ordered(path: tuple[str | int, ...], texts: Mapping[str, str], outer: Collection[str]) -> list[tuple[str, Expression]]:
+def _ordered(
+    path: tuple[str | int, ...], texts: Mapping[str, str], outer: Collection[str]
+) -> list[tuple[str, Expression]]:
     """Definitions that may refer to each other, in the order in which they can be evaluated."""
-    parsed = {name: _parse((*path, name), text, [*outer, *texts]) for name, text in texts.items()}
+    parsed = {}
+    for name, text in texts.items():
+        try:
+            parsed[name] = parse(text, names=[*outer, *texts])
+        except ExpressionError as error:
+            raise Problem((*path, name), str(error)) from error
     done: dict[str, Expression] = {}
     while len(done) < len(parsed):
-        ready = [n for n, e in parsed.items() if n not in done and all(d in done for d in e.names if d in parsed)]
+        ready = [
+            n for n, e in parsed.items() if n not in done and all(d in done for d in e.names if d in parsed)
+        ]
         if not ready:
             circle = sorted(set(parsed) - set(done))
-            raise Problem((*path, circle[0]), f"{', '.join(circle)} are defined through each other, in a circle")
+            raise Problem(
+                (*path, circle[0]), f"{', '.join(circle)} are defined through each other, in a circle"
+            )
         done.update({name: parsed[name] for name in ready})
     return list(done.items())
 
@@ -133,7 +153,9 @@ def _parameter_values(block: Plant) -> dict[str, float]:
     known = block.known_parameters
     if known:
         _require_known("plant", "parameters", block.parameters, known)
-    texts = {name: repr(q.default) for name, q in known.items() if q.default is not None} | dict(block.parameters)
+    texts = {name: repr(q.default) for name, q in known.items() if q.default is not None} | dict(
+        block.parameters
+    )
     missing = [name for name in known if name not in texts]
     if missing:
         raise Problem(("plant", "parameters"), f"the value of {', '.join(missing)} is missing")
@@ -149,13 +171,13 @@ def _parameter_values(block: Plant) -> dict[str, float]:
 
 def _inputs(block: Plant, names: tuple[str, ...], symbols: Mapping[str, ca.SX]) -> ca.SX:
     found = dict(symbols)
-    for name, expression in _ordered(("plant", "inputs"), block.inputs, symbols):
-        found[name] = expression.symbol(found)
+    for name, _ in _ordered(("plant", "inputs"), block.inputs, symbols):
+        found[name] = _symbol(("plant", "inputs", name), block.inputs[name], found)
     return ca.vertcat(*[found[name] for name in names]) if names else ca.SX(0, 1)
 
 
 def _disturbance(block: Plant, states: tuple[str, ...], symbols: Mapping[str, ca.SX]) -> ca.SX:
     parts = [ca.SX(0)] * len(states)
     for name, text in block.disturbance.items():
-        parts[states.index(name)] = _parse(("plant", "disturbance", name), text, symbols).symbol(dict(symbols))
+        parts[states.index(name)] = _symbol(("plant", "disturbance", name), text, symbols)
     return ca.vertcat(*parts)

@@ -72,8 +72,15 @@ class Parameters:
 class ObserverBlock:
     """One observer in the system: its states in z, its equations, its way back to the plant's coordinates."""
 
-    def __init__(self, label: str, observer: Observer, form: CanonicalForm, start: int, has_alpha: bool,
-                 parameters: Parameters) -> None:
+    def __init__(
+        self,
+        label: str,
+        observer: Observer,
+        form: CanonicalForm,
+        start: int,
+        has_alpha: bool,
+        parameters: Parameters,
+    ) -> None:
         self.label, self.observer, self.form = label, observer, form
         self.canonical = observer.coordinates == "canonical"
         self._check(has_alpha)
@@ -103,15 +110,17 @@ class ObserverBlock:
         for key in ("initial", "saturation"):
             for name in getattr(self.observer, key):
                 if name not in states:
-                    raise self._fail(key, f"unknown state {name!r}; the plant's states are {', '.join(states)}")
+                    raise self._fail(
+                        key, f"unknown state {name!r}; the plant's states are {', '.join(states)}"
+                    )
         if self.canonical and not self.form.identity and self.form.plant.inverse is None:
             raise self._fail("coordinates", "this plant gives no inverse of its canonical map; use original")
 
     def _design(self) -> dict[str, np.ndarray]:
         try:
             return self.observer.design(self.form)
-        except ValueError as error:
-            raise self._fail("", str(error)) from error
+        except Problem as problem:
+            raise Problem(("observers", self.label, *problem.path), problem.message) from problem
 
     def symbols(self, z: ca.SX) -> SimpleNamespace:
         """The observer's states as parts of z, in their shapes."""
@@ -164,7 +173,9 @@ class ObserverBlock:
         except (TypeError, ValueError):
             array = np.array(np.nan)
         if not np.all(np.isfinite(array)) or array.ndim and array.size != prod(shape):
-            raise self._fail("internal", f"{name}: expected a number or {prod(shape)} numbers, found {given!r}")
+            raise self._fail(
+                "internal", f"{name}: expected a number or {prod(shape)} numbers, found {given!r}"
+            )
         return np.full(shape, array) if array.ndim == 0 else array.reshape(shape)
 
 
@@ -262,11 +273,16 @@ def build_system(
         parts = [b.flow(t, u, plant_symbol, z, innovation(j, v)) for j, b in enumerate(blocks)]
         flows[v] = compiled("flow", ca.vertcat(dx, *parts))
     lags = {
-        v: compiled("lags", ca.vertcat(*[signals[i, ph].delay if what == DELAYED else 0 for i, (what, ph) in enumerate(v)]))
+        v: compiled(
+            "lags",
+            ca.vertcat(*[signals[i, ph].delay if what == DELAYED else 0 for i, (what, ph) in enumerate(v)]),
+        )
         for v in variants
         if is_delayed(v)
     }
-    channels = ca.vertcat(*[ca.vertcat(y[i], *[g[i] - a[i] for g, a in zip(guesses, alphas, strict=True)]) for i in range(q)])
+    channels = ca.vertcat(
+        *[ca.vertcat(y[i], *[g[i] - a[i] for g, a in zip(guesses, alphas, strict=True)]) for i in range(q)]
+    )
     dz = ca.SX.sym("dz", start)
     slopes = ca.jtimes(channels, z, dz) + ca.jacobian(channels, t)
     structure = Structure(

@@ -135,8 +135,11 @@ def test_casadi_agrees(pair: Pair, values: dict[str, float]) -> None:
     assume(all(math.isclose(number, other, rel_tol=1e-6, abs_tol=1e-9) for other in nearby))
     function = ca.Function("f", list(symbols.values()), [symbol])
     assert math.isclose(float(function(*values.values())), number, rel_tol=1e-5, abs_tol=1e-8)
-    partial = {"x": symbols["x"], "y": values["y"]}
-    function = ca.Function("f", [symbols["x"]], [expression.symbol(partial)])
+    try:
+        partial = expression.symbol({"x": symbols["x"], "y": values["y"]})
+    except ExpressionError:  # a part that x rules out, such as log(y) at y = 0, has no value
+        return
+    function = ca.Function("f", [symbols["x"]], [partial])
     assert math.isclose(float(function(values["x"])), number, rel_tol=1e-5, abs_tol=1e-8)
 
 

@@ -1,0 +1,5 @@
+"""``python -m hgorun``."""
+
+from hgorun.cli import main
+
+main()

@@ -1,0 +1,207 @@
+"""``list``, ``show``, ``schema``, ``init``: what there is and how to start."""
+
+from __future__ import annotations
+
+import inspect
+import json as json_text
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+
+from hgorun import registry
+from hgorun.config.expressions import nearest
+from hgorun.config.models import Experiment as Blocks
+from hgorun.errors import ConfigError, HgorunError
+from hgorun.plants.base import Plant
+from hgorun.plants.inline import InlinePlant
+from hgorun.shipped import experiments
+
+_KINDS = ("plants", "observers", "experiments")
+
+
+def _first_line(cls: type) -> str:
+    return (inspect.getdoc(cls) or "").split("\n\n")[0].replace("\n", " ")
+
+
+def _classes(kind: str) -> dict[str, type[Any]]:
+    find: Any = registry.find_plant if kind == "plants" else registry.find_observer
+    return {name: find(name) for name in registry.names(kind)}
+
+
+def _titles() -> dict[str, str]:
+    from hgorun.config import yaml_source
+
+    found = {}
+    for name, path in experiments().items():
+        _, source = yaml_source.read(path)
+        found[name] = str(source.data.get("title", "")) if isinstance(source.data, dict) else ""
+    return found
+
+
+def list_all(kind: str, *, json: bool) -> int:
+    """Names and one line each."""
+    if kind not in (*_KINDS, "all"):
+        raise ConfigError(f"expected one of {', '.join(_KINDS)}, all; found {kind!r}.{nearest(kind, _KINDS)}")
+    found = {
+        k: _titles() if k == "experiments" else {name: _first_line(cls) for name, cls in _classes(k).items()}
+        for k in _KINDS
+        if kind in (k, "all")
+    }
+    if json:
+        print(json_text.dumps(found, indent=2))
+        return 0
+    width = max(len(name) for entries in found.values() for name in entries)
+    for k, entries in found.items():
+        print(f"{k}:")
+        for name, line in entries.items():
+            print(f"  {name:<{width}}  {line}".rstrip())
+    return 0
+
+
+def show(name: str, *, json: bool) -> int:
+    """Everything about one entry."""
+    for kind in ("observers", "plants"):
+        classes = _classes(kind)
+        if name in classes:
+            described = _described(name, kind, classes[name])
+            print(json_text.dumps(described, indent=2) if json else _as_text(described))
+            return 0
+    shipped = experiments()
+    for path, file in shipped.items():
+        if name in (path, Path(path).name):
+            text = file.read_text(encoding="utf-8")
+            print(json_text.dumps({"name": path, "kind": "experiment", "text": text}) if json else text)
+            return 0
+    known = [*registry.names("observers"), *registry.names("plants"), *shipped]
+    raise ConfigError(f"nothing is called {name!r}.{nearest(name, known)} See hgorun list")
+
+
+def _described(name: str, kind: str, cls: type[Any]) -> dict[str, Any]:
+    found: dict[str, Any] = {
+        "name": name,
+        "kind": kind[:-1],
+        "reference": cls.reference,
+        "description": inspect.getdoc(cls) or "",
+        "keys": [_key(key, field) for key, field in cls.model_fields.items() if key != "type"],
+    }
+    if issubclass(cls, Plant):
+        found["valid"] = cls.valid
+        found["parameters"] = {
+            n: {"default": q.default, "unit": q.unit, "meaning": q.meaning}
+            for n, q in cls.known_parameters.items()
+        }
+        found["inputs"] = {n: {"unit": q.unit, "meaning": q.meaning} for n, q in cls.known_inputs.items()}
+    return found
+
+
+def _key(name: str, field: FieldInfo) -> dict[str, Any]:
+    limits = []
+    for item in field.metadata:
+        for attribute, sign in (("gt", ">"), ("ge", ">="), ("lt", "<"), ("le", "<=")):
+            if getattr(item, attribute, None) is not None:
+                limits.append(f"{sign} {getattr(item, attribute):g}")
+    default = None if field.is_required() or field.default_factory is not None else field.default
+    return {
+        "key": name,
+        "required": field.is_required(),
+        "default": str(default).strip("()") if isinstance(default, complex) else default,
+        "range": " and ".join(limits),
+        "description": field.description or "",
+    }
+
+
+def _as_text(d: dict[str, Any]) -> str:
+    lines = [f"{d['name']} ({d['kind']})", f"source: {d['reference']}", "", d["description"]]
+    if d.get("valid"):
+        lines += ["", f"valid: {d['valid']}"]
+    for group in ("parameters", "inputs"):
+        if d.get(group):
+            lines += ["", f"{group}:"]
+            for name, q in d[group].items():
+                value = f" = {q['default']:g}" if q.get("default") is not None else ""
+                lines.append(f"  {name}{value} {q['unit']}  {q['meaning']}".rstrip())
+    lines += ["", "keys:"]
+    for key in d["keys"]:
+        if key["required"]:
+            value = "required"
+        elif key["default"] in (None, ""):
+            value = "optional"
+        else:
+            value = f"default {key['default']}"
+        limits = f", {key['range']}" if key["range"] else ""
+        lines.append(f"  {key['key']} ({value}{limits}): {key['description']}")
+    return "\n".join(lines)
+
+
+def schema() -> int:
+    """The JSON schema, with the keys of every plant and observer."""
+    print(json_text.dumps(build_schema(), indent=2))
+    return 0
+
+
+def build_schema() -> dict[str, Any]:
+    """The schema as data."""
+    top = Blocks.model_json_schema()
+    definitions = top.setdefault("$defs", {})
+
+    def add(model: type[BaseModel], name: str, constant: str | None) -> dict[str, str]:
+        own = model.model_json_schema(ref_template="#/$defs/{model}")
+        definitions.update(own.pop("$defs", {}))
+        if constant is not None:
+            own["properties"]["type"] = {"const": constant}
+        definitions[name] = own
+        return {"$ref": f"#/$defs/{name}"}
+
+    plants = [add(cls, f"plant-{name}", name) for name, cls in _classes("plants").items()]
+    observers = [add(cls, f"observer-{name}", name) for name, cls in _classes("observers").items()]
+    top["properties"]["plant"] = {"anyOf": [*plants, add(InlinePlant, "plant-inline", "inline")]}
+    definitions["plant-inline"]["properties"]["output"] = {
+        "anyOf": [
+            {"type": "string"},
+            {"type": "array", "items": {"type": "string"}},
+            {"type": "object", "additionalProperties": {"type": "string"}},
+        ]
+    }
+    top["properties"]["observers"]["additionalProperties"] = {"anyOf": observers}
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **_relaxed(top)}
+
+
+def _relaxed(schema: dict[str, Any]) -> dict[str, Any]:
+    """With ``extends`` a file may leave anything out."""
+    schema.pop("required", None)
+    return schema
+
+
+def init(name: str, folder: Path, *, force: bool) -> int:
+    """Copy an experiment and the files that it extends."""
+    shipped = experiments()
+    matches = [file for path, file in shipped.items() if name in (path, Path(path).name)]
+    if not matches:
+        raise ConfigError(
+            f"no experiment is called {name!r}.{nearest(name, [*shipped, *(Path(p).name for p in shipped)])}"
+        )
+    for file in _with_bases(matches[0]):
+        target = folder / file.name
+        if target.exists() and not force:
+            raise HgorunError(f"{target} exists; --force overwrites it")
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(file, target)
+        except OSError as error:
+            raise HgorunError(f"{target}: cannot be written: {error.strerror or error}") from error
+        print(f"written: {target}")
+    print(f"try: hgorun simulate {folder / matches[0].name}")
+    return 0
+
+
+def _with_bases(file: Path) -> Iterator[Path]:
+    from hgorun.config import yaml_source
+
+    yield file
+    _, source = yaml_source.read(file)
+    if isinstance(source.data, dict) and isinstance(source.data.get("extends"), str):
+        yield from _with_bases(file.parent / source.data["extends"])

@@ -1,0 +1,139 @@
+"""``simulate`` and ``compare``."""
+
+from __future__ import annotations
+
+import json as json_text
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from hgorun import tables
+from hgorun.errors import ConfigError
+from hgorun.load import load
+from hgorun.result import Result
+from hgorun.simulate import Run, prepare
+from hgorun.store import read
+
+RESULTS = Path("results")
+DIVERGED = 3
+_RESULT_SUFFIXES = {".h5", ".hdf5", ".nc"}
+
+
+def simulate(
+    configs: Sequence[Path],
+    output: Path | None,
+    overrides: Sequence[str],
+    seed: int | None,
+    *,
+    quiet: bool,
+    json: bool,
+    strict: bool,
+    check_step: bool,
+) -> int:
+    """Run configurations and write their results; everything is checked before anything runs."""
+    targets = _targets(configs, output)
+    runs = [prepare(load(path, overrides, seed=seed)) for path in configs]
+    results, files = [], []
+    for run, target in zip(runs, targets, strict=True):
+        result = execute(run, quiet or json, check_step=check_step)
+        files.append(str(result.save(target)))
+        results.append(result)
+        warn(result)
+        if not quiet and not json:
+            print(tables.text([result]))
+            print(f"written: {target}")
+    if json:
+        _print_json(results, files)
+    return DIVERGED if strict and any(r.status != "ok" for r in results) else 0
+
+
+def compare(
+    sources: Sequence[Path],
+    output: Path | None,
+    overrides: Sequence[str],
+    seed: int | None,
+    *,
+    quiet: bool,
+    json: bool,
+    style: str,
+    plots: bool,
+    strict: bool,
+) -> int:
+    """Metrics of configurations and result files side by side, and plots of them."""
+    styles: dict[str, Callable[[Sequence[Result]], str]] = {
+        "text": tables.text,
+        "csv": tables.csv,
+        "latex": tables.latex,
+    }
+    if style not in styles:
+        raise ConfigError(f"--format: expected one of {', '.join(styles)}, found {style!r}")
+    _refuse_twins(sources)
+    loaded = [
+        read(path) if path.suffix.lower() in _RESULT_SUFFIXES else prepare(load(path, overrides, seed=seed))
+        for path in sources
+    ]
+    results = [s if isinstance(s, Result) else execute(s, quiet or json, check_step=False) for s in loaded]
+    for result in results:
+        warn(result)
+    if json:
+        _print_json(results, [str(p) for p in sources])
+    elif not quiet:
+        print(styles[style](results))
+    if plots:
+        from hgorun.figures import comparison, save
+
+        name = f"{sources[0].stem}-comparison" if len(sources) == 1 else "comparison"
+        target = (output or RESULTS) / name
+        if output is not None and output.suffix.lower() in {".png", ".pdf"}:
+            target = output.with_suffix("")
+        written = save(comparison(results), target)
+        if not quiet and not json and style == "text":
+            print("written: " + ", ".join(map(str, written)))
+    return DIVERGED if strict and any(r.status != "ok" for r in results) else 0
+
+
+def _targets(configs: Sequence[Path], output: Path | None) -> list[Path]:
+    """Where each result goes."""
+    _refuse_twins(configs)
+    if output is not None and output.suffix.lower() in _RESULT_SUFFIXES:
+        if len(configs) > 1:
+            raise ConfigError(
+                f"--output: {output} is one file, but there are {len(configs)} configurations; name a folder"
+            )
+        return [output]
+    return [(output or RESULTS) / f"{path.stem}.h5" for path in configs]
+
+
+def _refuse_twins(paths: Sequence[Path]) -> None:
+    seen: dict[str, Path] = {}
+    for path in paths:
+        if path.stem in seen:
+            raise ConfigError(f"{seen[path.stem]} and {path} have the same name; results are called by it")
+        seen[path.stem] = path
+
+
+def execute(run: Run, quiet: bool, *, check_step: bool) -> Result:
+    """Run, with progress for a person at a terminal."""
+    show = not quiet and sys.stderr.isatty()
+
+    def progress(part: float) -> None:
+        print(f"\r{run.experiment.name}: {100 * part:3.0f} %", end="", file=sys.stderr, flush=True)
+
+    try:
+        return run.simulate(check_step=check_step, progress=progress if show else None)
+    finally:
+        if show:
+            print("\r\033[K", end="", file=sys.stderr, flush=True)
+
+
+def warn(result: Result) -> None:
+    """A diverged observer is a result, and said on stderr."""
+    for label, observer in result.observers.items():
+        if observer.diverged_at is not None:
+            print(f"hgorun: {result.name}: observer {label} {observer.status}", file=sys.stderr)
+
+
+def _print_json(results: Sequence[Result], files: Sequence[str]) -> None:
+    """One object for one result, a list for several."""
+    found = [tables.as_json(result, file) for result, file in zip(results, files, strict=True)]
+    print(json_text.dumps(found[0] if len(found) == 1 else found, indent=2, allow_nan=False))

@@ -1,0 +1,126 @@
+"""What of the trajectories is drawn: which stretch, how many points, in which limits."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+MOST_POINTS = 20_000
+# How far, in units of the truth's range, an estimate widens a panel: alone, beside others, diverged.
+_ALONE, _BESIDE, _DIVERGED = 3.0, 1.5, 0.25
+_ERROR_BESIDE = 10.0  # the same for errors, in units of the median observer's largest error
+
+
+class Curve(NamedTuple):
+    """Points of one line."""
+
+    t: np.ndarray
+    v: np.ndarray
+
+
+def finite(t: np.ndarray, v: np.ndarray) -> Curve:
+    """The stretch before the first number that is not finite."""
+    bad = np.flatnonzero(~np.isfinite(v))
+    end = bad[0] if bad.size else len(v)
+    return Curve(t[:end], v[:end])
+
+
+def inside(curve: Curve, window: tuple[float, float] | None) -> Curve:
+    """The part in a window of time, with one point more at either end so that the line reaches the edge."""
+    if window is None:
+        return curve
+    first = max(int(np.searchsorted(curve.t, window[0], "left")) - 1, 0)
+    last = int(np.searchsorted(curve.t, window[1], "right")) + 1
+    return Curve(curve.t[first:last], curve.v[first:last])
+
+
+def thinned(curve: Curve, most: int = MOST_POINTS) -> Curve:
+    """At most about ``most`` points that draw the same line: the smallest and the largest of every bin.
+
+    First and last point stay.
+    """
+    t, v = curve
+    if len(t) <= most:
+        return curve
+    bins = max(most // 2 - 1, 1)
+    size = -(-len(t) // bins)
+    starts = np.arange(0, len(t), size)
+    whole = len(t) // size
+    body = v[: whole * size].reshape(whole, size)
+    picks = [starts[:whole] + body.argmin(axis=1), starts[:whole] + body.argmax(axis=1), [0, len(t) - 1]]
+    if whole < len(starts):
+        rest = v[whole * size :]
+        picks.append([whole * size + int(rest.argmin()), whole * size + int(rest.argmax())])
+    keep = np.unique(np.concatenate(picks))
+    return Curve(t[keep], v[keep])
+
+
+def envelope(curve: Curve, points: int) -> Curve:
+    """The largest value among ``points`` neighbours (an odd number), centred; fewer at the ends."""
+    half = points // 2
+    if half == 0 or len(curve.v) == 0:
+        return curve
+    padded = np.concatenate([np.full(half, -np.inf), curve.v, np.full(half, -np.inf)])
+    width, found = 1, padded
+    while 2 * width <= 2 * half + 1:  # found[i] = max of padded[i : i + width]
+        found = np.maximum(found[:-width], found[width:])
+        width *= 2
+    rest = 2 * half + 1 - width
+    return Curve(curve.t, np.maximum(found[: len(curve.v)], found[rest : rest + len(curve.v)]))
+
+
+def state_limits(
+    truths: Sequence[np.ndarray], healthy: Sequence[np.ndarray], lost: Sequence[np.ndarray]
+) -> tuple[float, float] | None:
+    """Range of a panel with the truth and its estimates, which no wild estimate stretches at will.
+
+    Returns
+    -------
+    tuple of float, or None
+        None where nothing is drawn.
+    """
+    spans = [(float(v.min()), float(v.max())) for v in truths if v.size]
+    central = [np.quantile(v, (0.01, 0.99)) for v in healthy if v.size]
+    if not spans:
+        spans = [(float(a), float(b)) for a, b in central] or [(float(v[0]), float(v[0])) for v in lost if v.size]
+    if not spans:
+        return None
+    low, high = min(a for a, _ in spans), max(b for _, b in spans)
+    scale = max(high - low, float(np.median([b - a for a, b in central])) if central else 0.0)
+    scale = scale or abs(high) or 1.0
+    reach = _ALONE if len(healthy) + len(lost) <= 1 else _BESIDE
+    for values, times in ((healthy, reach), (lost, _DIVERGED)):
+        for v in values:
+            if v.size:
+                low = min(low, max(float(v.min()), spans[0][0] - times * scale))
+                high = max(high, min(float(v.max()), spans[0][1] + times * scale))
+    return _with_margin(low, high)
+
+
+def error_limits(healthy: Sequence[np.ndarray], lost: Sequence[np.ndarray]) -> tuple[float, float] | None:
+    """Range of a panel of errors; zero is in it."""
+    used = [v for v in healthy if v.size] or [v for v in lost if v.size]
+    if not used:
+        return None
+    largest = sorted(float(np.abs(v).max()) for v in used)
+    bound = _ERROR_BESIDE * largest[(len(largest) - 1) // 2] or largest[-1]
+    low = max(min(0.0, *(float(v.min()) for v in used)), -bound)
+    high = min(max(0.0, *(float(v.max()) for v in used)), bound)
+    return _with_margin(low, high)
+
+
+def magnitude_limits(healthy: Sequence[np.ndarray], lost: Sequence[np.ndarray]) -> tuple[float, float] | None:
+    """Range of a logarithmic panel: at most eight decades, without the moments at which an error crosses zero."""
+    used = [v[v > 0] for v in healthy if np.any(v > 0)] or [v[v > 0] for v in lost if np.any(v > 0)]
+    if not used:
+        return None
+    high = max(float(v.max()) for v in used)
+    low = max(min(float(np.quantile(v, 0.01)) for v in used), high * 1e-8)
+    return low / 1.5, high * 1.5
+
+
+def _with_margin(low: float, high: float) -> tuple[float, float]:
+    margin = 0.05 * (high - low) or 0.05 * abs(high) or 0.05
+    return low - margin, high + margin

@@ -1,0 +1,194 @@
+"""The benchmark's case: the academic plant with an FHGO II for plants that are not uniformly observable.
+
+23 states: plant 3, estimate 3, filter 2, U 2 x 3, P 3 x 3. Here are the same equations three times: as an
+observer class, the way somebody outside the package writes one; in C (academic.c); and in numpy for scipy.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import shutil
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+
+import casadi as ca
+import numpy as np
+from pydantic import Field
+
+from hgorun.engine.layout import CONTINUOUS
+from hgorun.engine.plan import Plan
+from hgorun.engine.program import Program, Start
+from hgorun.observers.base import Flow, Observer
+from hgorun.plants.build import build_plant
+from hgorun.plants.inline import InlinePlant
+from hgorun.registry import find_observer, observer
+from hgorun.symbolic.canonical import CanonicalForm
+from hgorun.symbolic.copy import PlantCopy
+from hgorun.symbolic.matrices import A, B, C, hurwitz_gain
+from hgorun.symbolic.system import Parameters, Signal, System, build_system
+
+END, STEPS, ROWS = 40.0, 80_000, 400
+THETA = 5.0
+NOISE = (0.25, 387.0, 0.5, 987.0)  # amplitude and frequency, twice
+
+
+@observer("academic_fhgo2_nuos")
+class ReducedRiccatiObserver(Observer):
+    """Filtered high-gain observer FHGO II with the reduced Riccati gain, for triangular plants.
+
+    With F the superdiagonal of df/dx at xhat, e the innovation and K_n = P U^T C_r^T, K_r = b + U K_n,
+
+        eta'  = theta ((A_r - K_r C_r) eta + B_r e)
+        xhat' = f(xhat, u) - theta Delta_n^-1(theta) K_n eta_1
+        U'    = theta ((A_r - b C_r) U - U F + B_r C_n)
+        P'    = theta (P + F P + P F^T - K_n K_n^T)
+    """
+
+    reference = "Robles Magdaleno 2023, (3.97)-(3.103), (3.133)"
+
+    theta: float = Field(gt=0, description="high gain theta > 0")
+    r: int = Field(default=1, ge=1, description="order of the filter, r >= 1")
+
+    def design(self, form: CanonicalForm) -> dict[str, np.ndarray]:
+        return {"theta": np.array(self.theta), "b": hurwitz_gain(self.r, -1.0)}
+
+    def states(self, form: CanonicalForm) -> dict[str, np.ndarray]:
+        n = form.plant.n
+        return {"eta": np.zeros(self.r), "U": np.zeros((self.r, n)), "P": np.eye(n)}
+
+    def equations(self, plant: PlantCopy, s: SimpleNamespace, e: ca.SX, k: SimpleNamespace) -> Flow:
+        r, n = self.r, plant.n
+        f = plant.copy(s.xhat)
+        F = ca.jacobian(f, s.xhat) * A(n)  # the superdiagonal alone
+        K_n = s.P @ s.U.T @ C(r).T
+        K_r = k.b + s.U @ K_n
+        FP = F @ s.P
+        kappa = k.theta * plant.inv_Delta(k.theta) @ K_n * s.eta[0]
+        return Flow(
+            {
+                "eta": k.theta * ((A(r) - K_r @ C(r)) @ s.eta + B(r) * e),
+                "xhat": f - kappa,
+                "U": k.theta * ((A(r) - k.b @ C(r)) @ s.U - s.U @ F + B(r) @ C(n)),
+                # FP + FP^T is symmetric to the last bit, and so P stays
+                "P": k.theta * (s.P + (FP + FP.T) - K_n @ K_n.T),
+            },
+            correction=kappa[0],
+        )
+
+
+PLANT = InlinePlant.model_validate(
+    {
+        "states": ["x1", "x2", "x3"],
+        "dynamics": {
+            "x1": "sin(0.5*t)*x2 - 0.1*x1",
+            "x2": "sin(2.7*t)*x3 - 0.1*x2 + tanh(x1*x2)",
+            "x3": "-0.1*x3 + tanh(x1*x2) + u",
+        },
+        "inputs": {"u": "5*sin(0.5*pi*t)"},
+        "disturbance": {"x3": "0.1*sin(0.1*t)"},
+        "output": "x1",
+        "initial": {"x1": 1, "x2": 1, "x3": 1},
+    }
+)
+
+
+def build() -> System:
+    """Plant, noise and observer as the system that ``hgorun.simulate`` would build.
+
+    The plant has no canonical form, since sin(0.5 t) vanishes, and its observer needs none: it takes the
+    triangular model as it is, which is what the identity stands for.
+    """
+    plant = build_plant(PLANT)
+    model = plant.model
+    as_it_is = CanonicalForm(model, (model.n,), model.x, ca.SX.eye(model.n), identity=True)
+    parameters = Parameters()
+    symbol = parameters.add("plant", plant.parameters)
+    noise = parameters.add("noise", NOISE)
+    v = noise[0] * ca.sin(noise[1] * model.t) + noise[2] * ca.sin(noise[3] * model.t)
+    fhgo = find_observer("academic_fhgo2_nuos").model_validate(
+        {"type": "academic_fhgo2_nuos", "theta": THETA, "r": 2}
+    )
+    continuous = ((CONTINUOUS, 0),)
+    signals = {(0, 0): Signal(v, False, ca.SX(0))}
+    return build_system(plant, as_it_is, {"FHGO II": fhgo}, signals, [continuous], parameters, symbol)
+
+
+def plan(end: float = END, steps: int = STEPS, rows: int = ROWS) -> Plan:
+    """One segment from 0 to ``end``, the output at ``rows`` equal distances and at the start."""
+    nothing = np.zeros(0)
+    return Plan(
+        spans=np.array([[0.0, end, 0.0, end]]),
+        counts=np.array([[steps, 0, steps, 0, 0, 0, 1]]),
+        actions=np.zeros((0, 5), dtype=np.int64),
+        grid=np.linspace(0, end, rows + 1),
+        slots=0, gain=nothing, bias=nothing, holds=nothing,
+    )
+
+
+def native(system: System, *, lanes: int = 1) -> Callable[[Plan], np.ndarray]:
+    """hgorun's engine: from a plan to rows of states, shape (points, 23, lanes)."""
+    program = Program(system.structure, "rk4", lanes=lanes)
+    start = Start(np.repeat(system.z0[:, None], lanes, axis=1), np.repeat(system.p[:, None], lanes, axis=1))
+    return lambda plan: program.run(plan, start).rows
+
+
+def compiler() -> str | None:
+    """The C compiler, if there is one."""
+    return shutil.which(os.environ.get("CC", "gcc")) or shutil.which("cc")
+
+
+def compiled(folder: Path, *flags: str) -> Callable[[Plan, np.ndarray], np.ndarray]:
+    """The C program, compiled into a folder: from a plan and an initial state to rows of states."""
+    command = compiler()
+    assert command is not None
+    library = folder / f"academic{''.join(flags)}.so"
+    source = Path(__file__).with_suffix(".c")
+    subprocess.run(
+        [command, "-O3", "-march=native", *flags, "-shared", "-fPIC", "-o", library, source, "-lm"], check=True
+    )
+    run = ctypes.CDLL(str(library)).run
+    run.restype, pointer = None, ctypes.c_void_p
+    run.argtypes = [ctypes.c_double, ctypes.c_double, ctypes.c_long, ctypes.c_long, pointer, pointer, pointer]
+    parameters = np.array([THETA, *NOISE])
+
+    def call(plan: Plan, z0: np.ndarray) -> np.ndarray:
+        steps, end, count = plan.steps, plan.spans[0, 1], plan.grid.size
+        z, rows = z0.copy(), np.empty((count, z0.size))
+        run(0.0, end / steps, steps, steps // (count - 1), z.ctypes.data, parameters.ctypes.data, rows.ctypes.data)
+        return rows
+
+    return call
+
+
+def python_flow(t: float, z: np.ndarray) -> np.ndarray:
+    """The right-hand side as one writes it for scipy: numpy, in the notation of the equations."""
+    x, xhat, eta, U, P = z[:3], z[3:6], z[6:8], z[8:14].reshape(2, 3), z[14:].reshape(3, 3)
+    f1, f2 = np.sin(0.5 * t), np.sin(2.7 * t)
+    F = np.array([[0, f1, 0], [0, 0, f2], [0, 0, 0]])
+    u = 5 * np.sin(0.5 * np.pi * t)
+    v = NOISE[0] * np.sin(NOISE[1] * t) + NOISE[2] * np.sin(NOISE[3] * t)
+
+    def f(x: np.ndarray) -> np.ndarray:
+        coupling = np.tanh(x[0] * x[1])
+        return F @ x - 0.1 * x + np.array([0, coupling, coupling + u])
+
+    K_n = P @ U[0]
+    K_r = _b + U @ K_n
+    dx = f(x)
+    dx[2] += 0.1 * np.sin(0.1 * t)
+    dxhat = f(xhat) - _gain * K_n * eta[0]
+    deta = THETA * (_A2 @ eta - K_r * eta[0])
+    deta[1] += THETA * (xhat[0] - x[0] - v)
+    FP = F @ P
+    dU = THETA * (_A2 @ U - np.outer(_b, U[0]) - U @ F + _BC)
+    dP = THETA * (P + (FP + FP.T) - np.outer(K_n, K_n))
+    return np.concatenate([dx, dxhat, deta, dU.ravel(), dP.ravel()])
+
+
+_A2 = np.array([[0.0, 1.0], [0.0, 0.0]])
+_BC = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
+_b = np.array([2.0, 1.0])
+_gain = THETA ** np.arange(1, 4)
