@@ -14,9 +14,9 @@ from hgorun.errors import ConfigError, HgorunError, SimulationError
 
 if TYPE_CHECKING:
     from hgorun.experiment import Experiment
-    from hgorun.load import load
+    from hgorun.loading import load
     from hgorun.result import Result
-    from hgorun.simulate import simulate
+    from hgorun.simulation import simulate
     from hgorun.store import read
 
 __version__ = "0.1.0"
@@ -36,9 +36,9 @@ __all__ = [
 _LAZY = {
     "Experiment": "hgorun.experiment",
     "Result": "hgorun.result",
-    "load": "hgorun.load",
+    "load": "hgorun.loading",
     "read": "hgorun.store",
-    "simulate": "hgorun.simulate",
+    "simulate": "hgorun.simulation",
 }
 
 

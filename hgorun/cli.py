@@ -13,6 +13,8 @@ import typer
 
 from hgorun.errors import HgorunError
 
+_INTERRUPTED = 130
+
 app = typer.Typer(
     name="hgorun",
     help="The bench for high-gain observers: simulate, compare and check them from one YAML file.",
@@ -180,9 +182,12 @@ def main() -> None:
     except HgorunError as error:
         print(f"hgorun: {error}", file=sys.stderr)
         sys.exit(error.exit_code)
+    except SystemExit as stop:
+        if stop.code == _INTERRUPTED:  # typer's exit code for Ctrl-C
+            print("hgorun: interrupted; nothing was left half-written", file=sys.stderr)
+        raise
     except KeyboardInterrupt:
-        print("hgorun: interrupted; nothing was left half-written", file=sys.stderr)
-        sys.exit(130)
+        sys.exit(_INTERRUPTED)
     except BrokenPipeError:
         sys.stderr.close()  # whoever read our output has left
         sys.exit(141)

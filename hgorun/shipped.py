@@ -13,6 +13,7 @@ def folder() -> Path:
 
 
 def experiments() -> dict[str, Path]:
-    """{path without suffix, below the folder: file}, sorted."""
+    """{path without suffix, below the folder: file}, sorted; files called _... are only extended."""
     base = folder()
-    return {p.relative_to(base).with_suffix("").as_posix(): p for p in sorted(base.rglob("*.yaml"))}
+    files = (p for p in sorted(base.rglob("*.yaml")) if not p.name.startswith("_"))
+    return {p.relative_to(base).with_suffix("").as_posix(): p for p in files}

@@ -346,10 +346,10 @@ def to_xarray(result: Result) -> xarray.Dataset:
     )
     return xarray.Dataset(
         {
-            "x": (("time", "plant_state"), result.x),
-            "u": (("time", "plant_input"), result.u),
-            "y": (("time", "plant_output"), result.y),
-            "xhat": (("observer", "time", "plant_state"), estimates),
+            "x": (("time", "state"), result.x),
+            "u": (("time", "input"), result.u),
+            "y": (("time", "output"), result.y),
+            "xhat": (("observer", "time", "state"), estimates),
         },
         coords=coordinates,
         attrs={"title": result.title, "seed": result.seed, "units": json.dumps(dict(result.units))},

@@ -7,20 +7,22 @@ from typing import Any
 import yaml
 
 import hgorun
-from hgorun import Experiment, Result
-
-
-def write(folder: Path, config: str | Mapping[str, Any]) -> Path:
-    """The configuration as a file."""
-    path = folder / "experiment.yaml"
-    path.write_text(config if isinstance(config, str) else yaml.safe_dump(config, sort_keys=False))
-    return path
+from hgorun import Experiment, Result, simulate
+from hgorun.simulation import Run, prepare
 
 
 def load(folder: Path, config: str | Mapping[str, Any], *overrides: str) -> Experiment:
-    return hgorun.load(write(folder, config), overrides)
+    """The experiment of YAML text, or of the same as a mapping, with ``path=value`` assignments on top."""
+    path = folder / "experiment.yaml"
+    path.write_text(config if isinstance(config, str) else yaml.safe_dump(config, sort_keys=False))
+    return hgorun.load(path, overrides)
 
 
 def run(folder: Path, config: str | Mapping[str, Any], *overrides: str, **options: Any) -> Result:
-    """Simulate YAML text, or the same as a mapping, with ``path=value`` assignments on top."""
-    return hgorun.simulate(load(folder, config, *overrides), **options)
+    """Simulate it."""
+    return simulate(load(folder, config, *overrides), **options)
+
+
+def prepared(folder: Path, config: str | Mapping[str, Any], *overrides: str) -> Run:
+    """All that is decided before the first step: the engine's tables and numbers."""
+    return prepare(load(folder, config, *overrides))

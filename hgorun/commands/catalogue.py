@@ -151,6 +151,7 @@ def build_schema() -> dict[str, Any]:
     def add(model: type[BaseModel], name: str, constant: str | None) -> dict[str, str]:
         own = model.model_json_schema(ref_template="#/$defs/{model}")
         definitions.update(own.pop("$defs", {}))
+        own.pop("required", None)  # a file that extends another one may leave anything out
         if constant is not None:
             own["properties"]["type"] = {"const": constant}
         definitions[name] = own
@@ -167,13 +168,8 @@ def build_schema() -> dict[str, Any]:
         ]
     }
     top["properties"]["observers"]["additionalProperties"] = {"anyOf": observers}
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **_relaxed(top)}
-
-
-def _relaxed(schema: dict[str, Any]) -> dict[str, Any]:
-    """With ``extends`` a file may leave anything out."""
-    schema.pop("required", None)
-    return schema
+    top.pop("required", None)
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **top}
 
 
 def init(name: str, folder: Path, *, force: bool) -> int:

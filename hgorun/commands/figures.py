@@ -9,9 +9,9 @@ from pathlib import Path
 from hgorun.commands.run import RESULTS, execute, warn
 from hgorun.config.expressions import nearest
 from hgorun.errors import ConfigError
-from hgorun.load import load
+from hgorun.loading import load
 from hgorun.shipped import experiments
-from hgorun.simulate import Run, prepare
+from hgorun.simulation import Run, prepare
 
 
 def figures(names: Sequence[str], output: Path | None, *, quiet: bool, json: bool) -> int:
@@ -20,13 +20,14 @@ def figures(names: Sequence[str], output: Path | None, *, quiet: bool, json: boo
 
     folder = output or RESULTS / "figures"
     report = []
-    for run, wanted in _chosen(names):
+    for group, run, wanted in _chosen(names):
         experiment = run.experiment
         result = execute(run, quiet or json, check_step=True)
         warn(result)
         error = max((result.integration_error or {}).values(), default=0.0)
         for name in wanted:
-            written = save(draw(result, experiment.blocks.figures[name]), folder / name)
+            # one folder a publication, or a file of one's own
+            written = save(draw(result, experiment.blocks.figures[name]), folder / group / name)
             report.append(
                 {
                     "figure": name,
@@ -42,12 +43,12 @@ def figures(names: Sequence[str], output: Path | None, *, quiet: bool, json: boo
     return 0
 
 
-def _chosen(names: Sequence[str]) -> list[tuple[Run, list[str]]]:
+def _chosen(names: Sequence[str]) -> list[tuple[str, Run, list[str]]]:
     """Experiments with the figures wanted of each; all are checked before any runs."""
     shipped = experiments()
     own = [n for n in names if Path(n).suffix in {".yaml", ".yml"}]
     patterns = [n.strip("/") for n in names if n not in own]
-    chosen: list[tuple[Run, list[str]]] = []
+    chosen: list[tuple[str, Run, list[str]]] = []
     used: set[str] = set()
     known: set[str] = set()
     for path, file in ({} if own and not patterns else shipped).items():
@@ -58,7 +59,7 @@ def _chosen(names: Sequence[str]) -> list[tuple[Run, list[str]]]:
         used |= {*matching, *named}
         wanted = list(experiment.blocks.figures) if matching or not patterns else named
         if wanted:
-            chosen.append((prepare(experiment), wanted))
+            chosen.append((path.split("/")[0], prepare(experiment), wanted))
     for pattern in patterns:
         if pattern not in used:
             raise ConfigError(f"no figure or experiment is called {pattern!r}.{nearest(pattern, known)}")
@@ -66,5 +67,5 @@ def _chosen(names: Sequence[str]) -> list[tuple[Run, list[str]]]:
         experiment = load(name)
         if not experiment.blocks.figures:
             raise ConfigError("the file has no figures: block", file=name, key="figures")
-        chosen.append((prepare(experiment), list(experiment.blocks.figures)))
+        chosen.append((experiment.name, prepare(experiment), list(experiment.blocks.figures)))
     return chosen

@@ -9,9 +9,9 @@ from pathlib import Path
 
 from hgorun import tables
 from hgorun.errors import ConfigError
-from hgorun.load import load
+from hgorun.loading import load
 from hgorun.result import Result
-from hgorun.simulate import Run, prepare
+from hgorun.simulation import Run, prepare
 from hgorun.store import read
 
 RESULTS = Path("results")

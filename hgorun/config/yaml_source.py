@@ -7,7 +7,6 @@ is known with its line. Scalars follow the core schema of YAML 1.2 without octal
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -15,9 +14,9 @@ from typing import Any, TypeAlias
 import yaml
 
 from hgorun.config.expressions import nearest
+from hgorun.config.paths import KeyPath, at, copy, dotted, walk
 from hgorun.errors import ConfigError
 
-KeyPath: TypeAlias = tuple[str | int, ...]
 Place: TypeAlias = tuple[str, int]
 
 MAX_BYTES = 2**20
@@ -219,12 +218,12 @@ class _Builder:
         origin = self.anchors[anchor]
         if any(path == origin for path, _ in self.open[1:]):
             raise self.error(f"the alias `*{anchor}` stands inside its own anchor", line, here)
-        value = _at(self.root[0], origin)
-        for path, _ in _walk(value):
+        value = at(self.root[0], origin)
+        for path, _ in walk(value):
             self.count(here + path, line)
             if path:
                 self.positions[here + path] = self.positions[origin + path]
-        return _copy(value)
+        return copy(value)
 
     def plain(self, text: str, here: KeyPath, line: int) -> Any:
         if "\t" in text:
@@ -246,7 +245,7 @@ class _Builder:
     def error(self, message: str, line: int, path: KeyPath = ()) -> ConfigError:
         if len(message) > 300:  # a key, tag or anchor may be as long as the file
             message = message[:297] + "..."
-        return ConfigError(message, file=self.file, line=line, key=_dotted(path))
+        return ConfigError(message, file=self.file, line=line, key=dotted(path))
 
 
 # What the parsers say in their own words (libyaml's differ from PyYAML's), and what helps.
@@ -284,122 +283,3 @@ def _syntax_error(error: yaml.YAMLError, text: str, file: str) -> ConfigError:
         sentence = _TAB
     sentence = sentence.replace("{char}", char).replace("{opened}", str(opened.line + 1))
     return ConfigError(sentence, file=file, line=number + 1)
-
-
-def _entries(value: Any) -> Iterable[tuple[str | int, Any]]:
-    if isinstance(value, dict):
-        return value.items()
-    return enumerate(value) if isinstance(value, list) else ()
-
-
-def _walk(data: Any) -> Iterator[tuple[KeyPath, Any]]:
-    """Yield every value in ``data`` with its path, the whole first."""
-    todo: list[tuple[KeyPath, Any]] = [((), data)]
-    while todo:
-        path, value = todo.pop()
-        yield path, value
-        todo += [((*path, key), part) for key, part in _entries(value)]
-
-
-def _at(data: Any, path: KeyPath) -> Any:
-    for key in path:
-        data = data[key]
-    return data
-
-
-def _copy(data: Any) -> Any:  # no deeper than MAX_DEPTH
-    if isinstance(data, dict):
-        return {key: _copy(part) for key, part in data.items()}
-    return [_copy(part) for part in data] if isinstance(data, list) else data
-
-
-def _dotted(path: KeyPath) -> str | None:
-    return ".".join(str(key)[:100] for key in path) or None
-
-
-def set_path(source: Source, assignment: str) -> Source:
-    """Carry out ``assignment``, the ``path=value`` of ``--set``.
-
-    A path is keys and list indices with dots between. The longest path that exists wins, so a label may
-    contain ``=``; what follows it, up to the next ``=``, is created. The value is YAML.
-
-    Raises
-    ------
-    ConfigError
-        There is no ``=``, the value is not YAML, or the path leads into a scalar or past the end of a list.
-    """
-    file = f"--set {assignment}"
-    old, end = _longest_path(source.data, assignment)
-    names, equals, text = assignment[end:].partition("=")
-    new = names[1 if old else 0 :].split(".") if names else []
-    if not equals or not (old or new) or any(not name or name != name.strip() for name in new):
-        raise ConfigError("expected path=value, without spaces around `=`", file=file, line=1)
-    above = _at(source.data, old)
-    if new and above is not None and not isinstance(above, dict):
-        raise ConfigError(_no_way(source.data, old, new[0]), file=file, line=1)
-    path = (*old, *new)
-    value = parse(text, file).data if text.strip() else None
-    data = _replaced(source.data, path, value)
-    places = {at: (file, 1) if at[: len(path)] == path else source.where(at) for at, _ in _walk(data)}
-    created = {path[:length]: (file, 1) for length in range(len(old) + 1, len(path))}
-    if max(map(len, places)) > MAX_DEPTH:
-        raise ConfigError(f"more than {MAX_DEPTH} lists and mappings inside each other", file=file, line=1)
-    return Source(data, places | created)
-
-
-def _longest_path(data: Any, assignment: str) -> tuple[KeyPath, int]:
-    """Find the longest path in ``data`` that ``assignment`` starts with, and where it ends there."""
-    best: tuple[KeyPath, int] = ((), 0)
-    todo: list[tuple[KeyPath, Any, int]] = [((), data, 0)]
-    while todo:
-        path, value, start = todo.pop()
-        for key, part in _entries(value):
-            end = start + len(str(key))
-            follows = assignment[end : end + 1]
-            if follows in (".", "=") and assignment.startswith(str(key), start):
-                best = max(best, ((*path, key), end), key=lambda found: found[1])
-                if follows == ".":
-                    todo.append(((*path, key), part, end + 1))
-    return best
-
-
-def _no_way(data: Any, path: KeyPath, name: str) -> str:
-    here, value = _dotted(path) or "the file", _at(data, path)
-    if isinstance(value, list):
-        indices = f"an index from 0 to {len(value) - 1}" if value else "nothing, as it is empty"
-        return f"`{here}` is a list of {len(value)}: `{name}` was found where there can be {indices}"
-    beside = [str(key) for key, _ in _entries(_at(data, path[:-1]))]
-    names = f" Beside it: {', '.join(beside[:20])}." if beside else ""
-    return f"`{here}` is {str(value)[:40]!r} and has no `{name}` in it.{nearest(name, beside)}{names}"
-
-
-def _replaced(data: Any, path: KeyPath, value: Any) -> Any:
-    """Copy ``data`` along ``path``, with ``value`` at its end; mappings that are missing are created."""
-    result = [data]
-    holder: Any = result
-    last: str | int = 0
-    for key in path:
-        part = holder.get(last) if isinstance(holder, dict) else holder[last]
-        part = list(part) if isinstance(part, list) else dict(part or {})
-        holder[last] = part
-        holder, last = part, key
-    holder[last] = value
-    return result[0]
-
-
-def merge(base: Source, over: Source) -> Source:
-    """Lay ``over`` on ``base``: mappings are merged, everything else is replaced.
-
-    A mapping whose ``type`` differs from that of the one below replaces it whole.
-    """
-    data = _merged(base.data, over.data)
-    places = base.positions | over.positions
-    return Source(data, {path: places[path] for path, _ in _walk(data) if path in places})
-
-
-def _merged(base: Any, over: Any) -> Any:  # no deeper than MAX_DEPTH
-    if not (isinstance(base, dict) and isinstance(over, dict)):
-        return over
-    if "type" in base and over.get("type", base["type"]) != base["type"]:
-        return over
-    return base | {key: _merged(base[key], part) if key in base else part for key, part in over.items()}

@@ -68,9 +68,11 @@ def _add_advance(s: Stepper) -> None:
     lost, short, small, pause = (f.label() for _ in range(4))
     move(f, s.home, s.z, s.size)
     t = f.load(real["now"])
-    at_start = f.test("eq", t, s.start)
+    at_start = f.test("oeq", t, s.start)
     s.tick(f.let(f"select i1 {at_start}, double {s.start_eval}, double {t}"), s.clock[0.0])
-    s.slope_at_end(f.let(f"select i1 {at_start}, double {s.start_eval}, double {t}"), s.clock[0.0], finished="1")
+    s.slope_at_end(
+        f.let(f"select i1 {at_start}, double {s.start_eval}, double {t}"), s.clock[0.0], finished="1"
+    )
     with f.loop() as after:
         t = f.load(real["now"])
         f.leave_if(f.test("oge", t, s.end), after)

@@ -52,7 +52,7 @@ class History:
         return f.at(f.word("%ctx", WORD["ring"], "ptr"), f.scalar("mul", slot, str(words)))
 
     def _add_recall(self) -> None:
-        """``recall(ctx, output, t, newest, target)``: an output's channels at t, from piece ``newest`` or an older one.
+        """``recall(ctx, output, t, newest, target)``: an output's channels at t, no piece after ``newest``.
 
         Returns 0, or 1 when the provisional piece was used, or 2 when the history is too short.
         """

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -57,18 +58,20 @@ def thinned(curve: Curve, most: int = MOST_POINTS) -> Curve:
     return Curve(t[keep], v[keep])
 
 
-def envelope(curve: Curve, points: int) -> Curve:
-    """The largest value among ``points`` neighbours (an odd number), centred; fewer at the ends."""
+def moving_maximum(curve: Curve, points: int) -> Curve:
+    """The largest value among about ``points`` neighbours, centred; fewer at the ends."""
     half = points // 2
     if half == 0 or len(curve.v) == 0:
         return curve
-    padded = np.concatenate([np.full(half, -np.inf), curve.v, np.full(half, -np.inf)])
-    width, found = 1, padded
-    while 2 * width <= 2 * half + 1:  # found[i] = max of padded[i : i + width]
+    ends = np.full(half, -np.inf)
+    found = np.concatenate([ends, curve.v, ends])
+    width = 1
+    while 2 * width <= 2 * half + 1:  # found[i] is the largest of width values from i on
         found = np.maximum(found[:-width], found[width:])
         width *= 2
     rest = 2 * half + 1 - width
-    return Curve(curve.t, np.maximum(found[: len(curve.v)], found[rest : rest + len(curve.v)]))
+    count = len(curve.v)
+    return Curve(curve.t, np.maximum(found[:count], found[rest : rest + count]))
 
 
 def state_limits(
@@ -83,19 +86,21 @@ def state_limits(
     """
     spans = [(float(v.min()), float(v.max())) for v in truths if v.size]
     central = [np.quantile(v, (0.01, 0.99)) for v in healthy if v.size]
-    if not spans:
-        spans = [(float(a), float(b)) for a, b in central] or [(float(v[0]), float(v[0])) for v in lost if v.size]
+    if not spans:  # without a truth
+        spans = [(float(a), float(b)) for a, b in central] or [
+            (float(v[0]), float(v[0])) for v in lost if v.size
+        ]
     if not spans:
         return None
-    low, high = min(a for a, _ in spans), max(b for _, b in spans)
-    scale = max(high - low, float(np.median([b - a for a, b in central])) if central else 0.0)
-    scale = scale or abs(high) or 1.0
+    floor, ceiling = min(a for a, _ in spans), max(b for _, b in spans)
+    scale = max(ceiling - floor, _lower_median([float(b - a) for a, b in central])) or abs(ceiling) or 1.0
     reach = _ALONE if len(healthy) + len(lost) <= 1 else _BESIDE
+    low, high = floor, ceiling
     for values, times in ((healthy, reach), (lost, _DIVERGED)):
         for v in values:
             if v.size:
-                low = min(low, max(float(v.min()), spans[0][0] - times * scale))
-                high = max(high, min(float(v.max()), spans[0][1] + times * scale))
+                low = min(low, max(float(v.min()), floor - times * scale))
+                high = max(high, min(float(v.max()), ceiling + times * scale))
     return _with_margin(low, high)
 
 
@@ -104,21 +109,27 @@ def error_limits(healthy: Sequence[np.ndarray], lost: Sequence[np.ndarray]) -> t
     used = [v for v in healthy if v.size] or [v for v in lost if v.size]
     if not used:
         return None
-    largest = sorted(float(np.abs(v).max()) for v in used)
-    bound = _ERROR_BESIDE * largest[(len(largest) - 1) // 2] or largest[-1]
+    largest = [float(np.abs(v).max()) for v in used]
+    bound = _ERROR_BESIDE * _lower_median(largest) or max(largest)
     low = max(min(0.0, *(float(v.min()) for v in used)), -bound)
     high = min(max(0.0, *(float(v.max()) for v in used)), bound)
     return _with_margin(low, high)
 
 
 def magnitude_limits(healthy: Sequence[np.ndarray], lost: Sequence[np.ndarray]) -> tuple[float, float] | None:
-    """Range of a logarithmic panel: at most eight decades, without the moments at which an error crosses zero."""
+    """Range of a logarithmic panel: two to eight decades; small errors may leave it for a moment."""
     used = [v[v > 0] for v in healthy if np.any(v > 0)] or [v[v > 0] for v in lost if np.any(v > 0)]
     if not used:
         return None
     high = max(float(v.max()) for v in used)
-    low = max(min(float(np.quantile(v, 0.01)) for v in used), high * 1e-8)
+    low = max(min(float(np.quantile(v, 0.01)) for v in used), high * 1e-8, 1e-300)
+    if high < 100 * low:  # whole decades, so that two of them are labelled
+        return 10.0 ** math.floor(math.log10(low / 1.1)), 10.0 ** math.ceil(math.log10(high * 1.1))
     return low / 1.5, high * 1.5
+
+
+def _lower_median(values: Sequence[float]) -> float:
+    return sorted(values)[(len(values) - 1) // 2] if values else 0.0
 
 
 def _with_margin(low: float, high: float) -> tuple[float, float]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from hgorun.config.expressions import nearest
 from hgorun.config.models import Figure, Panel
 from hgorun.errors import Problem
+from hgorun.figures.style import LARGEST, LOWEST, NARROWEST
 from hgorun.result import Result
 
 
@@ -69,12 +70,17 @@ def check(
     """
     known = Names(tuple(states), tuple(outputs), tuple(observers), span)
     for name, figure in figures.items():
-        if not name or name.startswith(".") or any(c in '/\\:*?"<>|' or not c.isprintable() for c in name):
-            raise Problem(
-                ("figures", name), "a figure's name is the name of its file: no leading `.` and none of / \\ : * ? \" < > |"
-            )
+        path = ("figures", name)
+        if not name or name.startswith(".") or any(c in "/\\" or not c.isprintable() for c in name):
+            raise Problem(path, "a figure's name is the name of its file: no leading `.`, no / or \\")
+        smallest = {"width": NARROWEST, "height": LOWEST[0] + LOWEST[1] * len(figure.panels)}
+        for key, inches in (("width", figure.width), ("height", figure.height)):
+            if inches is not None and not smallest[key] <= inches <= LARGEST:
+                raise Problem(
+                    (*path, key), f"expected {smallest[key]:g} to {LARGEST:g} inches, found {inches:g}"
+                )
         for i, panel in enumerate(figure.panels):
-            _check_panel(panel, known, ("figures", name, "panels", i))
+            _check_panel(panel, known, (*path, "panels", i))
 
 
 def _check_panel(panel: Panel, known: Names, path: tuple[str | int, ...]) -> None:
@@ -85,8 +91,9 @@ def _check_panel(panel: Panel, known: Names, path: tuple[str | int, ...]) -> Non
         *(("observers", "observer", label, known.observers) for label in panel.observers or ()),
     ):
         if found is not None and found not in allowed:
+            hint = nearest(found, allowed)
             raise Problem(
-                (*path, key), f"no {kind} is called {found!r}.{nearest(found, allowed)} Known: {', '.join(allowed) or 'none'}"
+                (*path, key), f"no {kind} is called {found!r}.{hint} Known: {', '.join(allowed) or 'none'}"
             )
     if panel.output is not None and panel.observers is not None:
         raise Problem(

@@ -2,19 +2,44 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import warnings
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any, NamedTuple
+from typing import Any
 
 # Okabe and Ito's colours, which colour-blind readers tell apart; black is the truth's. The yellow is
 # darkened: theirs is invisible on white. Their order gives neighbours, and those that share a line
 # style, different luminances.
 PALETTE = ("#0072B2", "#E69F00", "#009E73", "#D55E00", "#56B4E9", "#CC79A7", "#8A7F00")
 # Solid, then long strokes: noisy lines keep their shape. None is the truth's (4, 2).
-DASHES: tuple[Any, ...] = ("solid", (0, (9, 1.2)), (0, (6, 1.2, 1.2, 1.2)), (0, (1.3, 1.1)), (0, (7, 1, 1, 1, 1, 1)))
-TRUTH: dict[str, Any] = {"color": "black", "linestyle": (0, (4, 2)), "linewidth": 0.9, "zorder": 5, "label": "true"}
+DASHES: tuple[Any, ...] = (
+    "solid",
+    (0, (9, 1.2)),
+    (0, (6, 1.2, 1.2, 1.2)),
+    (0, (1.3, 1.1)),
+    (0, (7, 1, 1, 1, 1, 1)),
+)
+TRUTH: dict[str, Any] = {
+    "color": "black",
+    "linestyle": (0, (4, 2)),
+    "linewidth": 0.9,
+    "zorder": 5,
+    "label": "true",
+}
 SAMPLES: dict[str, Any] = {"color": "0.45", "zorder": 1.5, "label": "measured"}
+DOTS: dict[str, Any] = {"linestyle": "none", "marker": "o", "markersize": 2.2, "markeredgewidth": 0}
 DPI = 300
+# Sides in inches: least width; least height of a figure without panels and of each panel; largest of both.
+NARROWEST, LOWEST, LARGEST = 2.0, (0.6, 0.6), 100.0
+# Tried for characters that the fonts above lack.
+_OTHER_SCRIPTS = (
+    "Noto Serif CJK JP",
+    "Noto Sans CJK JP",
+    "Hiragino Sans",
+    "Yu Gothic",
+    "Microsoft YaHei",
+    "Noto Sans",
+)
 _FORGET = {"backend", "backend_fallback", "toolbar", "interactive", "timezone"}
 
 _RC: dict[str, Any] = {
@@ -55,30 +80,52 @@ _RC: dict[str, Any] = {
     "legend.handlelength": 2.6,
     "legend.columnspacing": 1.4,
     "legend.handletextpad": 0.5,
+    "legend.borderpad": 0.1,
+    "legend.title_fontsize": 9.5,
     "pdf.fonttype": 42,
     "svg.hashsalt": "hgorun",
     "figure.constrained_layout.use": False,
-    "path.simplify": True,
 }
 
 
-class Look(NamedTuple):
-    """Colour and line style of an observer."""
-
-    color: str
-    linestyle: Any
+def colour(order: int) -> str:
+    """The colour of the observer at a place among all observers."""
+    return PALETTE[order % len(PALETTE)]
 
 
-def look(index: int) -> Look:
-    """The look of the observer that comes at ``index`` in the result; the first 35 differ."""
-    return Look(PALETTE[index % len(PALETTE)], DASHES[index % len(DASHES)])
+def dashes(panels: Sequence[Sequence[int]]) -> dict[int, Any]:
+    """Line styles for a figure: different for observers that share a panel, solid as often as that allows.
+
+    Parameters
+    ----------
+    panels : sequence of sequence of int
+        Places of the observers that each panel shows.
+
+    Returns
+    -------
+    dict of int to linestyle
+        In a panel of up to five observers all differ; up to 35 differ in line style or colour.
+    """
+    chosen: dict[int, int] = {}
+    for order in sorted({order for panel in panels for order in panel}):
+        beside = {other for panel in panels if order in panel for other in panel if other in chosen}
+        uses = [sum(chosen[other] == style for other in beside) for style in range(len(DASHES))]
+        chosen[order] = uses.index(min(uses))
+    return {order: DASHES[style] for order, style in chosen.items()}
 
 
 @contextmanager
 def styled() -> Iterator[None]:
     """Matplotlib's own defaults with our settings on top, whatever the user's; undone at the end."""
     import matplotlib
+    from matplotlib import font_manager
 
-    defaults = {key: value for key, value in matplotlib.rcParamsDefault.items() if key not in _FORGET}
-    with matplotlib.rc_context({**defaults, **_RC}):
+    settings: dict[Any, Any] = {
+        key: value for key, value in dict.items(matplotlib.rcParamsDefault) if key not in _FORGET
+    }
+    settings.update(_RC)
+    installed = set(font_manager.get_font_names())
+    settings["font.family"] = [*_RC["font.family"], *(name for name in _OTHER_SCRIPTS if name in installed)]
+    with matplotlib.rc_context(settings), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Glyph .* missing from font")  # the figure shows which
         yield

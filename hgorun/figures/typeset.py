@@ -4,11 +4,24 @@ from __future__ import annotations
 
 import re
 import textwrap
+import unicodedata
 
-_GREEK = (
-    "alpha beta gamma delta epsilon zeta eta theta iota kappa lambda mu nu xi pi rho sigma tau upsilon phi chi "
-    "psi omega Gamma Delta Theta Lambda Xi Pi Sigma Upsilon Phi Psi Omega"
-).split()
+# Letters that have a LaTeX command, as a regular expression.
+GREEK = (
+    "alpha|beta|gamma|delta|epsilon|zeta|eta|theta|iota|kappa|lambda|mu|nu|xi|pi|rho|sigma|tau|upsilon|phi|chi|psi"
+    "|omega|Gamma|Delta|Theta|Lambda|Xi|Pi|Sigma|Upsilon|Phi|Psi|Omega"
+)
+_SPECIAL = {
+    **{char: f"\\{char}" for char in "{}$&%#_"},
+    **{"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}"},
+    **{"<": r"\textless{}", ">": r"\textgreater{}", "|": r"\textbar{}"},
+    **{"[": "{[}", "*": "{*}"},  # they would be read as arguments of the \\ before them
+}
+# Mathematics in a label that LaTeX is sure to understand.
+_MATHEMATICS = re.compile(
+    r"(\$(?:[A-Za-z0-9 =+\-.,<>()/]|[_^](?:[A-Za-z0-9]|\{[A-Za-z0-9]+\})(?![_^])"
+    rf"|\\(?:{GREEK})(?![A-Za-z]))+\$)"
+)
 
 
 def symbol(name: str, *, hat: bool = False) -> str:
@@ -19,17 +32,15 @@ def symbol(name: str, *, hat: bool = False) -> str:
     """
     found = re.fullmatch(r"([A-Za-z]+?)(\d*)((?:_[A-Za-z0-9]+)*)_*", name)
     if found is None:
-        base, indices = name, []
+        base, indices = re.sub("[^A-Za-z0-9_]", "?", name), []
     else:
         base, indices = found[1], [part for part in (found[2], *found[3].split("_")) if part]
-    if len(base) == 1:
-        letter = base
-    elif base in _GREEK:
+    wide = len(base) > 1 and not re.fullmatch(GREEK, base)
+    letter = rf"\mathrm{{{_escaped(base)}}}" if wide else base
+    if len(base) > 1 and not wide:
         letter = rf"\{base}"
-    else:
-        letter = rf"\mathrm{{{_escaped(base)}}}"
     if hat:
-        letter = rf"\hat{{{letter}}}" if len(base) == 1 or base in _GREEK else rf"\widehat{{{letter}}}"
+        letter = rf"\widehat{{{letter}}}" if wide else rf"\hat{{{letter}}}"
     below = ",".join(part if part.isdigit() or len(part) == 1 else rf"\mathrm{{{part}}}" for part in indices)
     return f"{letter}_{{{below}}}" if below else letter
 
@@ -40,8 +51,29 @@ def _escaped(text: str) -> str:
 
 def unit(text: str) -> str:
     """A unit in brackets with a space before it, powers raised; empty where there is none."""
-    raised = re.sub(r"\^\{?([-+]?[0-9.]+)\}?", r"$^{\1}$", text)
-    return f" [{raised}]" if text else ""
+    shown = words(text)
+    if "$" not in shown:
+        shown = re.sub(r"\^\{?([-+]?[0-9.]+)\}?", r"$^{\1}$", shown)
+    return f" [{shown}]" if shown else ""
+
+
+def printable(text: str) -> str:
+    """Text without control characters, which stand for spaces."""
+    return "".join(char if char.isprintable() else " " for char in text)
+
+
+def columns(text: str) -> int:
+    """Columns that a text takes in a terminal, where some characters take two."""
+    wide = sum(unicodedata.east_asian_width(char) in "WF" for char in text)
+    return len(text) + wide - sum(unicodedata.combining(char) > 0 for char in text)
+
+
+def shortened(text: str, most: int) -> str:
+    """A text without its middle, where labels differ least, when it takes more than ``most`` columns."""
+    while columns(text) > most:
+        keep = min((len(text) - 2) // 2, most)
+        text = f"{text[:keep].rstrip('…')}…{text[-keep:].lstrip('…')}"
+    return text
 
 
 def words(text: str, *, most: int = 60) -> str:
@@ -53,11 +85,10 @@ def words(text: str, *, most: int = 60) -> str:
     most : int
         Longer text is cut.
     """
-    text = "".join(char if char.isprintable() else " " for char in text).strip()
+    text = printable(text).strip()
     if text.count("$") >= 2 and len(text) <= 4 * most and _is_mathematics(text):
         return text
-    text = text if len(text) <= most else text[: most - 1].rstrip() + "…"
-    return text.replace("$", r"\$")
+    return shortened(text, most).replace("$", r"\$")
 
 
 def _is_mathematics(text: str) -> bool:
@@ -65,12 +96,29 @@ def _is_mathematics(text: str) -> bool:
 
     try:
         MathTextParser("path").parse(text)
-    except ValueError:
+    except (ValueError, RecursionError):
         return False
     return True
 
 
 def paragraph(text: str, width: float) -> str:
-    """A title broken into lines for a figure so many inches wide."""
-    shown = words(text, most=400)
-    return shown if "$" in shown else textwrap.fill(shown, max(20, int(width * 13)))
+    """A title broken into lines, between formulas, for a figure so many inches wide."""
+    shown = re.sub(r"\$[^$]*\$", lambda m: m[0].replace(" ", "\0"), words(text, most=400))
+    lines = textwrap.wrap(shown, max(20, int(width * 13)), break_long_words="$" not in shown)
+    return "\n".join(lines).replace("\0", " ")
+
+
+def latex_words(words: str) -> str:
+    """Words with everything escaped that LaTeX would read as a command; simple mathematics is left."""
+    parts = _MATHEMATICS.split(printable(words))
+    return "".join(part if i % 2 else "".join(map(_latex_character, part)) for i, part in enumerate(parts))
+
+
+def _latex_character(char: str) -> str:
+    name = unicodedata.name(char, "").split()
+    if name[:1] == ["GREEK"] and len(name) == 4:
+        letter = name[3].replace("LAMDA", "LAMBDA")
+        letter = letter.lower() if name[1] == "SMALL" else letter.capitalize()
+        if re.fullmatch(GREEK, letter):
+            return rf"$\{letter}$"
+    return _SPECIAL.get(char, char)

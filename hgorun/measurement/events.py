@@ -76,11 +76,11 @@ def _bisect(function: Callable[[np.ndarray], np.ndarray], low: np.ndarray, high:
 def kinks(
     expressions: list[ca.SX], t: ca.SX, p: ca.SX, values: np.ndarray, start: float, end: float, points: int
 ) -> np.ndarray:
-    """Kinks and jumps of expressions of t and p."""
+    """Kinks and jumps of expressions at times that depend on t and p alone, not on a state."""
     functions = []
     for argument in kink_arguments(expressions):
-        if ca.depends_on(argument, t):
-            f = ca.Function("g", [t, p], [argument])
+        f = ca.Function("g", [t, p], [argument], {"allow_free": True})
+        if ca.depends_on(argument, t) and not f.has_free():
             functions.append(lambda times, f=f: evaluate(f, times, values))
     return roots(functions, start, end, points)
 

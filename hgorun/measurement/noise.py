@@ -66,15 +66,14 @@ class RandomNoise:
         mean_square: Callable[[], float],
     ) -> None:
         self.start, self.end = start, end
-        self.items: list[tuple[UniformNoise | GaussianNoise, np.random.Generator]] = [
-            (item, generator(seed, "noise", channel, i))
-            for i, item in enumerate(stretch.noise)
-            if isinstance(item, (UniformNoise, GaussianNoise))
+        self.items: list[UniformNoise | GaussianNoise] = [
+            item for item in stretch.noise if isinstance(item, (UniformNoise, GaussianNoise))
         ]
-        self._std = [self._standard_deviation(item, mean_square) for item, _ in self.items]
+        self._seed, self._channel = seed, channel
+        self._std = [self._standard_deviation(item, mean_square) for item in self.items]
         self._draws: list[np.ndarray] = [
             self._draw(j, self.holds(item.hold)) if item.hold is not None else np.zeros(0)
-            for j, (item, _) in enumerate(self.items)
+            for j, item in enumerate(self.items)
         ]
 
     @staticmethod
@@ -91,7 +90,8 @@ class RandomNoise:
         return int(np.floor((self.end - self.start) / hold * (1 + 1e-12))) + 1
 
     def _draw(self, j: int, count: int) -> np.ndarray:
-        item, random = self.items[j]
+        """The first draws of an item: the same ones at every call."""
+        item, random = self.items[j], generator(self._seed, "noise", self._channel, j)
         if isinstance(item, UniformNoise):
             return random.uniform(item.low, item.high, count)
         return random.normal(0.0, 1.0, count) * self._std[j]
@@ -100,7 +100,7 @@ class RandomNoise:
         """When a held part changes."""
         times = [
             self.start + np.arange(draws.size) * item.hold
-            for (item, _), draws in zip(self.items, self._draws, strict=True)
+            for item, draws in zip(self.items, self._draws, strict=True)
             if item.hold is not None
         ]
         return np.unique(np.concatenate(times)) if times else np.zeros(0)
@@ -108,7 +108,7 @@ class RandomNoise:
     def held(self, times: np.ndarray) -> np.ndarray:
         """The sum of the held parts at several times."""
         total = np.zeros(times.size)
-        for (item, _), draws in zip(self.items, self._draws, strict=True):
+        for item, draws in zip(self.items, self._draws, strict=True):
             if item.hold is not None:
                 index = np.floor((times - self.start) / item.hold * (1 + 1e-12) + 1e-9).astype(int)
                 total += draws[np.clip(index, 0, draws.size - 1)]
@@ -118,7 +118,7 @@ class RandomNoise:
         """The random noise of samples: held parts at t_k, one draw a sample of the others."""
         total = self.held(times)
         count = int(numbers.max()) + 1 if numbers.size else 0
-        for j, (item, _) in enumerate(self.items):
+        for j, item in enumerate(self.items):
             if item.hold is None:
                 total += self._draw(j, count)[numbers]
         return total

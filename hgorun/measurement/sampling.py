@@ -51,10 +51,10 @@ def find_samples(stretches: list[Stretch], start: float, seed: int, output: str,
         times, k = _arrivals(stretch, generator(seed, "sampling", output, i), most)
         last = i == len(stretches) - 1
         tolerance = 1e-12 * max(abs(stretch.end), abs(stretch.start))
-        inside = (times >= stretch.start) & (
+        inside = (times >= stretch.start - tolerance) & (
             times <= stretch.end + tolerance if last else times < stretch.end - tolerance
         )
-        times, k = np.minimum(times[inside], stretch.end), k[inside]
+        times, k = np.clip(times[inside], stretch.start, stretch.end), k[inside]
         delay = stretch.delay_at(times)
         if not np.all(np.isfinite(delay)) or np.any(delay < 0):
             worst = times[np.argmin(np.where(np.isfinite(delay), delay, -np.inf))]

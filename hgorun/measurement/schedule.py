@@ -73,8 +73,9 @@ class Schedule:
         One an output.
     events : ndarray
         Times between which everything is smooth.
-    sharp : ndarray of bool
-        Events at which a function of time has a kink or a jump.
+    inward : ndarray
+        Where a function of time has a kink or a jump at an event: how far from the event functions of
+        time are evaluated, so that they show the side of the segment. Zero elsewhere.
     variants : list of Variant
         Every combination of what the outputs are.
     variant : ndarray of int
@@ -83,7 +84,7 @@ class Schedule:
 
     channels: list[Channel]
     events: np.ndarray
-    sharp: np.ndarray
+    inward: np.ndarray
     variants: list[Variant]
     variant: np.ndarray
     step: float
@@ -179,12 +180,15 @@ def build_schedule(
         )
         newest = fresh[away > tolerance]
         events = _clipped(np.concatenate([events, newest]), time, tolerance)
-    sharp = np.zeros(events.size, dtype=bool)
-    sharp[_nearest(events, kinks)] = True
-    kinds = np.concatenate([c.kinds_at(events[:-1]) for c in channels], axis=1)
+    inward, at = np.zeros(events.size), _nearest(events, kinks)
+    margin = 4 * np.spacing(np.maximum(np.abs(kinks), step))
+    np.maximum.at(inward, at, np.abs(kinks - events[at]) + margin)
+    # in the middle: what happens at an event may be written a rounding error later than the event
+    middle = 0.5 * (events[:-1] + events[1:])
+    kinds = np.concatenate([c.kinds_at(middle) for c in channels], axis=1)
     distinct, variant = np.unique(kinds, axis=0, return_inverse=True)
     variants = [tuple((int(a), int(b)) for a, b in row.reshape(-1, 2)) for row in distinct]
-    return Schedule(channels, events, sharp, variants, variant.ravel(), step)
+    return Schedule(channels, events, inward, variants, variant.ravel(), step)
 
 
 def _clipped(times: np.ndarray, time: Time, tolerance: float) -> np.ndarray:
@@ -231,8 +235,8 @@ def build_plan(
     slope = np.full(gaps.size, int(remembers or always_slope))
     if not remembers and not always_slope:
         slope = _row_in_last_step(events, steps, grid).astype(int)
-    inward = np.where(schedule.sharp, 4 * np.spacing(np.maximum(np.abs(events), schedule.step)), 0.0)
-    spans = np.column_stack([events[:-1], events[1:], events[:-1] + inward[:-1], events[1:] - inward[1:]])
+    inner = events[:-1] + schedule.inward[:-1], events[1:] - schedule.inward[1:]
+    spans = np.column_stack([events[:-1], events[1:], *inner])
     counts = np.column_stack(
         [steps, np.zeros_like(steps), steps, schedule.variant, table.first[:-1], table.first[1:], slope]
     )
@@ -342,6 +346,9 @@ def _measured(c: Channel) -> tuple[np.ndarray, np.ndarray]:
         if mine.any():
             times, numbers = s.arrival[mine], s.number[mine]
             v = sampled_noise(stretch, times, numbers) + random.sampled(times, numbers)
+            if not np.all(np.isfinite(v)):
+                first = times[np.argmin(np.isfinite(v))]
+                raise Problem(stretch.paths["noise"], f"the noise is not a finite number at t = {first:g}")
             if stretch.multiplicative:
                 gain[mine] = 1 + v
             else:

@@ -30,6 +30,8 @@ from hgorun.symbolic.copy import PlantCopy
 from hgorun.symbolic.matrices import A, B, C, hurwitz_gain
 from hgorun.symbolic.system import Parameters, Signal, System, build_system
 
+Run = Callable[[Plan], np.ndarray]
+
 END, STEPS, ROWS = 40.0, 80_000, 400
 THETA = 5.0
 NOISE = (0.25, 387.0, 0.5, 987.0)  # amplitude and frequency, twice
@@ -124,11 +126,14 @@ def plan(end: float = END, steps: int = STEPS, rows: int = ROWS) -> Plan:
         counts=np.array([[steps, 0, steps, 0, 0, 0, 1]]),
         actions=np.zeros((0, 5), dtype=np.int64),
         grid=np.linspace(0, end, rows + 1),
-        slots=0, gain=nothing, bias=nothing, holds=nothing,
+        slots=0,
+        gain=nothing,
+        bias=nothing,
+        holds=nothing,
     )
 
 
-def native(system: System, *, lanes: int = 1) -> Callable[[Plan], np.ndarray]:
+def native(system: System, *, lanes: int = 1) -> Run:
     """hgorun's engine: from a plan to rows of states, shape (points, 23, lanes)."""
     program = Program(system.structure, "rk4", lanes=lanes)
     start = Start(np.repeat(system.z0[:, None], lanes, axis=1), np.repeat(system.p[:, None], lanes, axis=1))
@@ -146,9 +151,8 @@ def compiled(folder: Path, *flags: str) -> Callable[[Plan, np.ndarray], np.ndarr
     assert command is not None
     library = folder / f"academic{''.join(flags)}.so"
     source = Path(__file__).with_suffix(".c")
-    subprocess.run(
-        [command, "-O3", "-march=native", *flags, "-shared", "-fPIC", "-o", library, source, "-lm"], check=True
-    )
+    options = ["-O3", "-march=native", *flags, "-shared", "-fPIC"]
+    subprocess.run([command, *options, "-o", library, source, "-lm"], check=True)
     run = ctypes.CDLL(str(library)).run
     run.restype, pointer = None, ctypes.c_void_p
     run.argtypes = [ctypes.c_double, ctypes.c_double, ctypes.c_long, ctypes.c_long, pointer, pointer, pointer]
@@ -157,7 +161,8 @@ def compiled(folder: Path, *flags: str) -> Callable[[Plan, np.ndarray], np.ndarr
     def call(plan: Plan, z0: np.ndarray) -> np.ndarray:
         steps, end, count = plan.steps, plan.spans[0, 1], plan.grid.size
         z, rows = z0.copy(), np.empty((count, z0.size))
-        run(0.0, end / steps, steps, steps // (count - 1), z.ctypes.data, parameters.ctypes.data, rows.ctypes.data)
+        every = steps // (count - 1)
+        run(0.0, end / steps, steps, every, z.ctypes.data, parameters.ctypes.data, rows.ctypes.data)
         return rows
 
     return call
@@ -165,30 +170,35 @@ def compiled(folder: Path, *flags: str) -> Callable[[Plan, np.ndarray], np.ndarr
 
 def python_flow(t: float, z: np.ndarray) -> np.ndarray:
     """The right-hand side as one writes it for scipy: numpy, in the notation of the equations."""
-    x, xhat, eta, U, P = z[:3], z[3:6], z[6:8], z[8:14].reshape(2, 3), z[14:].reshape(3, 3)
-    f1, f2 = np.sin(0.5 * t), np.sin(2.7 * t)
-    F = np.array([[0, f1, 0], [0, 0, f2], [0, 0, 0]])
-    u = 5 * np.sin(0.5 * np.pi * t)
-    v = NOISE[0] * np.sin(NOISE[1] * t) + NOISE[2] * np.sin(NOISE[3] * t)
+    x, w = z[:3], z[3:]
+    dx = _f(t, x)
+    dx[2] += 0.1 * np.sin(0.1 * t)
+    a1, omega1, a2, omega2 = NOISE
+    y = x[0] + a1 * np.sin(omega1 * t) + a2 * np.sin(omega2 * t)
+    return np.concatenate([dx, _observer(t, w, y)])
 
-    def f(x: np.ndarray) -> np.ndarray:
-        coupling = np.tanh(x[0] * x[1])
-        return F @ x - 0.1 * x + np.array([0, coupling, coupling + u])
 
+def _F(t: float) -> np.ndarray:
+    return np.array([[0, np.sin(0.5 * t), 0], [0, 0, np.sin(2.7 * t)], [0, 0, 0]])
+
+
+def _f(t: float, x: np.ndarray) -> np.ndarray:
+    coupling = np.tanh(x[0] * x[1])
+    return _F(t) @ x - 0.1 * x + np.array([0, coupling, coupling + 5 * np.sin(0.5 * np.pi * t)])
+
+
+def _observer(t: float, w: np.ndarray, y: float) -> np.ndarray:
+    xhat, eta, U, P = w[:3], w[3:5], w[5:11].reshape(2, 3), w[11:].reshape(3, 3)
+    F = _F(t)
     K_n = P @ U[0]
     K_r = _b + U @ K_n
-    dx = f(x)
-    dx[2] += 0.1 * np.sin(0.1 * t)
-    dxhat = f(xhat) - _gain * K_n * eta[0]
-    deta = THETA * (_A2 @ eta - K_r * eta[0])
-    deta[1] += THETA * (xhat[0] - x[0] - v)
     FP = F @ P
-    dU = THETA * (_A2 @ U - np.outer(_b, U[0]) - U @ F + _BC)
+    dxhat = _f(t, xhat) - THETA ** np.arange(1, 4) * K_n * eta[0]
+    deta = THETA * (_A @ eta - K_r * eta[0] + _B * (xhat[0] - y))
+    dU = THETA * (_A @ U - np.outer(_b, U[0]) - U @ F + np.outer(_B, _C))
     dP = THETA * (P + (FP + FP.T) - np.outer(K_n, K_n))
-    return np.concatenate([dx, dxhat, deta, dU.ravel(), dP.ravel()])
+    return np.concatenate([dxhat, deta, dU.ravel(), dP.ravel()])
 
 
-_A2 = np.array([[0.0, 1.0], [0.0, 0.0]])
-_BC = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
+_A, _B, _C = np.eye(2, k=1), np.array([0.0, 1.0]), np.array([1.0, 0.0, 0.0])
 _b = np.array([2.0, 1.0])
-_gain = THETA ** np.arange(1, 4)

@@ -12,6 +12,7 @@ from hgorun import registry
 from hgorun.config import yaml_source
 from hgorun.config.expressions import nearest
 from hgorun.config.models import Experiment as Blocks
+from hgorun.config.overrides import merge, set_path
 from hgorun.config.types import Block, describe
 from hgorun.config.yaml_source import Source
 from hgorun.errors import ConfigError
@@ -45,9 +46,9 @@ def load(path: str | Path, overrides: Sequence[str] = (), *, seed: int | None = 
     text, source = yaml_source.read(path)
     source = _extended(source, path, [path.resolve()])
     for assignment in overrides:
-        source = yaml_source.set_path(source, assignment)
+        source = set_path(source, assignment)
     if seed is not None:
-        source = yaml_source.set_path(source, f"seed={seed}")
+        source = set_path(source, f"seed={seed}")
     return build(path.stem, text, source)
 
 
@@ -79,7 +80,7 @@ def _extended(source: Source, path: Path, seen: list[Path]) -> Source:
             raise ConfigError(error.message, file=file, line=line, key="extends") from error
         raise
     parent = _extended(parent, target, [*seen, target.resolve()])
-    return yaml_source.merge(parent, source)
+    return merge(parent, source)
 
 
 def _plant(blocks: Blocks, source: Source) -> Plant:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from hgorun.figures.style import Look, look
+from hgorun.figures.style import colour
 from hgorun.figures.typeset import words
 from hgorun.result import ObserverResult, Result
 
@@ -34,9 +34,9 @@ class Actor:
     observer: ObserverResult
 
     @property
-    def look(self) -> Look:
-        """Colour and line style, the same in all figures of these results."""
-        return look(self.order)
+    def colour(self) -> str:
+        """The same in all figures of these results."""
+        return colour(self.order)
 
     def among(self, names: Sequence[str] | None) -> bool:
         """Whether names, ``label`` or ``run/label``, include this observer; None includes all."""
@@ -53,6 +53,7 @@ def _cast(results: Sequence[Result]) -> Iterator[Actor]:
     for run, (result, name) in enumerate(zip(results, run_names(results), strict=True)):
         for label, observer in result.observers.items():
             text = words(f"{name}: {label}" if len(results) > 1 else label)
+            text = f" {text}" if text.startswith("_") else text  # matplotlib would leave it out of legends
             if observer.diverged_at is not None:
                 text += " (diverged)"
             yield Actor(order, run, label, text, result, observer)

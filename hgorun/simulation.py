@@ -96,11 +96,11 @@ class Run:
             self.solver.method == "dopri5" and self.solver.step == "auto"
         )
         self.grid, _, _ = experiment.grid
-        self.channels = find_channels(
-            experiment.stretches, self.plant.model.outputs, self.time, self.blocks.seed, self._mean_square
-        )
         self.points = int(
             np.clip((self.time.end - self.time.start) / (self._given_step() or 1e-3), *_SEARCH_POINTS)
+        )
+        self.channels = find_channels(
+            experiment.stretches, self.plant.model.outputs, self.time, self.blocks.seed, self._mean_square
         )
         self.smallest_delay, self.reach = check_delays(self.channels, self.points)
         self.parameters = Parameters()
@@ -171,8 +171,8 @@ class Run:
         step = (self.time.end - self.time.start) / 1000
         if max(rates) > 0:
             step = min(step, 0.05 / max(rates))
-        for channel in self.channels:
-            for s in channel.stretches:
+        for stretches in self.experiment.stretches:
+            for s in stretches:
                 for item in s.noise if s.continuous else ():
                     for term in getattr(item, "terms", ()):
                         if term.omega != 0:
@@ -180,7 +180,9 @@ class Run:
         return step
 
     def _plant_kinks(self) -> np.ndarray:
-        model, functions = self.plant.model, [self.plant.inputs, self.plant.disturbance]
+        model, u = self.plant.model, self.plant.inputs
+        functions = [u, self.plant.disturbance]
+        functions += [function(model.t, model.x, u, model.p) for function in (model.f, model.h)]
         return kinks(
             functions, model.t, model.p, self.plant.parameters, self.time.start, self.time.end, self.points
         )

@@ -1,0 +1,98 @@
+"""One configuration on top of another: the assignments of ``--set``, and a file on the one it extends."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from hgorun.config.expressions import nearest
+from hgorun.config.paths import KeyPath, at, dotted, entries, walk
+from hgorun.config.yaml_source import MAX_DEPTH, Source, parse
+from hgorun.errors import ConfigError
+
+
+def set_path(source: Source, assignment: str) -> Source:
+    """Carry out ``assignment``, the ``path=value`` of ``--set``.
+
+    A path is keys and list indices with dots between. The longest path that exists wins, so a label may
+    contain ``=``; what follows it, up to the next ``=``, is created. The value is YAML.
+
+    Raises
+    ------
+    ConfigError
+        There is no ``=``, the value is not YAML, or the path leads into a scalar or past the end of a list.
+    """
+    file = f"--set {assignment}"
+    old, end = _longest_path(source.data, assignment)
+    names, equals, text = assignment[end:].partition("=")
+    new = names[1 if old else 0 :].split(".") if names else []
+    if not equals or not (old or new) or any(not name or name != name.strip() for name in new):
+        raise ConfigError("expected path=value, without spaces around `=`", file=file, line=1)
+    above = at(source.data, old)
+    if new and above is not None and not isinstance(above, dict):
+        raise ConfigError(_no_way(source.data, old, new[0]), file=file, line=1)
+    path = (*old, *new)
+    value = parse(text, file).data if text.strip() else None
+    data = _replaced(source.data, path, value)
+    places = {p: (file, 1) if p[: len(path)] == path else source.where(p) for p, _ in walk(data)}
+    created = {path[:length]: (file, 1) for length in range(len(old) + 1, len(path))}
+    if max(map(len, places)) > MAX_DEPTH:
+        raise ConfigError(f"more than {MAX_DEPTH} lists and mappings inside each other", file=file, line=1)
+    return Source(data, places | created)
+
+
+def _longest_path(data: Any, assignment: str) -> tuple[KeyPath, int]:
+    """Find the longest path in ``data`` that ``assignment`` starts with, and where it ends there."""
+    best: tuple[KeyPath, int] = ((), 0)
+    todo: list[tuple[KeyPath, Any, int]] = [((), data, 0)]
+    while todo:
+        path, value, start = todo.pop()
+        for key, part in entries(value):
+            end = start + len(str(key))
+            follows = assignment[end : end + 1]
+            if follows in (".", "=") and assignment.startswith(str(key), start):
+                best = max(best, ((*path, key), end), key=lambda found: found[1])
+                if follows == ".":
+                    todo.append(((*path, key), part, end + 1))
+    return best
+
+
+def _no_way(data: Any, path: KeyPath, name: str) -> str:
+    here, value = dotted(path) or "the file", at(data, path)
+    if isinstance(value, list):
+        indices = f"an index from 0 to {len(value) - 1}" if value else "nothing, as it is empty"
+        return f"`{here}` is a list of {len(value)}: `{name}` was found where there can be {indices}"
+    beside = [str(key) for key, _ in entries(at(data, path[:-1]))]
+    names = f" Beside it: {', '.join(beside[:20])}." if beside else ""
+    return f"`{here}` is {str(value)[:40]!r} and has no `{name}` in it.{nearest(name, beside)}{names}"
+
+
+def _replaced(data: Any, path: KeyPath, value: Any) -> Any:
+    """Copy ``data`` along ``path``, with ``value`` at its end; mappings that are missing are created."""
+    result = [data]
+    holder: Any = result
+    last: str | int = 0
+    for key in path:
+        part = holder.get(last) if isinstance(holder, dict) else holder[last]
+        part = list(part) if isinstance(part, list) else dict(part or {})
+        holder[last] = part
+        holder, last = part, key
+    holder[last] = value
+    return result[0]
+
+
+def merge(base: Source, over: Source) -> Source:
+    """Lay ``over`` on ``base``: mappings are merged, everything else is replaced.
+
+    A mapping whose ``type`` differs from that of the one below replaces it whole.
+    """
+    data = _merged(base.data, over.data)
+    places = base.positions | over.positions
+    return Source(data, {path: places[path] for path, _ in walk(data) if path in places})
+
+
+def _merged(base: Any, over: Any) -> Any:  # no deeper than MAX_DEPTH
+    if not (isinstance(base, dict) and isinstance(over, dict)):
+        return over
+    if "type" in base and over.get("type", base["type"]) != base["type"]:
+        return over
+    return base | {key: _merged(base[key], part) if key in base else part for key, part in over.items()}

@@ -1,0 +1,43 @@
+"""Paths into plain data: dictionaries, lists and scalars inside each other."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import Any, TypeAlias
+
+KeyPath: TypeAlias = tuple[str | int, ...]
+
+
+def entries(value: Any) -> Iterable[tuple[str | int, Any]]:
+    """The keys and values of a mapping, the indices and values of a list, nothing of a scalar."""
+    if isinstance(value, dict):
+        return value.items()
+    return enumerate(value) if isinstance(value, list) else ()
+
+
+def walk(data: Any) -> Iterator[tuple[KeyPath, Any]]:
+    """Yield every value in ``data`` with its path, the whole first."""
+    todo: list[tuple[KeyPath, Any]] = [((), data)]
+    while todo:
+        path, value = todo.pop()
+        yield path, value
+        todo += [((*path, key), part) for key, part in entries(value)]
+
+
+def at(data: Any, path: KeyPath) -> Any:
+    """The value at ``path``, which must exist."""
+    for key in path:
+        data = data[key]
+    return data
+
+
+def copy(data: Any) -> Any:  # no deeper than yaml_source.MAX_DEPTH
+    """Copy dictionaries and lists; scalars are shared."""
+    if isinstance(data, dict):
+        return {key: copy(part) for key, part in data.items()}
+    return [copy(part) for part in data] if isinstance(data, list) else data
+
+
+def dotted(path: KeyPath) -> str | None:
+    """The path as messages show it; None for the whole."""
+    return ".".join(str(key)[:100] for key in path) or None

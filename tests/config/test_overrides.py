@@ -1,0 +1,194 @@
+"""Configurations on top of each other: ``--set`` and ``extends``, and the positions they leave."""
+
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hgorun.config.overrides import merge, set_path
+from hgorun.config.paths import at, walk
+from hgorun.config.yaml_source import Source, parse
+from hgorun.errors import ConfigError
+
+EXAMPLE = """\
+title: Contois, sampled
+time: {end: 40, output_step: 0.01, unit: h}
+plant:
+  type: contois
+  initial:
+    x1: 1.5
+    x2: 15
+measurement:
+  noise:
+    - type: sinusoids
+      terms: [{amplitude: 0.5, omega: 11.938},
+              {amplitude: 0.5, omega: 12.189}]
+observers:
+  SHGO: {type: shgo, theta: 1, poles: -1}
+  FHGO r=2: {type: fhgo2, theta: 2, r: 2}
+disturbance:
+"""
+
+
+# --set
+
+
+def get(source: Source, *path: str | int) -> Any:
+    return at(source.data, path)
+
+
+@pytest.mark.parametrize(
+    ("assignment", "path", "value"),
+    [
+        ("time.end=5", ("time", "end"), 5),
+        ("title=a = b", ("title",), "a = b"),
+        ("title=", ("title",), None),
+        ("observers.SHGO.theta=1e1", ("observers", "SHGO", "theta"), 10.0),
+        ("observers.SHGO.theta='3'", ("observers", "SHGO", "theta"), "3"),
+        ("observers.FHGO r=2.theta=4", ("observers", "FHGO r=2", "theta"), 4),
+        ("observers.FHGO r=2.new=4", ("observers", "FHGO r=2", "new"), 4),
+        ("observers.FHGO r=2=4", ("observers", "FHGO r=2"), 4),
+        ("observers.FHGO r=3.theta=4", ("observers", "FHGO r"), "3.theta=4"),
+        (
+            "observers.SHGO={type: shgo, theta: [1, 2]}",
+            ("observers", "SHGO"),
+            {"type": "shgo", "theta": [1, 2]},
+        ),
+        (
+            "measurement.noise.0.terms.1.omega=0.95*pi",
+            ("measurement", "noise", 0, "terms", 1, "omega"),
+            "0.95*pi",
+        ),
+        ("measurement.noise.0=null", ("measurement", "noise", 0), None),
+        ("plant.parameters.mu=1", ("plant", "parameters", "mu"), 1),
+        ("disturbance.x1=sin(t)", ("disturbance", "x1"), "sin(t)"),
+        ("solver.method=rk4", ("solver", "method"), "rk4"),
+        ("a.b.c.d=[]", ("a", "b", "c", "d"), []),
+    ],
+)
+def test_set_path(assignment: str, path: tuple[str | int, ...], value: object) -> None:
+    before = parse(EXAMPLE, "c.yaml")
+    after = set_path(before, assignment)
+    assert get(after, *path) == value
+    assert type(get(after, *path)) is type(value)
+    assert after.where(path) == (f"--set {assignment}", 1)
+    assert before == parse(EXAMPLE, "c.yaml")
+    assert set(after.positions) == {p for p, _ in walk(after.data)}
+    for p, place in after.positions.items():
+        assert place == before.positions.get(p, (f"--set {assignment}", 1)) or p[: len(path)] == path
+
+
+def test_set_path_prefers_the_longest_path() -> None:
+    source = parse("{a: {b: 1}, a=x: {b: 1}, a.b: 1, 'l': [{c: 1}]}", "f")
+    assert get(set_path(source, "a=x.b=2"), "a=x", "b") == 2
+    assert get(set_path(source, "a=y.b=2"), "a") == "y.b=2"
+    assert get(set_path(source, "l.0.c=5"), "l", 0, "c") == 5
+
+
+def test_set_path_in_turn() -> None:
+    source = parse("a: 1", "f")
+    for assignment in ("b.c=1", "b.d={e: 2}", "b.d.e=3", "b.d.f=4"):
+        source = set_path(source, assignment)
+    assert source.data == {"a": 1, "b": {"c": 1, "d": {"e": 3, "f": 4}}}
+    assert source.where(("b",)) == ("--set b.c=1", 1)
+    assert source.where(("b", "d")) == ("--set b.d={e: 2}", 1)
+    assert source.where(("b", "d", "e")) == ("--set b.d.e=3", 1)
+
+
+@pytest.mark.parametrize(
+    ("assignment", "words"),
+    [
+        ("time.end", "path=value"),
+        ("=5", "path=value"),
+        ("", "path=value"),
+        ("time.=5", "path=value"),
+        ("time..end=5", "path=value"),
+        (".time=5", "path=value"),
+        ("time.end = 5", "path=value"),
+        ("time.end.outputstep=5", "Did you mean `output_step`?"),
+        ("time.end.x=5", "`time.end` is '40' and has no `x` in it. Beside it: end, output_step, unit."),
+        ("measurement.noise.1.type=x", "an index from 0 to 0"),
+        ("measurement.noise.-1=x", "index"),
+        ("measurement.noise.x=1", "index"),
+        ("time.end=[1", "bracket"),
+        ("time.end=!!str 1", "tag"),
+        ("time.end=@", "quotes"),
+        ("a" + ".a" * 60 + "=1", "50"),
+        ("a" + ".a" * 20 + "=" + "[" * 40 + "]" * 40, "50"),
+    ],
+)
+def test_set_path_refusals(assignment: str, words: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        set_path(parse(EXAMPLE, "c.yaml"), assignment)
+    assert words in str(caught.value)
+    assert caught.value.file == f"--set {assignment}"
+    assert caught.value.line == 1
+
+
+def test_set_path_into_an_empty_list_or_a_scalar() -> None:
+    for text, words in (("a: []", "empty"), ("[]", "`the file` is a list"), ("5", "`the file` is '5'")):
+        with pytest.raises(ConfigError) as caught:
+            set_path(parse(text, "f"), "a.0=1" if text == "a: []" else "0=1")
+        assert words in str(caught.value)
+
+
+@given(
+    st.lists(
+        st.sampled_from(["time", "end", "observers", "FHGO r=2", ".", "=", "0", " ", "{a: 1}", "é"]),
+        max_size=9,
+    )
+)
+@settings(max_examples=200, deadline=1000)
+def test_any_assignment_is_carried_out_or_refused(pieces: list[str]) -> None:
+    try:
+        source = set_path(parse(EXAMPLE, "c.yaml"), "".join(pieces))
+    except ConfigError:
+        return
+    assert set(source.positions) == {path for path, _ in walk(source.data)}
+
+
+# extends
+
+
+def test_merge() -> None:
+    base = parse(
+        "a: 1\nb: {c: 2, d: [1, 2]}\nplant: {type: contois, k: 1}\no: {A: {type: shgo, theta: 1}}", "base"
+    )
+    over = parse(
+        "\n\n\n\nb:\n  d: [3]\n  e: 4\nplant:\n  type: duffing\no: {A: {theta: 2}, B: {type: x}}", "over"
+    )
+    both = merge(base, over)
+    assert both.data == {
+        "a": 1,
+        "b": {"c": 2, "d": [3], "e": 4},
+        "plant": {"type": "duffing"},
+        "o": {"A": {"type": "shgo", "theta": 2}, "B": {"type": "x"}},
+    }
+    assert list(both.data) == ["a", "b", "plant", "o"]
+    assert set(both.positions) == {path for path, _ in walk(both.data)}
+    assert both.where(("a",)) == ("base", 1)
+    assert both.where(("b",)) == ("over", 5)
+    assert both.where(("b", "c")) == ("base", 2)
+    assert both.where(("b", "d", 0)) == ("over", 6)
+    assert both.where(("o", "A", "type")) == ("base", 4)
+
+
+@pytest.mark.parametrize(
+    ("base", "over", "result"),
+    [
+        ("a: {b: 1}", "a: 2", {"a": 2}),
+        ("a: 1", "a: {b: 2}", {"a": {"b": 2}}),
+        ("a: {b: 1}", "a:", {"a": None}),
+        ("a: {type: x, b: 1}", "a: {type: x, c: 2}", {"a": {"type": "x", "b": 1, "c": 2}}),
+        ("a: {b: 1}", "a: {type: x}", {"a": {"b": 1, "type": "x"}}),
+        ("[1]", "[2, 3]", [2, 3]),
+    ],
+)
+def test_merge_of_unlike_things(base: str, over: str, result: object) -> None:
+    assert merge(parse(base, "base"), parse(over, "over")).data == result
+
+
+def test_merge_with_itself_changes_nothing() -> None:
+    source = parse(EXAMPLE, "c.yaml")
+    assert merge(source, source) == source

@@ -1,0 +1,165 @@
+"""The coordinates that the program derives, against those that the papers derive by hand."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+import yaml
+
+import hgorun
+from hgorun.config import yaml_source
+from hgorun.errors import ConfigError
+from hgorun.loading import build
+from hgorun.symbolic.matrices import A, C, hurwitz_gain, inv_Delta
+
+MEASURED = {"sampling": {"period": 0.1}, "noise": [{"type": "sinusoids", "terms": [{"amplitude": 0.1, "omega": 20}]}]}
+
+
+def experiment(plant: dict[str, Any], observers: dict[str, Any], **more: Any) -> hgorun.Experiment:
+    config = {
+        "time": {"end": 2, "output_step": 0.1},
+        "plant": plant,
+        "observers": observers,
+        "solver": {"step": 0.01},
+        "measurement": MEASURED,
+        **more,
+    }
+    text = yaml.safe_dump(config)
+    return build("test", text, yaml_source.parse(text, "test.yaml"))
+
+
+def inline(states: str, dynamics: dict[str, str], output: Any, **more: Any) -> dict[str, Any]:
+    names = states.split()
+    initial = {name: 0.5 + 0.1 * i for i, name in enumerate(names)}
+    return {"states": names, "dynamics": dynamics, "output": output, "initial": initial, **more}
+
+
+CONTOIS = {
+    "type": "contois", "inputs": {"D": "mu*(1 - abs(sin(t))/2)"}, "initial": {"x1": 1.5, "x2": 15},
+}  # fmt: skip
+CONTOIS_INLINE = inline(
+    "x1 x2",
+    {"x1": "mu*x1*x2/(k_c*x1 + x2) - D*x1", "x2": "-mu*x1*x2/(k_c*x1 + x2) + D*(s_in - x2)"},
+    "x1",
+    parameters={"mu": 1.064, "k_c": 4.39, "s_in": 20},
+    inputs={"D": "mu*(1 - abs(sin(t))/2)"},
+) | {"initial": {"x1": 1.5, "x2": 15}}
+SHGO = {"SHGO": {"type": "shgo", "theta": 1, "initial": {"x1": 1, "x2": 14}}}
+
+
+@pytest.mark.parametrize("plant", [CONTOIS, CONTOIS_INLINE], ids=["built-in", "inline"])
+def test_jacobian_of_the_bioreactor_is_the_thesis_one(plant: dict[str, Any]) -> None:
+    """(3.140): the map is taken with the dilution at zero, so D appears nowhere in it."""
+    e = experiment(plant, SHGO)
+    assert e.form is not None
+    mu, k_c = 1.064, 4.39
+    for x1, x2 in np.random.default_rng(0).uniform(0.5, 15, (5, 2)):
+        denominator = (k_c * x1 + x2) ** 2
+        expected = [[1, 0], [mu * x2**2 / denominator, mu * k_c * x1**2 / denominator]]
+        found = e.form.J(ca.DM([x1, x2]), ca.DM(e.plant.parameters))
+        np.testing.assert_allclose(np.asarray(found), expected, rtol=1e-12)
+
+
+def test_inverse_map_of_the_bioreactor() -> None:
+    e = experiment(CONTOIS, SHGO)
+    assert e.form is not None
+    inverse = e.plant.model.inverse
+    assert inverse is not None
+    for x in np.random.default_rng(1).uniform(0.5, 15, (5, 2)):
+        z = e.form.Phi(ca.DM(x), ca.DM(e.plant.parameters))
+        np.testing.assert_allclose(np.asarray(inverse(z, ca.DM(e.plant.parameters))).ravel(), x, rtol=1e-12)
+
+
+def test_a_model_written_out_runs_as_the_built_in_one() -> None:
+    one, two = (hgorun.simulate(experiment(p, SHGO)) for p in (CONTOIS, CONTOIS_INLINE))
+    np.testing.assert_allclose(one.observers["SHGO"].xhat, two.observers["SHGO"].xhat, rtol=1e-13)
+
+
+def test_chains_stay_as_they_are() -> None:
+    e = experiment(inline("a b c", {"a": "b - a**2", "b": "c + sin(a*b)", "c": "-a*b*c + cos(t)"}, "a"),
+                   {"o": {"type": "shgo", "theta": 2}})
+    assert e.form is not None
+    assert e.form.identity
+
+
+def test_a_scaled_chain_gets_its_map() -> None:
+    e = experiment(inline("a b", {"a": "2*b", "b": "-a"}, "a"), {"o": {"type": "shgo", "theta": 2}})
+    assert e.form is not None
+    assert not e.form.identity
+    np.testing.assert_array_equal(np.asarray(e.form.J(ca.DM([1, 1]), ca.DM(0, 1))), [[1, 0], [0, 2]])
+
+
+def test_states_in_another_order_are_no_obstacle() -> None:
+    """The chain b -> a with its states listed backwards: the map is a permutation."""
+    one = hgorun.simulate(experiment(inline("a b", {"a": "b", "b": "-a"}, "a"), {"o": {"type": "shgo", "theta": 2}}))
+    swapped = inline("b a", {"a": "b", "b": "-a"}, "a") | {"initial": {"a": 0.5, "b": 0.6}}
+    two = hgorun.simulate(experiment(swapped, {"o": {"type": "shgo", "theta": 2}}))
+    np.testing.assert_allclose(one.observers["o"].xhat, two.observers["o"].xhat[:, ::-1], atol=1e-14)
+
+
+@pytest.mark.parametrize("block", [{"type": "shgo", "theta": 2}, {"type": "fhgo2", "theta": 2, "r": 2}])
+def test_two_outputs_that_do_not_meet_are_two_single_ones(block: dict[str, Any]) -> None:
+    first, second = {"a": "b", "b": "-a - 0.1*a**3"}, {"c": "d", "d": "-2*sin(c)"}
+    both = experiment(inline("a b c d", first | second, ["a", "c"]), {"o": block})
+    together = hgorun.simulate(both)
+    for states, dynamics, columns in (("a b", first, slice(0, 2)), ("c d", second, slice(2, 4))):
+        plant = inline(states, dynamics, states[0])
+        plant["initial"] = {s: {"a": 0.5, "b": 0.6, "c": 0.7, "d": 0.8}[s] for s in plant["states"]}
+        alone = hgorun.simulate(experiment(plant, {"o": block}))
+        np.testing.assert_allclose(together.observers["o"].xhat[:, columns], alone.observers["o"].xhat, atol=1e-13)
+
+
+@pytest.mark.parametrize("delay", [0, 0.05])
+def test_two_outputs_with_their_own_schedules(delay: float) -> None:
+    """Each output keeps its own samples, also with other rates: again two single observers."""
+    first, second = {"a": "b", "b": "-a"}, {"c": "d", "d": "-2*c"}
+    schedules = {"a": {"sampling": {"period": 0.1}, "delay": delay}, "c": {"sampling": {"period": 0.16}}}
+    both = experiment(inline("a b c d", first | second, ["a", "c"]), {"o": {"type": "fhgo2", "theta": 2, "r": 1}},
+                      measurement={"outputs": schedules})
+    together = hgorun.simulate(both)
+    for states, dynamics, columns in (("a b", first, slice(0, 2)), ("c d", second, slice(2, 4))):
+        plant = inline(states, dynamics, states[0])
+        plant["initial"] = {s: {"a": 0.5, "b": 0.6, "c": 0.7, "d": 0.8}[s] for s in plant["states"]}
+        alone = hgorun.simulate(experiment(plant, {"o": {"type": "fhgo2", "theta": 2, "r": 1}},
+                                           measurement=schedules[states[0]]))
+        np.testing.assert_allclose(together.observers["o"].xhat[:, columns], alone.observers["o"].xhat, atol=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("plant", "words"),
+    [
+        (inline("x1 x2", {"x1": "-x1", "x2": "-x2"}, "x1"), "x2 does not appear"),
+        (inline("x1 x2", {"x1": "-x1 + u*x2", "x2": "-x2"}, "x1", inputs={"u": "1"}), "x2 does not appear"),
+        (inline("x1 x2 x3", {"x1": "x2 + x3", "x2": "-x2", "x3": "-x3"}, "x1"), "singular Jacobian everywhere"),
+        (inline("x1 x2", {"x1": "x2*(1 + u)", "x2": "-x1"}, "x1", inputs={"u": "sin(t)"}), "not uniformly observable"),
+        (inline("x1 x2", {"x1": "x2*(2 + sin(t))", "x2": "-x1"}, "x1"), "depends on time"),
+        (inline("x1 x2", {"x1": "x2", "x2": "-x1"}, ["x1", "x2", "x1 + x2"]), "at most one output a state"),
+    ],
+)
+def test_a_plant_outside_the_class_is_refused_with_the_reason(plant: dict[str, Any], words: str) -> None:
+    with pytest.raises(ConfigError, match=words) as error:
+        hgorun.simulate(experiment(plant, {"o": {"type": "shgo", "theta": 2}}))
+    assert error.value.key == "plant"
+
+
+def test_without_observers_any_plant_runs() -> None:
+    result = hgorun.simulate(experiment(inline("x1 x2", {"x1": "-x1", "x2": "-x2"}, "x1"), {}))
+    np.testing.assert_allclose(result.x[:, 0], 0.5 * np.exp(-result.time), rtol=1e-9)
+
+
+def test_hurwitz_gain_places_the_poles() -> None:
+    for poles in (-1, [-1, -2, -3], [complex(-1, 2), complex(-1, -2), -4]):
+        K = hurwitz_gain(3, poles)
+        closed = np.asarray(A(3)) - np.outer(K, np.asarray(C(3)))
+        expected = np.poly(np.full(3, poles) if np.ndim(poles) == 0 else poles)
+        np.testing.assert_allclose(np.poly(closed), np.real(expected), atol=1e-12)
+    np.testing.assert_array_equal(hurwitz_gain(4, -1), [4, 6, 4, 1])
+
+
+def test_inverse_of_delta() -> None:
+    theta = ca.SX.sym("theta")
+    value = ca.Function("f", [theta], [inv_Delta(theta, 3)])(2.0)
+    np.testing.assert_array_equal(np.asarray(value), np.diag([1, 2, 4]))

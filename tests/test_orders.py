@@ -1,0 +1,152 @@
+"""Orders of convergence: the step is halved and halved again, and the slope of the differences fitted.
+
+Everything that is not smooth lies on events, so each method keeps its order through samples, held noise,
+delays and jumps. The slopes are clean where events are commensurate with the steps.
+"""
+
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from helpers import run
+
+SINE = [{"type": "sinusoids", "terms": [{"amplitude": 0.1, "omega": 3}]}]
+DRAWN = [{"type": "gaussian", "std": 0.1}]
+HELD = [{"type": "gaussian", "std": 0.1, "hold": 0.5}]
+PERIODIC = {"sampling": {"period": 0.4}, "noise": DRAWN}
+LATE = {"delay": "where(sin(7*t) > 0, 0.2, 0.8)"}  # overtaking each other, multiples of the step
+END = 6.0
+
+VAN_DER_POL = {
+    "type": "van_der_pol",
+    "initial": {"x1": 1, "x2": 0.5},
+    "disturbance": {"x2": "0.2*sin(0.7*t)"},
+}
+
+
+def inline(right_side: str, inputs: dict[str, str]) -> dict[str, Any]:
+    return {
+        "states": ["x1", "x2"],
+        "dynamics": {"x1": "x2", "x2": right_side},
+        "output": "x1",
+        "inputs": inputs,
+        "initial": {"x1": 1, "x2": 0.5},
+    }
+
+
+JUMPING = inline("0.5*(1 - x1**2)*x2 - x1 + u", {"u": "sign(sin(pi*t/0.6))"})
+# kinks of time alone, wherever they are written: in an input, through an input, in the equations
+KINKED = {
+    "input": inline("0.5*(1 - x1**2)*x2 - x1 + u", {"u": "abs(sin(pi*t/0.6))"}),
+    "of an input": inline("0.5*(1 - x1**2)*x2 - x1 + abs(u)", {"u": "sin(pi*t/0.6)"}),
+    "dynamics": inline("0.5*(1 - x1**2)*x2 - x1 + abs(sin(pi*t/0.6))", {}),
+}
+
+
+def orders(
+    folder: Path,
+    steps: list[float],
+    measurement: dict[str, Any],
+    method: str = "rk4",
+    plant: dict[str, Any] = VAN_DER_POL,
+    theta: float = 1.5,
+    output_step: float = 0.2,
+) -> dict[str, float]:
+    """The fitted slope of the plant and of each observer with its internal states, largest over the run.
+
+    The output grid is part of the steps unless ``output_step`` says otherwise.
+    """
+    common = {"theta": theta, "initial": {"x1": 0.2, "x2": -0.3}}
+    config = {
+        "time": {"end": END, "output_step": output_step},
+        "plant": plant,
+        "measurement": measurement,
+        "observers": {"S": {"type": "shgo", **common}}
+        | {f"F{r}": {"type": "fhgo2", "r": r, **common} for r in (1, 2, 3)},
+    }
+    runs = []
+    for step in steps:
+        result = run(folder, config | {"solver": {"method": method, "step": step}})
+        rows = {"plant": result.x}
+        for label, found in result.observers.items():
+            eta = found.internal.get("eta", np.zeros((len(result.time), 0)))
+            rows[label] = np.hstack([found.xhat, eta])
+        runs.append(rows)
+    slopes = {}
+    for name in runs[0]:
+        errors = [np.abs(a[name] - b[name]).max() for a, b in pairwise(runs)]
+        slopes[name] = -np.polyfit(np.log2([steps[0] / s for s in steps[:-1]]), np.log2(errors), 1)[0]
+    return slopes
+
+
+def halved(step: float, count: int = 4) -> list[float]:
+    return [step / 2**k for k in range(count)]
+
+
+RK4_SCENARIOS = {
+    "continuous": {"noise": SINE},
+    "held noise": {"noise": HELD},
+    "multiplicative": {"noise": HELD, "mode": "multiplicative"},
+    "sampled": PERIODIC,
+    "sampled, late, out of order": PERIODIC | LATE,
+    "constant delay": {"delay": 0.25, "noise": SINE},
+    "constant delay, held noise": {"delay": 0.25, "noise": HELD},
+    "varying delay": {"delay": "0.25 + 0.1*sin(t)", "noise": SINE},
+    "delay touching zero": {"delay": "0.25 + 0.25*sin(t)", "noise": SINE},
+    "delay from zero": {"delay": "0.1*(1 - cos(t))", "noise": SINE},
+    "delay with kinks at zero": {"delay": "0.3*abs(sin(pi*t/2))", "noise": SINE},
+    "phases": {
+        "noise": SINE,
+        "phases": [
+            {"until": 2, "sampling": "continuous"},
+            {"until": 4, "sampling": {"period": 0.4}, "delay": 0.2},
+            {"until": 6, "sampling": "continuous", "delay": 0.4},
+        ],
+    },
+}
+
+
+@pytest.mark.parametrize("name", RK4_SCENARIOS)
+def test_rk4_is_of_order_four(name, tmp_path):
+    found = orders(tmp_path, halved(0.05), RK4_SCENARIOS[name])
+    assert found == pytest.approx(dict.fromkeys(found, 4.0), abs=0.1)
+
+
+@pytest.mark.parametrize("measurement", [{"noise": SINE}, PERIODIC | LATE, {"delay": 0.2}])
+def test_rk4_keeps_its_order_through_jumps_of_an_input(measurement, tmp_path):
+    found = orders(tmp_path, halved(0.05), measurement, plant=JUMPING)
+    assert found == pytest.approx(dict.fromkeys(found, 4.0), abs=0.1)
+
+
+@pytest.mark.parametrize("where", KINKED)
+def test_rk4_keeps_its_order_through_kinks(where, tmp_path):
+    found = orders(tmp_path, halved(0.05), {"noise": SINE}, plant=KINKED[where])
+    assert found == pytest.approx(dict.fromkeys(found, 4.0), abs=0.1)
+
+
+@pytest.mark.parametrize("name", ["sampled", "constant delay"])
+def test_rk4_between_its_steps_is_of_order_four(name, tmp_path):
+    """Output points that no step lands on: the cubic Hermite polynomial."""
+    found = orders(tmp_path, halved(0.05), RK4_SCENARIOS[name], output_step=0.0037)
+    assert found == pytest.approx(dict.fromkeys(found, 4.0), abs=0.1)
+
+
+@pytest.mark.parametrize("measurement", [{"noise": SINE}, {"noise": HELD}, PERIODIC, PERIODIC | LATE])
+def test_dopri5_with_fixed_steps_is_of_order_five(measurement, tmp_path):
+    """Its fifth-order terms are small on purpose: only short steps show them alone."""
+    found = orders(tmp_path, halved(0.025), measurement, "dopri5")
+    assert found == pytest.approx(dict.fromkeys(found, 5.0), abs=0.2)
+
+
+def test_dopri5_with_a_continuous_delay_has_the_order_of_the_cubic_history(tmp_path):
+    found = orders(tmp_path, halved(0.05), {"delay": 0.25, "noise": SINE}, "dopri5")
+    del found["plant"]
+    assert found == pytest.approx(dict.fromkeys(found, 4.0), abs=0.1)
+
+
+@pytest.mark.parametrize("measurement", [{"noise": SINE}, PERIODIC | LATE, {"delay": 0.25}])
+def test_euler_is_of_order_one(measurement, tmp_path):
+    found = orders(tmp_path, halved(0.0025), measurement, "euler")
+    assert found == pytest.approx(dict.fromkeys(found, 1.0), abs=0.1)
