@@ -17,7 +17,8 @@ from hgorun.measurement.availability import Stretch, resolve
 from hgorun.observers.base import Observer
 from hgorun.plants.base import Plant
 from hgorun.plants.build import BuiltPlant, build_plant
-from hgorun.symbolic.canonical import CanonicalForm, NotObservableForm, canonical_form
+from hgorun.symbolic.canonical import NotObservableForm
+from hgorun.symbolic.forms import Form
 
 
 @dataclass(frozen=True)
@@ -61,15 +62,19 @@ class Experiment:
             return build_plant(self.plant_block)
 
     @cached_property
-    def form(self) -> CanonicalForm | None:
-        """The coordinates of the observers' corrections; None without observers."""
-        if not self.observers:
-            return None
+    def forms(self) -> dict[str, Form]:
+        """For every observer the plant in the form that it needs."""
+        built: dict[Any, Form] = {}
         with self.located():
-            try:
-                return canonical_form(self.plant.model, self.plant.initial, self.plant.parameters)
-            except NotObservableForm as error:
-                raise Problem(("plant",), str(error)) from error
+            for observer in self.observers.values():
+                if observer.form not in built:
+                    try:
+                        built[observer.form] = observer.form(
+                            self.plant.model, self.plant.initial, self.plant.parameters
+                        )
+                    except NotObservableForm as error:
+                        raise Problem(("plant",), str(error)) from error
+        return {label: built[observer.form] for label, observer in self.observers.items()}
 
     @cached_property
     def stretches(self) -> list[list[Stretch]]:

@@ -25,7 +25,8 @@ from hgorun.measurement.schedule import (
 from hgorun.metrics import Windows, measure
 from hgorun.plant_run import PlantRun
 from hgorun.result import Measurements, ObserverResult, Result
-from hgorun.symbolic.system import Parameters, Signal, build_system
+from hgorun.symbolic.parameters import Parameters
+from hgorun.symbolic.system import Signal, build_system
 
 _DEFAULT_RTOL, _DEFAULT_ATOL = 1e-8, 1e-10
 _SEARCH_POINTS = (4_000, 200_000)  # least and most points in the search for kinks
@@ -90,7 +91,7 @@ class Run:
 
     def __init__(self, experiment: Experiment) -> None:
         self.experiment, self.blocks = experiment, experiment.blocks
-        self.plant, self.form = experiment.plant, experiment.form
+        self.plant, self.forms = experiment.plant, experiment.forms
         self.time, self.solver = self.blocks.time, self.blocks.solver
         self.adaptive = self.solver.adaptive or (
             self.solver.method == "dopri5" and self.solver.step == "auto"
@@ -120,7 +121,7 @@ class Run:
         self.schedule = build_schedule(self.channels, self.time, self._kinks(), self.step, self.points)
         self.system = build_system(
             self.plant,
-            self.form,
+            self.forms,
             experiment.observers,
             self.signals,
             self.schedule.variants,
@@ -153,7 +154,7 @@ class Run:
         RK4 follows exp(-rate t) to about 1e-7 of a step when rate * step is 0.05, and a sinusoid to the same
         with 60 points a period; never fewer than 1,000 steps a run.
         """
-        rates = [o.fastest_rate(self.form) for o in self.experiment.observers.values() if self.form]
+        rates = [o.fastest_rate(self.forms[label]) for label, o in self.experiment.observers.items()]
         jacobian = ca.Function(
             "A",
             [self.plant.model.t, self.plant.model.x, self.plant.model.p],
@@ -169,7 +170,7 @@ class Run:
         if np.all(np.isfinite(at_start)):
             rates.append(float(np.max(np.abs(np.linalg.eigvals(at_start)))))
         step = (self.time.end - self.time.start) / 1000
-        if max(rates) > 0:
+        if max(rates, default=0.0) > 0:
             step = min(step, 0.05 / max(rates))
         for stretches in self.experiment.stretches:
             for s in stretches:
@@ -272,7 +273,7 @@ class Run:
                 b.observer.type,
                 np.ascontiguousarray(xhat[shown]),
                 {
-                    name: self._shaped(rows[shown, st.start : st.start + st.size], st.shape)
+                    name: st.shaped(rows[shown])
                     for name, st in b.states.items()
                     if name != "xhat" and st.size
                 },
@@ -306,13 +307,6 @@ class Run:
             embedded,
             blocks.figures,
         )
-
-    @staticmethod
-    def _shaped(values: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
-        """(Nt, size) as (Nt, *shape), a last axis of one column dropped."""
-        if len(shape) > 1 and shape[-1] == 1:
-            shape = shape[:-1]
-        return np.ascontiguousarray(values).reshape(len(values), *shape)
 
     def _measurements(self, raw: Raw, y: np.ndarray) -> Measurements:
         """Samples at their arrival, continuous outputs on the output grid."""

@@ -2,21 +2,23 @@
 
 A function f(t, p, z, w) is split by what its parts depend on. What depends on the parameters p alone is
 computed once a run (``setup``), what depends on time and parameters once a time (``clock``), the rest at
-every evaluation (``main``). The order of operations is CasADi's, so a value has the same bits whatever
-else the function computes.
+every evaluation (``main``). The operations are CasADi's, so a value has the same bits whatever else the
+function computes. sin, tanh and the like take long: those that do not wait for each other are computed side
+by side in one vector, which changes no bit of them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import casadi as ca
 
 from hgorun.engine.functions import INLINE
+from hgorun.engine.instructions import CLOCK, MAIN, SETUP, Instruction, read, rounds
 from hgorun.engine.ir import Block, Function
 
-_SETUP, _CLOCK, _MAIN = 0, 1, 2
+_TOGETHER = 4  # calls of one function in one vector; 8 gained nothing with AVX-512
 
 _BINARY: dict[int, Callable[[Block, str, str], str]] = {
     ca.OP_ADD: Block.add,
@@ -57,26 +59,29 @@ _UNARY: dict[int, Callable[[Block, str], str]] = {
         b.select(b.compare("olt", x, b.constant(0.0)), b.constant(-1.0), x),
     ),
     **{
-        op: (lambda b, x, name=name: INLINE[name](b, x) if name in INLINE else b.libm(name, x))  # type: ignore[misc]
+        op: (lambda b, x, name=name: b.libm(name, x))  # type: ignore[misc]
         for op, name in {
-            ca.OP_SIN: "sin",
-            ca.OP_COS: "cos",
             ca.OP_TAN: "tan",
             ca.OP_ASIN: "asin",
             ca.OP_ACOS: "acos",
             ca.OP_ATAN: "atan",
             ca.OP_SINH: "sinh",
             ca.OP_COSH: "cosh",
-            ca.OP_TANH: "tanh",
             ca.OP_ASINH: "asinh",
             ca.OP_ACOSH: "acosh",
             ca.OP_ATANH: "atanh",
-            ca.OP_EXP: "exp",
-            ca.OP_LOG: "log",
             ca.OP_LOG1P: "log1p",
             ca.OP_EXPM1: "expm1",
         }.items()
     },
+}
+
+_CALLS = {
+    ca.OP_SIN: INLINE["sin"],
+    ca.OP_COS: INLINE["cos"],
+    ca.OP_TANH: INLINE["tanh"],
+    ca.OP_EXP: INLINE["exp"],
+    ca.OP_LOG: INLINE["log"],
 }
 
 
@@ -177,21 +182,21 @@ class _Emitter:
         return known[value]
 
     def constant(self, value: int, number: float) -> None:
-        self.level[value] = _SETUP
+        self.level[value] = SETUP
         for names, part in zip(self.names, self.parts, strict=True):
             names[value] = part.constant(number)
 
     def input(self, value: int, argument: int, index: int) -> None:
         if argument == 0:
-            self.define(value, _CLOCK, self.parts[_CLOCK].splat("%t"))
+            self.define(value, CLOCK, self.parts[CLOCK].splat("%t"))
         elif argument == 1:
-            self.level[value] = _SETUP
+            self.level[value] = SETUP
             self.parameters[value] = index
         else:
-            self.define(value, _MAIN, self._load(_MAIN, "%z" if argument == 2 else "%w", index))
+            self.define(value, MAIN, self._load(MAIN, "%z" if argument == 2 else "%w", index))
 
-    def operation(self, value: int, op: int, arguments: list[int]) -> None:
-        part = max((self.level[a] for a in arguments), default=_SETUP)
+    def operation(self, value: int, op: int, arguments: Sequence[int]) -> None:
+        part = max((self.level[a] for a in arguments), default=SETUP)
         f = self.parts[part]
         names = [self.use(a, part) for a in arguments]
         if op in _BINARY:
@@ -200,6 +205,23 @@ class _Emitter:
             self.define(value, part, _UNARY[op](f, names[0]))
         else:
             raise NotImplementedError(f"CasADi operation {op} has no native code")
+
+    def calls(self, calls: Sequence[Instruction]) -> None:
+        """Calls in one part that do not wait for each other: those of one function side by side."""
+        part = self.level[calls[0].arguments[0]]
+        f = self.parts[part]
+        most = _TOGETHER if self.lanes == 1 else 1
+        for op in {call.op: None for call in calls}:
+            alike = [call for call in calls if call.op == op]
+            for i in range(0, len(alike), most):
+                some = alike[i : i + most]
+                arguments = [self.use(call.arguments[0], part) for call in some]
+                for call, name in zip(some, f.side_by_side(_CALLS[op], arguments), strict=True):
+                    self.define(call.value, part, name)
+
+    def output(self, value: int, index: int) -> None:
+        main = self.parts[MAIN]
+        main.store(self.use(value, MAIN), main.at("%d", index * self.lanes), main.real)
 
 
 def emit(function: ca.Function, name: str, lanes: int, declarations: set[str]) -> Emitted:
@@ -217,22 +239,20 @@ def emit(function: ca.Function, name: str, lanes: int, declarations: set[str]) -
         Receives the intrinsics needed.
     """
     emitter = _Emitter(name, lanes, declarations)
-    slots: dict[int, int] = {}  # CasADi's work vector -> value, in single-assignment form
-    for k in range(function.n_instructions()):
-        op = function.instruction_id(k)
-        inputs, outputs = function.instruction_input(k), function.instruction_output(k)
-        if op == ca.OP_CONST:
-            emitter.constant(k, function.instruction_constant(k))
-        elif op == ca.OP_INPUT:
-            emitter.input(k, inputs[0], inputs[1])
-        elif op == ca.OP_OUTPUT:
-            main = emitter.parts[_MAIN]
-            main.store(emitter.use(slots[inputs[0]], _MAIN), main.at("%d", outputs[1] * lanes), main.real)
+    instructions = read(function)
+    for some in rounds(instructions, calls=_CALLS):
+        if some[0].op in _CALLS:
+            emitter.calls(some)
             continue
-        else:
-            arity = 2 if op in _BINARY else 1
-            emitter.operation(k, op, [slots[i] for i in inputs[:arity]])
-        slots[outputs[0]] = k
+        for i in some:
+            if i.op == ca.OP_CONST:
+                emitter.constant(i.value, i.number)
+            elif i.op == ca.OP_INPUT:
+                emitter.input(i.value, *i.place)
+            elif i.op == ca.OP_OUTPUT:
+                emitter.output(i.arguments[0], i.place[1])
+            else:
+                emitter.operation(i.value, i.op, i.arguments)
     for part in emitter.parts:
         part.do("ret void")
     return Emitted(
@@ -240,6 +260,6 @@ def emit(function: ca.Function, name: str, lanes: int, declarations: set[str]) -
         lanes,
         emitter.sizes[0],
         emitter.sizes[1],
-        function.n_instructions(),
+        len(instructions),
         "\n".join(part.text() for part in emitter.parts),
     )

@@ -9,7 +9,7 @@ what stands around it. A fused multiply-add is written where it is meant.
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
 
@@ -105,6 +105,20 @@ class Block:
 
     def from_bits(self, a: str) -> str:
         return self.let(f"bitcast {self.integer} {a} to {self.real}")
+
+    def side_by_side(self, function: Callable[[Block, str], str], arguments: Sequence[str]) -> list[str]:
+        """A function of several values; of scalars in one vector, so that they take the time of one."""
+        if len(arguments) == 1 or self.lanes > 1:
+            return [function(self, a) for a in arguments]
+        wide = Block(1 << (len(arguments) - 1).bit_length(), self.declarations)
+        wide.lines, wide._count = self.lines, self._count  # the same body
+        vector = wide.splat(arguments[-1])
+        for lane, argument in enumerate(arguments[:-1]):
+            vector = wide.let(f"insertelement {wide.real} {vector}, double {argument}, i64 {lane}")
+        result = function(wide, vector)
+        found = [wide.let(f"extractelement {wide.real} {result}, i64 {i}") for i in range(len(arguments))]
+        self._count = wide._count
+        return found
 
     def libm(self, name: str, *arguments: str) -> str:
         """A C library function, lane by lane, so that each lane has the bits of a single run."""

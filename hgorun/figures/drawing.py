@@ -10,16 +10,17 @@ from hgorun.config.models import Panel
 from hgorun.figures.actors import Actor, cast
 from hgorun.figures.names import check, names_of
 from hgorun.figures.panels import Scene, draw_error, draw_magnitude, draw_output, draw_state, moving_window
-from hgorun.figures.style import DPI, LARGEST, SAMPLES, TRUTH, dashes, styled
+from hgorun.figures.style import DOTS, DPI, LARGEST, TRUTH, dashes, styled
 from hgorun.figures.typeset import paragraph, unit, words
 from hgorun.result import Result
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.legend import Legend
 
-_COMPARISON = (7.2, 1.8, 0.6)  # width, height of a row, of title and legend; inches
-_PANEL = 2.2  # height, inches
+# Inches: width of a comparison, height of its rows, of a figure's panels, of title and legend.
+_WIDTH, _ROW, _PANEL, _TOP = 7.2, 1.8, 2.2, 0.6
 
 
 def comparison(results: Result | Sequence[Result]) -> Figure:
@@ -41,15 +42,15 @@ def comparison(results: Result | Sequence[Result]) -> Figure:
     actors = cast(several)
     states = list(dict.fromkeys(name for r in several for name in r.states))
     scene = Scene(several, actors, dashes([[a.order for a in actors]]))
-    width, row_height, top = _COMPARISON
     with styled():
-        figure, axes = _grid(len(states), 2, width, min(row_height * len(states) + top, LARGEST), share=True)
+        figure, axes = _grid(len(states), 2, _WIDTH, _ROW * len(states) + _TOP, share=True)
         for (left, right), name in zip(axes, states, strict=True):
             draw_state(left, scene, name)
             draw_magnitude(right, scene, name)
         axes[0][0].set_title("states and estimates")
         axes[0][1].set_title(_magnitude_title(several))
-        return _finished(figure, axes, several, several[0].title if len(several) == 1 else None)
+        title = several[0].title if len(several) == 1 else None
+        return _finished(figure, axes, several, title, grow=True)
 
 
 def draw(results: Result | Sequence[Result], figure: FigureBlock, name: str = "figure") -> Figure:
@@ -82,7 +83,7 @@ def draw(results: Result | Sequence[Result], figure: FigureBlock, name: str = "f
     shown = [[a for a in actors if panel.output is None and a.among(panel.observers)] for panel in panels]
     styles = dashes([[a.order for a in group] for group in shown])
     with styled():
-        height = figure.height or min(_PANEL * len(panels), LARGEST)
+        height = figure.height or _PANEL * len(panels)
         made, axes = _grid(len(panels), 1, figure.width, height, share=len({p.window for p in panels}) == 1)
         for (ax,), panel, group in zip(axes, panels, shown, strict=True):
             _draw_panel(ax, Scene(_runs(several, group, panel), group, styles, panel.window), panel)
@@ -90,7 +91,7 @@ def draw(results: Result | Sequence[Result], figure: FigureBlock, name: str = "f
         for (ax,), title in zip(axes, _titles(panels, shown), strict=True):
             if title:
                 ax.set_title(paragraph(title, figure.width))
-        return _finished(made, axes, several, figure.title)
+        return _finished(made, axes, several, figure.title, grow=figure.height is None)
 
 
 def _several(results: Result | Sequence[Result]) -> list[Result]:
@@ -157,8 +158,10 @@ def _grid(
     return figure, [list(row) for row in axes]
 
 
-def _finished(figure: Figure, axes: list[list[Axes]], results: Sequence[Result], title: str | None) -> Figure:
-    """Ticks, time axes and legend, which need to know all panels."""
+def _finished(
+    figure: Figure, axes: list[list[Axes]], results: Sequence[Result], title: str | None, *, grow: bool
+) -> Figure:
+    """Ticks, time axes and legend, which need to know all panels; a figure may grow for a long legend."""
     start, end = min(float(r.time[0]) for r in results), max(float(r.time[-1]) for r in results)
     label = "time" + unit(next((r.units["time"] for r in results if r.units.get("time")), ""))
     for i, row in enumerate(axes):
@@ -169,7 +172,10 @@ def _finished(figure: Figure, axes: list[list[Axes]], results: Sequence[Result],
             if i == len(axes) - 1 or not ax.get_shared_x_axes().joined(ax, axes[-1][0]):
                 ax.set_xlabel(label)
     figure.align_ylabels([ax for row in axes for ax in row])
-    _legend(figure, axes, paragraph(title, figure.get_figwidth()) if title else None)
+    legend = _legend(figure, axes, paragraph(title, figure.get_figwidth()) if title else None)
+    if grow:
+        taller = max(legend.get_window_extent().height / figure.dpi - _TOP, 0)
+        figure.set_figheight(min(figure.get_figheight() + taller, LARGEST))
     figure.draw_without_rendering()  # makes the ticks now, in our style, not when somebody saves
     return figure
 
@@ -186,7 +192,7 @@ def _tick(ax: Axes) -> None:
             axis.set_minor_locator(AutoMinorLocator())
 
 
-def _legend(figure: Figure, axes: list[list[Axes]], title: str | None) -> None:
+def _legend(figure: Figure, axes: list[list[Axes]], title: str | None) -> Legend:
     """One legend above all panels, in as many columns as fit; the figure's title is its title."""
     handles: dict[tuple[str, Any], Any] = {}
     for row in axes:
@@ -195,11 +201,12 @@ def _legend(figure: Figure, axes: list[list[Axes]], title: str | None) -> None:
                 text = str(line.get_label())
                 if not text.startswith("_"):  # matplotlib's own names for what has none
                     handles.setdefault((text, line.get_color()), line)
-    order = {TRUTH["label"]: 0, SAMPLES["label"]: 1}
+    order = {TRUTH["label"]: 0, DOTS["label"]: 1}
     entries = sorted(handles, key=lambda entry: order.get(entry[0], 2))
     texts = [text for text, _ in entries]
     room = figure.get_figwidth() * figure.dpi
-    for columns in range(max(len(texts), 1), 0, -1):
+    columns = max(len(texts), 1)
+    while True:
         legend = figure.legend(
             [handles[entry] for entry in entries],
             texts,
@@ -209,5 +216,6 @@ def _legend(figure: Figure, axes: list[list[Axes]], title: str | None) -> None:
         )
         legend.get_title().set_multialignment("center")
         if columns == 1 or legend.get_window_extent().width <= room:
-            return
+            return legend
         legend.remove()
+        columns -= 1

@@ -11,7 +11,7 @@ import numpy as np
 from hgorun.figures import data
 from hgorun.figures.actors import Actor
 from hgorun.figures.data import Curve
-from hgorun.figures.style import DOTS, SAMPLES, TRUTH
+from hgorun.figures.style import DOTS, TRACE, TRUTH
 from hgorun.figures.typeset import symbol, unit
 from hgorun.result import Result
 
@@ -142,9 +142,9 @@ def _samples(ax: Axes, scene: Scene, name: str) -> list[np.ndarray]:
         dense = _dense(t, result.time)
         for piece in np.split(np.arange(t.size), np.flatnonzero(np.diff(dense)) + 1):
             if piece.size and dense[piece[0]]:
-                _line(ax, Curve(t[piece], y[piece]), linewidth=0.5, **SAMPLES)
+                _line(ax, Curve(t[piece], y[piece]), **TRACE)
         if not np.all(dense):
-            ax.plot(t[~dense], y[~dense], **SAMPLES, **DOTS)
+            ax.plot(t[~dense], y[~dense], **DOTS)
         drawn.append(y)
     return drawn
 

@@ -26,8 +26,16 @@ TRUTH: dict[str, Any] = {
     "zorder": 5,
     "label": "true",
 }
-SAMPLES: dict[str, Any] = {"color": "0.45", "zorder": 1.5, "label": "measured"}
-DOTS: dict[str, Any] = {"linestyle": "none", "marker": "o", "markersize": 2.2, "markeredgewidth": 0}
+TRACE: dict[str, Any] = {"color": "0.62", "linewidth": 0.5, "zorder": 1.5, "label": "measured"}
+DOTS: dict[str, Any] = {
+    "color": "0.45",
+    "zorder": 1.5,
+    "label": "measured",
+    "linestyle": "none",
+    "marker": "o",
+    "markersize": 2.2,
+    "markeredgewidth": 0,
+}
 DPI = 300
 # Sides in inches: least width; least height of a figure without panels and of each panel; largest of both.
 NARROWEST, LOWEST, LARGEST = 2.0, (0.6, 0.6), 100.0

@@ -15,7 +15,7 @@ import numpy as np
 from hgorun.config.expressions import parse
 from hgorun.config.models import ExpressionNoise, GaussianNoise, Sinusoids, UniformNoise
 from hgorun.measurement.availability import Stretch
-from hgorun.symbolic.system import Parameters
+from hgorun.symbolic.parameters import Parameters
 
 
 def generator(seed: int, *channel: object) -> np.random.Generator:

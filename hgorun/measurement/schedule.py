@@ -74,8 +74,8 @@ class Schedule:
     events : ndarray
         Times between which everything is smooth.
     inward : ndarray
-        Where a function of time has a kink or a jump at an event: how far from the event functions of
-        time are evaluated, so that they show the side of the segment. Zero elsewhere.
+        Where a function of time, or what is delayed, has a kink or a jump at an event: how far from the
+        event it is evaluated, so that it shows the side of the segment. Zero elsewhere.
     variants : list of Variant
         Every combination of what the outputs are.
     variant : ndarray of int
@@ -166,12 +166,13 @@ def build_schedule(
                 changes = noise.change_times()
                 times.append(changes[(changes > s.start) & (changes < s.end)])
     events = _clipped(np.concatenate(times), time, tolerance)
-    newest = events
+    newest, sharp = events, [kinks]
     for _ in range(LEVELS if continuous_delays(channels) else 0):
         found = [
             repeated(newest, s.delay_at, s.delay_is_constant, s.start, s.end, points)
             for s in continuous_delays(channels)
         ]
+        sharp += found  # a jump of an output comes back as a jump
         fresh = merge(np.concatenate(found), tolerance)
         near = np.searchsorted(events, fresh)
         away = np.minimum(
@@ -180,9 +181,10 @@ def build_schedule(
         )
         newest = fresh[away > tolerance]
         events = _clipped(np.concatenate([events, newest]), time, tolerance)
-    inward, at = np.zeros(events.size), _nearest(events, kinks)
-    margin = 4 * np.spacing(np.maximum(np.abs(kinks), step))
-    np.maximum.at(inward, at, np.abs(kinks - events[at]) + margin)
+    sides = np.concatenate(sharp)
+    inward, at = np.zeros(events.size), _nearest(events, sides)
+    margin = 4 * np.spacing(np.maximum(np.abs(sides), step))
+    np.maximum.at(inward, at, np.abs(sides - events[at]) + margin)
     # in the middle: what happens at an event may be written a rounding error later than the event
     middle = 0.5 * (events[:-1] + events[1:])
     kinds = np.concatenate([c.kinds_at(middle) for c in channels], axis=1)

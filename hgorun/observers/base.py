@@ -7,7 +7,7 @@ model of its YAML block: each field is a key, with its admissible range.
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any, ClassVar, Literal
@@ -17,8 +17,8 @@ import numpy as np
 from pydantic import Field
 
 from hgorun.config.types import Block, Interval, Name, Number
-from hgorun.symbolic.canonical import CanonicalForm
-from hgorun.symbolic.copy import PlantCopy
+from hgorun.symbolic.canonical import canonical_form
+from hgorun.symbolic.states import Symmetric
 
 
 @dataclass(frozen=True)
@@ -42,6 +42,8 @@ class Observer(Block):
     """Base of all observers; its fields are the keys that every observer block has."""
 
     reference: ClassVar[str] = ""
+    # the class of plants: a function (plant, at, parameters) -> Form that refuses others
+    form: ClassVar[Callable[..., Any]] = staticmethod(canonical_form)
 
     type: str = Field(description="name of the observer family")
     initial: dict[Name, Number] = Field(
@@ -58,7 +60,7 @@ class Observer(Block):
     )
 
     @abstractmethod
-    def design(self, form: CanonicalForm) -> dict[str, np.ndarray]:
+    def design(self, form: Any) -> dict[str, np.ndarray]:
         """The numbers that the equations use, from the gains of the block.
 
         Raises
@@ -68,16 +70,16 @@ class Observer(Block):
         """
 
     @abstractmethod
-    def states(self, form: CanonicalForm) -> dict[str, np.ndarray]:
+    def states(self, form: Any) -> dict[str, np.ndarray | Symmetric]:
         """Internal states other than xhat: their names, shapes and default initial values."""
 
     @abstractmethod
-    def equations(self, plant: PlantCopy, s: SimpleNamespace, e: ca.SX, k: SimpleNamespace) -> Flow:
+    def equations(self, plant: Any, s: SimpleNamespace, e: ca.SX, k: SimpleNamespace) -> Flow:
         """The flow.
 
         Parameters
         ----------
-        plant : PlantCopy
+        plant : PlantCopy or another form's copy
             The observer's copy of the plant in the coordinates where it computes.
         s : namespace of casadi.SX
             ``s.xhat`` and the states declared by :meth:`states`, same shapes.
@@ -88,6 +90,6 @@ class Observer(Block):
             The numbers of :meth:`design`, as run-time arguments of the compiled code.
         """
 
-    def fastest_rate(self, form: CanonicalForm) -> float:
+    def fastest_rate(self, form: Any) -> float:
         """The largest modulus of the error dynamics' eigenvalues (1/time), for ``step: auto``; 0: unknown."""
         return 0.0

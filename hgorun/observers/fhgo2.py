@@ -14,6 +14,7 @@ from hgorun.registry import observer
 from hgorun.symbolic.canonical import CanonicalForm
 from hgorun.symbolic.copy import PlantCopy
 from hgorun.symbolic.matrices import A, B, C
+from hgorun.symbolic.states import Symmetric
 
 
 @observer("fhgo2")
@@ -44,7 +45,7 @@ class FilteredObserver2(ConstantGain):
         K_r, K_n = self.chain_gains(form, self.r)
         return {"theta": np.array(self.theta), "K_r": K_r, "K_n": K_n}
 
-    def states(self, form: CanonicalForm) -> dict[str, np.ndarray]:
+    def states(self, form: CanonicalForm) -> dict[str, np.ndarray | Symmetric]:
         return {"eta": np.zeros((self.r, len(form.chains)))} if self.r else {}
 
     def equations(self, plant: PlantCopy, s: SimpleNamespace, e: ca.SX, k: SimpleNamespace) -> Flow:

@@ -12,6 +12,7 @@ from hgorun.observers.constant_gain import ConstantGain
 from hgorun.registry import observer
 from hgorun.symbolic.canonical import CanonicalForm
 from hgorun.symbolic.copy import PlantCopy
+from hgorun.symbolic.states import Symmetric
 
 
 @observer("shgo")
@@ -38,7 +39,7 @@ class StandardObserver(ConstantGain):
         _, G = self.chain_gains(form)
         return {"theta": np.array(self.theta), "G": G}
 
-    def states(self, form: CanonicalForm) -> dict[str, np.ndarray]:
+    def states(self, form: CanonicalForm) -> dict[str, np.ndarray | Symmetric]:
         return {}
 
     def equations(self, plant: PlantCopy, s: SimpleNamespace, e: ca.SX, k: SimpleNamespace) -> Flow:

@@ -63,6 +63,13 @@ class Plant(Block):
         """(dynamics, outputs): the right-hand side of each state and each output, as lists."""
 
     @property
+    def triangular_coordinates(
+        self,
+    ) -> tuple[Callable[[ca.SX, ca.SX], ca.SX], Callable[[ca.SX, ca.SX], ca.SX]] | None:
+        """(T, T^-1), functions of (x, p) and (z, p): the coordinates where the model is triangular, if not x."""
+        return None
+
+    @property
     def inverse(self) -> Callable[[ca.SX, ca.SX], ca.SX] | None:
         """x from canonical coordinates z and the parameter vector, where it is known."""
         return None

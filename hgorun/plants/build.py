@@ -72,7 +72,10 @@ def build_plant(block: Plant) -> BuiltPlant:
         for names, v in ((states, x), (inputs, u), (tuple(values), p))
     ]
     dynamics, output = _equations(block, t, *spaces)
-    model = PlantModel(states, outputs, inputs, tuple(values), t, x, u, p, dynamics, output, block.inverse)
+    there, back = block.triangular_coordinates or (None, None)
+    model = PlantModel(
+        states, outputs, inputs, tuple(values), t, x, u, p, dynamics, output, block.inverse, there, back
+    )
     symbols = {**vars(spaces[2]), "t": t}
     return BuiltPlant(
         block,

@@ -11,13 +11,18 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
+from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
 
 from hgorun.errors import HgorunError
+from hgorun.symbolic.forms import Bounds
 from hgorun.symbolic.matrices import A
 from hgorun.symbolic.plant import PlantModel
+
+if TYPE_CHECKING:
+    from hgorun.symbolic.copy import PlantCopy
 
 
 class NotObservableForm(HgorunError):
@@ -53,6 +58,25 @@ class CanonicalForm:
     def J(self, x: ca.SX, p: ca.SX) -> ca.SX:
         """The Jacobian at another point."""
         return ca.Function("J", [self.plant.x, self.plant.p], [self.jacobian])(x, p)
+
+    def saturable(self, canonical: bool) -> tuple[str, ...]:
+        """The plant's states, in whichever coordinates the observer computes."""
+        return self.plant.states
+
+    def start(self, x: np.ndarray, parameters: np.ndarray, canonical: bool) -> np.ndarray:
+        """The initial estimate in the observer's coordinates; ValueError where J is singular."""
+        if canonical and not self.identity and self.plant.inverse is None:
+            raise ValueError("this plant gives no inverse of its canonical map; use coordinates: original")
+        if not singular_value_ratio(_jacobian_at(self, x, parameters)) > 1e-12:
+            at = ", ".join(f"{s} = {v:g}" for s, v in zip(self.plant.states, x, strict=True))
+            raise ValueError(f"the Jacobian of the observability map is singular at the initial estimate ({at})")
+        return np.asarray(self.Phi(ca.DM(x), ca.DM(parameters)).full()).ravel() if canonical else x
+
+    def copy(self, t: ca.SX, u: ca.SX, p: ca.SX, canonical: bool, bounds: Bounds) -> PlantCopy:
+        """The copy of the plant that an observer runs."""
+        from hgorun.symbolic.copy import PlantCopy
+
+        return PlantCopy(self, t, u, p, canonical, bounds)
 
     @property
     def heads(self) -> list[int]:

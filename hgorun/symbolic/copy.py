@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import casadi as ca
 
 from hgorun.symbolic.canonical import CanonicalForm
+from hgorun.symbolic.forms import Bounds
 from hgorun.symbolic.matrices import inv_Delta
 
 
@@ -22,7 +22,7 @@ class PlantCopy:
         Time, the inputs' values at t, the parameters.
     canonical : bool
         Whether the estimate is z = Phi(x) instead of x.
-    bounds : mapping of int to (low, high)
+    bounds : mapping of str to (low, high)
         Saturation of the plant's states in the arguments of F and phi (Robles Magdaleno 2023, (3.12)).
     """
 
@@ -31,7 +31,7 @@ class PlantCopy:
     u: ca.SX
     p: ca.SX
     canonical: bool = False
-    bounds: Mapping[int, tuple[ca.SX, ca.SX]] = field(default_factory=dict)
+    bounds: Bounds = field(default_factory=dict)
 
     @property
     def n(self) -> int:
@@ -92,7 +92,8 @@ class PlantCopy:
 
     def _saturated(self, x: ca.SX) -> ca.SX:
         parts = [x[i] for i in range(self.n)]
-        for i, (low, high) in self.bounds.items():
+        for name, (low, high) in self.bounds.items():
+            i = self.form.plant.states.index(name)
             parts[i] = ca.fmax(low, ca.fmin(high, parts[i]))
         return ca.vertcat(*parts)
 

@@ -21,6 +21,9 @@ class PlantModel:
         The symbols that ``dynamics`` (n) and ``output`` (q) are written in.
     inverse : callable, optional
         ``inverse(z, p)`` gives x from the canonical coordinates z, where the plant knows it.
+    transform, untransform : callable, optional
+        ``transform(x, p)`` gives the coordinates where the plant is triangular, if not its own, and
+        ``untransform(z, p)`` leads back.
     """
 
     states: tuple[str, ...]
@@ -34,6 +37,8 @@ class PlantModel:
     dynamics: ca.SX
     output: ca.SX
     inverse: Callable[[ca.SX, ca.SX], ca.SX] | None = None
+    transform: Callable[[ca.SX, ca.SX], ca.SX] | None = None
+    untransform: Callable[[ca.SX, ca.SX], ca.SX] | None = None
 
     @property
     def n(self) -> int:

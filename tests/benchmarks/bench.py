@@ -71,66 +71,80 @@ def at_most(what: str, ratio: float, bar: float, note: str, unit: str = "") -> R
     return Row(what, f"{ratio:.2f}{unit}", f"<= {bar:g}{unit}", ratio <= bar, note)
 
 
-def require_agreement(what: str, found: np.ndarray, expected: np.ndarray) -> float:
+def milliseconds(a: float, b: float) -> str:
+    return f"{a * 1e3:.1f} ms / {b * 1e3:.1f} ms"
+
+
+class Case:
+    """The academic example in hgorun, in C where there is a compiler, and in scipy; their numbers agree."""
+
+    def __init__(self, folder: Path) -> None:
+        self.system, self.plan = academic.build(), academic.plan()
+        self.run = academic.native(self.system)
+        self.lanes = 8 if "+avx512f" in llvm.get_host_cpu_features().flatten().split(",") else 4
+        self.together = academic.native(self.system, lanes=self.lanes)
+        alone, beside = self.run(self.plan)[:, :, 0], self.together(self.plan)
+        if not all(np.array_equal(beside[:, :, lane], alone) for lane in range(self.lanes)):
+            raise WrongNumbers(f"a run beside {self.lanes - 1} others has other bits than alone")
+        self.c: list[Callable[[], np.ndarray]] = []
+        self.gap = 0.0
+        for flags in ([], ["-ffp-contract=off"]) if academic.compiler() else ():
+            call = academic.compiled(folder, *flags)
+            self.c.append(lambda call=call: call(self.plan, self.system.z0))
+            self.gap = max(self.gap, gap(alone[-1], self.c[-1]()[-1]))
+        steps = round(PART / academic.END * academic.STEPS)
+        self.part, fine = academic.plan(PART, steps, 10), academic.plan(PART, 16 * steps, 10)
+        self.truth = self.run(fine)[:, :, 0]
+        self.errors = [self.error(self.solved()), self.error(self.run(self.part)[:, :, 0])]
+        if not max(self.errors) <= 1e-6:
+            raise WrongNumbers(f"the errors of scipy and hgorun, {self.errors}, are not below 1e-6")
+
+    def solved(self) -> np.ndarray:
+        from scipy.integrate import solve_ivp
+
+        options = {"method": "RK45", "rtol": TOLERANCE, "atol": TOLERANCE, "t_eval": self.part.grid}
+        return solve_ivp(academic.python_flow, (0.0, PART), self.system.z0, **options).y.T
+
+    def error(self, z: np.ndarray) -> float:
+        return float(np.max(np.abs(z - self.truth) / np.max(np.abs(self.truth), axis=0)))
+
+
+def gap(found: np.ndarray, expected: np.ndarray) -> float:
     """Largest relative difference of two final states."""
-    gap = float(np.max(np.abs(found - expected) / np.maximum(np.abs(expected), 1e-3)))
-    if not gap <= AGREEMENT:
-        raise WrongNumbers(f"{what}: the final states differ by {gap:.2g}, more than {AGREEMENT:g}")
-    return gap
+    largest = float(np.max(np.abs(found - expected) / np.maximum(np.abs(expected), 1e-3)))
+    if not largest <= AGREEMENT:
+        raise WrongNumbers(
+            f"the final states of hgorun and C differ by {largest:.2g}, not below {AGREEMENT:g}"
+        )
+    return largest
 
 
-def single_run(count: int, folder: Path) -> Iterator[Row]:
+def runs(count: int, folder: Path) -> Iterator[Row]:
     """One run, and runs side by side, against the same in C; one run against scipy."""
-    system, plan = academic.build(), academic.plan()
-    run = academic.native(system)
-    lanes = 8 if "+avx512f" in llvm.get_host_cpu_features().flatten().split(",") else 4
-    together = academic.native(system, lanes=lanes)
-    alone = run(plan)[:, :, 0]
-    if not all(np.array_equal(together(plan)[:, :, lane], alone) for lane in range(lanes)):
-        raise WrongNumbers(f"a run beside {lanes - 1} others has other bits than alone")
-    if academic.compiler() is None:
+    case = Case(folder)
+
+    def run() -> object:
+        return case.run(case.plan)
+
+    if not case.c:
         yield Row("one run / C", "skipped", "<= 0.6", None, "no C compiler here")
     else:
-        plain = academic.compiled(folder)
-        separate = academic.compiled(folder, "-ffp-contract=off")
-        gap = require_agreement("hgorun and C", alone[-1], plain(plan, system.z0)[-1])
-        require_agreement("hgorun and C", alone[-1], separate(plan, system.z0)[-1])
-        a, b, ratio = pairs(lambda: run(plan), lambda: plain(plan, system.z0), count)
-        yield at_most("one run / C", ratio, 0.6, f"{a * 1e3:.1f} ms / {b * 1e3:.1f} ms; agreement {gap:.1g}")
-        a, b, ratio = pairs(lambda: run(plan), lambda: separate(plan, system.z0), count)
-        note = f"{a * 1e3:.1f} ms / {b * 1e3:.1f} ms; for information"
-        yield Row("one run / C without contraction", f"{ratio:.2f}", note=note)
-        a, b, ratio = pairs(lambda: together(plan), lambda: plain(plan, system.z0), count)
-        bar = 0.15 if lanes == 8 else 0.25
-        note = f"{a / lanes * 1e3:.2f} ms / {b * 1e3:.1f} ms; same bits as alone"
-        yield at_most(f"{lanes} runs side by side, each / C", ratio / lanes, bar, note)
-    yield against_scipy(system, run, max(count // 2, 7))
-
-
-def against_scipy(system: academic.System, run: academic.Run, count: int) -> Row:
-    from scipy.integrate import solve_ivp
-
-    steps = round(PART / academic.END * academic.STEPS)
-    part, fine = academic.plan(PART, steps, 10), academic.plan(PART, 16 * steps, 10)
-    whole, truth = academic.plan(), run(fine)[:, :, 0]
-
-    def error(z: np.ndarray) -> float:
-        return float(np.max(np.abs(z - truth) / np.max(np.abs(truth), axis=0)))
-
-    def solve() -> np.ndarray:
-        span, options = (0.0, PART), {"method": "RK45", "rtol": TOLERANCE, "atol": TOLERANCE}
-        return solve_ivp(academic.python_flow, span, system.z0, t_eval=part.grid, **options).y.T
-
-    ours, theirs = error(run(part)[:, :, 0]), error(solve())
-    if not (ours <= 1e-6 and theirs <= 1e-6):
-        raise WrongNumbers(f"integration errors {ours:.1g} (hgorun) and {theirs:.1g} (scipy) are above 1e-6")
-    scipy_time, own_time, ratio = pairs(solve, lambda: run(whole), count)
+        plain, separate = case.c
+        a, b, ratio = pairs(run, plain, count)
+        yield at_most("one run / C", ratio, 0.6, f"{milliseconds(a, b)}; they agree to {case.gap:.0e}")
+        a, b, ratio = pairs(run, separate, count)
+        yield Row("one run / C without contraction", f"{ratio:.2f}", note=f"{milliseconds(a, b)}; to compare")
+        a, b, ratio = pairs(lambda: case.together(case.plan), plain, count)
+        what, bar = f"{case.lanes} runs side by side, each / C", 0.15 if case.lanes == 8 else 0.25
+        yield at_most(
+            what, ratio / case.lanes, bar, f"{milliseconds(a / case.lanes, b)}; the bits of one alone"
+        )
+    a, b, ratio = pairs(case.solved, run, max(count // 2, 7))
     ratio *= academic.END / PART
-    note = (
-        f"RK45 {scipy_time:.2f} s for {PART:g} s of {academic.END:g}, scaled up / {own_time * 1e3:.1f} ms; "
-        f"errors {theirs:.0e}, {ours:.0e}"
-    )
-    return Row("solve_ivp / one run", f"{ratio:.0f}", ">= 1000", ratio >= 1000, note)
+    theirs, ours = case.errors
+    note = f"RK45 {a:.2f} s for {PART:g} s of {academic.END:g}, scaled up / {b * 1e3:.1f} ms"
+    note += f"; errors {theirs:.0e}, {ours:.0e}"
+    yield Row("solve_ivp / one run", f"{ratio:.0f}", ">= 1000", ratio >= 1000, note)
 
 
 def command_line(count: int, folder: Path) -> Iterator[Row]:
@@ -166,8 +180,7 @@ def command_line(count: int, folder: Path) -> Iterator[Row]:
     yield at_most(f"{name}, filled cache", float(np.median(warm)), 1.0, "whole process", " s")
     typer = [sys.executable, "-c", "import typer"]
     a, b, ratio = pairs(lambda: checked([program, "--help"]), lambda: checked(typer), max(count, 9))
-    note = f"{a * 1e3:.0f} ms / {b * 1e3:.0f} ms"
-    yield at_most("hgorun --help / import typer", ratio, 2.0, note)
+    yield at_most("hgorun --help / import typer", ratio, 2.0, milliseconds(a, b))
 
 
 def checked(command: list[str | Path], environment: dict[str, str] | None = None) -> None:
@@ -192,15 +205,23 @@ def table(rows: list[Row]) -> str:
 def main() -> int:
     parser = argparse.ArgumentParser(description="hgorun's speed beside its bars")
     parser.add_argument("--pairs", type=int, default=15, help="of each kind, at least 7 (default 15)")
-    count = max(parser.parse_args().pairs, 7)
-    machine = f"{platform.system()} {platform.machine()}, {llvm.get_host_cpu_name()}, {os.cpu_count()} cores"
-    print(f"Python {platform.python_version()}, {machine}; medians of {count} measurements", flush=True)
+    parser.add_argument("--check", action="store_true", help="compare the numbers only, measure nothing")
+    options = parser.parse_args()
+    count = max(options.pairs, 7)
     rows, failures = [], []
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as name:
-        os.environ["HGORUN_CACHE_DIR"] = str(Path(name) / "own")
-        for part in (single_run, command_line):
+        folder = Path(name)
+        os.environ["HGORUN_CACHE_DIR"] = str(folder / "own")
+        if options.check:
+            Case(folder)
+            return 0
+        machine = (
+            f"{platform.system()} {platform.machine()}, {llvm.get_host_cpu_name()}, {os.cpu_count()} cores"
+        )
+        print(f"Python {platform.python_version()}, {machine}; medians of {count} measurements", flush=True)
+        for part in (runs, command_line):
             try:
-                for row in part(count, Path(name)):
+                for row in part(count, folder):
                     rows.append(row)
             except (WrongNumbers, subprocess.CalledProcessError) as error:
                 failures.append(str(error))

@@ -1,0 +1,46 @@
+"""What an observer needs of a plant's structure."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Protocol
+
+import casadi as ca
+import numpy as np
+
+from hgorun.symbolic.plant import PlantModel
+
+Bounds = Mapping[str, tuple[ca.SX, ca.SX]]
+
+
+class Copy(Protocol):
+    """The copy of the plant that an observer runs."""
+
+    def state(self, xhat: ca.SX) -> ca.SX:
+        """The estimate in the plant's coordinates."""
+        ...
+
+    def output(self, xhat: ca.SX) -> ca.SX:
+        """C xhat, the outputs of the estimate, shape (q,)."""
+        ...
+
+
+class Form(Protocol):
+    """A class of plants, and one member of it: built by a function that refuses what is not in the class."""
+
+    @property
+    def plant(self) -> PlantModel:
+        """The plant."""
+        ...
+
+    def saturable(self, canonical: bool) -> tuple[str, ...]:
+        """Names of the states that can be saturated in the observer's coordinates."""
+        ...
+
+    def start(self, x: np.ndarray, parameters: np.ndarray, canonical: bool) -> np.ndarray:
+        """The initial estimate in the observer's coordinates; ValueError says why there is none."""
+        ...
+
+    def copy(self, t: ca.SX, u: ca.SX, p: ca.SX, canonical: bool, bounds: Bounds) -> Any:
+        """The copy of the plant with these inputs and parameters."""
+        ...

@@ -1,0 +1,104 @@
+"""One observer inside the system: its states in z, its equations, its way back to the plant's coordinates."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from hgorun.errors import Problem
+from hgorun.observers.base import Observer
+from hgorun.plants.build import BuiltPlant
+from hgorun.symbolic.forms import Form
+from hgorun.symbolic.parameters import Parameters
+from hgorun.symbolic.states import StateBlock, Symmetric
+
+
+class ObserverBlock:
+    """An observer with a place in the state vector and its numbers among the parameters.
+
+    Attributes
+    ----------
+    states : dict of str to StateBlock
+        xhat, the observer's own states, and alpha where the measurement needs it.
+    start, stop, end : int
+        [start, stop) is watched for divergence; [stop, end) is alpha.
+    """
+
+    def __init__(self, label: str, observer: Observer, form: Form, start: int, has_alpha: bool,
+                 parameters: Parameters) -> None:
+        self.label, self.observer, self.form = label, observer, form
+        self.canonical = observer.coordinates == "canonical"
+        self._check()
+        try:
+            self.design = observer.design(form)
+        except Problem as problem:
+            raise Problem(("observers", label, *problem.path), problem.message) from problem
+        self.k = SimpleNamespace(**{n: parameters.add(f"{label}.{n}", v) for n, v in self.design.items()})
+        self.bounds = {}
+        for state, interval in observer.saturation.items():
+            both = parameters.add(f"{label}.sat.{state}", interval)
+            self.bounds[state] = (both[0], both[1])
+        self.defaults: dict[str, np.ndarray | Symmetric] = {"xhat": np.zeros(form.plant.n), **observer.states(form)}
+        if has_alpha:
+            self.defaults["alpha"] = np.zeros(len(form.plant.outputs))
+        self.states: dict[str, StateBlock] = {}
+        self.start = self.end = start
+        for name, value in self.defaults.items():
+            self.states[name] = StateBlock.of(self.end, value)
+            self.end += self.states[name].size
+        self.stop = self.states["alpha"].start if has_alpha else self.end
+
+    def _fail(self, key: str, message: str) -> Problem:
+        return Problem(("observers", self.label, key), message)
+
+    def _check(self) -> None:
+        names = {"initial": self.form.plant.states, "saturation": self.form.saturable(self.canonical)}
+        for key, known in names.items():
+            for name in getattr(self.observer, key):
+                if name not in known:
+                    raise self._fail(key, f"unknown state {name!r}; here they are {', '.join(known)}")
+
+    def symbols(self, z: ca.SX) -> SimpleNamespace:
+        """The observer's states as parts of z, in their shapes."""
+        return SimpleNamespace(**{name: block.symbol(z) for name, block in self.states.items()})
+
+    def guess(self, t: ca.SX, u: ca.SX, p: ca.SX, z: ca.SX) -> ca.SX:
+        """C xhat."""
+        return self._copy(t, u, p).output(self.symbols(z).xhat)
+
+    def estimate(self, t: ca.SX, u: ca.SX, p: ca.SX, z: ca.SX) -> ca.SX:
+        """The estimate in the plant's coordinates."""
+        return self._copy(t, u, p).state(self.symbols(z).xhat)
+
+    def flow(self, t: ca.SX, u: ca.SX, p: ca.SX, z: ca.SX, e: ca.SX) -> ca.SX:
+        """d/dt of the block, alpha' = -c last."""
+        flow = self.observer.equations(self._copy(t, u, p), self.symbols(z), e, self.k)
+        derivatives = dict(flow.derivatives)
+        if "alpha" in self.states:
+            derivatives["alpha"] = -flow.correction
+        return ca.vertcat(*[block.flat(derivatives[name]) for name, block in self.states.items()])
+
+    def _copy(self, t: ca.SX, u: ca.SX, p: ca.SX) -> Any:
+        return self.form.copy(t, u, p, self.canonical, self.bounds)
+
+    def initial(self, plant: BuiltPlant) -> np.ndarray:
+        """z of this block at the start."""
+        observer = self.observer
+        x = np.array([observer.initial.get(s, 0.0) for s in self.form.plant.states])
+        values = {n: v.values if isinstance(v, Symmetric) else v for n, v in self.defaults.items()}
+        try:
+            values["xhat"] = self.form.start(x, plant.parameters, self.canonical)
+        except ValueError as error:
+            raise self._fail("initial", str(error)) from error
+        for name, given in observer.internal.items():
+            if name not in values or name == "xhat":
+                known = ", ".join(n for n in values if n != "xhat") or "none"
+                raise self._fail("internal", f"unknown internal state {name!r}; this observer has: {known}")
+            try:
+                values[name] = self.states[name].initial(given, values[name])
+            except ValueError as error:
+                raise self._fail("internal", f"{name}: {error}") from error
+        return np.concatenate([self.states[name].numbers(np.asarray(v)) for name, v in values.items()])

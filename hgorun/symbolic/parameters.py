@@ -1,0 +1,33 @@
+"""The run-time numbers of the compiled code."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+
+class Parameters:
+    """The vector p: named groups of numbers, each with a symbol."""
+
+    def __init__(self) -> None:
+        self._symbols: list[ca.SX] = []
+        self._values: list[np.ndarray] = []
+
+    def add(self, name: str, values: Any) -> ca.SX:
+        """Append an array; returns its symbol, of the same shape (at most two dimensions)."""
+        array = np.asarray(values, dtype=float)
+        rows, columns = (array.shape + (1, 1))[:2]
+        symbol = ca.SX.sym(name, rows, columns)
+        self._symbols.append(ca.vec(symbol))
+        self._values.append(array.reshape(rows, columns).ravel(order="F"))
+        return symbol
+
+    @property
+    def symbol(self) -> ca.SX:
+        return ca.vertcat(*self._symbols) if self._symbols else ca.SX(0, 1)
+
+    @property
+    def values(self) -> np.ndarray:
+        return np.concatenate(self._values) if self._values else np.zeros(0)

@@ -1,0 +1,97 @@
+"""How an observer's internal states lie in the state vector."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import prod
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Symmetric:
+    """A symmetric matrix as an observer's state: its upper triangle is integrated, so it stays symmetric.
+
+    Rounding would otherwise let the antisymmetric part of a Riccati solution grow like exp(theta t).
+    """
+
+    values: np.ndarray
+
+
+@dataclass(frozen=True)
+class StateBlock:
+    """One internal state: where it starts in z, its shape, and whether only its upper triangle is kept."""
+
+    start: int
+    shape: tuple[int, ...]
+    symmetric: bool = False
+
+    @classmethod
+    def of(cls, start: int, value: np.ndarray | Symmetric) -> StateBlock:
+        if isinstance(value, Symmetric):
+            return cls(start, value.values.shape, symmetric=True)
+        return cls(start, value.shape)
+
+    @property
+    def size(self) -> int:
+        """How many numbers are integrated."""
+        n = self.shape[0] if self.shape else 1
+        return n * (n + 1) // 2 if self.symmetric else prod(self.shape)
+
+    def symbol(self, z: ca.SX) -> ca.SX:
+        """The state as a column or matrix, from the state vector."""
+        flat = z[self.start : self.start + self.size]
+        if self.symmetric:
+            n = self.shape[0]
+            place = {pair: k for k, pair in enumerate(zip(*np.triu_indices(n), strict=True))}
+            rows = [[flat[place[min(i, j), max(i, j)]] for j in range(n)] for i in range(n)]
+            return ca.vertcat(*[ca.horzcat(*row) for row in rows])
+        rows_, columns = (self.shape + (1, 1))[:2]
+        return flat if columns == 1 else ca.reshape(flat, columns, rows_).T
+
+    def flat(self, value: ca.SX) -> ca.SX:
+        """What is integrated, from a derivative in the state's shape."""
+        if self.symmetric:
+            return ca.vertcat(*[value[int(i), int(j)] for i, j in zip(*np.triu_indices(self.shape[0]), strict=True)])
+        return value if (self.shape + (1, 1))[1] == 1 else ca.vec(value.T)
+
+    def numbers(self, values: np.ndarray) -> np.ndarray:
+        """What is integrated, from numbers in the state's shape."""
+        return values[np.triu_indices(self.shape[0])] if self.symmetric else values.ravel()
+
+    def shaped(self, rows: np.ndarray) -> np.ndarray:
+        """(Nt, *shape) from all rows of the state vector, a last axis of one column dropped."""
+        part = rows[:, self.start : self.start + self.size]
+        if self.symmetric:
+            full = np.empty((len(part), *self.shape))
+            i, j = np.triu_indices(self.shape[0])
+            full[:, i, j] = full[:, j, i] = part
+            return full
+        shape = self.shape[:-1] if len(self.shape) > 1 and self.shape[-1] == 1 else self.shape
+        return np.ascontiguousarray(part).reshape(len(part), *shape)
+
+    def initial(self, given: Any, default: np.ndarray) -> np.ndarray:
+        """Numbers in the state's shape from what a configuration gives.
+
+        A number stands for that multiple of ones, for a symmetric matrix of the identity.
+
+        Raises
+        ------
+        ValueError
+            When it does not fit.
+        """
+        try:
+            array = np.asarray(given, dtype=float)
+        except (TypeError, ValueError):
+            array = np.array(np.nan)
+        count = prod(self.shape)
+        if not np.all(np.isfinite(array)) or (array.ndim > 0 and array.size != count):
+            raise ValueError(f"expected a number or {count} numbers, found {given!r}")
+        if array.ndim > 0:
+            matrix = array.reshape(self.shape)
+            if self.symmetric and not np.array_equal(matrix, matrix.T):
+                raise ValueError("expected a symmetric matrix")
+            return matrix
+        return array * (np.eye(self.shape[0]) if self.symmetric else np.ones_like(default))
