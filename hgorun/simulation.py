@@ -128,6 +128,7 @@ class Run:
             self.parameters,
             self.plant_symbol,
         )
+        self._check_jumps()
         self._check_start()
 
     def simulate(
@@ -204,8 +205,27 @@ class Run:
 
     def _mean_square(self, output: int) -> float:
         """Mean over the run of the noise-free output squared."""
+        if self.plant.block.discretise:
+            raise Problem(("plant", "discretise"), "snr_db needs a plant in continuous time; give std")
         _, integral = self.plant_alone.at(np.zeros(0))
         return float(integral[output]) / (self.time.end - self.time.start)
+
+    def _check_jumps(self) -> None:
+        """What is stepped at samples needs all outputs sampled, together and in time."""
+        stepped = [("observers", b.label) for b in self.system.observers if b.observer.discrete]
+        if self.plant.block.discretise:
+            stepped.insert(0, ("plant", "discretise"))
+        if not stepped:
+            return
+        first = self.channels[0].samples
+        for channel in self.channels:
+            samples = channel.samples
+            if any(s.continuous for s in channel.stretches):
+                raise Problem(stepped[0], f"this needs sampled outputs, but {channel.name} is continuous")
+            if not np.array_equal(samples.arrival, first.arrival):
+                raise Problem(stepped[0], "this needs all outputs sampled at the same times")
+            if np.any(samples.taken < samples.arrival):
+                raise Problem(stepped[0], "this takes samples without delay")
 
     def _check_start(self) -> None:
         """The right-hand sides must be numbers at the start."""
@@ -236,8 +256,7 @@ class Run:
         plan = build_plan(
             self.schedule,
             self.grid,
-            remembers=structure.remembers,
-            has_alpha=structure.has_alpha,
+            structure,
             always_slope=bool(METHODS[self.solver.method].error),
             longest=np.inf if self.adaptive else longest,
             reach=self.reach,

@@ -225,6 +225,8 @@ def latex(results: Sequence[Result], metrics: Sequence[str] | None = None) -> st
 
 def _latex_head(metrics: Sequence[str], states: Sequence[str], padding: Sequence[str]) -> list[str]:
     n = len(states)
+    if not metrics:
+        return [r"\midrule"]
     above = [rf"\multicolumn{{{n}}}{{c}}{{{latex_words(metric)}}}" for metric in metrics]
     rules = [rf"\cmidrule(lr){{{2 + i * n}-{1 + (i + 1) * n}}}" for i in range(len(metrics))]
     below = [f"${symbol(state)}$" for _ in metrics for state in states]

@@ -14,8 +14,8 @@ from scipy.linalg import block_diag, expm, solve_discrete_lyapunov
 import hgorun.engine.program
 import hgorun.measurement.schedule
 from hgorun import Result, SimulationError
+from hgorun.engine.plan import Plan
 from hgorun.engine.program import Program, Raw, Start
-from hgorun.measurement.schedule import build_plan
 
 HELD = [{"type": "gaussian", "std": 0.1, "hold": 0.15}]
 DRAWN = [{"type": "uniform", "low": -0.1, "high": 0.2}]
@@ -150,32 +150,31 @@ def test_a_pause_inside_an_adaptive_segment(tmp_path):
     np.testing.assert_allclose(short.x, free.x, rtol=0, atol=1e-9)
 
 
+class Recorded:
+    """A program that remembers what it was asked to run."""
+
+    def __init__(self, program: Program) -> None:
+        self.program = program
+
+    def run(self, plan: Plan, start: Start, *more: Any) -> Raw:
+        self.plan, self.start = plan, start
+        return self.program.run(plan, start, *more)
+
+
 def in_lanes(folder: Path, config: dict[str, Any], lanes: list[list[str]]) -> tuple[Raw, list[Raw]]:
     """The same experiment with other numbers in each lane: side by side, and one by one."""
     runs = [prepared(folder, config, *overrides) for overrides in lanes]
-    structure = runs[0].system.structure
-    plans = [
-        build_plan(
-            each.schedule,
-            each.grid,
-            remembers=structure.remembers,
-            has_alpha=structure.has_alpha,
-            always_slope=False,
-            longest=each.step,
-            reach=each.reach,
-        )
-        for each in runs
-    ]
-    plan = replace(
-        plans[0],
-        gain=np.column_stack([p.gain for p in plans]),
-        bias=np.column_stack([p.bias for p in plans]),
-        holds=np.column_stack([p.holds for p in plans]),
-    )
-    z = np.column_stack([each.system.z0 for each in runs])
-    p = np.column_stack([each.system.p for each in runs])
-    side_by_side = Program(structure, "rk4", lanes=len(lanes)).run(plan, Start(z, p))
-    return side_by_side, [each.execute(each.step, None) for each in runs]
+    asked, single = [], []
+    for each in runs:
+        asked.append(Recorded(each.program))
+        each.__dict__["program"] = asked[-1]  # a cached property
+        single.append(each.execute(each.step, None))
+    numbers = {
+        name: np.column_stack([getattr(a.plan, name) for a in asked]) for name in ("gain", "bias", "holds")
+    }
+    z, p = (np.hstack([getattr(a.start, name) for a in asked]) for name in ("z", "p"))
+    program = Program(runs[0].system.structure, "rk4", lanes=len(lanes))
+    return program.run(replace(asked[0].plan, **numbers), Start(z, p, asked[0].start.bound)), single
 
 
 @pytest.mark.parametrize("name", MEASUREMENTS)

@@ -37,6 +37,7 @@ def inline(right_side: str, inputs: dict[str, str]) -> dict[str, Any]:
 
 
 JUMPING = inline("0.5*(1 - x1**2)*x2 - x1 + u", {"u": "sign(sin(pi*t/0.6))"})
+JUMPING_OUTPUT = JUMPING | {"output": "x1*(2 + u)"}  # which a delay brings back, jump by jump
 # kinks of time alone, wherever they are written: in an input, through an input, in the equations
 KINKED = {
     "input": inline("0.5*(1 - x1**2)*x2 - x1 + u", {"u": "abs(sin(pi*t/0.6))"}),
@@ -97,6 +98,7 @@ RK4_SCENARIOS = {
     "delay touching zero": {"delay": "0.25 + 0.25*sin(t)", "noise": SINE},
     "delay from zero": {"delay": "0.1*(1 - cos(t))", "noise": SINE},
     "delay with kinks at zero": {"delay": "0.3*abs(sin(pi*t/2))", "noise": SINE},
+    "delay that jumps": {"delay": "0.2 + 0.1*sign(sin(pi*t/1.5))", "noise": SINE},
     "phases": {
         "noise": SINE,
         "phases": [
@@ -110,26 +112,31 @@ RK4_SCENARIOS = {
 
 @pytest.mark.parametrize("name", RK4_SCENARIOS)
 def test_rk4_is_of_order_four(name, tmp_path):
-    found = orders(tmp_path, halved(0.05), RK4_SCENARIOS[name])
+    found = orders(tmp_path, halved(0.025), RK4_SCENARIOS[name])
     assert found == pytest.approx(dict.fromkeys(found, 4.0), abs=0.1)
 
 
-@pytest.mark.parametrize("measurement", [{"noise": SINE}, PERIODIC | LATE, {"delay": 0.2}])
-def test_rk4_keeps_its_order_through_jumps_of_an_input(measurement, tmp_path):
-    found = orders(tmp_path, halved(0.05), measurement, plant=JUMPING)
+@pytest.mark.parametrize("plant", [JUMPING, JUMPING_OUTPUT], ids=["input", "output"])
+@pytest.mark.parametrize(
+    "measurement",
+    [{"noise": SINE}, PERIODIC | LATE, {"delay": 0.2}],
+    ids=["continuous", "sampled, late", "constant delay"],
+)
+def test_rk4_keeps_its_order_through_jumps(measurement, plant, tmp_path):
+    found = orders(tmp_path, halved(0.025), measurement, plant=plant)
     assert found == pytest.approx(dict.fromkeys(found, 4.0), abs=0.1)
 
 
 @pytest.mark.parametrize("where", KINKED)
 def test_rk4_keeps_its_order_through_kinks(where, tmp_path):
-    found = orders(tmp_path, halved(0.05), {"noise": SINE}, plant=KINKED[where])
+    found = orders(tmp_path, halved(0.025), {"noise": SINE}, plant=KINKED[where])
     assert found == pytest.approx(dict.fromkeys(found, 4.0), abs=0.1)
 
 
 @pytest.mark.parametrize("name", ["sampled", "constant delay"])
 def test_rk4_between_its_steps_is_of_order_four(name, tmp_path):
     """Output points that no step lands on: the cubic Hermite polynomial."""
-    found = orders(tmp_path, halved(0.05), RK4_SCENARIOS[name], output_step=0.0037)
+    found = orders(tmp_path, halved(0.025), RK4_SCENARIOS[name], output_step=0.0037)
     assert found == pytest.approx(dict.fromkeys(found, 4.0), abs=0.1)
 
 
@@ -150,3 +157,23 @@ def test_dopri5_with_a_continuous_delay_has_the_order_of_the_cubic_history(tmp_p
 def test_euler_is_of_order_one(measurement, tmp_path):
     found = orders(tmp_path, halved(0.0025), measurement, "euler")
     assert found == pytest.approx(dict.fromkeys(found, 1.0), abs=0.1)
+
+
+def test_the_reported_integration_error_is_the_difference_to_half_the_step(tmp_path):
+    """For a method of order four that is 15/16 of the error."""
+    config = {
+        "time": {"end": END, "output_step": 0.2},
+        "plant": VAN_DER_POL,
+        "measurement": {"noise": SINE},
+        "observers": {"F": {"type": "fhgo2", "r": 2, "theta": 1.5}},
+    }
+    reported = run(tmp_path, config | {"solver": {"step": 0.02}}, check_step=True)
+    half = run(tmp_path, config | {"solver": {"step": 0.01}})
+    exact = run(tmp_path, config | {"solver": {"step": 0.001}})
+    assert reported.integration_error is not None
+    pairs = {"plant": (half.x, exact.x, reported.x)}
+    pairs["F"] = tuple(result.observers["F"].xhat for result in (half, exact, reported))
+    for name, (at_half, at_zero, at_step) in pairs.items():
+        assert reported.integration_error[name] == np.abs(at_step - at_half).max()
+        error = np.abs(at_step - at_zero).max()
+        assert reported.integration_error[name] == pytest.approx(error * 15 / 16, rel=0.05)

@@ -9,7 +9,7 @@ until it settles.
 from __future__ import annotations
 
 from hgorun.engine.ir import Function
-from hgorun.engine.layout import DELAYED, WORD, Variant
+from hgorun.engine.layout import DELAYED, OUTPUT, WORD, Variant
 from hgorun.engine.parts import Module, copy, hermite
 
 REFINEMENTS = 4  # passes of a step whose delays reach into it; each one gains an order
@@ -122,7 +122,7 @@ class History:
         for i, (what, _) in enumerate(variant):
             if what == DELAYED:
                 then = f.scalar("fsub", t, f.word(delays, i * lanes, "double"))
-                target = f.at(w, (s.held_at(i) + 1) * lanes)
+                target = f.at(w, (i * s.held_width + OUTPUT) * lanes)
                 outcome = f.call(
                     "recall", f"ptr %ctx, i64 {i}, double {then}, i64 {newest}, ptr {target}", "i64"
                 )

@@ -22,10 +22,13 @@ COUNT = ("steps", "first", "last", "variant", "action_first", "action_last", "en
 
 # What happens at an event, one row of integers each.
 ACTION_WORDS = 5
-TAKE, ARRIVE, RECORD, HOLD, REBASE = range(5)
+TAKE, ARRIVE, RECORD, SET, REBASE, JUMP = range(6)
 
 # What the native loop returns.
 DONE, PLANT_DIVERGED, HISTORY_TOO_SHORT, STEP_TOO_SMALL, PAUSED = range(5)
+
+# An output's numbers in w, followed by s of each observer.
+NOISE, PREVIOUS, OUTPUT, BEFORE_S = range(4)
 
 # What an output is to the observers in a stretch of time.
 SILENT, CONTINUOUS, HELD, DELAYED = range(4)
@@ -42,9 +45,10 @@ class Structure:
     """Everything that the native code is generated from.
 
     The state z is the plant's states, then a block for each observer, whose last q entries are its
-    alpha where ``has_alpha``. The vector w has for each output: the held random noise, the output as
-    held or delayed, and for each observer s = C xhat - alpha as held or delayed. The channels are, for
-    each output, the plant's noise-free output and each observer's s.
+    alpha where ``has_alpha``. The vector w has for each output: the held random noise, the sample before,
+    the output as held or delayed, and for each observer s = C xhat - alpha as held or delayed; its last
+    entry is the time between the last two samples. The channels are, for each output, the plant's
+    noise-free output and each observer's s.
 
     Attributes
     ----------
@@ -58,6 +62,9 @@ class Structure:
         The delays of all outputs at t, where one of them is DELAYED.
     channels : casadi.Function
         The channels from (t, p, z, w).
+    jumps : tuple of (start, stop, casadi.Function)
+        What z[start:stop] becomes, from (t, p, z, w), when a sample arrives: the plant's where it is stepped,
+        then those of the discrete-time observers.
     channel_slopes : casadi.Function
         The channels, then their time derivatives, from (t, p, z, z').
     """
@@ -74,6 +81,7 @@ class Structure:
     lags: Mapping[Variant, ca.Function]
     channels: ca.Function
     channel_slopes: ca.Function
+    jumps: tuple[tuple[int, int, ca.Function], ...] = ()
 
     @property
     def variants(self) -> tuple[Variant, ...]:
@@ -90,6 +98,7 @@ class Structure:
         """Whether a continuous delay needs the history of the channels."""
         return bool(self.lags)
 
-    def held_at(self, output: int) -> int:
-        """Where in w an output's numbers start: noise, output, s of each observer."""
-        return output * (2 + self.observers)
+    @property
+    def held_width(self) -> int:
+        """Numbers of one output in w."""
+        return BEFORE_S + self.observers

@@ -7,10 +7,14 @@ from hgorun.engine.ir import Function, hexadecimal
 from hgorun.engine.layout import (
     ACTION_WORDS,
     ARRIVE,
+    BEFORE_S,
     COUNT,
-    HOLD,
+    JUMP,
+    OUTPUT,
+    PREVIOUS,
     REBASE,
     RECORD,
+    SET,
     SPAN,
     TAKE,
     WORD,
@@ -105,9 +109,12 @@ def add_actions(m: Module) -> None:
 
     TAKE (output, slot): remember the output and every observer's s. ARRIVE (output, slot): the sample taken
     in the slot becomes what the observers compare with; RECORD: it came after a newer one and is only
-    noted. HOLD (output, index): a new value of the held noise. REBASE (output, first, last): count alpha
-    from zero again, also in the slots that are still on their way.
+    noted. SET (place, index): a new value of the held noise or of the time between samples, in w. REBASE
+    (output, first, last): count alpha from zero again, also in the slots that are still on their way. JUMP
+    (number): a part of the state becomes what its jump says.
     """
+    for number in range(len(m.structure.jumps)):
+        _add_jump(m, number)
     s, lanes = m.structure, m.lanes
     f = m.function("act", "ptr %ctx, i64 %segment", attributes="nounwind noinline")
     c = counts(f, "%segment")
@@ -116,14 +123,18 @@ def add_actions(m: Module) -> None:
     with f.count(c["action_first"], c["action_last"]) as index:
         row = f.at(f.word("%ctx", WORD["actions"], "ptr"), f.scalar("mul", index, str(ACTION_WORDS)))
         op, output, slot, first, last = (f.word(row, i) for i in range(ACTION_WORDS))
-        held = f.at(w, f.scalar("mul", output, str((2 + s.observers) * lanes)))
+        held = f.at(w, f.scalar("mul", output, str(s.held_width * lanes)))
         here = f.at(slots, f.scalar("mul", slot, str(s.width * lanes)))
         with f.when(f.test("eq", op, str(TAKE))):
             f.call("channels", f"ptr %ctx, double {t}")
             copy(f, f.at(channels, f.scalar("mul", output, str(s.width * lanes))), here, s.width * lanes)
-        with f.when(f.test("eq", op, str(HOLD))):
+        with f.when(f.test("eq", op, str(SET))):
             value = f.at(f.word("%ctx", WORD["holds"], "ptr"), f.scalar("mul", slot, str(lanes)))
-            copy(f, value, held, lanes)
+            copy(f, value, f.at(w, f.scalar("mul", output, str(lanes))), lanes)
+        for number in range(len(s.jumps)):
+            wanted = f.test("eq", output, str(number))
+            with f.when(f.let(f"and i1 {f.test('eq', op, str(JUMP))}, {wanted}")):
+                f.call(f"jump{number}", f"ptr %ctx, double {t}")
         arrives, notes = f.test("eq", op, str(ARRIVE)), f.test("eq", op, str(RECORD))
         with f.when(f.let(f"or i1 {arrives}, {notes}")):
             at_slot = f.scalar("mul", slot, str(lanes))
@@ -134,19 +145,35 @@ def add_actions(m: Module) -> None:
                 y = f.scalar("fmul", f.word(gain, lane, "double"), f.word(here, lane, "double"))
                 f.store(f.scalar("fadd", y, f.word(bias, lane, "double")), f.at(measured, lane))
             with f.when(arrives):
-                copy(f, measured, f.at(held, lanes), lanes)
-                copy(f, f.at(here, lanes), f.at(held, 2 * lanes), s.observers * lanes)
+                copy(f, f.at(held, OUTPUT * lanes), f.at(held, PREVIOUS * lanes), lanes)
+                copy(f, measured, f.at(held, OUTPUT * lanes), lanes)
+                copy(f, f.at(here, lanes), f.at(held, BEFORE_S * lanes), s.observers * lanes)
         with f.when(f.test("eq", op, str(REBASE))), f.count(0, s.observers * lanes) as i:
             place = f.scalar("add", f.scalar("mul", output, str(s.observers * lanes)), i)
             alpha_at = f.at(z, f.word(f.word("%ctx", WORD["alpha"], "ptr"), place))
             alpha = f.load(alpha_at)
             f.store(hexadecimal(0.0), alpha_at)
-            held_s = f.at(f.at(held, 2 * lanes), i)
+            held_s = f.at(f.at(held, BEFORE_S * lanes), i)
             f.store(f.scalar("fadd", f.load(held_s), alpha), held_s)
             with f.count(first, last) as pending:
                 there = f.at(slots, f.scalar("mul", pending, str(s.width * lanes)))
                 pending_s = f.at(f.at(there, lanes), i)
                 f.store(f.scalar("fadd", f.load(pending_s), alpha), pending_s)
+    f.do("ret void")
+    m.finish(f)
+
+
+def _add_jump(m: Module, number: int) -> None:
+    """``jump<number>(ctx, t)``: evaluated whole before anything is written."""
+    start, stop, function = m.structure.jumps[number]
+    emitted = m.emit(function, f"jump_of{number}")
+    f = m.function(f"jump{number}", "ptr %ctx, double %t", attributes="nounwind noinline")
+    p, z, w = (f.word("%ctx", WORD[name], "ptr") for name in ("p", "z", "w"))
+    c = m.constants_of(f, emitted)
+    tau, new = f.slot("double", emitted.clocked * m.lanes), f.slot("double", (stop - start) * m.lanes)
+    emitted.clock(f, "%t", p, c, tau)
+    emitted.main(f, p, c, tau, z, w, new)
+    copy(f, new, f.at(z, start * m.lanes), (stop - start) * m.lanes)
     f.do("ret void")
     m.finish(f)
 

@@ -177,6 +177,7 @@ def _finished(
         taller = max(legend.get_window_extent().height / figure.dpi - _TOP, 0)
         figure.set_figheight(min(figure.get_figheight() + taller, LARGEST))
     figure.draw_without_rendering()  # makes the ticks now, in our style, not when somebody saves
+    figure.set_layout_engine("none")  # every format gets this layout
     return figure
 
 

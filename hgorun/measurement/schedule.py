@@ -14,11 +14,14 @@ from hgorun.engine.layout import (
     CONTINUOUS,
     DELAYED,
     HELD,
-    HOLD,
+    JUMP,
+    NOISE,
     REBASE,
     RECORD,
+    SET,
     SILENT,
     TAKE,
+    Structure,
     Variant,
 )
 from hgorun.engine.plan import Plan
@@ -47,7 +50,7 @@ class Channel:
         return np.clip(np.searchsorted(starts, times, side="right") - 1, 0, len(starts) - 1)
 
     def kinds_at(self, times: np.ndarray) -> np.ndarray:
-        """What the output is to the observers from each time on, and in which phase, shape (len(times), 2)."""
+        """What the output is to the observers at each time, and in which phase, shape (len(times), 2)."""
         stretch = self.stretch_at(times)
         late = np.array([DELAYED if not s.undelayed else CONTINUOUS for s in self.stretches])
         continuous = np.array([s.continuous for s in self.stretches])
@@ -208,9 +211,8 @@ def _nearest(events: np.ndarray, times: np.ndarray) -> np.ndarray:
 def build_plan(
     schedule: Schedule,
     grid: np.ndarray,
+    structure: Structure,
     *,
-    remembers: bool,
-    has_alpha: bool,
     always_slope: bool,
     longest: float,
     reach: float,
@@ -219,8 +221,8 @@ def build_plan(
 
     Parameters
     ----------
-    remembers, has_alpha : bool
-        Of the structure: whether there is a history, and whether there is an alpha to rebase.
+    structure : Structure
+        What the plan is for.
     always_slope : bool
         The method needs the slope at the end of every segment.
     longest : float
@@ -233,9 +235,10 @@ def build_plan(
     steps = np.ones(gaps.size, dtype=np.int64)
     if np.isfinite(longest):
         steps = np.maximum(np.ceil(gaps / longest * (1 - 1e-9)), 1).astype(np.int64)
-    table = _Actions(schedule, rebase=has_alpha and not remembers)
-    slope = np.full(gaps.size, int(remembers or always_slope))
-    if not remembers and not always_slope:
+    table = _Actions(schedule, structure)
+    always = structure.remembers or always_slope
+    slope = np.full(gaps.size, int(always))
+    if not always:
         slope = _row_in_last_step(events, steps, grid).astype(int)
     inner = events[:-1] + schedule.inward[:-1], events[1:] - schedule.inward[1:]
     spans = np.column_stack([events[:-1], events[1:], *inner])
@@ -285,10 +288,15 @@ def _split(spans: np.ndarray, counts: np.ndarray, piece: int) -> tuple[np.ndarra
 
 
 class _Actions:
-    """The action table: samples taken and arriving, noise changing, alpha counted from zero again."""
+    """The action table: samples taken and arriving, noise changing, alpha counted from zero again, jumps.
 
-    def __init__(self, schedule: Schedule, *, rebase: bool) -> None:
+    At one event the plant is stepped first, then samples are taken, then they arrive, then alpha is
+    counted anew, and last the discrete-time observers jump.
+    """
+
+    def __init__(self, schedule: Schedule, structure: Structure) -> None:
         events = schedule.events
+        rebase = structure.has_alpha and not structure.remembers
         parts = [
             np.zeros((0, 7), dtype=np.int64)
         ]  # event, rank at the event, then the engine's five integers
@@ -310,9 +318,18 @@ class _Actions:
             bias.append(b)
             base += s.arrival.size
             times, values = _held_changes(c)
-            parts.append(_rows(_nearest(events, times), 0, HOLD, i, held + np.arange(times.size)))
+            place = i * structure.held_width + NOISE
+            parts.append(_rows(_nearest(events, times), 0, SET, place, held + np.arange(times.size)))
             holds.append(values)
             held += times.size
+        if structure.jumps:
+            samples = schedule.channels[0].samples
+            times = samples.arrival[samples.used]
+            at, intervals = _nearest(events, times[1:]), np.diff(times)
+            parts.append(_rows(at, -2, SET, structure.held - 1, held + np.arange(at.size)))
+            holds.append(intervals)
+            for number, (start, _, _) in enumerate(structure.jumps):
+                parts.append(_rows(at, -1 if start == 0 else 3, JUMP, number))
         table = np.concatenate(parts)
         table = table[np.lexsort((table[:, 1], table[:, 0]))]
         self.rows = np.ascontiguousarray(table[:, 2:])

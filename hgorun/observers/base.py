@@ -45,6 +45,9 @@ class Observer(Block):
     # the class of plants: a function (plant, at, parameters) -> Form that refuses others
     form: ClassVar[Callable[..., Any]] = staticmethod(canonical_form)
 
+    # a discrete-time observer: it jumps at the samples and holds in between
+    discrete: ClassVar[bool] = False
+
     type: str = Field(description="name of the observer family")
     initial: dict[Name, Number] = Field(
         default_factory=dict, description="initial estimate in the plant's coordinates; omitted states 0"
@@ -90,6 +93,43 @@ class Observer(Block):
             The numbers of :meth:`design`, as run-time arguments of the compiled code.
         """
 
+    def jump(
+        self, plant: Any, before: Any, s: SimpleNamespace, sample: SimpleNamespace, k: SimpleNamespace
+    ) -> Mapping[str, ca.SX]:
+        """What the states become when a sample arrives, for discrete-time observers.
+
+        Parameters
+        ----------
+        plant, before : copies of the plant
+            With the inputs at this sample and at the one before.
+        s : namespace of casadi.SX
+            The states since the sample before.
+        sample : namespace
+            ``y`` and ``previous``, this sample and the one before, shape (q,); ``interval``, the time
+            between them.
+        k : namespace of casadi.SX
+        """
+        raise NotImplementedError
+
     def fastest_rate(self, form: Any) -> float:
         """The largest modulus of the error dynamics' eigenvalues (1/time), for ``step: auto``; 0: unknown."""
         return 0.0
+
+
+class DiscreteObserver(Observer):
+    """Base of the observers that are difference equations at the samples, from the second one on.
+
+    Every output must be sampled, all at the same times and without delay.
+    """
+
+    discrete: ClassVar[bool] = True
+
+    def equations(self, plant: Any, s: SimpleNamespace, e: ca.SX, k: SimpleNamespace) -> Flow:
+        """Nothing moves between samples."""
+        still = {name: ca.SX.zeros(*value.shape) for name, value in vars(s).items() if name != "alpha"}
+        return Flow(still, ca.SX.zeros(e.shape))
+
+    @abstractmethod
+    def jump(
+        self, plant: Any, before: Any, s: SimpleNamespace, sample: SimpleNamespace, k: SimpleNamespace
+    ) -> Mapping[str, ca.SX]: ...

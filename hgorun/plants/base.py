@@ -6,7 +6,7 @@ from abc import abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import SimpleNamespace
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 import casadi as ca
 from pydantic import Field
@@ -36,6 +36,9 @@ class Plant(Block):
     parameters: dict[Name, ExpressionText] = Field(default_factory=dict, description="name: value")
     inputs: dict[Name, ExpressionText] = Field(default_factory=dict, description="name: expression of t")
     initial: dict[Name, Number] = Field(default_factory=dict, description="initial state, every state named")
+    discretise: Literal["euler"] | None = Field(
+        default=None, description="euler: the plant is stepped by forward differences at the sample times"
+    )
     disturbance: dict[Name, ExpressionText] = Field(
         default_factory=dict,
         description="state: expression of t, added to the plant, unknown to the observers",

@@ -81,6 +81,13 @@ class ObserverBlock:
             derivatives["alpha"] = -flow.correction
         return ca.vertcat(*[block.flat(derivatives[name]) for name, block in self.states.items()])
 
+    def jump(self, t: ca.SX, u: ca.SX, u_before: ca.SX, p: ca.SX, z: ca.SX, sample: SimpleNamespace) -> ca.SX:
+        """What the block becomes when a sample arrives."""
+        plant, before = self._copy(t, u, p), self._copy(t - sample.interval, u_before, p)
+        s = self.symbols(z)
+        values = {**vars(s), **self.observer.jump(plant, before, s, sample, self.k)}
+        return ca.vertcat(*[block.flat(values[name]) for name, block in self.states.items()])
+
     def _copy(self, t: ca.SX, u: ca.SX, p: ca.SX) -> Any:
         return self.form.copy(t, u, p, self.canonical, self.bounds)
 

@@ -8,11 +8,24 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import SimpleNamespace
 
 import casadi as ca
 import numpy as np
 
-from hgorun.engine.layout import CONTINUOUS, DELAYED, HELD, SILENT, Structure, Variant, is_delayed
+from hgorun.engine.layout import (
+    BEFORE_S,
+    CONTINUOUS,
+    DELAYED,
+    HELD,
+    NOISE,
+    OUTPUT,
+    PREVIOUS,
+    SILENT,
+    Structure,
+    Variant,
+    is_delayed,
+)
 from hgorun.observers.base import Observer
 from hgorun.plants.build import BuiltPlant
 from hgorun.symbolic.forms import Form
@@ -88,13 +101,15 @@ def build_system(
         blocks.append(ObserverBlock(label, observer, forms[label], start, has_alpha, parameters))
         start = blocks[-1].end
     z = ca.SX.sym("z", start)
-    w = ca.SX.sym("w", q * (2 + len(blocks)))
+    width = BEFORE_S + len(blocks)
+    w = ca.SX.sym("w", q * width + 1)
     p = parameters.symbol
     u = ca.substitute(plant.inputs, model.p, plant_symbol)
     disturbance = ca.substitute(plant.disturbance, model.p, plant_symbol)
     x = z[:n]
     y = model.h(t, x, u, plant_symbol)
-    dx = model.f(t, x, u, plant_symbol) + disturbance
+    stepped = plant.block.discretise == "euler"
+    dx = ca.SX.zeros(n) if stepped else model.f(t, x, u, plant_symbol) + disturbance
     guesses = [b.guess(t, u, plant_symbol, z) for b in blocks]
     alphas = [b.symbols(z).alpha if has_alpha else ca.SX.zeros(q) for b in blocks]
 
@@ -102,16 +117,16 @@ def build_system(
         """C xhat(t-d) - y_d(t) + alpha(t) - alpha(t-d), output by output."""
         parts = []
         for i, (what, phase) in enumerate(variant):
-            held = w[i * (2 + len(blocks)) :]
-            s = held[2 + j]
+            held = w[i * width : (i + 1) * width]
+            s = held[BEFORE_S + j]
             if what == SILENT:
                 parts.append(ca.SX(0))
             elif what == HELD:
-                parts.append(s + alphas[j][i] - held[1])
+                parts.append(s + alphas[j][i] - held[OUTPUT])
             elif what == CONTINUOUS:
-                parts.append(guesses[j][i] - _measured(y[i], held[0], signals[i, phase]))
+                parts.append(guesses[j][i] - _measured(y[i], held[NOISE], signals[i, phase]))
             else:
-                parts.append(s + alphas[j][i] - _measured(held[1], held[0], signals[i, phase]))
+                parts.append(s + alphas[j][i] - _measured(held[OUTPUT], held[NOISE], signals[i, phase]))
         return ca.vertcat(*parts)
 
     def compiled(name: str, expression: ca.SX, last: ca.SX = w) -> ca.Function:
@@ -134,6 +149,21 @@ def build_system(
     )
     dz = ca.SX.sym("dz", start)
     slopes = ca.jtimes(channels, z, dz) + ca.jacobian(channels, t)
+    sample = SimpleNamespace(
+        y=ca.vertcat(*[w[i * width + OUTPUT] for i in range(q)]),
+        previous=ca.vertcat(*[w[i * width + PREVIOUS] for i in range(q)]),
+        interval=w[-1],
+    )
+    u_before = ca.substitute(u, t, t - sample.interval)
+    jumps = [
+        (b.start, b.end, compiled("jump", b.jump(t, u, u_before, plant_symbol, z, sample)))
+        for b in blocks
+        if b.observer.discrete
+    ]
+    if stepped:
+        rate = model.f(t - sample.interval, x, u_before, plant_symbol)
+        rate += ca.substitute(disturbance, t, t - sample.interval)
+        jumps.insert(0, (0, n, compiled("step", x + sample.interval * rate)))
     structure = Structure(
         states=start,
         plant_states=n,
@@ -147,6 +177,7 @@ def build_system(
         lags=lags,
         channels=compiled("channels", channels),
         channel_slopes=compiled("trace", ca.vertcat(channels, slopes), dz),
+        jumps=tuple(jumps),
     )
     estimates = [b.estimate(t, u, plant_symbol, z) for b in blocks]
     report = ca.Function("report", [t, p, z], [ca.densify(e) for e in (u, y, *estimates)])
