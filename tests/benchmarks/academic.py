@@ -1,7 +1,8 @@
 """The benchmark's case: the academic plant with an FHGO II for plants that are not uniformly observable.
 
-23 states: plant 3, estimate 3, filter 2, U 2 x 3, P 3 x 3. Here are the same equations three times: as an
-observer class, the way somebody outside the package writes one; in C (academic.c); and in numpy for scipy.
+23 states: plant 3, estimate 3, filter 2, U 2 x 3, P 3 x 3. The same equations stand here three times: as a
+configuration (academic.yaml) and an observer class, the way somebody outside the package writes one; in C
+(academic.c); and in numpy for scipy.
 """
 
 from __future__ import annotations
@@ -18,17 +19,16 @@ import casadi as ca
 import numpy as np
 from pydantic import Field
 
-from hgorun.engine.layout import CONTINUOUS
+import hgorun
+from hgorun.engine.layout import ACTION_WORDS
 from hgorun.engine.plan import Plan
 from hgorun.engine.program import Program, Start
 from hgorun.observers.base import Flow, Observer
-from hgorun.plants.build import build_plant
-from hgorun.plants.inline import InlinePlant
-from hgorun.registry import find_observer, observer
-from hgorun.symbolic.canonical import CanonicalForm
-from hgorun.symbolic.copy import PlantCopy
+from hgorun.registry import observer
+from hgorun.simulation import prepare
 from hgorun.symbolic.matrices import A, B, C, hurwitz_gain
-from hgorun.symbolic.system import Parameters, Signal, System, build_system
+from hgorun.symbolic.system import System
+from hgorun.symbolic.triangular import TriangularCopy, TriangularForm, triangular_form
 
 Run = Callable[[Plan], np.ndarray]
 
@@ -37,7 +37,7 @@ THETA = 5.0
 NOISE = (0.25, 387.0, 0.5, 987.0)  # amplitude and frequency, twice
 
 
-@observer("academic_fhgo2_nuos")
+@observer("benchmark_fhgo2_nuos")
 class ReducedRiccatiObserver(Observer):
     """Filtered high-gain observer FHGO II with the reduced Riccati gain, for triangular plants.
 
@@ -47,24 +47,24 @@ class ReducedRiccatiObserver(Observer):
         xhat' = f(xhat, u) - theta Delta_n^-1(theta) K_n eta_1
         U'    = theta ((A_r - b C_r) U - U F + B_r C_n)
         P'    = theta (P + F P + P F^T - K_n K_n^T)
+
+    P is kept whole here, as in the C, so that both integrate the same 23 states.
     """
 
     reference = "Robles Magdaleno 2023, (3.97)-(3.103), (3.133)"
+    form = staticmethod(triangular_form)
 
     theta: float = Field(gt=0, description="high gain theta > 0")
     r: int = Field(default=1, ge=1, description="order of the filter, r >= 1")
 
-    def design(self, form: CanonicalForm) -> dict[str, np.ndarray]:
+    def design(self, form: TriangularForm) -> dict[str, np.ndarray]:
         return {"theta": np.array(self.theta), "b": hurwitz_gain(self.r, -1.0)}
 
-    def states(self, form: CanonicalForm) -> dict[str, np.ndarray]:
-        n = form.plant.n
-        return {"eta": np.zeros(self.r), "U": np.zeros((self.r, n)), "P": np.eye(n)}
+    def states(self, form: TriangularForm) -> dict[str, np.ndarray]:
+        return {"eta": np.zeros(self.r), "U": np.zeros((self.r, form.n)), "P": np.eye(form.n)}
 
-    def equations(self, plant: PlantCopy, s: SimpleNamespace, e: ca.SX, k: SimpleNamespace) -> Flow:
-        r, n = self.r, plant.n
-        f = plant.copy(s.xhat)
-        F = ca.jacobian(f, s.xhat) * A(n)  # the superdiagonal alone
+    def equations(self, plant: TriangularCopy, s: SimpleNamespace, e: ca.SX, k: SimpleNamespace) -> Flow:
+        r, F = self.r, plant.F(s.xhat)
         K_n = s.P @ s.U.T @ C(r).T
         K_r = k.b + s.U @ K_n
         FP = F @ s.P
@@ -72,50 +72,18 @@ class ReducedRiccatiObserver(Observer):
         return Flow(
             {
                 "eta": k.theta * ((A(r) - K_r @ C(r)) @ s.eta + B(r) * e),
-                "xhat": f - kappa,
-                "U": k.theta * ((A(r) - k.b @ C(r)) @ s.U - s.U @ F + B(r) @ C(n)),
+                "xhat": plant.copy(s.xhat) - kappa,
+                "U": k.theta * ((A(r) - k.b @ C(r)) @ s.U - s.U @ F + B(r) @ plant.C),
                 # FP + FP^T is symmetric to the last bit, and so P stays
                 "P": k.theta * (s.P + (FP + FP.T) - K_n @ K_n.T),
             },
-            correction=kappa[0],
+            correction=plant.measured(kappa),
         )
 
 
-PLANT = InlinePlant.model_validate(
-    {
-        "states": ["x1", "x2", "x3"],
-        "dynamics": {
-            "x1": "sin(0.5*t)*x2 - 0.1*x1",
-            "x2": "sin(2.7*t)*x3 - 0.1*x2 + tanh(x1*x2)",
-            "x3": "-0.1*x3 + tanh(x1*x2) + u",
-        },
-        "inputs": {"u": "5*sin(0.5*pi*t)"},
-        "disturbance": {"x3": "0.1*sin(0.1*t)"},
-        "output": "x1",
-        "initial": {"x1": 1, "x2": 1, "x3": 1},
-    }
-)
-
-
 def build() -> System:
-    """Plant, noise and observer as the system that ``hgorun.simulate`` would build.
-
-    The plant has no canonical form, since sin(0.5 t) vanishes, and its observer needs none: it takes the
-    triangular model as it is, which is what the identity stands for.
-    """
-    plant = build_plant(PLANT)
-    model = plant.model
-    as_it_is = CanonicalForm(model, (model.n,), model.x, ca.SX.eye(model.n), identity=True)
-    parameters = Parameters()
-    symbol = parameters.add("plant", plant.parameters)
-    noise = parameters.add("noise", NOISE)
-    v = noise[0] * ca.sin(noise[1] * model.t) + noise[2] * ca.sin(noise[3] * model.t)
-    fhgo = find_observer("academic_fhgo2_nuos").model_validate(
-        {"type": "academic_fhgo2_nuos", "theta": THETA, "r": 2}
-    )
-    continuous = ((CONTINUOUS, 0),)
-    signals = {(0, 0): Signal(v, False, ca.SX(0))}
-    return build_system(plant, as_it_is, {"FHGO II": fhgo}, signals, [continuous], parameters, symbol)
+    """Plant, noise and observer as the system that ``hgorun.simulate`` runs."""
+    return prepare(hgorun.load(Path(__file__).with_suffix(".yaml"))).system
 
 
 def plan(end: float = END, steps: int = STEPS, rows: int = ROWS) -> Plan:
@@ -124,7 +92,7 @@ def plan(end: float = END, steps: int = STEPS, rows: int = ROWS) -> Plan:
     return Plan(
         spans=np.array([[0.0, end, 0.0, end]]),
         counts=np.array([[steps, 0, steps, 0, 0, 0, 1]]),
-        actions=np.zeros((0, 5), dtype=np.int64),
+        actions=np.zeros((0, ACTION_WORDS), dtype=np.int64),
         grid=np.linspace(0, end, rows + 1),
         slots=0,
         gain=nothing,
