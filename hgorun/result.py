@@ -134,10 +134,10 @@ class Result:
         return to_xarray(self)
 
     def plot(self, path: str | Path | None = None) -> Any:
-        """A comparison figure (matplotlib); saved where ``path`` is given."""
-        from hgorun.figures import comparison
+        """A comparison figure (matplotlib); saved where ``path`` (png, pdf or svg) is given."""
+        from hgorun.figures import comparison, save
 
         figure = comparison([self])
         if path is not None:
-            figure.savefig(path)
+            save(figure, Path(path).with_suffix(""), (Path(path).suffix.lstrip(".") or "png",))
         return figure

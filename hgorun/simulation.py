@@ -73,7 +73,8 @@ def prepare(experiment: Experiment) -> Run:
             from hgorun.figures import check
 
             model = experiment.plant.model
-            check(experiment.blocks.figures, model.states, model.outputs, tuple(experiment.observers))
+            time = experiment.blocks.time
+            check(experiment.blocks.figures, model.states, model.outputs, tuple(experiment.observers), (time.start, time.end))
         return run
 
 

@@ -195,7 +195,8 @@ def test_the_schema_refuses_what_the_loader_refuses(shell: Shell) -> None:
 
 def test_interrupting_leaves_nothing_and_exits_130(tmp_path: Path) -> None:
     """Ctrl-C in the middle of a long run: native code comes back soon, no file is left."""
-    config = SMALL.replace("end: 2, output_step: 0.1", "end: 100000, output_step: 1").replace("0.01", "0.0005")
+    config = SMALL.replace("end: 2, output_step: 0.1", "end: 500000, output_step: 10").replace("0.01", "0.0005")
+    config = config.replace("period: 0.1", "period: 50").replace("theta: 2}", "theta: 0.01}")
     (tmp_path / "long.yaml").write_text(config)
     process = subprocess.Popen(
         [sys.executable, "-m", "hgorun", "simulate", "long.yaml"], cwd=tmp_path, stderr=subprocess.PIPE
@@ -205,7 +206,7 @@ def test_interrupting_leaves_nothing_and_exits_130(tmp_path: Path) -> None:
     process.send_signal(signal.SIGINT)
     started = time.perf_counter()
     _, err = process.communicate(timeout=20)
-    assert time.perf_counter() - started < 2
+    assert time.perf_counter() - started < 4  # on a machine that is busy with other tests
     assert process.returncode == 130, err
     assert b"interrupted" in err
     assert [p.name for p in tmp_path.iterdir()] == ["long.yaml"]

@@ -91,7 +91,7 @@ def test_filter_of_order_zero_is_the_standard_observer(name, tmp_path):
     assert np.all(np.isfinite(one.xhat))
 
 
-@pytest.mark.parametrize("name", MEASUREMENTS)
+@pytest.mark.parametrize("name", ["sampled", "delayed", "phases"])
 def test_an_observer_does_not_feel_the_others(name, tmp_path):
     """Alone, before and behind others, and beside one that diverges."""
     measurement = MEASUREMENTS[name]
@@ -177,7 +177,7 @@ def in_lanes(folder: Path, config: dict[str, Any], lanes: list[list[str]]) -> tu
     return program.run(replace(asked[0].plan, **numbers), Start(z, p, asked[0].start.bound)), single
 
 
-@pytest.mark.parametrize("name", MEASUREMENTS)
+@pytest.mark.parametrize("name", ["sampled", "delayed", "phases"])
 def test_lanes_have_the_bits_of_single_runs(name, tmp_path):
     """Four runs in one vector register, with their own gains, starts and draws; one of them diverges."""
     measurement = MEASUREMENTS[name]
@@ -388,8 +388,8 @@ def growth(folder: Path, measurement: dict[str, Any], thetas: dict[str, float]) 
     ids=["period", "delay"],
 )
 def test_largest_theta_times_period_or_delay(measurement, limits, tmp_path):
-    below = growth(tmp_path, measurement, {k: 0.97 * limit for k, limit in limits.items()})
-    above = growth(tmp_path, measurement, {k: 1.03 * limit for k, limit in limits.items()})
+    below = growth(tmp_path, measurement, {k: 0.99 * limit for k, limit in limits.items()})
+    above = growth(tmp_path, measurement, {k: 1.01 * limit for k, limit in limits.items()})
     assert max(below.values()) < 0.8
     assert min(above.values()) > 1.25
 

@@ -154,7 +154,7 @@ def test_dopri5_with_fixed_steps_is_of_order_five(measurement, tmp_path):
 
 
 def test_dopri5_with_a_continuous_delay_has_the_order_of_the_cubic_history(tmp_path):
-    found = orders(tmp_path, halved(0.05), {"delay": 0.25, "noise": SINE}, "dopri5")
+    found = orders(tmp_path, halved(0.025), {"delay": 0.25, "noise": SINE}, "dopri5")
     del found["plant"]
     assert found == pytest.approx(dict.fromkeys(found, 4.0), abs=0.1)
 

@@ -18,7 +18,7 @@ from scipy.integrate import solve_ivp
 from hgorun import Result
 from hgorun.measurement.noise import generator
 
-THETA = 1.5
+THETA, STEP = 1.5, 0.04
 CLOSE = 1e-9  # to the plain simulator: the same steps, other roundings
 
 
@@ -355,13 +355,13 @@ def configuration(model: Model, measurement: dict[str, Any], **more: Any) -> dic
         "plant": model.block,
         "measurement": measurement,
         "observers": observers(model),
-        "solver": {"step": 0.02},
+        "solver": {"step": STEP},
     } | more
 
 
-def difference_to_plain(result: Result, model: Model, options: dict[str, Any], step: float = 0.02) -> float:
+def difference_to_plain(result: Result, model: Model, options: dict[str, Any]) -> float:
     """Largest difference in x, xhat, eta and the samples, over all five observers."""
-    common = {"theta": THETA, "gains": 1.0, "t_end": END, "step": step, "output_times": result.time}
+    common = {"theta": THETA, "gains": 1.0, "t_end": END, "step": STEP, "output_times": result.time}
     common |= {"jinv": model.jinv, "dh": model.dh} | options
     common["events"] = [*common.get("events", ()), *model.kinks]
     worst = 0.0
@@ -389,7 +389,7 @@ def test_every_measurement(name, tmp_path):
     check(tmp_path, VAN_DER_POL, SCENARIOS[name])
 
 
-@pytest.mark.parametrize("scenario", ["continuous, sinusoids", "varying delay", "sampled, out of order"])
+@pytest.mark.parametrize("scenario", ["varying delay", "sampled, out of order"])
 @pytest.mark.parametrize("name", [name for name in MODELS if name != "van der pol"])
 def test_every_plant(name, scenario, tmp_path):
     check(tmp_path, MODELS[name], SCENARIOS[scenario])
@@ -446,7 +446,7 @@ def test_initial_filter_state_gains_and_theta(name, tmp_path):
         "F": {"type": "fhgo2", "r": 2, "theta": 2.2, "gains": gains, "internal": {"eta": eta0}}
     }
     result = run(tmp_path, config)
-    common = {"theta": 2.2, "gains": gains, "r": 2, "eta0": eta0, "t_end": END, "step": 0.02}
+    common = {"theta": 2.2, "gains": gains, "r": 2, "eta0": eta0, "t_end": END, "step": STEP}
     model = replace(VAN_DER_POL, xhat0=[0.0, 0.0])
     options = common | scenario.options | {"output_times": result.time}
     plain = plainly(model.f, model.h, model.copy, model.x0, model.xhat0, **options)
@@ -479,7 +479,7 @@ def test_jumping_input(is_sampled, tmp_path):
         for piece in range(5):
             t0, t1, u = 0.6 * piece, 0.6 * (piece + 1), (-1.0) ** piece
             rows = slice(12 * piece, 12 * piece + 13)
-            options = {"theta": THETA, "gains": 1.0, "step": 0.02, "t0": t0, "t_end": t1, "eta0": eta}
+            options = {"theta": THETA, "gains": 1.0, "step": STEP, "t0": t0, "t_end": t1, "eta0": eta}
             arrivals = t0 + period * np.arange(4)
             seen = {"sampling": arrivals, "noise": sine(arrivals)} if is_sampled else {"noise": sine}
             options |= seen | {"output_times": np.clip(result.time[rows], t0, t1)}
@@ -520,7 +520,7 @@ def test_two_outputs_of_two_separate_plants(tmp_path):
     ]
     for part, states, column, options in parts:
         for label, r in [("S", 0), ("F1", 1), ("F2", 2), ("F3", 3)]:
-            common = {"theta": THETA, "gains": 1.0, "t_end": END, "step": 0.02, "r": r}
+            common = {"theta": THETA, "gains": 1.0, "t_end": END, "step": STEP, "r": r}
             common |= options | {"output_times": result.time}
             plain = plainly(part.f, part.h, part.copy, part.x0, part.xhat0, **common)
             found = result.observers[label]

@@ -27,7 +27,7 @@ def figures(names: Sequence[str], output: Path | None, *, quiet: bool, json: boo
         error = max((result.integration_error or {}).values(), default=0.0)
         for name in wanted:
             # one folder a publication, or a file of one's own
-            written = save(draw(result, experiment.blocks.figures[name]), folder / group / name)
+            written = save(draw(result, experiment.blocks.figures[name], name), folder / group / name)
             report.append(
                 {
                     "figure": name,

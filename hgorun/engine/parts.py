@@ -164,7 +164,7 @@ def add_actions(m: Module) -> None:
 
 
 def _add_jump(m: Module, number: int) -> None:
-    """``jump<number>(ctx, t)``: evaluated whole before anything is written."""
+    """``jump<number>(ctx, t)``: evaluated whole before anything is written; what has diverged stays masked."""
     start, stop, function = m.structure.jumps[number]
     emitted = m.emit(function, f"jump_of{number}")
     f = m.function(f"jump{number}", "ptr %ctx, double %t", attributes="nounwind noinline")
@@ -173,7 +173,15 @@ def _add_jump(m: Module, number: int) -> None:
     tau, new = f.slot("double", emitted.clocked * m.lanes), f.slot("double", (stop - start) * m.lanes)
     emitted.clock(f, "%t", p, c, tau)
     emitted.main(f, p, c, tau, z, w, new)
-    copy(f, new, f.at(z, start * m.lanes), (stop - start) * m.lanes)
+    observers = [j for j, block in enumerate(m.structure.blocks) if block[0] == start]  # none: the plant
+    with f.count(0, m.lanes) as lane:
+        alive = "true"
+        if observers:
+            diverged = f.at(f.word("%ctx", WORD["diverged"], "ptr"), observers[0] * m.lanes)
+            alive = f.test("oeq", f.word(diverged, lane, "double"), hexadecimal(float("inf")))
+        with f.when(alive), f.count(0, stop - start) as i:
+            place = f.scalar("add", f.scalar("mul", i, str(m.lanes)), lane)
+            f.store(f.word(new, place, "double"), f.at(z, f.scalar("add", place, str(start * m.lanes))))
     f.do("ret void")
     m.finish(f)
 

@@ -176,7 +176,7 @@ class Program:
         memory = _Memory(self.structure, self.lanes, self._constants, plan, start, tolerance)
         self._begin(memory.address)
         memory.keep_initial()
-        segments, stop, chunk = len(plan.spans), 0, 64
+        segments, stop, chunk = len(plan.spans), 0, 1
         while stop < segments:
             before = time.perf_counter()
             stop = min(stop + chunk, segments)

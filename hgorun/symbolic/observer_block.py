@@ -58,6 +58,8 @@ class ObserverBlock:
         names = {"initial": self.form.plant.states, "saturation": self.form.saturable(self.canonical)}
         for key, known in names.items():
             for name in getattr(self.observer, key):
+                if not known:
+                    raise self._fail(key, f"{self.observer.type} has no state that could be given here")
                 if name not in known:
                     raise self._fail(key, f"unknown state {name!r}; here they are {', '.join(known)}")
 

@@ -1,0 +1,108 @@
+"""High-gain observer for lower triangular plants, with direct reconstruction of the state."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import casadi as ca
+import numpy as np
+from pydantic import Field, model_validator
+
+from hgorun.config.types import NonNegative, Number, Poles, Positive
+from hgorun.errors import Problem
+from hgorun.observers.base import Flow, Observer
+from hgorun.observers.levant import levant_flow, levant_gains
+from hgorun.registry import observer
+from hgorun.symbolic.lower_triangular import LowerTriangularForm, LowerTriangularCopy, lower_triangular_form
+from hgorun.symbolic.matrices import hurwitz_gain
+from hgorun.symbolic.states import Symmetric
+
+
+class OutputInjection(Observer):
+    """The vector l of a correction Theta l (y - yhat): given itself, or through poles."""
+
+    form = staticmethod(lower_triangular_form)
+
+    l: tuple[Number, ...] | None = Field(  # noqa: E741  # the papers' letter
+        default=None, description="n gains, Theta l (y - yhat); in place of poles"
+    )
+    poles: Poles = Field(
+        default=complex(-1), description="eigenvalues of A - l c at theta = 1: a number or n; real part < 0"
+    )
+
+    @model_validator(mode="after")
+    def _one_of_poles_and_l(self) -> OutputInjection:
+        if self.l is not None and "poles" in self.model_fields_set:
+            raise ValueError("give either poles or l, not both")
+        return self
+
+    def injection(self, form: LowerTriangularForm) -> np.ndarray:
+        """l, shape (n,)."""
+        given = self.l if self.l is not None else self.poles
+        if isinstance(given, tuple) and len(given) != form.n:
+            key = "poles" if self.l is None else "l"
+            raise Problem((key,), f"expected {form.n} numbers, one a state; found {len(given)}")
+        return np.asarray(self.l) if self.l is not None else hurwitz_gain(form.n, self.poles)
+
+    def _rate(self, form: LowerTriangularForm) -> float:
+        return float(np.max(np.abs(np.roots([1.0, *self.injection(form)])), initial=0.0))
+
+
+@observer("direct")
+class DirectObserver(OutputInjection):
+    """High-gain observer for lower triangular plants (1), blended with a direct reconstruction of the state.
+
+        xhat' = f(xhat, u) + w Theta l (y - yhat) + (1 - w) Gamma (x^d - xhat)
+        w     = exp(-mu (y - yhat)^2),   Gamma = Theta l c + (phi/2) I,   x^d = Phi(z_0, z_1, ..., u, u', ...)
+
+    Theta = diag(theta, ..., theta^n), c = (dh/dx_1, 0, ..., 0), and z the derivatives of y from Levant's
+    differentiator, which runs inside: far from the measurement the estimate is drawn to x^d, which is there at
+    once but noisy; near it the high-gain observer (3) takes over. Phi is derived from the plant.
+
+    theta > 0 must be so large that (3) converges for this l (or poles, at theta = 1). mu >= 0 is the
+    sharpness of the blend: 1/sqrt(mu) is an error of the output that counts as large; mu = 0 is (3) alone,
+    without differentiator. phi/2 > 0 is the rate at which the estimate goes to x^d. G > 0 is the
+    differentiator's gain, a bound on |y^(n)|. The differentiator is discontinuous: take ``method: euler``
+    when mu > 0. Figure 1 is ``{theta: 1, l: [1, 0.5], mu: 50, phi: 4000, G: 1, internal: {z: [0.05, 0]}}``.
+
+    The proof of theorem 1 prints Gamma with kappa/2 where its own next line, and the example, need kappa, a
+    value of dh/dx_1; it also prints theta tau^2 in the exponent where e_1 = theta epsilon_1 gives theta^2 tau^2.
+    """
+
+    reference = "Meiners, Adamy 2025, (1)-(4), (13), theorem 1"
+
+    theta: Positive = Field(description="high gain theta > 0")
+    mu: NonNegative = Field(default=0.0, description="sharpness of the blend, >= 0; 0: no reconstruction")
+    phi: Positive | None = Field(default=None, description="Gamma = Theta l c + (phi/2) I, phi > 0; with mu")
+    G: Positive | None = Field(default=None, description="Lipschitz constant of y^(n-1), > 0; with mu")
+
+    @model_validator(mode="after")
+    def _keys_of_the_reconstruction(self) -> DirectObserver:
+        if self.mu > 0 and (self.phi is None or self.G is None):
+            raise ValueError("with mu > 0 the reconstruction needs phi and G")
+        return self
+
+    def design(self, form: LowerTriangularForm) -> dict[str, np.ndarray]:
+        numbers = {"theta": np.array(self.theta), "l": self.injection(form)}
+        if self.mu > 0 and self.phi is not None and self.G is not None:
+            numbers |= {"mu": np.array(self.mu), "phi": np.array(self.phi), "gains": levant_gains(form.n, self.G)}
+        return numbers
+
+    def states(self, form: LowerTriangularForm) -> dict[str, np.ndarray | Symmetric]:
+        return {"z": np.zeros(form.n)} if self.mu > 0 else {}
+
+    def equations(self, plant: LowerTriangularCopy, s: SimpleNamespace, e: ca.SX, k: SimpleNamespace) -> Flow:
+        xhat, c = s.xhat, plant.slope(s.xhat)
+        Theta_l = plant.Theta(k.theta) @ plant.along(k.l)
+        correction, derivatives = -Theta_l * e, {}
+        if self.mu > 0:
+            y = plant.output(xhat) - e
+            w = ca.exp(-k.mu * e**2)
+            gap = plant.reconstruct(s.z, guess=xhat) - xhat
+            correction = w * correction + (1 - w) * (Theta_l @ (c @ gap) + k.phi / 2 * gap)
+            derivatives["z"] = levant_flow(s.z, s.z[0] - y, k.gains)
+        derivatives["xhat"] = plant.copy(xhat) + correction
+        return Flow(derivatives, correction=-c @ correction)
+
+    def fastest_rate(self, form: LowerTriangularForm) -> float:
+        return max(self.theta * self._rate(form), (self.phi or 0.0) / 2 if self.mu > 0 else 0.0)

@@ -1,0 +1,148 @@
+"""High-gain observer whose gain is a state of its own, after Praly."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from types import SimpleNamespace
+
+import casadi as ca
+import numpy as np
+from pydantic import Field, field_validator
+
+from hgorun.config.expressions import ExpressionError, parse
+from hgorun.config.types import ExpressionText, Positive
+from hgorun.errors import Problem
+from hgorun.observers.base import Flow
+from hgorun.observers.direct import OutputInjection
+from hgorun.registry import observer
+from hgorun.symbolic.lower_triangular import LowerTriangularCopy, LowerTriangularForm, state_affine_form
+from hgorun.symbolic.states import Symmetric
+
+_MOST_CUTS = 400
+
+
+class DynamicGain(OutputInjection):
+    """The keys of the gain's dynamics: a, b, q of (9), and gamma of (6)."""
+
+    form = staticmethod(state_affine_form)
+
+    a: Positive = Field(description="decay rate in (9), > 0")
+    b: Positive = Field(description="bound on Delta in (9), > 0")
+    q: Positive = Field(le=1, description="lower bound on Q in (9), 0 < q <= 1")
+    gamma: ExpressionText = Field(description="expression of y, >= 0: bounds the slopes of g as in (6)")
+
+    @field_validator("gamma")
+    @classmethod
+    def _of_y(cls, text: str) -> str:
+        try:
+            parse(text, names=("y",))
+        except ExpressionError as error:
+            raise ValueError(str(error)) from error
+        return text
+
+    def design(self, form: LowerTriangularForm) -> dict[str, np.ndarray]:
+        start = self.internal.get("theta", 1.0)
+        if isinstance(start, (int, float)) and start < 1:
+            raise Problem(("internal", "theta"), f"theta starts at 1 or above, found {start:g}: (8) keeps it there")
+        return {
+            "l": self.injection(form),
+            "a": np.array(self.a),
+            "b": np.array(self.b),
+            "q": np.array(self.q),
+        }
+
+    def states(self, form: LowerTriangularForm) -> dict[str, np.ndarray | Symmetric]:
+        return {"theta": np.ones(())}
+
+    def theta_rate(self, theta: ca.SX, decay: ca.SX, y: ca.SX, n: int, k: SimpleNamespace) -> ca.SX:
+        """(8), with ``decay`` in the place of a."""
+        growth = 2 * (n - 1) / ca.sqrt(k.q) * parse(self.gamma, names=("y",)).symbol({"y": y})
+        return -theta / k.b * (decay / 3 * (theta - 1) - growth)
+
+    def _start(self) -> float:
+        start = self.internal.get("theta", 1.0)
+        return float(start) if isinstance(start, (int, float)) else 1.0
+
+    def fastest_rate(self, form: LowerTriangularForm) -> float:
+        return self._start() * self._rate(form)
+
+
+@observer("dynamic_gain")
+class DynamicGainObserver(DynamicGain):
+    """High-gain observer with dynamic gain, for x_i' = x_(i+1) + g_i(x_1..x_i, u), y = x_1 (5).
+
+        xhat'  = A xhat + g(xhat, u) + Theta(theta) l (y - xhat_1),     Theta = diag(theta, ..., theta^n)
+        theta' = -(theta/b) ((a/3) (theta - 1) - 2 (n-1)/sqrt(q) gamma(y))
+
+    The slopes of g need no bound that holds everywhere: gamma(y), (6), bounds them at the present output, and
+    theta follows it: at constant y it goes to 1 + 6 (n-1) gamma(y)/(a sqrt(q)). theta(0) >= 1, by ``internal:
+    {theta: 1}``, stays above 1. l (or poles) makes A - l c Hurwitz; a, b, q > 0 must be such that some Q
+    satisfies (9), which :func:`certificate` looks for. Take `direct` with mu = 0 where one theta will do.
+
+    The paper's constants, l = (2, 1), a = 1.17, b = 2.3, q = 0.15, are said to fulfil (9): no Q does; with b
+    = 2.42, or a = 1.06, there is one. The observer runs with any.
+    """
+
+    reference = "Praly 2003; Meiners, Adamy 2025, (5)-(9)"
+
+    def equations(self, plant: LowerTriangularCopy, s: SimpleNamespace, e: ca.SX, k: SimpleNamespace) -> Flow:
+        y = plant.output(s.xhat) - e
+        kappa = plant.Theta(s.theta) @ plant.along(k.l) * e
+        theta_rate = self.theta_rate(s.theta, k.a, y, plant.n, k)
+        return Flow(
+            {"xhat": plant.copy(s.xhat) - kappa, "theta": theta_rate}, correction=plant.measured(kappa)
+        )
+
+
+def certificate(l: Sequence[float], a: float, b: float, q: float) -> np.ndarray | None:  # noqa: E741
+    """A matrix Q that satisfies (9) with these constants, or None when there is none.
+
+        Q (A - l c) + (A - l c)^T Q <= -a Q,    q I <= Q <= I,    -b Q <= Q Delta + Delta Q <= b Q
+
+    Cutting planes: M(Q) >= 0 means v^T M(Q) v >= 0 for all v. The linear programme over the v found so far
+    bounds the least eigenvalue that any Q can reach from above, so a negative optimum proves that there is no
+    Q; its Q is returned as soon as all its eigenvalues are >= 0.
+
+    Returns
+    -------
+    ndarray, shape (n, n), or None
+        None also when 400 rounds decide nothing, which needs constants on the border of what is possible.
+    """
+    from scipy.linalg import block_diag
+    from scipy.optimize import linprog
+
+    n = len(l)
+    closed = np.eye(n, k=1) - np.outer(l, np.eye(n)[0])
+    Delta = np.diag(np.arange(n, dtype=float))
+    eye = np.eye(n)
+
+    def conditions(Q: np.ndarray, one: float) -> np.ndarray:
+        """Block-diagonal M, linear in Q and one = 1, that (9) asks to be positive semidefinite."""
+        turned = Q @ Delta + Delta @ Q
+        decay = -(Q @ closed + closed.T @ Q) - a * Q
+        return np.asarray(block_diag(decay, Q - one * q * eye, one * eye - Q, b * Q - turned, b * Q + turned))
+
+    pairs = [(i, j) for i in range(n) for j in range(i, n)]
+    basis = [np.eye(n)[[i]].T @ np.eye(n)[[j]] for i, j in pairs]
+    basis = [(E + E.T) / (1 + (E == E.T).all()) for E in basis]
+    slopes, constant = [conditions(E, 0.0) for E in basis], conditions(np.zeros((n, n)), 1.0)
+    rows: list[list[float]] = []
+    bounds = []
+    _, vectors = np.linalg.eigh(conditions(eye, 1.0))
+    cuts = list(vectors.T)
+    for _ in range(_MOST_CUTS):
+        # maximise s over Q with v^T M(Q) v >= s for every cut v
+        for v in cuts:
+            rows.append([*(-float(v @ S @ v) for S in slopes), 1.0])
+            bounds.append(float(v @ constant @ v))
+        found = linprog(
+            [*np.zeros(len(pairs)), -1.0], rows, bounds, bounds=[(-1, 1)] * len(pairs) + [(None, 1)], method="highs"
+        )
+        if not found.success or found.x[-1] < 0:
+            return None
+        Q = sum((x * E for x, E in zip(found.x, basis, strict=False)), np.zeros((n, n)))
+        values, vectors = np.linalg.eigh(conditions(Q, 1.0))
+        if values[0] >= 0:
+            return np.asarray(Q)
+        cuts = list(vectors.T[values < found.x[-1]])
+    return None

@@ -1,0 +1,125 @@
+"""The high-gain observer of an integrator chain by forward differences."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import SimpleNamespace
+
+import casadi as ca
+import numpy as np
+from pydantic import Field, model_validator
+
+from hgorun.config.types import Number, Poles, Positive
+from hgorun.errors import Problem
+from hgorun.observers.base import DiscreteObserver
+from hgorun.registry import observer
+from hgorun.symbolic.canonical import CanonicalForm, NotObservableForm
+from hgorun.symbolic.copy import PlantCopy
+from hgorun.symbolic.matrices import A, C, hurwitz_gain
+from hgorun.symbolic.plant import PlantModel
+from hgorun.symbolic.states import Symmetric
+
+
+class IntegratorChainForm(CanonicalForm):
+    """x_i' = x_(i+1), x_n' = phi(t, x, u), y = x_1: nothing but the order matters to the observer."""
+
+    def saturable(self, canonical: bool) -> tuple[str, ...]:
+        return ()
+
+
+def integrator_chain(plant: PlantModel, at: np.ndarray, parameters: np.ndarray) -> IntegratorChainForm:
+    """A plant that is a chain of integrators as it is written, Lee, Choi, Khalil 2016, (12)-(14).
+
+    Raises
+    ------
+    NotObservableForm
+        When the output is not the first state, or a state before the last has another derivative than the
+        state that follows it.
+    """
+    x, names = plant.x, plant.states
+    if len(plant.outputs) != 1 or not ca.is_equal(ca.SX(plant.output), x[0]):
+        raise NotObservableForm(
+            f"this observer differentiates one output that is the first state, {names[0]}; here the outputs are "
+            f"{', '.join(plant.outputs)}"
+        )
+    for i in range(plant.n - 1):
+        if not ca.simplify(plant.dynamics[i] - x[i + 1]).is_zero():
+            raise NotObservableForm(
+                f"this observer has no copy of the plant: it needs a chain of integrators, {names[i]}' = "
+                f"{names[i + 1]} alone, but here {names[i]}' = {plant.dynamics[i]}; take shgo for other models"
+            )
+    return IntegratorChainForm(plant, (plant.n,), x, ca.SX.eye(plant.n), identity=True)
+
+
+@observer("hgo_fd")
+class ForwardDifferenceObserver(DiscreteObserver):
+    """High-gain observer of an integrator chain, discretised by forward differences.
+
+    With q = D xhat, D = diag(1, eps, ..., eps^(n-1)), and one step a sample,
+
+        q(k+1) = q(k) + (T/eps) (A_0 q(k) + H_0 y_k),    A_0 = A - H_0 C
+
+    T is the time from sample k to sample k + 1. What uses y_k is the estimate of t_(k+1): it is taken on when
+    sample k + 1 arrives. The observer has no copy of the plant: it differentiates the output of a chain
+    x_i' = x_(i+1), x_n' = phi, whatever phi is, and its error is of the order of eps times phi.
+
+    eps > 0, small: the error's eigenvalues are those of A_0, the poles, over eps. The difference equation is
+    stable when the spectral radius of I + (T/eps) A_0 is less than 1, for H_0 = (2, 2) when T < eps; beyond
+    that the estimate diverges. Noise reaches component i with eps^(1-i) sqrt(T/eps): take hgo_sa where it
+    has to die out, shgo where phi is known or the samples are rare.
+
+    (42) of the paper prints xhat_1 = q_2f; it is q_1f, as in (44).
+    """
+
+    reference = "Lee, Choi, Khalil 2016, (19)-(20), (42)"
+    form = staticmethod(integrator_chain)
+
+    eps: Positive = Field(description="eps > 0: the error's eigenvalues are the poles over eps")
+    poles: Poles = Field(
+        default=complex(-1),
+        description="eigenvalues of A_0: a number (all there) or a list of n; real part < 0",
+    )
+    gains: tuple[Number, ...] | None = Field(
+        default=None, description="H_0 = (h_1, ..., h_n) itself, in place of poles"
+    )
+
+    @model_validator(mode="after")
+    def _one_of_poles_and_gains(self) -> ForwardDifferenceObserver:
+        if self.gains is not None and "poles" in self.model_fields_set:
+            raise ValueError("give either poles or gains, not both")
+        return self
+
+    def H_0(self, n: int) -> np.ndarray:
+        """The gain of a chain of n integrators, shape (n,); it makes A_0 Hurwitz."""
+        key, given = ("gains", self.gains) if self.gains is not None else ("poles", self.poles)
+        if isinstance(given, tuple) and len(given) != n:
+            alternative = "" if key == "gains" else ", or one number for all"
+            raise Problem((key,), f"expected {n} numbers{alternative}; found {len(given)}")
+        if self.gains is None:
+            return hurwitz_gain(n, self.poles)
+        worst = max(eigenvalues(np.asarray(self.gains)), key=lambda value: float(value.real))
+        if not worst.real < 0:
+            raise Problem(
+                (key,), f"s^n + h_1 s^(n-1) + ... + h_n must be Hurwitz, found a root at {worst:.4g} (17)"
+            )
+        return np.asarray(self.gains)
+
+    def design(self, form: CanonicalForm) -> dict[str, np.ndarray]:
+        return {"eps": np.array(self.eps), "H_0": self.H_0(form.plant.n)}
+
+    def states(self, form: CanonicalForm) -> dict[str, np.ndarray | Symmetric]:
+        return {}
+
+    def jump(
+        self, plant: PlantCopy, before: PlantCopy, s: SimpleNamespace, sample: SimpleNamespace, k: SimpleNamespace
+    ) -> Mapping[str, ca.SX]:
+        D, inv_D = plant.inv_Delta(k.eps), plant.inv_Delta(1 / k.eps)  # Delta^-1(eps) = diag(1, eps, ...)
+        A_0 = A(plant.n) - k.H_0 @ C(plant.n)
+        q = D @ s.xhat
+        q += sample.interval / k.eps * (A_0 @ q + k.H_0 * sample.previous)
+        return {"xhat": inv_D @ q}
+
+
+def eigenvalues(H_0: np.ndarray) -> np.ndarray:
+    """Of A_0 = A - H_0 C, shape (n,)."""
+    return np.roots([1.0, *H_0])

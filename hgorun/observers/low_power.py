@@ -1,0 +1,111 @@
+"""The low-power high-gain observer of Astolfi and Marconi."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import casadi as ca
+import numpy as np
+
+from hgorun.observers.base import Flow
+from hgorun.observers.constant_gain import ConstantGain
+from hgorun.observers.treangle import cascade, characteristic
+from hgorun.registry import observer
+from hgorun.symbolic.canonical import CanonicalForm, NotObservableForm, canonical_form
+from hgorun.symbolic.copy import PlantCopy
+from hgorun.symbolic.matrices import A
+from hgorun.symbolic.plant import PlantModel
+from hgorun.symbolic.states import Symmetric
+
+
+def phase_variable_form(plant: PlantModel, at: np.ndarray, parameters: np.ndarray) -> CanonicalForm:
+    """The canonical form of a plant with one output whose z_i' is z_(i+1) alone, i < n, n >= 2.
+
+    Raises
+    ------
+    NotObservableForm
+        When the plant is not in this class; the message says why.
+    """
+    form = canonical_form(plant, at, parameters)
+    if len(form.chains) > 1:
+        raise NotObservableForm(
+            f"low_power is for one output, found {', '.join(plant.outputs)}; take treangle"
+        )
+    if plant.n < 2:
+        raise NotObservableForm(
+            "low_power is n - 1 blocks of two states and needs n >= 2, found n = 1; take shgo"
+        )
+    for i in range(plant.n - 1):
+        if form.identity:
+            alone = ca.simplify(plant.dynamics[i] - plant.x[i + 1]).is_zero()
+        else:  # z_(i+1) is z_i' with the inputs at zero
+            alone = not ca.depends_on(ca.jtimes(form.phi_map[i], plant.x, plant.dynamics), plant.u)
+        if not alone:
+            state = f"the state {plant.states[i]}" if form.identity else f"z{i + 1}"
+            raise NotObservableForm(
+                "low_power is for phi in the last equation alone, z_i' = z_(i+1) for i < n, z the output and "
+                f"its derivatives; here the derivative of {state} has a further term; take treangle"
+            )
+    return form
+
+
+@observer("low_power")
+class LowPowerObserver(ConstantGain):
+    """Low-power high-gain observer: n - 1 blocks of two states, theta to the power 2 at most.
+
+    For plants with one output and phi in the last equation alone, x_i' = x_(i+1), x_n' = phi(u, x), n >= 2,
+    or models that are so in z = (h, L_f h, ..., L_f^(n-1) h). Block i, xi_i in R^2, observes (x_i, x_(i+1)):
+
+        xi_i'     = A_2 xi_i + diag(0, 1) xi_(i+1) + diag(theta, theta^2) k_i e_i,            i <= n - 2
+        xi_(n-1)' = A_2 xi_(n-1) + B_2 phi^s(u, xhat) + diag(theta, theta^2) k_(n-1) e_(n-1)
+        e_1 = y - xi_11,  e_i = xi_(i-1,2) - xi_i1,    xhat = (xi_11, xi_21, ..., xi_(n-1,1), xi_(n-1,2))
+
+    The 2n - 2 poles are any stable set; the error decays at theta times their value. ``gains`` are
+    (k_11, k_12, k_21, k_22, ...), with the error's matrix Hurwitz. n = 2 is the standard observer. The
+    internal state ``e`` is (e_2..e_(n-1)): zero where the blocks start from one estimate.
+
+    Noise of high frequency omega reaches component i like 1/omega^i, the last like 1/omega^(n-1); if phi
+    depends on x_1, the last like 1/omega^min(n-1, 2) and the one before like 1/omega^min(n-1, 3). Choose it
+    for long chains, where theta^n in the standard observer is out of range; treangle filters x_1 too.
+
+    Astolfi, Marconi, Praly and Teel 2016 expect an exponent above 1 for every component after the first; it
+    is so for the outputs above, and not for (xi_11, xi_12, xi_22, ...), where the second has 1.
+    """
+
+    reference = "Astolfi, Marconi 2015"
+    form = staticmethod(phase_variable_form)
+
+    def design(self, form: CanonicalForm) -> dict[str, np.ndarray]:
+        return {"theta": np.array(self.theta), "K": self._blocks(form)}
+
+    def states(self, form: CanonicalForm) -> dict[str, np.ndarray | Symmetric]:
+        return {"e": np.zeros(form.plant.n - 2)} if form.plant.n > 2 else {}
+
+    def equations(self, plant: PlantCopy, s: SimpleNamespace, e: ca.SX, k: SimpleNamespace) -> Flow:
+        # xi_(i,2) = xi_(i+1,1) + e_(i+1), so (xhat, e_2..e_(n-1)) is xi in other coordinates, and in
+        # e_i' = xi_(i-1,2)' - xi_i1' both have xi_i2: e is driven by itself and the innovation alone, and
+        # xhat' is the plant's copy minus a correction kappa, as in any other observer.
+        shift = A(plant.n - 1)
+        errors = ca.vertcat(-e, s.e) if plant.n > 2 else -e
+        first = k.theta * k.K[:, 0] * errors
+        second = k.theta**2 * k.K[:, 1] * errors
+        kappa = -ca.vertcat(first + shift @ errors, second[-1])
+        derivatives = {"xhat": plant.copy(s.xhat) - plant.lift(s.xhat, kappa)}
+        if plant.n > 2:
+            derivatives["e"] = (shift.T @ second - first)[1:]
+        return Flow(derivatives, correction=-first[0])  # xi_12, not xi_21, is x_2 in the equation of xi_11
+
+    def fastest_rate(self, form: CanonicalForm) -> float:
+        K = self._blocks(form)
+        return self.theta * float(np.max(np.abs(np.roots(characteristic(K[:, 0], np.cumprod(K[:, 1]))))))
+
+    def _blocks(self, form: CanonicalForm) -> np.ndarray:
+        """k_1..k_(n-1), shape (n - 1, 2).
+
+        The characteristic polynomial is r_(n-1), r_0 = 1, r_i = s (s + k_i1) r_(i-1) + k_12 ... k_i2.
+        """
+        numbers = self.gain(2 * form.plant.n - 2)
+        if self.gains is not None:
+            return numbers.reshape(-1, 2)
+        d, c = cascade(np.array([1.0, *numbers]))
+        return np.column_stack([d, c / np.append(1.0, c[:-1])])

@@ -1,0 +1,77 @@
+"""Gains that follow F(u, x) through a Riccati or a Lyapunov equation, shared by the time-varying observers."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from pydantic import Field
+
+from hgorun.config.types import Positive
+from hgorun.errors import Problem
+from hgorun.observers.base import Observer
+from hgorun.symbolic.states import StateBlock, Symmetric
+from hgorun.symbolic.triangular import triangular_form
+
+
+def riccati(P: ca.SX, F: ca.SX, C: ca.SX) -> ca.SX:
+    """P + F P + P F^T - P C^T C P: P'/theta (Robles Magdaleno 2023, (2.9))."""
+    gain = P @ C.T
+    return P + F @ P + P @ F.T - gain @ gain.T
+
+
+def lyapunov(S: ca.SX, F: ca.SX, C: ca.SX) -> ca.SX:
+    """-(S + F^T S + S F - C^T C): S'/theta of S = P^-1 (Robles Magdaleno 2023, (3.90))."""
+    return -(S + F.T @ S + S @ F - C.T @ C)
+
+
+class RiccatiGain(Observer):
+    """theta, and a symmetric matrix that is integrated beside the estimate."""
+
+    form = staticmethod(triangular_form)
+
+    theta: Positive = Field(
+        description="high gain theta > 0: where the plant is uniformly observable the error decays like "
+        "exp(-theta t)"
+    )
+
+    def rate(self, order: int) -> float:
+        """What ``step: auto`` goes by for a gain of this order, (r + q) for q blocks behind r integrators.
+
+        The maximum norm of the stationary closed loop, theta (2^order - 1), the sum of the binomial
+        coefficients, and not its eigenvalues -theta: on the way to it, and each time that F passes through
+        zero, P runs through peaks that are as much faster.
+        """
+        return self.theta * (2**order - 1)
+
+    def check(self, defaults: dict[str, np.ndarray | Symmetric]) -> None:
+        """Refuse what these observers cannot do with their block.
+
+        Raises
+        ------
+        Problem
+            When the coordinates are not theirs, or an initial matrix is not positive definite.
+        """
+        if self.coordinates == "canonical":
+            raise Problem(
+                ("coordinates",),
+                "an observer with time-varying gain computes in the coordinates where the plant is triangular; "
+                "leave this key out",
+            )
+        for name, default in defaults.items():
+            if isinstance(default, Symmetric) and name in self.internal:
+                _require_positive_definite(name, self.internal[name], default)
+
+
+def _require_positive_definite(name: str, given: Any, default: Symmetric) -> None:
+    try:
+        matrix = StateBlock.of(0, default).initial(given, default.values)
+    except ValueError as error:
+        raise Problem(("internal", name), str(error)) from error
+    smallest = float(np.min(np.linalg.eigvalsh(matrix)))
+    if smallest <= 0:
+        raise Problem(
+            ("internal", name),
+            f"{name} must be positive definite at the start; its smallest eigenvalue is {smallest:g}",
+        )

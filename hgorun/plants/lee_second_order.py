@@ -1,0 +1,37 @@
+"""The second-order example of Lee, Choi and Khalil."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import casadi as ca
+
+from hgorun.plants.base import Plant
+from hgorun.registry import plant
+
+
+@plant("lee_second_order")
+class LeeSecondOrder(Plant):
+    """A damped spring that weakens with its elongation, a chain; the origin is asymptotically stable.
+
+        x1' = x2,    x2' = -x1 / (1 + x1^2) - x2,    y = x1
+
+    The paper steps it by forward differences at the samples, (23) and (41): ``discretise: euler``.
+    """
+
+    reference = "Lee, Choi, Khalil 2016, (38)"
+    valid = "everywhere"
+
+    @property
+    def state_names(self) -> tuple[str, ...]:
+        return ("x1", "x2")
+
+    @property
+    def output_names(self) -> tuple[str, ...]:
+        return ("x1",)
+
+    def equations(
+        self, t: ca.SX, x: SimpleNamespace, u: SimpleNamespace, p: SimpleNamespace
+    ) -> tuple[Any, Any]:
+        return [x.x2, -x.x1 / (1 + x.x1**2) - x.x2], [x.x1]

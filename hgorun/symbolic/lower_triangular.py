@@ -1,0 +1,230 @@
+"""Lower triangular models with one output, and the differentiator's coordinates for them.
+
+y = h(x_1, u), x_i' = f_i(x_1..x_(i+1), u), dh/dx_1 and df_i/dx_(i+1) bounded away from zero (Meiners, Adamy
+2025, (1), (2)). The states may be listed in any order; x_1 is the one that h measures, x_2 the one that
+comes in with f_1, and so on.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+
+from hgorun.symbolic.canonical import NotObservableForm
+from hgorun.symbolic.forms import Bounds
+from hgorun.symbolic.plant import PlantModel
+from hgorun.symbolic.reconstruction import input_derivatives, output_derivatives, reconstruction
+from hgorun.symbolic.triangular import TriangularCopy, TriangularForm, _transformed
+
+
+@dataclass(frozen=True)
+class LowerTriangularForm(TriangularForm):
+    """A plant whose states follow one after the other: every block has one state.
+
+    Attributes
+    ----------
+    points : tuple of ndarray
+        Typical states of ``model``.
+    parameters : ndarray
+        Values of the plant's parameters.
+    """
+
+    points: tuple[np.ndarray, ...] = field(default=(), compare=False)
+    parameters: np.ndarray = field(default_factory=lambda: np.zeros(0), compare=False)
+
+    @property
+    def order(self) -> tuple[int, ...]:
+        """The states of ``model``, x_1 first."""
+        return tuple(int(i) for i in np.argsort(self.block))
+
+    @cached_property
+    def Phi(self) -> ca.Function:
+        """(t, Y, U, p, guess) -> x, in the coordinates of ``model``."""
+        return reconstruction(self.model, self.order, self.points, self.parameters)
+
+    def copy(self, t: ca.SX, u: ca.SX, p: ca.SX, canonical: bool, bounds: Bounds) -> LowerTriangularCopy:
+        return LowerTriangularCopy(self, t, u, p, bounds)
+
+
+@dataclass(frozen=True)
+class LowerTriangularCopy(TriangularCopy):
+    """f, h and Phi of a lower triangular plant, without the disturbance."""
+
+    form: LowerTriangularForm
+
+    @property
+    def A(self) -> ca.DM:
+        """The anti-shift matrix, for the states as they are listed, shape (n, n)."""
+        block = np.array(self.form.block)
+        return ca.DM((block[None, :] == block[:, None] + 1).astype(float))
+
+    def along(self, gain: ca.SX) -> ca.SX:
+        """One number each for x_1, ..., x_n as a vector for the states as they are listed."""
+        return ca.vertcat(*[gain[k] for k in self.form.block])
+
+    def Theta(self, theta: ca.SX) -> ca.SX:
+        """diag(theta, theta^2, ..., theta^n)."""
+        return theta * self.inv_Delta(theta)
+
+    def output(self, xhat: ca.SX) -> ca.SX:
+        """h(xhat, u), shape (1,)."""
+        return self.form.model.h(self.t, xhat, self.u, self.p)
+
+    def slope(self, xhat: ca.SX) -> ca.SX:
+        """c = (dh/dx_1, 0, ..., 0) at the estimate, shape (1, n)."""
+        model = self.form.model
+        c = ca.densify(ca.jacobian(model.output, model.x))
+        return ca.Function("c", [model.t, model.x, model.u, model.p], [c])(self.t, xhat, self.u, self.p)
+
+    def reconstruct(self, Y: ca.SX, guess: ca.SX) -> ca.SX:
+        """x = Phi(y, y', ..., u, u', ...)."""
+        return self.form.Phi(self.t, Y, input_derivatives(self.u, self.t, self.n), self.p, guess)
+
+
+@dataclass(frozen=True)
+class DerivativeForm:
+    """A lower triangular plant seen through the derivatives of its output, z = (y, y', ..., y^(n-1))."""
+
+    lower: LowerTriangularForm
+
+    @property
+    def plant(self) -> PlantModel:
+        """The plant."""
+        return self.lower.plant
+
+    def saturable(self, canonical: bool) -> tuple[str, ...]:
+        """A differentiator has no copy of the plant whose arguments could be saturated."""
+        return ()
+
+    def start(self, x: np.ndarray, parameters: np.ndarray, canonical: bool) -> np.ndarray:
+        """The derivatives of the output at x with the inputs at zero and t = 0."""
+        at = self.lower.start(x, parameters, canonical)
+        z = np.asarray(output_derivatives(self.lower.model)(0.0, ca.DM(at), ca.DM(parameters)).full()).ravel()
+        if not np.all(np.isfinite(z)):
+            raise ValueError("the derivatives of the output are not finite at the initial estimate")
+        return z
+
+    def copy(self, t: ca.SX, u: ca.SX, p: ca.SX, canonical: bool, bounds: Bounds) -> DerivativeCopy:
+        return DerivativeCopy(self, self.lower.copy(t, u, p, canonical, bounds))
+
+
+@dataclass(frozen=True)
+class DerivativeCopy:
+    """What a differentiator knows of the plant: the way from derivatives to the state."""
+
+    form: DerivativeForm
+    lower: LowerTriangularCopy
+
+    def state(self, z: ca.SX) -> ca.SX:
+        """The estimate in the plant's coordinates, Phi(z, u, u', ...)."""
+        guess = ca.DM(self.form.lower.points[0])
+        return self.lower.state(self.lower.reconstruct(z, guess))
+
+    def output(self, z: ca.SX) -> ca.SX:
+        """y, shape (1,)."""
+        return z[0]
+
+
+def lower_triangular_form(plant: PlantModel, at: np.ndarray, parameters: np.ndarray) -> LowerTriangularForm:
+    """Order a plant's states, in the coordinates that the plant gives for it if it gives any.
+
+    Raises
+    ------
+    NotObservableForm
+        When there are several outputs, or the model is not lower triangular.
+    """
+    model = _transformed(plant) if plant.transform is not None else plant
+    if len(model.outputs) != 1:
+        raise NotObservableForm(
+            f"{len(model.outputs)} outputs ({', '.join(model.outputs)}): an observer for lower triangular "
+            "plants takes one"
+        )
+    start = TriangularForm(plant, model, tuple(range(model.n)), (0,)).start(at, parameters, False)
+    points = _points_around(start)
+    rows = ca.vertcat(model.output, model.dynamics)
+    depends = np.zeros((1 + model.n, model.n), dtype=bool)
+    sparsity = ca.jacobian(rows, model.x).sparsity()
+    depends[sparsity.row(), sparsity.get_col()] = True
+    if plant.transform is not None:  # what cancels does not show in the form of the equations
+        depends &= _dependence(rows, model, points, parameters)
+    order: list[int] = []
+    names = [f"the output {model.outputs[0]}", *(f"the derivative of {s}" for s in model.states)]
+    row = 0
+    while True:
+        following = [j for j in range(model.n) if depends[row, j] and j not in order]
+        if len(following) > 1:
+            found = " and ".join(model.states[j] for j in following)
+            raise NotObservableForm(
+                f"not lower triangular: {names[row]} depends on {found}; x_1 alone may be measured, and only "
+                "one more state may come in with each derivative"
+            )
+        if not following:
+            break
+        order.append(following[0])
+        row = 1 + following[0]
+    if len(order) < model.n:
+        lost = ", ".join(model.states[j] for j in range(model.n) if j not in order)
+        raise NotObservableForm(
+            f"not lower triangular: state {lost} does not come in with the output {model.outputs[0]} or the "
+            f"derivative of {', '.join(model.states[j] for j in order) or 'any state'}"
+        )
+    block = tuple(order.index(j) for j in range(model.n))
+    return LowerTriangularForm(plant, model, block, (order[0],), tuple(points), parameters)
+
+
+def state_affine_form(plant: PlantModel, at: np.ndarray, parameters: np.ndarray) -> LowerTriangularForm:
+    """Lower triangular with y = x_1 and x_i' = g_i(x_1..x_i, u) + x_(i+1) (Meiners, Adamy 2025, (5)).
+
+    Raises
+    ------
+    NotObservableForm
+    """
+    form = lower_triangular_form(plant, at, parameters)
+    model, order = form.model, form.order
+    rows = [model.output[0], *(model.dynamics[i] for i in order[:-1])]
+    slopes = ca.vertcat(*[ca.jacobian(row, model.x[j]) for row, j in zip(rows, order, strict=True)])
+    for t, x, u in _arguments(model, form.points):
+        values = np.asarray(_function(model, slopes)(t, x, u, parameters).full()).ravel()
+        for i, value in enumerate(values):
+            if np.isfinite(value) and abs(value - 1) > 1e-9:
+                what = f"the output {model.outputs[0]}" if i == 0 else f"the derivative of {model.states[order[i - 1]]}"
+                raise NotObservableForm(
+                    f"not state-affine: the slope of {what} in {model.states[order[i]]} is {value:.4g} and must "
+                    "be 1 everywhere, since the dynamic gain takes x_i' = g_i(x_1..x_i, u) + x_(i+1), y = x_1"
+                )
+    return form
+
+
+def derivative_form(plant: PlantModel, at: np.ndarray, parameters: np.ndarray) -> DerivativeForm:
+    """The derivatives of the output as coordinates of a lower triangular plant.
+
+    Raises
+    ------
+    NotObservableForm
+    """
+    return DerivativeForm(lower_triangular_form(plant, at, parameters))
+
+
+def _points_around(at: np.ndarray) -> list[np.ndarray]:
+    generator = np.random.default_rng(0)
+    return [at] + [at + 0.3 * np.abs(at) * generator.uniform(-1, 1, at.size) + 0.01 * (at == 0) for _ in range(8)]
+
+
+def _arguments(model: PlantModel, points: tuple[np.ndarray, ...] | list[np.ndarray]) -> list[tuple[float, ca.DM, ca.DM]]:
+    generator = np.random.default_rng(1)
+    return [(generator.uniform(), ca.DM(x), ca.DM(generator.uniform(0.1, 1, len(model.inputs)))) for x in points]
+
+
+def _function(model: PlantModel, expression: ca.SX) -> ca.Function:
+    return ca.Function("f", [model.t, model.x, model.u, model.p], [ca.densify(expression)])
+
+
+def _dependence(rows: ca.SX, model: PlantModel, points: list[np.ndarray], parameters: np.ndarray) -> np.ndarray:
+    """Which row depends on which state at one of the points, shape (rows, n)."""
+    jacobian = _function(model, ca.jacobian(rows, model.x))
+    entries = [np.asarray(jacobian(t, x, u, parameters).full()) for t, x, u in _arguments(model, points)]
+    size = np.max([np.where(np.isfinite(e), np.abs(e), 0) for e in entries], axis=0)
+    return np.asarray(size > 1e-12 * (1 + size.max(axis=1, keepdims=True)))

@@ -1,0 +1,135 @@
+"""The state from the derivatives of output and input: the map Phi of direct reconstruction.
+
+For a lower triangular model y = h(x_1, u), x_i' = f_i(x_1..x_(i+1), u) the state follows from y, y', ...,
+y^(n-1) and u, u', ...: h gives x_1 and its derivatives, f_1 = x_1' gives x_2 and its derivatives, and so
+on (Meiners, Adamy 2025, (4), (10)).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import casadi as ca
+import numpy as np
+
+from hgorun.symbolic.plant import PlantModel
+
+_NEWTON_STEPS = 12
+_AFFINE = 1e-9  # relative change of a slope that counts as rounding
+
+
+class Jets:
+    """Symbols for the derivatives of state and input, and the time derivative of what is written in them.
+
+    Attributes
+    ----------
+    X, U : casadi.SX, shapes (n, orders), (m, orders)
+        X[i, k] is the k-th derivative of x_i.
+    """
+
+    def __init__(self, model: PlantModel, orders: int) -> None:
+        self.model = model
+        self.X = ca.SX.sym("X", model.n, orders)
+        self.U = ca.SX.sym("U", len(model.inputs), orders)
+
+    def of(self, expression: ca.SX) -> ca.SX:
+        """An expression of the model's x and u in these symbols."""
+        model = self.model
+        f = ca.Function("f", [model.t, model.x, model.u, model.p], [expression])
+        return f(model.t, self.X[:, 0], self.U[:, 0], model.p)
+
+    def derivative(self, expression: ca.SX) -> ca.SX:
+        """d/dt; the highest derivatives count as constant."""
+        total = ca.jacobian(expression, self.model.t)
+        for jet in (self.X, self.U):
+            if jet.numel():
+                total += ca.jtimes(expression, ca.vec(jet[:, :-1]), ca.vec(jet[:, 1:]))
+        return total
+
+    def function(self, expression: ca.SX) -> ca.Function:
+        """(t, X, U, p) -> the expression."""
+        return ca.Function("jet", [self.model.t, self.X, self.U, self.model.p], [expression])
+
+
+def reconstruction(
+    model: PlantModel, order: Sequence[int], points: Sequence[np.ndarray], parameters: np.ndarray
+) -> ca.Function:
+    """Phi: (t, Y, U, p, guess) -> x.
+
+    Y = (y, y', ..., y^(n-1)); U, shape (m, n), has u and its derivatives as columns. Where h or f_i is affine
+    in the next state the guess plays no role; elsewhere it starts Newton's method, twelve steps of it.
+
+    Parameters
+    ----------
+    model : PlantModel
+        With one output.
+    order : sequence of int
+        The model's states as the equations reach them, the one in h first.
+    points : sequence of ndarray
+        States at which is decided whether an equation is affine, when that does not show in its form.
+    parameters : ndarray
+    """
+    n, t, p = model.n, model.t, model.p
+    jets = Jets(model, n)
+    Y, guess = ca.SX.sym("Y", n), ca.SX.sym("guess", n)
+    known = ca.SX.zeros(n, n)
+    for i, state in enumerate(order):
+        source = model.output[0] if i == 0 else model.dynamics[order[i - 1]]
+        targets = Y if i == 0 else known[order[i - 1], 1:].T
+        relation = jets.of(source)
+        slope = jets.function(ca.jacobian(relation, jets.X[state, 0]))
+        for k in range(n - i):
+            value = jets.function(relation)
+            if k > 0:  # the k-th derivative of the relation is affine in the k-th derivative of the state
+                known[state, k] = (targets[k] - value(t, known, jets.U, p)) / slope(t, known, jets.U, p)
+            elif not ca.depends_on(slope(t, jets.X, jets.U, p), jets.X[state, 0]):
+                known[state, 0] = (targets[0] - value(t, known, jets.U, p)) / slope(t, known, jets.U, p)
+            else:
+                known[state, 0] = guess[state]
+                steps = 1 if _affine(slope, state, model, points, parameters) else _NEWTON_STEPS
+                for _ in range(steps):
+                    miss = targets[0] - value(t, known, jets.U, p)
+                    known[state, 0] += miss / slope(t, known, jets.U, p)
+            relation = jets.derivative(relation)
+    return ca.Function("Phi", [t, Y, jets.U, p, guess], [ca.cse(known[:, 0])])
+
+
+def output_derivatives(model: PlantModel) -> ca.Function:
+    """(t, x, p) -> (y, y', ..., y^(n-1)) with the inputs at zero."""
+    n = model.n
+    jets = Jets(model, 1)
+    drift = ca.substitute(model.dynamics, model.u, ca.SX.zeros(model.u.shape))
+    function = ca.substitute(model.output[0], model.u, ca.SX.zeros(model.u.shape))
+    rows = []
+    for _ in range(n):
+        rows.append(function)
+        function = ca.cse(ca.jtimes(function, model.x, drift) + ca.jacobian(function, jets.model.t))
+    return ca.Function("derivatives", [model.t, model.x, model.p], [ca.vertcat(*rows)])
+
+
+def input_derivatives(u: ca.SX, t: ca.SX, orders: int) -> ca.SX:
+    """(u, u', ...), shape (m, orders), of an expression of time."""
+    columns = [u]
+    for _ in range(orders - 1):
+        columns.append(ca.jacobian(columns[-1], t))
+    return ca.horzcat(*columns)
+
+
+def _affine(
+    slope: ca.Function, state: int, model: PlantModel, points: Sequence[np.ndarray], parameters: np.ndarray
+) -> bool:
+    """Whether the slope does not change with the state, though it is written with it."""
+    generator = np.random.default_rng(0)
+    seen = False
+    for x in points:
+        X, U = np.zeros((model.n, model.n)), np.zeros((len(model.inputs), model.n))
+        X[:, 0], U[:, 0] = x, generator.uniform(0.1, 1, len(model.inputs))
+        there = X.copy()
+        there[state, 0] *= 1.1
+        there[state, 0] += 1e-3 * (x[state] == 0)
+        a, b = (float(slope(0.0, ca.DM(values), ca.DM(U), parameters)) for values in (X, there))
+        if np.isfinite(a) and np.isfinite(b):
+            seen = True
+            if abs(a - b) > _AFFINE * (abs(a) + abs(b)):
+                return False
+    return seen
