@@ -96,7 +96,8 @@ def _plant(blocks: Blocks, source: Source) -> Plant:
                 key="plant",
             )
         return validate(InlinePlant, block, source, ("plant",))
-    return validate(_find("plants", block["type"], source, ("plant", "type")), block, source, ("plant",))
+    cls: type[Plant] = _find("plants", block["type"], source, ("plant", "type"))
+    return validate(cls, block, source, ("plant",))
 
 
 def _observer(label: str, block: dict[str, Any], source: Source) -> Observer:
@@ -112,7 +113,8 @@ def _observer(label: str, block: dict[str, Any], source: Source) -> Observer:
     if "type" not in block:
         known = ", ".join(registry.names("observers"))
         raise ConfigError(f"type is missing; one of {known}", file=file, line=line, key=f"observers.{label}")
-    return validate(_find("observers", block["type"], source, (*path, "type")), block, source, path)
+    cls: type[Observer] = _find("observers", block["type"], source, (*path, "type"))
+    return validate(cls, block, source, path)
 
 
 def _find(kind: str, name: Any, source: Source, path: tuple[str, ...]) -> Any:

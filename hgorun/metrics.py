@@ -101,4 +101,4 @@ def _high_frequency(e: np.ndarray, points: int) -> np.ndarray:
     total = np.cumsum(np.vstack([np.zeros(e.shape[1]), e]), axis=0)
     mean = (total[points:] - total[:-points]) / points
     half = points // 2
-    return np.std(e[half : len(e) - half] - mean, axis=0)
+    return np.asarray(np.std(e[half : len(e) - half] - mean, axis=0))

@@ -8,7 +8,8 @@ import yaml
 
 import hgorun
 from hgorun import Experiment, Result, simulate
-from hgorun.simulation import Run, prepare
+from hgorun.run import Run
+from hgorun.simulation import prepare
 
 
 def load(folder: Path, config: str | Mapping[str, Any], *overrides: str) -> Experiment:

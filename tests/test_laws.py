@@ -11,8 +11,6 @@ from helpers import prepared, run
 from scipy.integrate import solve_ivp
 from scipy.linalg import block_diag, expm, solve_discrete_lyapunov
 
-import hgorun.engine.program
-import hgorun.measurement.schedule
 from hgorun import Result, SimulationError
 from hgorun.engine.plan import Plan
 from hgorun.engine.program import Program, Raw, Start
@@ -120,7 +118,7 @@ def test_runs_repeat_bit_for_bit(solver, tmp_path, monkeypatch):
     config = configuration(MEASUREMENTS["phases"] | {"noise": noise}, {"S": SHGO, "F": FHGO})
     config["solver"] = solver
     results = [run(tmp_path, config), run(tmp_path, config)]
-    monkeypatch.setattr(hgorun.engine.program, "_SLICE", 1e-9)
+    monkeypatch.setattr("hgorun.engine.program._SLICE", 1e-9)
     told: list[float] = []
     results.append(run(tmp_path, config, progress=told.append))
     assert len(told) > 10
@@ -135,7 +133,7 @@ def test_runs_repeat_bit_for_bit(solver, tmp_path, monkeypatch):
 def test_pieces_of_a_long_segment_do_not_change_bits(name, tmp_path, monkeypatch):
     config = configuration(MEASUREMENTS[name] | {"noise": SINE}, {"S": SHGO, "F": FHGO})
     whole = run(tmp_path, config, "solver.step=0.0004")
-    monkeypatch.setattr(hgorun.measurement.schedule, "_PIECE", 7)
+    monkeypatch.setattr("hgorun.measurement.plan._PIECE", 7)
     pieces = run(tmp_path, config, "solver.step=0.0004")
     assert same(whole, pieces, "S", "F")
 

@@ -11,7 +11,8 @@ from hgorun.config.expressions import nearest
 from hgorun.errors import ConfigError
 from hgorun.loading import load
 from hgorun.shipped import experiments
-from hgorun.simulation import Run, prepare
+from hgorun.run import Run
+from hgorun.simulation import prepare
 
 
 def figures(names: Sequence[str], output: Path | None, *, quiet: bool, json: bool) -> int:

@@ -11,7 +11,8 @@ from hgorun import tables
 from hgorun.errors import ConfigError
 from hgorun.loading import load
 from hgorun.result import Result
-from hgorun.simulation import Run, prepare
+from hgorun.run import Run
+from hgorun.simulation import perform, prepare
 from hgorun.store import read
 
 RESULTS = Path("results")
@@ -120,7 +121,7 @@ def execute(run: Run, quiet: bool, *, check_step: bool) -> Result:
         print(f"\r{run.experiment.name}: {100 * part:3.0f} %", end="", file=sys.stderr, flush=True)
 
     try:
-        return run.simulate(check_step=check_step, progress=progress if show else None)
+        return perform(run, check_step=check_step, progress=progress if show else None)
     finally:
         if show:
             print("\r\033[K", end="", file=sys.stderr, flush=True)

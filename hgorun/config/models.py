@@ -127,7 +127,7 @@ def _sampling(value: Any) -> Any:
         raise ValueError(
             f"expected continuous or a mapping with period, times or steps, found {describe(value)}"
         )
-    kinds = {"period": Periodic, "times": Times, "steps": Steps}
+    kinds: dict[str, type[Block]] = {"period": Periodic, "times": Times, "steps": Steps}
     found = [key for key in kinds if key in value]
     if len(found) != 1:
         raise ValueError(

@@ -45,7 +45,7 @@ class Module:
 
     def emit(self, function: object, name: str) -> Emitted:
         """Emit a symbolic function and give it a place among the constants of a run."""
-        emitted = emit(function, name, self.lanes, self.declarations)  # type: ignore[arg-type]
+        emitted = emit(function, name, self.lanes, self.declarations) 
         self.functions.append(emitted.text)
         self._offset[name] = self.constants
         self._emitted.append(emitted)
@@ -164,7 +164,7 @@ def add_actions(m: Module) -> None:
 
 
 def _add_jump(m: Module, number: int) -> None:
-    """``jump<number>(ctx, t)``: evaluated whole before anything is written; what has diverged stays masked."""
+    """``jump<number>(ctx, t)``: evaluated whole before it is written; what has diverged stays masked."""
     start, stop, function = m.structure.jumps[number]
     emitted = m.emit(function, f"jump_of{number}")
     f = m.function(f"jump{number}", "ptr %ctx, double %t", attributes="nounwind noinline")

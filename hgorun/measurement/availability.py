@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import casadi as ca
@@ -38,7 +39,7 @@ class Stretch:
 
     @property
     def continuous(self) -> bool:
-        return self.sampling == "continuous"
+        return bool(self.sampling == "continuous")
 
     @property
     def multiplicative(self) -> bool:
@@ -72,7 +73,7 @@ def evaluate(function: ca.Function, times: np.ndarray, *more: np.ndarray) -> np.
     if times.size == 0:
         return np.zeros(0)
     values = function(ca.DM(times.reshape(1, -1)), *[ca.DM(m) for m in more])
-    return np.asarray(values.full(), dtype=float).reshape(-1, times.size)[0]
+    return np.asarray(np.asarray(values.full(), dtype=float).reshape(-1, times.size)[0])
 
 
 def resolve(measurement: Measurement, outputs: Sequence[str], time: Time) -> list[list[Stretch]]:
@@ -108,7 +109,7 @@ def resolve(measurement: Measurement, outputs: Sequence[str], time: Time) -> lis
         if output in measurement.outputs:
             base = _layered(*base, measurement.outputs[output], ("measurement", "outputs", output))
         stretches = []
-        for number, (start, end) in enumerate(zip(bounds, bounds[1:], strict=False)):
+        for number, (start, end) in enumerate(pairwise(bounds)):
             values = base
             if measurement.phases:
                 phase, path = measurement.phases[number], ("measurement", "phases", number)

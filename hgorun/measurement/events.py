@@ -8,6 +8,7 @@ continuous delay repeats every event, one derivative smoother each time, at the 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from functools import partial
 
 import casadi as ca
 import numpy as np
@@ -73,15 +74,19 @@ def _bisect(function: Callable[[np.ndarray], np.ndarray], low: np.ndarray, high:
     return high
 
 
+def _at(function: ca.Function, values: np.ndarray, times: np.ndarray) -> np.ndarray:
+    return evaluate(function, times, values)
+
+
 def kinks(
     expressions: list[ca.SX], t: ca.SX, p: ca.SX, values: np.ndarray, start: float, end: float, points: int
 ) -> np.ndarray:
     """Kinks and jumps of expressions at times that depend on t and p alone, not on a state."""
-    functions = []
+    functions: list[Callable[[np.ndarray], np.ndarray]] = []
     for argument in kink_arguments(expressions):
         f = ca.Function("g", [t, p], [argument], {"allow_free": True})
         if ca.depends_on(argument, t) and not f.has_free():
-            functions.append(lambda times, f=f: evaluate(f, times, values))
+            functions.append(partial(_at, f, values))
     return roots(functions, start, end, points)
 
 
@@ -96,7 +101,7 @@ def repeated(
     """The times t in (start, end] with t - d(t) = an event."""
     if constant:
         times = events + delay(np.array([start]))[0]
-        return times[(times > start) & (times <= end)]
+        return np.asarray(times[(times > start) & (times <= end)])
     grid = np.linspace(start, end, points)
     then = grid - delay(grid)
     ordered = np.sort(events)
@@ -114,4 +119,4 @@ def merge(times: np.ndarray, tolerance: float) -> np.ndarray:
     if times.size < 2:
         return times
     groups = np.concatenate([[True], np.diff(times) > tolerance])
-    return times[groups]
+    return np.asarray(times[groups])

@@ -93,9 +93,9 @@ def _arrivals(stretch: Stretch, random: np.random.Generator, most: int) -> tuple
             raise Problem((*path, "period"), f"{count:.3g} samples are more than time.max_memory allows")
         k = np.arange(max(int(count), 0))
         times = stretch.start + sampling.offset + k * sampling.period
-        moved = times + random.uniform(-1.0, 1.0, k.size) * sampling.jitter
+        shifts = random.uniform(-1.0, 1.0, k.size) * sampling.jitter
         kept = random.uniform(0.0, 1.0, k.size) >= sampling.dropout
-        moved = np.clip(moved, stretch.start, stretch.end) if sampling.jitter else times
+        moved = np.asarray(np.clip(times + shifts, stretch.start, stretch.end) if sampling.jitter else times)
         order = np.argsort(moved[kept], kind="stable")
         return moved[kept][order], k[kept][order]
     return _stepped(stretch, (*path, "steps"), most)

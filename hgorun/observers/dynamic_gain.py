@@ -52,7 +52,7 @@ class DynamicGain(OutputInjection):
         }
 
     def states(self, form: LowerTriangularForm) -> dict[str, np.ndarray | Symmetric]:
-        return {"theta": np.ones(())}
+        return {"theta": np.ones(1)}
 
     def theta_rate(self, theta: ca.SX, decay: ca.SX, y: ca.SX, n: int, k: SimpleNamespace) -> ca.SX:
         """(8), with ``decay`` in the place of a."""

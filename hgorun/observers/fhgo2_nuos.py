@@ -12,7 +12,7 @@ from scipy.special import binom
 
 from hgorun.errors import Problem
 from hgorun.observers.base import Flow
-from hgorun.observers.riccati import RiccatiGain, lyapunov, riccati
+from hgorun.observers.riccati import RiccatiGain, gain_of, lyapunov, riccati
 from hgorun.registry import observer
 from hgorun.symbolic.matrices import A, B, C, hurwitz_gain
 from hgorun.symbolic.states import Symmetric
@@ -109,10 +109,10 @@ class FilteredObserver2TimeVarying(RiccatiGain):
         """K_r, K_n and the derivative of S, (3.97), (3.99), (3.102)."""
         r, n, F = self.r, plant.n, plant.F(s.xhat)
         if not r:
-            return ca.SX(0, 1), ca.solve(s.S, plant.C.T), {"S": k.theta * lyapunov(s.S, F, plant.C)}
+            return ca.SX(0, 1), gain_of(s.S, plant.C), {"S": k.theta * lyapunov(s.S, F, plant.C)}
         Ff = ca.blockcat([[A(r), B(r) @ plant.C], [ca.SX(n, r), F]])
         Cc = ca.horzcat(C(r), ca.SX(1, n))
-        K = ca.solve(s.S, Cc.T)
+        K = gain_of(s.S, Cc)
         return K[:r], K[r:], {"S": k.theta * lyapunov(s.S, Ff, Cc)}
 
     def fastest_rate(self, form: TriangularForm) -> float:

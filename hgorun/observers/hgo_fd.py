@@ -39,14 +39,15 @@ def integrator_chain(plant: PlantModel, at: np.ndarray, parameters: np.ndarray) 
     x, names = plant.x, plant.states
     if len(plant.outputs) != 1 or not ca.is_equal(ca.SX(plant.output), x[0]):
         raise NotObservableForm(
-            f"this observer differentiates one output that is the first state, {names[0]}; here the outputs are "
-            f"{', '.join(plant.outputs)}"
+            f"this observer differentiates one output that is the first state, {names[0]}; "
+            f"here the output is {', '.join(str(plant.output[i]) for i in range(len(plant.outputs)))}"
         )
     for i in range(plant.n - 1):
         if not ca.simplify(plant.dynamics[i] - x[i + 1]).is_zero():
             raise NotObservableForm(
-                f"this observer has no copy of the plant: it needs a chain of integrators, {names[i]}' = "
-                f"{names[i + 1]} alone, but here {names[i]}' = {plant.dynamics[i]}; take shgo for other models"
+                "this observer has no copy of the plant: it needs a chain of integrators, "
+                f"{names[i]}' = {names[i + 1]} alone, but here {names[i]}' = {plant.dynamics[i]}; "
+                "take shgo for other models"
             )
     return IntegratorChainForm(plant, (plant.n,), x, ca.SX.eye(plant.n), identity=True)
 
@@ -111,7 +112,12 @@ class ForwardDifferenceObserver(DiscreteObserver):
         return {}
 
     def jump(
-        self, plant: PlantCopy, before: PlantCopy, s: SimpleNamespace, sample: SimpleNamespace, k: SimpleNamespace
+        self,
+        plant: PlantCopy,
+        before: PlantCopy,
+        s: SimpleNamespace,
+        sample: SimpleNamespace,
+        k: SimpleNamespace,
     ) -> Mapping[str, ca.SX]:
         D, inv_D = plant.inv_Delta(k.eps), plant.inv_Delta(1 / k.eps)  # Delta^-1(eps) = diag(1, eps, ...)
         A_0 = A(plant.n) - k.H_0 @ C(plant.n)

@@ -33,15 +33,14 @@ class StochasticApproximationObserver(ForwardDifferenceObserver):
 
     The theorem asks, (A.2), that the sum of a(k) diverge and that of a(k)^2 converge: b falls like k^-p with
     1/2 < p <= 1. b is evaluated at k = 0 ... 1e5 and at powers of two up to 2^100, where p is read off;
-    factors such as log(k), which decide at p = 1/2 and 1, are not told apart. 0 < b(k) <= 1 does not increase,
-    so that I + alpha b(k) A_0 is stable for all k when it is for k = 0; for H_0 = (2, 2) when alpha b(0) < 1.
-    That is (36) for one k; its c cannot be the same for all k, since the left side is of order alpha b(k).
+    factors such as log(k), which decide at p = 1/2 and 1, are not told apart. 0 < b(k) <= 1 does not
+    increase, so that I + alpha b(k) A_0 is stable for all k when it is for k = 0; for H_0 = (2, 2) when
+    alpha b(0) < 1. That is (36), whose c must depend on k: its left side is of the order of alpha b(k).
 
-    The error's variance falls like b(k), and so does the rate, in samples: after t the remaining speed is that
-    of the continuous observer, poles over eps. Against noise that is not white, or where the samples come at
-    a rate of their own, take a filtered observer (fhgo2).
-
-    (21) of the paper prints b(k) < 1; its own example has b(0) = 1.
+    The error's variance falls like b(k); its rate over time stays that of the continuous observer, poles over
+    eps. Against noise that is not white, or where samples come at a rate of their own, take a filtered
+    observer (fhgo2). (21) of the paper prints b(k) < 1; its own example has b(0) = 1. The paper calls (44) an
+    observer "for (41)", which is stepped by T: it is one for the plant stepped by a(k), (23).
     """
 
     reference = "Lee, Choi, Khalil 2016, (21)-(22), (36), (44)"
@@ -61,7 +60,7 @@ class StochasticApproximationObserver(ForwardDifferenceObserver):
             largest = np.min(-2 * poles.real / np.abs(poles) ** 2) / first
             raise Problem(
                 ("alpha",),
-                f"I + alpha b(0) A_0 has spectral radius {radius:.6g}, so the estimate would not stay bounded; "
+                f"I + alpha b(0) A_0 has spectral radius {radius:.6g}: the estimate would not stay bounded; "
                 f"found alpha = {self.alpha:g}, expected less than {largest:.6g}",
             )
         return super().design(form)
@@ -80,7 +79,7 @@ class StochasticApproximationObserver(ForwardDifferenceObserver):
             i = int(np.argmax(rises))
             raise Problem(
                 ("b",),
-                f"b(k) must not increase, found b({k[i]:g}) = {b[i]:.6g} and b({k[i + 1]:g}) = {b[i + 1]:.6g}",
+                f"b(k) must not increase, found b({k[i]:g}) = {b[i]:.6g}, b({k[i + 1]:g}) = {b[i + 1]:.6g}",
             )
         p = np.log2(b[-2] / b[-1]) if b[-1] > 0 else np.inf
         if p > 1 + _LOGARITHMS:
@@ -91,10 +90,11 @@ class StochasticApproximationObserver(ForwardDifferenceObserver):
                 "expected k^-p with 1/2 < p <= 1",
             )
         if p < 0.5 + 1e-6:
+            falls = f"falls like k^-{p:.3g}" if p > 1e-6 else "does not fall"
             raise Problem(
                 ("b",),
-                f"b falls like k^-{abs(p):.3g}: the sum of the squared steps diverges, and the noise does not "
-                "average out (A.2); expected k^-p with 1/2 < p <= 1. The observer with a constant step is hgo_fd",
+                f"b {falls}: the sum of the squared steps diverges, the noise does not average out (A.2); "
+                "expected k^-p with 1/2 < p <= 1. The observer with a constant step is hgo_fd",
             )
         return float(b[0])
 

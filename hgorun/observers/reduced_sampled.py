@@ -46,10 +46,10 @@ class ReducedSampledObserver(DiscreteObserver):
         zhat(k+1) = (I - T H) zhat(k) + T (H Psi + f_2(y, Psi, u))
         Psi = (g^T g)^-1 g^T ((y(k+1) - y(k)) / T - f_1(y, u))
 
-    y and u in f_1, f_2 and g are those of sample k; the new value is that of sample k + 1. The estimate of the
-    whole state is (y, zhat), in the plant's order, its measured part being the latest sample; until the second
-    sample both parts are ``initial``. A2: the n_z x n_z matrix g^T g is nonsingular (m x m in the print), so
-    there are at least as many measured states as others.
+    y and u in f_1, f_2 and g are those of sample k (not of k + 1); the new value is that of sample k + 1. The
+    estimate of the whole state is (y, zhat), in the plant's order, its measured part being the latest sample;
+    until the second sample both parts are ``initial``. A2: the n_z x n_z matrix g^T g is nonsingular (m x m
+    in the print), so there are at least as many measured states as others.
 
     H = diag(h_1, ..., h_n_z), h_i > 0: the rates at which what is known by now is forgotten. The error of the
     plant's Euler model follows (I - T H)^k, so that |1 - T h_i| < 1 is needed (A3), h_i < 2/T; beyond it the

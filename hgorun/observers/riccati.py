@@ -26,6 +26,13 @@ def lyapunov(S: ca.SX, F: ca.SX, C: ca.SX) -> ca.SX:
     return -(S + F.T @ S + S @ F - C.T @ C)
 
 
+def gain_of(S: ca.SX, C: ca.SX) -> ca.SX:
+    """S^-1 C^T by Cholesky's factors: not a number, so that the observer counts as diverged, once rounding
+    has made S indefinite."""
+    R = ca.chol(S)
+    return ca.solve(R, ca.solve(R.T, C.T))
+
+
 class RiccatiGain(Observer):
     """theta, and a symmetric matrix that is integrated beside the estimate."""
 
@@ -41,9 +48,10 @@ class RiccatiGain(Observer):
 
         The maximum norm of the stationary closed loop, theta (2^order - 1), the sum of the binomial
         coefficients, and not its eigenvalues -theta: on the way to it, and each time that F passes through
-        zero, P runs through peaks that are as much faster.
+        zero, P runs through peaks that are as much faster. Not more than 1023 theta: above order 10 the step
+        would become too short to wait for, and wants to be checked.
         """
-        return self.theta * (2**order - 1)
+        return float(self.theta * (2 ** min(order, 10) - 1))
 
     def check(self, defaults: dict[str, np.ndarray | Symmetric]) -> None:
         """Refuse what these observers cannot do with their block.

@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field
 
 from hgorun.observers.base import Flow
-from hgorun.observers.riccati import RiccatiGain, lyapunov, riccati
+from hgorun.observers.riccati import RiccatiGain, gain_of, lyapunov, riccati
 from hgorun.registry import observer
 from hgorun.symbolic.states import Symmetric
 from hgorun.symbolic.triangular import TriangularCopy, TriangularForm
@@ -62,7 +62,7 @@ class StandardRiccatiObserver(RiccatiGain):
         if self.equation == "riccati":
             K, derivatives = s.P @ C.T, {"P": k.theta * riccati(s.P, F, C)}
         else:
-            K, derivatives = ca.solve(s.S, C.T), {"S": k.theta * lyapunov(s.S, F, C)}
+            K, derivatives = gain_of(s.S, C), {"S": k.theta * lyapunov(s.S, F, C)}
         kappa = k.theta * plant.inv_Delta(k.theta) @ K @ e
         derivatives["xhat"] = plant.copy(s.xhat) - kappa
         return Flow(derivatives, correction=plant.measured(kappa))

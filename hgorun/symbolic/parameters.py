@@ -18,7 +18,7 @@ class Parameters:
     def add(self, name: str, values: Any) -> ca.SX:
         """Append an array; returns its symbol, of the same shape (at most two dimensions)."""
         array = np.asarray(values, dtype=float)
-        rows, columns = (array.shape + (1, 1))[:2]
+        rows, columns = (*array.shape, 1, 1)[:2]
         symbol = ca.SX.sym(name, rows, columns)
         self._symbols.append(ca.vec(symbol))
         self._values.append(array.reshape(rows, columns).ravel(order="F"))

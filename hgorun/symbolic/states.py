@@ -45,17 +45,17 @@ class StateBlock:
         flat = z[self.start : self.start + self.size]
         if self.symmetric:
             n = self.shape[0]
-            place = {pair: k for k, pair in enumerate(zip(*np.triu_indices(n), strict=True))}
+            place = {(int(i), int(j)): k for k, (i, j) in enumerate(zip(*np.triu_indices(n), strict=True))}
             rows = [[flat[place[min(i, j), max(i, j)]] for j in range(n)] for i in range(n)]
             return ca.vertcat(*[ca.horzcat(*row) for row in rows])
-        rows_, columns = (self.shape + (1, 1))[:2]
+        rows_, columns = (*self.shape, 1, 1)[:2]
         return flat if columns == 1 else ca.reshape(flat, columns, rows_).T
 
     def flat(self, value: ca.SX) -> ca.SX:
         """What is integrated, from a derivative in the state's shape."""
         if self.symmetric:
             return ca.vertcat(*[value[int(i), int(j)] for i, j in zip(*np.triu_indices(self.shape[0]), strict=True)])
-        return value if (self.shape + (1, 1))[1] == 1 else ca.vec(value.T)
+        return value if (*self.shape, 1)[1] == 1 else ca.vec(value.T)
 
     def numbers(self, values: np.ndarray) -> np.ndarray:
         """What is integrated, from numbers in the state's shape."""
@@ -94,4 +94,4 @@ class StateBlock:
             if self.symmetric and not np.array_equal(matrix, matrix.T):
                 raise ValueError("expected a symmetric matrix")
             return matrix
-        return array * (np.eye(self.shape[0]) if self.symmetric else np.ones_like(default))
+        return np.asarray(array * (np.eye(self.shape[0]) if self.symmetric else np.ones_like(default)))

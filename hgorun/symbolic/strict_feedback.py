@@ -65,7 +65,8 @@ class StrictFeedbackCopy:
         """How z enters the derivatives of the measured states, shape (n_x, n_z)."""
         plant = self.form.plant
         at = self.join(x, ca.SX.zeros(len(self.form.hidden)))
-        return ca.Function("g", [plant.t, plant.x, plant.u, plant.p], [self.form.slopes])(self.t, at, self.u, self.p)
+        g = ca.Function("g", [plant.t, plant.x, plant.u, plant.p], [self.form.slopes])
+        return g(self.t, at, self.u, self.p)
 
     def f_2(self, x: ca.SX, z: ca.SX) -> ca.SX:
         """What the unmeasured states do, shape (n_z,)."""
@@ -148,7 +149,7 @@ def _sorted(plant: PlantModel) -> tuple[tuple[int, ...], tuple[int, ...]]:
         measured.append(same[0])
     hidden = tuple(k for k in range(plant.n) if k not in measured)
     if not hidden:
-        raise NotObservableForm("all states are measured: there is nothing for a reduced-order observer to estimate")
+        raise NotObservableForm("all states are measured: a reduced-order observer has nothing to estimate")
     return tuple(measured), hidden
 
 

@@ -1,4 +1,4 @@
-"""Results as HDF5 files in netCDF-4 conventions: nothing else in hgorun knows HDF5.
+"""Write a result.
 
 A file is written under a temporary name and renamed, so a reader never sees half of one. Equal results
 are equal files but for the attribute ``created``.
@@ -11,22 +11,17 @@ import json
 import os
 import platform
 import tempfile
-from collections.abc import Mapping
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import h5py
 import numpy as np
 
-from hgorun.errors import ConfigError, HgorunError
-from hgorun.result import Measurements, ObserverResult, Result
-
-if TYPE_CHECKING:
-    import xarray
+from hgorun.errors import HgorunError
+from hgorun.result import ObserverResult, Result
 
 FORMAT = "hgorun-result-1"
-_LARGEST = 2**34  # bytes that a file may unpack to; compressed or sparse data sets could claim any size
 
 
 def save(result: Result, path: Path) -> Path:
@@ -227,130 +222,3 @@ def _root_attributes(result: Result) -> dict[str, Any]:
     if result.integration_error is not None:
         found["integration_error"] = json.dumps(dict(result.integration_error))
     return found
-
-
-def read(path: str | Path) -> Result:
-    """Read a result file.
-
-    Raises
-    ------
-    ConfigError
-        When the file is missing, no result of hgorun, damaged, or larger than 16 GiB unpacked.
-    """
-    path = Path(path)
-    if not path.is_file():
-        raise ConfigError("no such file", file=str(path))
-    try:
-        with h5py.File(path, "r") as file:
-            return _read(file, path)
-    except (OSError, KeyError, ValueError, TypeError, AttributeError, RuntimeError) as error:
-        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise ConfigError(f"not a result file of hgorun: {reason}", file=str(path)) from error
-
-
-def _read(file: h5py.File, path: Path) -> Result:
-    if file.attrs.get("format") != FORMAT:
-        raise ConfigError(
-            f"not a result file of hgorun: attribute format is {file.attrs.get('format')!r}, expected {FORMAT!r}",
-            file=str(path),
-        )
-    budget = [_LARGEST]
-
-    def array(name: str) -> np.ndarray:
-        data = file[name]
-        if not isinstance(data, h5py.Dataset) or data.is_virtual or data.external:
-            raise ConfigError(f"{name} is no ordinary data set", file=str(path))
-        budget[0] -= data.nbytes
-        if budget[0] < 0:
-            raise ConfigError("the data sets are larger than 16 GiB", file=str(path))
-        return np.asarray(data[()])
-
-    def numbers(name: str, *shape: int) -> np.ndarray:
-        values = array(name).astype(float)
-        if shape and values.shape != shape:
-            raise ConfigError(f"{name} has shape {values.shape}, expected {shape}", file=str(path))
-        return values
-
-    def labels(name: str) -> tuple[str, ...]:
-        return tuple(str(v) for v in file[name].attrs["labels"])
-
-    states, outputs = labels("plant/x"), labels("plant/y")
-    inputs = labels("plant/u") if "plant/u" in file else ()
-    time = numbers("time")
-    nt, n = time.size, len(states)
-    observers = {}
-    for label, group in file["observers"].items():
-        internal = {name: numbers(f"observers/{label}/state/{name}") for name in group["state"]}
-        metrics = {name: numbers(f"metrics/{label}/{name}", n) for name in file[f"metrics/{label}"]}
-        observers[label] = ObserverResult(
-            str(group.attrs["type"]),
-            numbers(f"observers/{label}/xhat", nt, n),
-            internal,
-            json.loads(group.attrs["gains"]),
-            int(group.attrs["dimension"]),
-            float(group.attrs["diverged_at"]) if "diverged_at" in group.attrs else None,
-            metrics,
-        )
-    y_times = numbers("measurement/time")
-    measurements = Measurements(
-        y_times,
-        numbers("measurement/taken", y_times.size, len(outputs)),
-        numbers("measurement/y", y_times.size, len(outputs)),
-    )
-    error = file.attrs.get("integration_error")
-    return Result(
-        str(file.attrs["name"]),
-        str(file.attrs["title"]),
-        time,
-        numbers("plant/x", nt, n),
-        numbers("plant/u", nt, len(inputs)) if inputs else np.zeros((nt, 0)),
-        numbers("plant/y", nt, len(outputs)),
-        states,
-        inputs,
-        outputs,
-        _mapping(file.attrs["units"]),
-        measurements,
-        observers,
-        str(file.attrs["config"]),
-        str(file.attrs["config_resolved"]),
-        int(file.attrs["seed"]),
-        _mapping(file.attrs["windows"]),
-        _mapping(error) if error is not None else None,
-    )
-
-
-def _mapping(text: Any) -> Mapping[str, Any]:
-    value = json.loads(text)
-    if not isinstance(value, dict):
-        raise ValueError("expected a JSON object among the attributes")
-    return value
-
-
-def to_xarray(result: Result) -> xarray.Dataset:
-    """Truth, estimates and outputs of a result as one labelled data set."""
-    try:
-        import xarray
-    except ImportError as error:
-        raise HgorunError("to_xarray needs the package xarray: pip install 'hgorun[xarray]'") from error
-    coordinates = {
-        "time": ("time", result.time, {"units": result.units.get("time", "")}),
-        "state": list(result.states),
-        "output": list(result.outputs),
-        "input": list(result.inputs),
-        "observer": list(result.observers),
-    }
-    estimates = (
-        np.stack([o.xhat for o in result.observers.values()])
-        if result.observers
-        else np.zeros((0, *result.x.shape))
-    )
-    return xarray.Dataset(
-        {
-            "x": (("time", "state"), result.x),
-            "u": (("time", "input"), result.u),
-            "y": (("time", "output"), result.y),
-            "xhat": (("observer", "time", "state"), estimates),
-        },
-        coords=coordinates,
-        attrs={"title": result.title, "seed": result.seed, "units": json.dumps(dict(result.units))},
-    )

@@ -1,0 +1,151 @@
+"""The differentiator: Levant's recursion written out, exactness, and the implicit step."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+import yaml
+
+import hgorun
+from hgorun.config import yaml_source
+from hgorun.errors import ConfigError, Problem
+from hgorun.loading import build
+from hgorun.observers.levant import COEFFICIENTS, levant_flow, levant_gains, levant_implicit_step
+
+H = 1e-3
+
+
+def simulate(n: int, block: dict[str, Any], end: float, phi: str = "0", start: Any = None, **more: Any) -> Any:
+    states = [f"x{i + 1}" for i in range(n)]
+    config = {
+        "time": {"end": end, "output_step": H},
+        "plant": {"type": "integrator_chain", "n": n, "phi": phi,
+                  "initial": dict(zip(states, start or [1.0] * n, strict=True))},
+        "observers": {"z": {"type": "levant", **block}},
+        "solver": {"method": "euler", "step": H},
+        **more,
+    }  # fmt: skip
+    text = yaml.safe_dump(config)
+    return hgorun.simulate(build("test", text, yaml_source.parse(text, "test.yaml")))
+
+
+SAMPLED = {"sampling": {"period": H}}
+
+
+def recursion(z: np.ndarray, y: float, G: float) -> np.ndarray:
+    """v_0..v_k as Levant prints them (k = n - 1, lambda_k in the first equation)."""
+    k = len(z) - 1
+    v: list[float] = []
+    for i in range(k + 1):
+        s = z[i] - (y if i == 0 else v[-1])
+        p = k - i
+        v.append(-COEFFICIENTS[p] * G ** (1 / (p + 1)) * abs(s) ** (p / (p + 1)) * np.sign(s))
+        if i < k:
+            v[-1] += z[i + 1]
+    return np.array(v)
+
+
+@pytest.mark.parametrize("n", range(1, 7))
+def test_the_flow_is_levants_recursion(n: int) -> None:
+    symbol = ca.SX.sym("z", n)
+    flow = ca.Function("flow", [symbol], [levant_flow(symbol, symbol[0] - 0.3, ca.DM(levant_gains(n, 2.5)))])
+    for z in np.random.default_rng(n).normal(size=(10, n)):
+        np.testing.assert_allclose(np.asarray(flow(z)).ravel(), recursion(z, 0.3, 2.5), rtol=1e-12)
+
+
+def test_a_run_is_the_euler_loop() -> None:
+    """Third order, far from the output, where no sign is near a change."""
+    result = simulate(3, {"G": 2, "initial": {"x1": -3, "x2": 1}}, 0.2, phi="sin(t)")
+    x, z = np.ones(3), np.array([-3.0, 1.0, 0.0])
+    for i, t in enumerate(result.time):
+        np.testing.assert_allclose(result.observers["z"].xhat[i], z, rtol=1e-10)
+        z, x = z + H * recursion(z, x[0], 2.0), x + H * np.array([x[1], x[2], np.sin(t)])
+
+
+@pytest.mark.parametrize("discretisation", ["explicit", "implicit"])
+@pytest.mark.parametrize(("n", "phi"), [(2, "0"), (2, "0.5"), (3, "0"), (3, "0.5")])
+def test_exact_on_polynomials(n: int, phi: str, discretisation: str) -> None:
+    """A polynomial of degree n - 1 or, with |y^(n)| < G, n: after a while z_i = y^(i) to O(H^(n-i)) in Euler's method."""
+    block = {"G": 1, "discretisation": discretisation, "initial": {"x1": 1.5, "x2": 0.5}}
+    measurement = SAMPLED if discretisation == "implicit" else {}
+    result = simulate(n, block, 12, phi, [1.0, 1.0, 0.2][:n], measurement=measurement)
+    error = np.abs(result.observers["z"].xhat - result.x)[9000:].max(axis=0)
+    assert np.all(error < 10 * H ** np.arange(n, 0, -1)), error
+    if phi == "0" and discretisation == "implicit" and n == 2:
+        assert np.all(error < 1e-10), error
+
+
+@pytest.mark.parametrize("n", range(1, 7))
+def test_the_implicit_step_solves_the_implicit_equation(n: int) -> None:
+    """z_new = z + h v(z_new, y); where the new error is 0, sign(0) is whatever in [-1, 1] makes it so."""
+    gains = levant_gains(n, 3.0)
+    symbols = z_, y_, h_ = ca.SX.sym("z", n), ca.SX.sym("y"), ca.SX.sym("h")
+    step = ca.Function("step", symbols, [levant_implicit_step(z_, y_, h_, ca.DM(gains))])
+    generator = np.random.default_rng(n)
+    zero = 0
+    for scale in (1e-6, 1e-3, 1.0, 1e3):
+        for h in (1e-3, 0.1, 2.0):
+            z = generator.normal(size=n)
+            b = sum(h**j * z[j] for j in range(n))
+            y = b + scale * h**n * generator.normal()  # the error without corrections
+            new = np.asarray(step(z, y, h)).ravel()
+            e = new[0] - y
+            if abs(e) > 1e-9 * (abs(b) + abs(y)):
+                v = recursion(new, y, 3.0)
+                # v needs z_new - v to be resolved: compare what it integrates to
+                np.testing.assert_allclose(new, z + h * v, rtol=1e-6, atol=1e-6 * np.abs(h * v).max())
+            else:
+                zero += 1
+                tail = (z - new)[-1] / h
+                assert abs(tail) <= gains[-1] * (1 + 1e-9)
+                np.testing.assert_allclose(new[:-1], z[:-1] + h * new[1:], atol=1e-6 * np.abs(z).max() * max(h, 1))
+    assert zero > 0
+
+
+def test_implicit_does_not_chatter_where_explicit_does() -> None:
+    """On a ramp: the explicit z_1 moves by 1.1 G h every step for ever, the implicit one comes to rest."""
+    block = {"G": 50, "initial": {"x1": 1.2, "x2": 0.5}}
+    explicit = simulate(2, block, 4.0, measurement=SAMPLED).observers["z"].xhat[2000:, 1]
+    implicit = simulate(2, {**block, "discretisation": "implicit"}, 4.0, measurement=SAMPLED)
+    still = implicit.observers["z"].xhat[2000:, 1]
+    assert np.abs(np.diff(explicit)).min() == pytest.approx(1.1 * 50 * H, rel=1e-6)
+    assert np.abs(np.diff(still)).max() < 1e-9
+    np.testing.assert_allclose(still, 1.0, atol=1e-9)
+
+
+def test_implicit_tolerates_long_steps() -> None:
+    """G h = 10: the explicit differentiator oscillates by about that, the implicit one gives the difference quotient."""
+    run = simulate(2, {"G": 100, "discretisation": "implicit"}, 4.0, "-x1", measurement={"sampling": {"period": 0.1}})
+    at = np.arange(1000, 4000, 100)
+    z, y = run.observers["z"].xhat[at + 1], run.x[at, 0]
+    np.testing.assert_allclose(z[:, 0], y, atol=1e-9)
+    np.testing.assert_allclose(z[1:, 1], np.diff(y) / 0.1, atol=1e-7)
+
+
+def test_the_estimate_is_the_state_that_belongs_to_the_derivatives() -> None:
+    """On a plant that is no chain of integrators the estimate is Phi(z)."""
+    config = {
+        "time": {"end": 6, "output_step": 0.01},
+        "plant": {"states": ["a", "b"], "dynamics": {"a": "2*b + u - a", "b": "-a"}, "output": "a + u",
+                  "inputs": {"u": "sin(t)"}, "initial": {"a": 0.5, "b": 0.6}},
+        "observers": {"z": {"type": "levant", "G": 10}},
+        "solver": {"method": "euler", "step": 1e-4},
+    }  # fmt: skip
+    text = yaml.safe_dump(config)
+    result = hgorun.simulate(build("test", text, yaml_source.parse(text, "test.yaml")))
+    np.testing.assert_allclose(result.observers["z"].xhat[300:], result.x[300:], atol=5e-3)
+
+
+def test_more_states_than_coefficients() -> None:
+    with pytest.raises(Problem, match="up to 6 states; this plant has 7"):
+        levant_gains(7, 1.0)
+    with pytest.raises(ConfigError, match="this plant has 7"):
+        simulate(7, {"G": 1}, 0.1)
+
+
+def test_implicit_needs_samples() -> None:
+    with pytest.raises(ConfigError, match="needs sampled outputs"):
+        simulate(2, {"G": 1, "discretisation": "implicit"}, 0.1)
