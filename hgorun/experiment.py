@@ -2,48 +2,56 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from hgorun.config.models import Experiment as Blocks
-from hgorun.config.yaml_source import Source
+from hgorun.checking import check
+from hgorun.config.yaml_source import Source, parse
 from hgorun.errors import ConfigError, Problem
 from hgorun.measurement.availability import Stretch, resolve
-from hgorun.observers.base import Observer
-from hgorun.plants.base import Plant
 from hgorun.plants.build import BuiltPlant, build_plant
 from hgorun.symbolic.canonical import NotObservableForm
 from hgorun.symbolic.forms import Form
 
 
-@dataclass(frozen=True)
 class Experiment:
     """One run, complete: everything that :func:`hgorun.simulate` needs.
 
+    Parameters
+    ----------
+    config : mapping or Source
+        The blocks of a configuration, as they stand in a YAML file.
+    name : str
+        Results are called by it; the stem of the file where there is one.
+    text : str, optional
+        The configuration as written, before ``extends`` and ``--set``.
+
     Attributes
     ----------
-    name : str
-        Stem of the configuration file; results are called by it.
-    text : str
-        The configuration as written, before ``extends`` and ``--set``.
     source : Source
         The configuration with everything merged, and where each part was written.
     blocks : hgorun.config.models.Experiment
     plant_block : Plant
     observers : dict of str to Observer
+
+    Raises
+    ------
+    ConfigError
+        For the first thing wrong in it.
     """
 
-    name: str
-    text: str
-    source: Source
-    blocks: Blocks
-    plant_block: Plant
-    observers: dict[str, Observer]
+    def __init__(self, config: Mapping[str, Any] | Source, *, name: str = "experiment", text: str | None = None) -> None:
+        if not isinstance(config, Source):
+            if "extends" in config:
+                raise ConfigError("only a file can extend another one; see hgorun.load", key="extends")
+            text = _yaml(dict(config))
+            config = parse(text, name)
+        self.name, self.text, self.source = name, text or "", config
+        self.blocks, self.plant_block, self.observers = check(config)
 
     @contextmanager
     def located(self) -> Iterator[None]:
@@ -119,15 +127,9 @@ class Experiment:
                 )
         return time.start + np.arange(int(count)) * fine, ratios[0], ratios[1]
 
-    def with_seed(self, seed: int) -> Experiment:
-        """The same experiment with another seed."""
-        return replace(self, blocks=self.blocks.model_copy(update={"seed": seed}))
-
     def resolved_text(self) -> str:
         """The resolved configuration as YAML."""
-        import yaml
-
-        return yaml.safe_dump(self.resolved(), sort_keys=False, allow_unicode=True)
+        return _yaml(self.resolved())
 
     def resolved(self) -> dict[str, Any]:
         """The configuration after ``extends``, ``--set`` and defaults."""
@@ -137,6 +139,12 @@ class Experiment:
             label: _plain(o.model_dump(exclude_none=True)) for label, o in self.observers.items()
         }
         return values
+
+
+def _yaml(values: dict[str, Any]) -> str:
+    import yaml
+
+    return yaml.safe_dump(values, sort_keys=False, allow_unicode=True)
 
 
 def _plain(value: Any) -> Any:

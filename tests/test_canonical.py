@@ -7,12 +7,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
-import yaml
 
 import hgorun
-from hgorun.config import yaml_source
 from hgorun.errors import ConfigError
-from hgorun.loading import build
 from hgorun.symbolic.matrices import A, C, hurwitz_gain, inv_Delta
 
 MEASURED = {"sampling": {"period": 0.1}, "noise": [{"type": "sinusoids", "terms": [{"amplitude": 0.1, "omega": 20}]}]}
@@ -27,8 +24,7 @@ def experiment(plant: dict[str, Any], observers: dict[str, Any], **more: Any) ->
         "measurement": MEASURED,
         **more,
     }
-    text = yaml.safe_dump(config)
-    return build("test", text, yaml_source.parse(text, "test.yaml"))
+    return hgorun.Experiment(config, name="test")
 
 
 def inline(states: str, dynamics: dict[str, str], output: Any, **more: Any) -> dict[str, Any]:

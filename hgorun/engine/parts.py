@@ -45,7 +45,7 @@ class Module:
 
     def emit(self, function: object, name: str) -> Emitted:
         """Emit a symbolic function and give it a place among the constants of a run."""
-        emitted = emit(function, name, self.lanes, self.declarations) 
+        emitted = emit(function, name, self.lanes, self.declarations)
         self.functions.append(emitted.text)
         self._offset[name] = self.constants
         self._emitted.append(emitted)

@@ -114,7 +114,8 @@ class _Actions:
             slot = base + np.arange(s.arrival.size)
             arrive, take = nearest_event(events, s.arrival), nearest_event(events, s.taken)
             parts.append(_rows(take, 0, TAKE, i, slot))
-            parts.append(_rows(arrive, 1, np.where(s.used, ARRIVE, RECORD), i, slot))
+            heard = s.used & _last_of_equal(arrive) if structure.jumps else s.used
+            parts.append(_rows(arrive, 1, np.where(heard, ARRIVE, RECORD), i, slot))
             if rebase:
                 pending = base + _taken_by(take, arrive)
                 parts.append(
@@ -131,8 +132,9 @@ class _Actions:
             held += times.size
         if structure.jumps:
             samples = schedule.channels[0].samples
-            times = samples.arrival[samples.used]
-            at, intervals = nearest_event(events, times[1:]), np.diff(times)
+            event = nearest_event(events, samples.arrival)
+            heard = samples.used & _last_of_equal(event)  # from one sample to the next time passes
+            at, intervals = event[heard][1:], np.diff(samples.arrival[heard])
             parts.append(_rows(at, -2, SET, structure.held - 1, held + np.arange(at.size)))
             holds.append(intervals)
             for number, (start, _, _) in enumerate(structure.jumps):
@@ -151,6 +153,12 @@ def _rows(event: np.ndarray, *columns: Any) -> np.ndarray:
     for i, column in enumerate((event, *columns)):
         rows[:, i] = column
     return rows
+
+
+def _last_of_equal(numbers: np.ndarray) -> np.ndarray:
+    """For numbers in ascending order, where the last one of each value is."""
+    last: np.ndarray = np.searchsorted(numbers, numbers, side="right") == np.arange(1, numbers.size + 1)
+    return last
 
 
 def _taken_by(take: np.ndarray, arrive: np.ndarray) -> np.ndarray:

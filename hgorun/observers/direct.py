@@ -13,7 +13,7 @@ from hgorun.errors import Problem
 from hgorun.observers.base import Flow, Observer
 from hgorun.observers.levant import levant_flow, levant_gains
 from hgorun.registry import observer
-from hgorun.symbolic.lower_triangular import LowerTriangularForm, LowerTriangularCopy, lower_triangular_form
+from hgorun.symbolic.lower_triangular import LowerTriangularCopy, LowerTriangularForm, lower_triangular_form
 from hgorun.symbolic.matrices import hurwitz_gain
 from hgorun.symbolic.states import Symmetric
 
@@ -27,7 +27,8 @@ class OutputInjection(Observer):
         default=None, description="n gains, Theta l (y - yhat); in place of poles"
     )
     poles: Poles = Field(
-        default=complex(-1), description="eigenvalues of A - l c at theta = 1: a number or n; real part < 0"
+        default=complex(-1),
+        description="eigenvalues of A - l c at theta = 1: a number or n; real part < 0; for slopes of 1",
     )
 
     @model_validator(mode="after")
@@ -56,8 +57,9 @@ class DirectObserver(OutputInjection):
         w     = exp(-mu (y - yhat)^2),   Gamma = Theta l c + (phi/2) I,   x^d = Phi(z_0, z_1, ..., u, u', ...)
 
     Theta = diag(theta, ..., theta^n), c = (dh/dx_1, 0, ..., 0), and z the derivatives of y from Levant's
-    differentiator, which runs inside: far from the measurement the estimate is drawn to x^d, which is there at
-    once but noisy; near it the high-gain observer (3) takes over. Phi is derived from the plant.
+    differentiator (see `levant`), which runs inside. Far from the measurement the estimate is drawn to x^d,
+    which is there soon but noisy; near it the high-gain observer (3) takes over. Phi is derived from the
+    plant. With sampled or late outputs yhat - y is the innovation.
 
     theta > 0 must be so large that (3) converges for this l (or poles, at theta = 1). mu >= 0 is the
     sharpness of the blend: 1/sqrt(mu) is an error of the output that counts as large; mu = 0 is (3) alone,
@@ -65,8 +67,8 @@ class DirectObserver(OutputInjection):
     differentiator's gain, a bound on |y^(n)|. The differentiator is discontinuous: take ``method: euler``
     when mu > 0. Figure 1 is ``{theta: 1, l: [1, 0.5], mu: 50, phi: 4000, G: 1, internal: {z: [0.05, 0]}}``.
 
-    The proof of theorem 1 prints Gamma with kappa/2 where its own next line, and the example, need kappa, a
-    value of dh/dx_1; it also prints theta tau^2 in the exponent where e_1 = theta epsilon_1 gives theta^2 tau^2.
+    The proof of theorem 1 prints Gamma with kappa/2; the line after it and the example need kappa, a value of
+    dh/dx_1. It prints theta tau^2 in an exponent where e_1 = theta epsilon_1 gives theta^2 tau^2.
     """
 
     reference = "Meiners, Adamy 2025, (1)-(4), (13), theorem 1"
@@ -85,7 +87,11 @@ class DirectObserver(OutputInjection):
     def design(self, form: LowerTriangularForm) -> dict[str, np.ndarray]:
         numbers = {"theta": np.array(self.theta), "l": self.injection(form)}
         if self.mu > 0 and self.phi is not None and self.G is not None:
-            numbers |= {"mu": np.array(self.mu), "phi": np.array(self.phi), "gains": levant_gains(form.n, self.G)}
+            numbers |= {
+                "mu": np.array(self.mu),
+                "phi": np.array(self.phi),
+                "gains": levant_gains(form.n, self.G),
+            }
         return numbers
 
     def states(self, form: LowerTriangularForm) -> dict[str, np.ndarray | Symmetric]:

@@ -41,9 +41,11 @@ class DynamicGain(OutputInjection):
         return text
 
     def design(self, form: LowerTriangularForm) -> dict[str, np.ndarray]:
-        start = self.internal.get("theta", 1.0)
-        if isinstance(start, (int, float)) and start < 1:
-            raise Problem(("internal", "theta"), f"theta starts at 1 or above, found {start:g}: (8) keeps it there")
+        start = self._start()
+        if start < 1:
+            raise Problem(
+                ("internal", "theta"), f"theta starts at 1 or above, found {start:g}: (8) keeps it there"
+            )
         return {
             "l": self.injection(form),
             "a": np.array(self.a),
@@ -60,8 +62,11 @@ class DynamicGain(OutputInjection):
         return -theta / k.b * (decay / 3 * (theta - 1) - growth)
 
     def _start(self) -> float:
-        start = self.internal.get("theta", 1.0)
-        return float(start) if isinstance(start, (int, float)) else 1.0
+        """theta(0); 1 where what is given is no number, which is reported elsewhere."""
+        try:
+            return float(np.min(np.asarray(self.internal.get("theta", 1.0), dtype=float)))
+        except (TypeError, ValueError):
+            return 1.0
 
     def fastest_rate(self, form: LowerTriangularForm) -> float:
         return self._start() * self._rate(form)
@@ -136,7 +141,11 @@ def certificate(l: Sequence[float], a: float, b: float, q: float) -> np.ndarray 
             rows.append([*(-float(v @ S @ v) for S in slopes), 1.0])
             bounds.append(float(v @ constant @ v))
         found = linprog(
-            [*np.zeros(len(pairs)), -1.0], rows, bounds, bounds=[(-1, 1)] * len(pairs) + [(None, 1)], method="highs"
+            [*np.zeros(len(pairs)), -1.0],
+            rows,
+            bounds,
+            bounds=[(-1, 1)] * len(pairs) + [(None, 1)],
+            method="highs",
         )
         if not found.success or found.x[-1] < 0:
             return None

@@ -19,7 +19,7 @@ from hgorun.symbolic.triangular import TriangularCopy, TriangularForm
 
 @observer("fhgo1")
 class FilteredObserver1(RiccatiGain):
-    """Filtered high-gain observer with one filter state an output and block (FHGO I).
+    """Filtered high-gain observer with a filter as long as the plant (FHGO I), for triangular plants.
 
     For triangular plants that need not be uniformly observable, with one or several outputs:
     x = (x^(1), ..., x^(q)), y = x^(1) = C x in R^(n_1), and F = F(u, xhat) has the blocks

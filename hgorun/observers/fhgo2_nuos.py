@@ -21,7 +21,7 @@ from hgorun.symbolic.triangular import TriangularCopy, TriangularForm
 
 @observer("fhgo2_nuos")
 class FilteredObserver2TimeVarying(RiccatiGain):
-    """Filtered high-gain observer of filter order r (FHGO II) whose gain follows F(u, xhat).
+    """Filtered high-gain observer of order r with time-varying gain (FHGO II), for triangular plants.
 
     For triangular plants with one output that need not be uniformly observable (NUOS), the functions
     f_i(u, x_1, ..., x_i) on the superdiagonal of F = F(u, xhat) passing through zero now and then. With e
@@ -122,4 +122,4 @@ class FilteredObserver2TimeVarying(RiccatiGain):
 def stationary(r: int) -> np.ndarray:
     """S_1inf of (3.130), shape (r, r): (-1)^(i+j) binomial(i+j-2, j-1), whose S_1inf^-1 C_r^T is (3.131)."""
     i, j = np.indices((r, r))
-    return (-1.0) ** (i + j) * binom(i + j, j)
+    return np.asarray((-1.0) ** (i + j) * binom(i + j, j))

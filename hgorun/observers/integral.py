@@ -28,7 +28,7 @@ class IntegralObserver(ConstantGain):
 
     or xhat' = f(xhat, u) - theta^(r+1) J^-1(xhat) Delta_n^-1(theta) K_n eta_1 in the plant's own coordinates.
     (K_r; K_n) gives A_(r+n) - K C_(r+n) the r + n poles; the error decays at theta times their value. Noise
-    of frequency omega reaches component i with amplitude theta^(r+i) k_(r+i) / omega^(r+1). r = 0 is the
+    of high frequency omega reaches component i with amplitude theta^(r+i) k_(r+i) / omega^(r+1). r = 0 is the
     standard observer. With several outputs there is one chain of integrators a chain.
 
     It is fhgo2 with eta_j multiplied by theta^(r+1-j): from eta(0) = 0 both give the same estimate. Choose

@@ -31,7 +31,8 @@ def levant_gains(n: int, G: float) -> np.ndarray:
     """
     if n > len(COEFFICIENTS):
         raise Problem(
-            ("type",), f"the differentiator has coefficients for up to {len(COEFFICIENTS)} states; this plant has {n}"
+            ("type",),
+            f"the differentiator has coefficients for up to {len(COEFFICIENTS)} states; this plant has {n}",
         )
     return np.array([COEFFICIENTS[n - 1 - i] * G ** (1 / (n - i)) for i in range(n)])
 
@@ -68,7 +69,8 @@ class LevantObserver(Observer):
     ``discretisation: explicit`` integrates the equations by the solver; they are discontinuous, so take
     ``method: euler`` with a fixed step (the papers use 50 us) and expect chattering of the size k_(n-1)
     step. ``implicit`` makes one implicit Euler step at each sample, with sign(0) = [-1, 1]: it does not
-    chatter, and needs samples.
+    chatter, whatever G and the period; it needs samples, and without noise z_i comes to rest on the i-th
+    backward difference quotient of the output, which is y^(i) up to the order of the period.
 
     Meiners and Adamy print order 1 of it (n = 2), which is right.
     """
@@ -78,7 +80,8 @@ class LevantObserver(Observer):
 
     G: Positive = Field(description="Lipschitz constant of the derivative y^(n-1), > 0")
     discretisation: Literal["explicit", "implicit"] = Field(
-        default="explicit", description="explicit: by the solver; implicit: an implicit Euler step at each sample"
+        default="explicit",
+        description="explicit: by the solver; implicit: an implicit Euler step at each sample",
     )
 
     @property

@@ -6,7 +6,9 @@ from types import SimpleNamespace
 
 import casadi as ca
 import numpy as np
+from pydantic import Field
 
+from hgorun.config.types import Number
 from hgorun.observers.base import Flow
 from hgorun.observers.constant_gain import ConstantGain
 from hgorun.observers.treangle import cascade, characteristic
@@ -64,9 +66,9 @@ class LowPowerObserver(ConstantGain):
     (k_11, k_12, k_21, k_22, ...), with the error's matrix Hurwitz. n = 2 is the standard observer. The
     internal state ``e`` is (e_2..e_(n-1)): zero where the blocks start from one estimate.
 
-    Noise of high frequency omega reaches component i like 1/omega^i, the last like 1/omega^(n-1); if phi
-    depends on x_1, the last like 1/omega^min(n-1, 2) and the one before like 1/omega^min(n-1, 3). Choose it
-    for long chains, where theta^n in the standard observer is out of range; treangle filters x_1 too.
+    Noise of high frequency omega reaches component i like 1/omega^min(i, n-1), and if phi depends on x_1,
+    like 1/omega^min(i, n-1, n+2-i). Choose it for long chains, where theta^n in the standard observer is
+    out of range; treangle filters x_1 too.
 
     Astolfi, Marconi, Praly and Teel 2016 expect an exponent above 1 for every component after the first; it
     is so for the outputs above, and not for (xi_11, xi_12, xi_22, ...), where the second has 1.
@@ -74,6 +76,10 @@ class LowPowerObserver(ConstantGain):
 
     reference = "Astolfi, Marconi 2015"
     form = staticmethod(phase_variable_form)
+
+    gains: tuple[Number, ...] | None = Field(
+        default=None, description="k_11, k_12, k_21, k_22, ..., in place of poles"
+    )
 
     def design(self, form: CanonicalForm) -> dict[str, np.ndarray]:
         return {"theta": np.array(self.theta), "K": self._blocks(form)}

@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 from pydantic import Field
 
-from hgorun.config.types import Positive
+from hgorun.config.types import Number, Poles, Positive
 from hgorun.errors import Problem
 from hgorun.observers.base import Flow
 from hgorun.observers.constant_gain import ConstantGain
@@ -46,6 +46,13 @@ class LowPassObserver(ConstantGain):
 
     reference = "Astolfi, Zaccarian, Jungers 2021; Robles Magdaleno 2023, (3.31)"
 
+    theta: Positive = Field(
+        description="high gain theta > 0: the error's eigenvalues are theta times those of F(rho)"
+    )
+    poles: Poles = Field(
+        default=complex(-1), description="eigenvalues of A - G C: a number (all there) or a list of n"
+    )
+    gains: tuple[Number, ...] | None = Field(default=None, description="G, n numbers, in place of poles")
     r: int = Field(
         default=1, ge=0, le=20, strict=True, description="order of the filter, r >= 0; 0 is the SHGO"
     )

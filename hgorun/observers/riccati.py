@@ -1,4 +1,4 @@
-"""Gains that follow F(u, x) through a Riccati or a Lyapunov equation, shared by the time-varying observers."""
+"""Gains that follow F(u, x) through a Riccati or a Lyapunov equation, for the time-varying observers."""
 
 from __future__ import annotations
 
@@ -64,8 +64,7 @@ class RiccatiGain(Observer):
         if self.coordinates == "canonical":
             raise Problem(
                 ("coordinates",),
-                "an observer with time-varying gain computes in the coordinates where the plant is triangular; "
-                "leave this key out",
+                "an observer of time-varying gain computes where the plant is triangular: leave this out",
             )
         for name, default in defaults.items():
             if isinstance(default, Symmetric) and name in self.internal:

@@ -18,7 +18,7 @@ from hgorun.symbolic.triangular import TriangularCopy, TriangularForm
 
 @observer("shgo_riccati")
 class StandardRiccatiObserver(RiccatiGain):
-    """Standard high-gain observer (SHGO) whose gain follows F(u, xhat) through a Riccati equation.
+    """Standard high-gain observer with time-varying gain (SHGO), for triangular plants.
 
     For triangular plants that need not be uniformly observable, with one or several outputs:
     x = (x^(1), ..., x^(q)), y = x^(1) = C x, and F = F(u, xhat) has the blocks d f^(k) / d x^(k+1) on its

@@ -7,7 +7,9 @@ from types import SimpleNamespace
 
 import casadi as ca
 import numpy as np
+from pydantic import Field
 
+from hgorun.config.types import Number
 from hgorun.errors import Problem
 from hgorun.observers.base import Flow
 from hgorun.observers.constant_gain import ConstantGain
@@ -29,20 +31,24 @@ class TreangleObserver(ConstantGain):
 
     or xhat' = f(xhat, u) - theta J^-1(xhat) K e in the plant's own coordinates, K = diag(k_1..k_n),
     D = diag(delta_1..delta_n). M_n = [[A_n, -K], [C_n^T C_n, -D + A_n^T]] has the 2n poles, any stable set;
-    the error decays at theta times their value. ``gains`` are (delta_1..delta_n, k_1..k_n), with M_n Hurwitz.
-    All poles at -1 are delta_i = 2, k_i = binomial(n, i). With several outputs there is one cascade a chain.
+    the error decays at theta times their value. All poles at -1: delta_i = 2, k_i = binomial(n, i). ``gains``
+    are (delta_1..delta_n, k_1..k_n), with M_n Hurwitz. With several outputs there is one cascade a chain.
 
-    Noise of high frequency omega reaches component i like 1/omega^(i+1), while phi does not carry the
-    noise of x_1 further (1/omega^3 through phi_i(x_1)), and theta appears to the power 2 at most. Choose it
-    where the last components are the noisy ones; fhgo2 filters every component equally, by any order.
+    Noise of high frequency omega reaches component i like 1/omega^(i+1); like 1/omega^min(i+1, n+3-i) if
+    phi_n depends on x_1, and 1/omega^min(i+1, 3) if every phi_i does. theta appears to the power 2 at most.
+    Choose it where the last components are the noisy ones; fhgo2 filters all equally, to any order.
 
-    The thesis prints A_n for A_n^T in the matrix below (3.30), D + A_3^T for -D + A_3^T in (2.27), where
-    (2.28) is right but for its last entry, -theta^3 C^T v, and theta (C^T C xtilde - v) for
-    theta C^T (C xtilde - v) in (2.25). xhat_i has relative degree i + 1 with respect to y, not i as below
-    (3.30), and e_3 has 3 with respect to xtilde_1, not 2 as below (2.32): the slopes in 1/omega are 2, 3, 4.
+    The thesis prints A_n for A_n^T in the matrix below (3.30); theta (C^T C xtilde - v) for
+    theta C^T (C xtilde - v) in (2.25); D + A_3^T for -D + A_3^T in (2.27), and Delta_3(theta) v for C_3^T v
+    at the end of (2.27) and (2.28). The relative degree of xhat_i with respect to y is i + 1, not i as below
+    (3.30), and that of e_3 with respect to xtilde_1 is 3, not 2 as below (2.32).
     """
 
     reference = "Tréangle, Farza, M'Saad 2019; Robles Magdaleno 2023, (2.17)-(2.20), (3.30)"
+
+    gains: tuple[Number, ...] | None = Field(
+        default=None, description="delta_1..delta_n, then k_1..k_n, in place of poles"
+    )
 
     def design(self, form: CanonicalForm) -> dict[str, np.ndarray]:
         diagonals = [self._diagonals(length) for length in form.chains]

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, ClassVar
 
 import casadi as ca
 
@@ -23,12 +24,12 @@ class Academic(Plant):
 
     x2 is not seen in y where f_1 = 0, nor x3 where f_2 = 0: the plant is not uniformly observable, but
     triangular, for observers with time-varying gain. eps = 0.1 sin(0.1 t) of the thesis is what the key
-    ``disturbance`` is for. The thesis prints f_2 for f_2 x3 in x2'; then x3 would not reach the output at all.
+    ``disturbance`` is for. The thesis prints f_2 for f_2 x3 in x2'; then x3 would not reach the output.
     """
 
     reference = "Robles Magdaleno 2023, (2.84), (3.135)"
     valid = "everywhere; bounded for a > 0"
-    known_parameters = {
+    known_parameters: ClassVar[Mapping[str, Quantity]] = {
         "a": Quantity(0.1, "1/s", "damping of each state"),
         "c_1": Quantity(1.0, "1/s", "amplitude of the link f_1 from x2 to x1"),
         "omega_1": Quantity(0.5, "rad/s", "its frequency"),

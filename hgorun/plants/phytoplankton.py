@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, ClassVar
 
 import casadi as ca
 
@@ -32,12 +32,12 @@ class Phytoplankton(Plant):
 
     reference = "Robles Magdaleno 2023, (2.86)-(2.90)"
     valid = "x1 > 0, x2 > 0, x3 > -a_1"
-    known_parameters = {
+    known_parameters: ClassVar[Mapping[str, Quantity]] = {
         "a_1": Quantity(0.02, "g/g", "half-saturation constant of the uptake over the substrate in the feed"),
         "a_2": Quantity(4.18, "1/d", "maximal growth rate"),
         "a_3": Quantity(5.32, "1/d", "maximal uptake rate over the minimal quota"),
     }
-    known_inputs = {"u": Quantity(None, "1/d", "dilution rate")}
+    known_inputs: ClassVar[Mapping[str, Quantity]] = {"u": Quantity(None, "1/d", "dilution rate")}
 
     @property
     def state_names(self) -> tuple[str, ...]:

@@ -23,7 +23,8 @@ OBSERVERS: dict[str, dict[str, Any]] = {
     "(13)": {"type": "direct", "theta": 1, "l": [1, 0.5], "mu": 50, "phi": 4000, "G": 1, "initial": START,
              "internal": {"z": [0.05, 0]}},
     "(7)": {"type": "dynamic_gain", **DYNAMIC},
-    "(18)": {"type": "direct_dynamic", **DYNAMIC, "mu_0": 500, "phi": 4000, "G": 1, "internal": {"z": [0.05, 0]}},
+    "(18)": {"type": "direct_dynamic", **DYNAMIC, "mu_0": 500, "phi": 4000, "G": 1,
+             "internal": {"z": [0.05, 0]}},
     "x^d": {"type": "levant", "G": 1, "initial": {"eta1": 0.05, "eta2": 0}},
 }  # fmt: skip
 BIOREACTOR = {"type": "bioreactor_gauthier", "inputs": {"u": 0.08}, "initial": {"eta1": 0.05, "eta2": 0.05}}
@@ -43,7 +44,7 @@ def experiment(observers: dict[str, Any], end: float, plant: dict[str, Any] = BI
 
 
 def naive(noise: np.ndarray) -> dict[str, np.ndarray]:
-    """(21), (22) and every observer by Euler's method; noise (Nt, runs), one row a millisecond; x (Nt, 2, runs)."""
+    """(21), (22) and the observers by Euler's method; noise (Nt, runs), a row a ms; x (Nt, 2, runs)."""
     u, runs = 0.08, noise.shape[1]
 
     def f(x: np.ndarray) -> np.ndarray:
@@ -73,7 +74,9 @@ def naive(noise: np.ndarray) -> dict[str, np.ndarray]:
                 l1, l2 = (1.0, 0.5) if name in ("(3)", "(13)") else (2.0, 1.0)
                 w = {"(13)": np.exp(-50 * e**2), "(18)": np.exp(-500 / th ** (2 * b) * e**2)}.get(name, 1.0)
                 gap = xd - x
-                pull = np.array([l1, l2])[:, None] * gap[0] if name == "(13)" else np.array([gap[1], 0 * gap[1]])
+                pull = (
+                    np.array([l1, l2])[:, None] * gap[0] if name == "(13)" else np.array([gap[1], 0 * gap[1]])
+                )
                 pull = pull + phi / 2 * th * gap
                 rates[name] = f(x) + w * np.array([l1 * th * e, l2 * th**2 * e]) + (1 - w) * pull
                 if name in theta:
@@ -96,30 +99,25 @@ def noisy_runs(end: float) -> list[hgorun.Result]:
 
 
 def test_without_noise_the_paths_are_those_of_the_loop() -> None:
-    """The differentiator's chattering amplifies rounding, so its part is compared before it sets in."""
-    result = hgorun.simulate(experiment(OBSERVERS, 1.0))
-    expected = naive(np.zeros((1001, 1)))
+    result = hgorun.simulate(experiment(OBSERVERS, 0.5))
+    expected = naive(np.zeros((501, 1)))
     np.testing.assert_allclose(result.x, expected["truth"][..., 0], rtol=1e-12)
     for name, observer in result.observers.items():
-        until = 1001 if name in ("(3)", "(7)") else 40
-        np.testing.assert_allclose(
-            observer.xhat[:until], expected[name][:until, :, 0], rtol=1e-9, err_msg=name
-        )
+        np.testing.assert_allclose(observer.xhat, expected[name][..., 0], rtol=1e-9, err_msg=name)
 
 
-def test_with_the_same_draws_the_statistics_are_those_of_the_loop() -> None:
+def test_with_the_same_draws_the_paths_are_those_of_the_loop() -> None:
+    """20 seeds. Rounding could be amplified where a sign is near a change, but hardly is."""
     runs = noisy_runs(10.0)
-    noise = np.stack([r.measurements.y[:1001, 0] - r.y[:1001, 0] for r in runs], axis=1)
+    noise = np.stack([r.measurements.y[:501, 0] - r.y[:501, 0] for r in runs], axis=1)
     expected = naive(noise)
     for name in OBSERVERS:
-        mine = np.stack([r.observers[name].xhat[:1001] for r in runs], axis=-1)
-        np.testing.assert_allclose(mine[:40], expected[name][:40], rtol=1e-7, err_msg=name)
-        errors = [np.abs(x[:, 1] - expected["truth"][:, 1]).mean() for x in (mine, expected[name])]
-        assert errors[0] == pytest.approx(errors[1], rel=0.01), name
+        mine = np.stack([r.observers[name].xhat[:501] for r in runs], axis=-1)
+        np.testing.assert_allclose(mine, expected[name], rtol=1e-7, atol=1e-9, err_msg=name)
 
 
 def test_integrated_error_of_the_papers_example() -> None:
-    """J, the integral of |eta_2 - etahat_2| over 10 s, 20 seeds: the observer with reconstruction halves it."""
+    """J, the integral of |eta_2 - etahat_2| over 10 s, 20 seeds: reconstruction halves it."""
     runs = noisy_runs(10.0)
     J = {
         name: 10 * float(np.mean([np.abs(r.observers[name].xhat[:, 1] - r.x[:, 1]).mean() for r in runs]))
@@ -144,14 +142,17 @@ def inline(states: str, dynamics: dict[str, str], output: str, **more: Any) -> d
 
 THIRD_ORDER = [
     inline("a b c", {"a": "b - a**2", "b": "c + sin(a*b)", "c": "-a*b*c + cos(t)"}, "a"),
-    inline("a b c", {"a": "(2 + u)*b", "b": "exp(a)*c - u*b", "c": "-c + a*b"}, "a + u", inputs={"u": "sin(2*t)"}),
+    inline("a b c", {"a": "(2 + u)*b", "b": "exp(a)*c - u*b", "c": "-c + a*b"}, "a + u",
+           inputs={"u": "sin(2*t)"}),
     inline("c a b", {"a": "(2 + cos(t))*b", "b": "c*(1 + a**2) + u", "c": "-c"}, "2*a", inputs={"u": "t**2"}),
     inline("a b c", {"a": "b + 0.2*b**3 + u", "b": "sinh(c)*(1 + u**2)", "c": "-c + b"}, "a + 0.1*a**3",
            inputs={"u": "0.3*sin(3*t)"}),
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize("plant", THIRD_ORDER, ids=["chain", "input in the slopes", "other order", "not affine"])
+@pytest.mark.parametrize(
+    "plant", THIRD_ORDER, ids=["chain", "input in the slopes", "other order", "not affine"]
+)
 def test_the_state_from_exact_derivatives(plant: dict[str, Any]) -> None:
     """y, y', y'' by the chain rule along the flow, with u(t) put in, give the state back."""
     e = experiment({"o": {"type": "direct", "theta": 1, "mu": 1, "phi": 10, "G": 1}}, 1.0, plant)
@@ -161,29 +162,38 @@ def test_the_state_from_exact_derivatives(plant: dict[str, Any]) -> None:
     for _ in range(2):
         rows.append(ca.jtimes(rows[-1], model.x, drift) + ca.jacobian(rows[-1], model.t))
     copy = form.copy(model.t, e.plant.inputs, model.p, False, {})
-    back = ca.Function(
-        "back", [model.t, model.x], [copy.reconstruct(ca.vertcat(*rows), guess=model.x + 0.3)]
-    )
+    back = ca.Function("back", [model.t, model.x], [copy.reconstruct(ca.vertcat(*rows), guess=model.x + 0.3)])
     for x in np.random.default_rng(3).uniform(-1, 1, (10, 3)):
         np.testing.assert_allclose(np.asarray(back(0.7, x)).ravel(), x, atol=1e-9)
 
 
 def test_a_sharp_blend_follows_the_reconstruction_of_a_third_order_plant() -> None:
-    """Without noise the differentiator is exact after a while: from far off the estimate is drawn to the truth."""
+    """Without noise the differentiator is exact after a while, so the estimate is drawn to the truth."""
     plant = THIRD_ORDER[0]
-    block = {"type": "direct", "theta": 1, "mu": 1e4, "phi": 400, "G": 10, "initial": {"a": 2, "b": -2, "c": 2}}
+    block = {
+        "type": "direct",
+        "theta": 1,
+        "mu": 1e4,
+        "phi": 400,
+        "G": 10,
+        "initial": {"a": 2, "b": -2, "c": 2},
+    }
     result = hgorun.simulate(experiment({"with": block, "without": {**block, "mu": 0}}, 4.0, plant))
     error = {k: np.abs(o.xhat - result.x)[3000:].max() for k, o in result.observers.items()}
     assert error["with"] < 0.1 * error["without"]
 
 
+PLAIN = {"type": "direct", "theta": 1}
+
+
 @pytest.mark.parametrize(
     ("plant", "block", "words"),
     [
-        (inline("a b", {"a": "b", "b": "-a"}, ["a", "b"]), {"type": "direct", "theta": 1}, "takes one"),
-        (inline("a b c", {"a": "b + c", "b": "-a", "c": "b"}, "a"), {"type": "direct", "theta": 1}, "depends on b and c"),
-        (inline("a b", {"a": "-a", "b": "a"}, "a"), {"type": "direct", "theta": 1}, "state b does not come in"),
-        (inline("a b", {"a": "2*b", "b": "-a"}, "a"), {"type": "dynamic_gain", **DYNAMIC, "initial": {}}, "slope of the derivative of a in b is 2"),
+        (inline("a b", {"a": "b", "b": "-a"}, ["a", "b"]), PLAIN, "takes one"),
+        (inline("a b c", {"a": "b + c", "b": "-a", "c": "b"}, "a"), PLAIN, "depends on b and c"),
+        (inline("a b", {"a": "-a", "b": "a"}, "a"), PLAIN, "state b does not come in"),
+        (inline("a b", {"a": "2*b", "b": "-a"}, "a"), {"type": "dynamic_gain", **DYNAMIC, "initial": {}},
+         "slope of the derivative of a in b is 2"),
     ],
 )  # fmt: skip
 def test_a_plant_outside_the_class_is_refused_with_the_reason(
@@ -210,7 +220,9 @@ def test_keys_that_do_not_fit(change: dict[str, Any], words: str) -> None:
 @pytest.mark.parametrize("name", ["(3)", "(13)", "(7)", "(18)"])
 def test_sampled_output_costs_little(name: str) -> None:
     """With dense samples every observer does what it does with a continuous output."""
-    sampled = hgorun.simulate(experiment({"o": OBSERVERS[name]}, 1.0, measurement={"sampling": {"period": 1e-3}}))
+    sampled = hgorun.simulate(
+        experiment({"o": OBSERVERS[name]}, 1.0, measurement={"sampling": {"period": 1e-3}})
+    )
     continuous = hgorun.simulate(experiment({"o": OBSERVERS[name]}, 1.0))
     gap = np.abs(sampled.observers["o"].xhat - continuous.observers["o"].xhat)[50:]
     assert gap.max() < 2e-3

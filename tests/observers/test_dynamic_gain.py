@@ -42,15 +42,21 @@ def test_the_certificate_satisfies_the_inequalities(a: float, b: float) -> None:
     assert Q is not None
     closed, Delta = np.array([[-2.0, 1], [-1, 0]]), np.diag([0.0, 1])
     both = Q @ Delta + Delta @ Q
-    for M in (-(Q @ closed + closed.T @ Q) - a * Q, Q - 0.15 * np.eye(2), np.eye(2) - Q, b * Q - both, b * Q + both):
+    for M in (
+        -(Q @ closed + closed.T @ Q) - a * Q,
+        Q - 0.15 * np.eye(2),
+        np.eye(2) - Q,
+        b * Q - both,
+        b * Q + both,
+    ):
         np.testing.assert_allclose(M, M.T)
         assert np.linalg.eigvalsh(M).min() >= 0
 
 
 def test_no_certificate_for_the_constants_in_print() -> None:
     """And an independent search agrees: on a grid of all Q with q I <= Q <= I none comes near."""
-    l, a, b, q = (2, 1), 1.17, 2.3, 0.15
-    assert certificate(l, a, b, q) is None
+    a, b, q = 1.17, 2.3, 0.15
+    assert certificate((2, 1), a, b, q) is None
     x, y, z = np.meshgrid(np.linspace(q, 1, 80), np.linspace(-1, 1, 80), np.linspace(q, 1, 80), indexing="ij")
     Q = np.stack([np.stack([x, y], -1), np.stack([y, z], -1)], -2).reshape(-1, 2, 2)
     closed, Delta, eye = np.array([[-2.0, 1], [-1, 0]]), np.diag([0.0, 1]), np.eye(2)
@@ -59,15 +65,15 @@ def test_no_certificate_for_the_constants_in_print() -> None:
     assert np.min([np.linalg.eigvalsh(M)[:, 0] for M in conditions], axis=0).max() < -1e-3
 
 
-@pytest.mark.parametrize("l", [(3, 3, 1), (4, 6, 4, 1)])
-def test_certificates_of_higher_order(l: tuple[float, ...]) -> None:
+@pytest.mark.parametrize("gains", [(3, 3, 1), (4, 6, 4, 1)])
+def test_certificates_of_higher_order(gains: tuple[float, ...]) -> None:
     """For some a, b, q there is always one [Praly]; with a twice the decay rate of A - l c there is none."""
-    n = len(l)
-    Q = certificate(l, 0.1, 20, 5e-4)
+    n = len(gains)
+    Q = certificate(gains, 0.1, 20, 5e-4)
     assert Q is not None
-    closed = np.eye(n, k=1) - np.outer(l, np.eye(n)[0])
+    closed = np.eye(n, k=1) - np.outer(gains, np.eye(n)[0])
     assert np.linalg.eigvalsh(Q @ closed + closed.T @ Q + 0.1 * Q).max() <= 0
-    assert certificate(l, 2.1, 20, 5e-4) is None
+    assert certificate(gains, 2.1, 20, 5e-4) is None
 
 
 def test_at_constant_output_theta_goes_to_its_equilibrium() -> None:

@@ -14,6 +14,7 @@ from test_treangle import (
     Array,
     as_text,
     assert_assigned,
+    chain,
     error_dynamics,
     experiment,
     measured,
@@ -56,7 +57,7 @@ def test_order_zero_is_the_standard_observer(scenario: str) -> None:
 @pytest.mark.parametrize(("n", "r"), [(1, 1), (2, 3), (3, 2), (4, 4)])
 def test_poles_are_assigned(n: int, r: int) -> None:
     poles = random_poles(r + n, 10 * n + r)
-    M, _ = error_dynamics(n, {"type": "integral", "theta": 3, "r": r, "poles": as_text(poles)})
+    M, _ = error_dynamics(chain(n), {"type": "integral", "theta": 3, "r": r, "poles": as_text(poles)})
     assert_assigned(M, [3 * p for p in poles])
 
 

@@ -265,6 +265,24 @@ def test_what_has_diverged_stays_so() -> None:
     assert np.isnan(o.xhat[r.time > 1.26]).all()
 
 
+def test_samples_at_one_time_are_one() -> None:
+    """Jitter over an end of the run puts several samples there; the last one is taken."""
+    sampling = {"period": 0.2, "jitter": 0.5}
+    r = simulate(VAN_DER_POL, BOTH, 0.1, 6, measurement={"sampling": sampling}, seed=17)
+    t, y = r.measurements.time, r.measurements.y[:, 0]
+    assert t.size <= 29  # of 31
+    assert t[0] == 0
+    assert t[-1] == 6
+    estimate = np.zeros(t.size)
+    for k in range(t.size - 1):
+        T = t[k + 1] - t[k]
+        Psi = (y[k + 1] - y[k]) / T
+        estimate[k + 1] = Psi + T * (-y[k] + 0.5 * (1 - y[k] ** 2) * Psi)
+    newest = np.searchsorted(t, r.time + 1e-12, side="right") - 1
+    np.testing.assert_allclose(r.observers["deadbeat"].xhat[:, 1], estimate[newest], atol=1e-6)
+    assert np.isfinite(r.observers["reduced"].xhat).all()
+
+
 PLANT = {"states": ["x", "z"], "initial": {"x": 1, "z": 1}, "output": "x"}
 
 

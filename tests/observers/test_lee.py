@@ -189,6 +189,27 @@ def test_third_order_chain_in_continuous_time() -> None:
     np.testing.assert_allclose(r.observers["o"].xhat, estimate[newest(r)], rtol=1e-9, atol=1e-9)
 
 
+def test_plant_by_differences_feels_its_disturbance_and_input() -> None:
+    """Both at the sample before."""
+    plant = {
+        "states": ["x1", "x2"],
+        "dynamics": {"x1": "x2", "x2": "-x1 + cos(t)*u"},
+        "output": "x1",
+        "initial": {"x1": 1, "x2": 0},
+        "inputs": {"u": "sin(3*t)"},
+        "disturbance": {"x2": "exp(-t)"},
+        "discretise": "euler",
+    }
+    T = 0.02
+    r = simulate(FIXED | {"eps": 0.1}, 0.4, {"period": T}, plant, time={"end": 0.4, "output_step": T})
+    x = np.empty((21, 2))
+    x[0] = 1, 0
+    for k in range(20):
+        t = k * T
+        x[k + 1] = x[k] + T * np.array([x[k, 1], -x[k, 0] + np.cos(t) * np.sin(3 * t) + np.exp(-t)])
+    np.testing.assert_allclose(r.x, x, rtol=1e-12, atol=1e-15)
+
+
 def test_plant_by_differences_is_near_the_exact_one() -> None:
     """They agree to 7e-4 at the paper's step."""
     r = simulate(FIXED, 8, {"period": 4e-4})

@@ -38,13 +38,13 @@ KNOWN = {  # all poles at -1
 def test_poles_are_assigned(n: int) -> None:
     for seed in range(4):
         poles = random_poles(2 * n - 2, seed)
-        M, _ = error_dynamics(n, {"type": "low_power", "theta": 1, "poles": as_text(poles)})
+        M, _ = error_dynamics(chain(n), {"type": "low_power", "theta": 1, "poles": as_text(poles)})
         assert_assigned(M, poles)
 
 
 def test_theta_scales_the_poles() -> None:
     poles = random_poles(6, 3)
-    M, _ = error_dynamics(4, {"type": "low_power", "theta": 4, "poles": as_text(poles)})
+    M, _ = error_dynamics(chain(4), {"type": "low_power", "theta": 4, "poles": as_text(poles)})
     assert_assigned(M, [4 * p for p in poles])
 
 
@@ -58,7 +58,10 @@ def test_equal_poles_have_the_known_gains(n: int) -> None:
 
 def test_gains_are_taken_block_by_block() -> None:
     gains = [2, 3, 2, 1, 2, 1 / 3]
-    blocks = {"poles": {"type": "low_power", "theta": 2}, "gains": {"type": "low_power", "theta": 2, "gains": gains}}
+    blocks = {
+        "poles": {"type": "low_power", "theta": 2},
+        "gains": {"type": "low_power", "theta": 2, "gains": gains},
+    }
     one, two = hgorun.simulate(experiment(chain(4), blocks)).observers.values()
     np.testing.assert_allclose(one.xhat, two.xhat, rtol=0, atol=1e-12)
 
@@ -135,7 +138,10 @@ def inline(dynamics: dict[str, str], output: Any = "a", **more: Any) -> dict[str
         (inline({"a": "b - a**3", "b": "-a"}), "derivative of the state a has a further term"),
         (inline({"a": "b", "b": "c + sin(t)", "c": "-a"}), "derivative of the state b has a further term"),
         (inline({"a": "2*b + u", "b": "-a"}, inputs={"u": "sin(t)"}), "derivative of z1 has a further term"),
-        (inline({"a": "2*b", "b": "c - u*b", "c": "-a"}, inputs={"u": "1"}), "derivative of z2 has a further term"),
+        (
+            inline({"a": "2*b", "b": "c - u*b", "c": "-a"}, inputs={"u": "1"}),
+            "derivative of z2 has a further term",
+        ),
     ],
 )
 def test_a_plant_outside_the_class_is_refused_with_the_reason(plant: dict[str, Any], words: str) -> None:

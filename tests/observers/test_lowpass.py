@@ -6,7 +6,17 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from test_treangle import PLANTS, SCENARIOS, START, Array, chain, error_dynamics, experiment, measured, run_both
+from test_treangle import (
+    PLANTS,
+    SCENARIOS,
+    START,
+    Array,
+    chain,
+    error_dynamics,
+    experiment,
+    measured,
+    run_both,
+)
 
 import hgorun
 from hgorun.errors import ConfigError
@@ -19,7 +29,7 @@ LIMITS = {1: 8 / 9, 2: 0.28222, 3: 1 / 6}  # of rho, with G = (3, 3, 1)
 def test_the_admissible_range_is_that_of_the_matrix(r: int) -> None:
     """On either side of the limit: accepted and stable, refused with the limit in the message."""
     limit = LIMITS[r]
-    M, _ = error_dynamics(3, {"type": "lowpass", "theta": 1, "r": r, "rho": 0.999 * limit})
+    M, _ = error_dynamics(chain(3), {"type": "lowpass", "theta": 1, "r": r, "rho": 0.999 * limit})
     assert -0.01 < np.linalg.eigvals(M).real.max() < 0
     for rho in (1.001 * limit, 3 * limit, 1e3):
         with pytest.raises(ConfigError, match=rf"rho = {rho:g}; .*r = {r} .*0 < rho < {limit:.5g}") as error:
@@ -28,13 +38,13 @@ def test_the_admissible_range_is_that_of_the_matrix(r: int) -> None:
 
 
 def test_the_limit_is_where_the_eigenvalues_cross_the_axis() -> None:
-    """s^n (1 + rho s)^r + g_1 s^(n-1) + ... + g_n has a root j omega there, for other orders and poles too."""
+    """s^n (1 + rho s)^r + g_1 s^(n-1) + ... + g_n has a root j omega there."""
     for n, r, poles in ((2, 4, [-1, -3]), (4, 2, ["-1+2j", "-1-2j", -1, -0.5]), (5, 1, -2)):
         block = {"type": "lowpass", "theta": 1, "r": r, "rho": 50, "poles": poles}
         with pytest.raises(ConfigError, match="0 < rho < ") as error:
             prepare(experiment(chain(n), {"o": block}))
         limit = float(str(error.value).rsplit(" ", 1)[1])
-        M, _ = error_dynamics(n, block | {"rho": limit * (1 - 1e-4)})
+        M, _ = error_dynamics(chain(n), block | {"rho": limit * (1 - 1e-4)})
         values = np.linalg.eigvals(M)
         assert -0.01 < values.real.max() < 0
         G = np.poly(np.full(n, poles) if np.ndim(poles) == 0 else np.array(poles, dtype=complex)).real
@@ -45,7 +55,7 @@ def test_the_limit_is_where_the_eigenvalues_cross_the_axis() -> None:
 
 def test_without_limit() -> None:
     """s (1 + rho s) + g is stable for every rho."""
-    error_dynamics(1, {"type": "lowpass", "theta": 1, "rho": 1e4})
+    error_dynamics(chain(1), {"type": "lowpass", "theta": 1, "rho": 1e4})
 
 
 def test_gains_that_no_rho_helps_are_refused() -> None:
@@ -58,7 +68,7 @@ def test_rho_to_zero_is_the_standard_observer() -> None:
     """The slow eigenvalues approach the poles like rho."""
     poles = [-0.8, -1.5, -2.5]
     for rho in (1e-3, 1e-4):
-        M, _ = error_dynamics(3, {"type": "lowpass", "theta": 1, "r": 2, "rho": rho, "poles": poles})
+        M, _ = error_dynamics(chain(3), {"type": "lowpass", "theta": 1, "r": 2, "rho": rho, "poles": poles})
         slow = np.sort(np.linalg.eigvals(M).real)[-3:]
         np.testing.assert_allclose(slow[::-1], poles, atol=100 * rho)
 

@@ -16,11 +16,13 @@ from hgorun.errors import ConfigError
 from hgorun.loading import build
 
 
-def run(plant: dict[str, Any], observer: dict[str, Any], end: float, step: float, **more: Any) -> hgorun.Result:
+def run(
+    plant: dict[str, Any], observer: dict[str, Any], end: float, step: float, **more: Any
+) -> hgorun.Result:
     time = {"end": end, "output_step": more.pop("output_step", 0.1)}
     solver = {"step": step, **more.pop("solver", {})}
     config = {"time": time, "plant": plant, "observers": {"o": observer}, "solver": solver, **more}
-    text = yaml.safe_dump(config)
+    text = yaml.safe_dump(config, sort_keys=False)
     return hgorun.simulate(build("test", text, yaml_source.parse(text, "test.yaml")))
 
 
@@ -75,7 +77,9 @@ class Fhgo2(Shgo):
     def start(self, p: float = 1.0) -> list[Array]:
         return [p * np.eye(self.n), np.zeros((self.r, self.n)), np.zeros(self.r)]
 
-    def rates(self, F: Array, C: Array, e: Array, P: Array, U: Array, eta: Array) -> tuple[Array, list[Array]]:
+    def rates(
+        self, F: Array, C: Array, e: Array, P: Array, U: Array, eta: Array
+    ) -> tuple[Array, list[Array]]:
         K_n = P @ U[:1].T
         K_r = self.b + (U @ K_n)[:, 0]
         dU = np.vstack([U[1:], C]) - np.outer(self.b, U[0]) - U @ F
@@ -85,10 +89,21 @@ class Fhgo2(Shgo):
 
 
 def simulate(
-    plant: Callable[[float, Array], Array], copy: Callable[[float, Array], Array],
-    F: Callable[[float, Array], Array], C: Array, observer: Any, x: list[float], w: list[float],
-    *, end: float, step: float, noise: Callable[[float], float], period: float = 0.0,
-    delay: Callable[[float], float] = lambda t: 0.0, multiplicative: bool = False, p: float = 1.0,
+    plant: Callable[[float, Array], Array],
+    copy: Callable[[float, Array], Array],
+    F: Callable[[float, Array], Array],
+    C: Array,
+    observer: Any,
+    x: list[float],
+    w: list[float],
+    *,
+    end: float,
+    step: float,
+    noise: Callable[[float], float],
+    period: float = 0.0,
+    delay: Callable[[float], float] = lambda t: 0.0,
+    multiplicative: bool = False,
+    p: float = 1.0,
 ) -> tuple[Array, list[tuple[Array, ...]]]:
     """(t, (x, w, P, ...)) at the steps, or at the samples; RK4 with equal steps between events."""
     q, n = C.shape
@@ -137,8 +152,14 @@ def simulate(
     return np.array(times), [tuple(split(z)) for z in states]
 
 
-def agrees(result: hgorun.Result, times: Array, states: list[tuple[Array, ...]], names: list[str], to_x: Any,
-           tolerance: float) -> None:
+def agrees(
+    result: hgorun.Result,
+    times: Array,
+    states: list[tuple[Array, ...]],
+    names: list[str],
+    to_x: Any,
+    tolerance: float,
+) -> None:
     """x, xhat and the internal states at the points of the oracle, over their own size."""
     rows = np.array([int(np.argmin(np.abs(times - t))) for t in result.time])
     np.testing.assert_allclose(times[rows], result.time, atol=1e-9)
@@ -150,17 +171,27 @@ def agrees(result: hgorun.Result, times: Array, states: list[tuple[Array, ...]],
         np.testing.assert_allclose(a.reshape(b.shape), b, rtol=0, atol=tolerance * size, err_msg=name)
 
 
-ACADEMIC = {"type": "academic", "initial": {"x1": 1, "x2": 1, "x3": 1}, "disturbance": {"x3": "0.1*sin(0.1*t)"}}
+ACADEMIC = {
+    "type": "academic",
+    "initial": {"x1": 1, "x2": 1, "x3": 1},
+    "disturbance": {"x3": "0.1*sin(0.1*t)"},
+}
 SINES = {"type": "sinusoids", "terms": [{"amplitude": 0.25, "omega": 387}, {"amplitude": 0.5, "omega": 987}]}
 
 
 def academic_copy(t: float, x: Array) -> Array:
     phi = math.tanh(x[0] * x[1])
-    return np.array([
-        math.sin(0.5 * t) * x[1] - 0.1 * x[0],
-        math.sin(2.7 * t) * x[2] - 0.1 * x[1] + phi,
-        -0.1 * x[2] + phi + 5 * math.sin(0.5 * math.pi * t),
-    ])  # fmt: skip
+    return np.array(
+        [
+            math.sin(0.5 * t) * x[1] - 0.1 * x[0],
+            math.sin(2.7 * t) * x[2] - 0.1 * x[1] + phi,
+            -0.1 * x[2] + phi + 5 * math.sin(0.5 * math.pi * t),
+        ]
+    )
+
+
+def academic(t: float, x: Array) -> Array:
+    return academic_copy(t, x) + np.array([0, 0, 0.1 * math.sin(0.1 * t)])
 
 
 def academic_F(t: float, x: Array) -> Array:
@@ -169,15 +200,19 @@ def academic_F(t: float, x: Array) -> Array:
 
 CHAIN = [0, 1, 2]
 FAMILIES = {
-    "shgo_riccati": ({"type": "shgo_riccati"}, lambda theta, n: Shgo(theta, CHAIN, 1), ["P"]),
-    "fhgo1": ({"type": "fhgo1", "delta": 3}, lambda theta, n: Fhgo1(theta, CHAIN, 1, 3.0), ["P", "eta"]),
+    "shgo_riccati": ({"type": "shgo_riccati"}, lambda theta: Shgo(theta, CHAIN, 1), ["P"]),
+    "fhgo1": ({"type": "fhgo1", "delta": 3}, lambda theta: Fhgo1(theta, CHAIN, 1, 3.0), ["P", "eta"]),
     "fhgo2_nuos r=1": (
-        {"type": "fhgo2_nuos"}, lambda theta, n: Fhgo2(theta, CHAIN, 1, 1), ["P", "U", "eta"],
+        {"type": "fhgo2_nuos"},
+        lambda theta: Fhgo2(theta, CHAIN, 1, 1),
+        ["P", "U", "eta"],
     ),
     "fhgo2_nuos r=3": (
-        {"type": "fhgo2_nuos", "r": 3}, lambda theta, n: Fhgo2(theta, CHAIN, 1, 3), ["P", "U", "eta"],
+        {"type": "fhgo2_nuos", "r": 3},
+        lambda theta: Fhgo2(theta, CHAIN, 1, 3),
+        ["P", "U", "eta"],
     ),
-}  # fmt: skip
+}
 SCENARIOS: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
     "continuous": ({}, {}),
     "sampled": ({"sampling": {"period": 0.2}}, {"period": 0.2}),
@@ -197,10 +232,18 @@ def test_academic_as_a_plain_simulator_has_it(family: str, scenario: str) -> Non
     step = 0.001 if scenario == "continuous" else 0.005
     result = run(ACADEMIC, {**block, "theta": 3}, 4, step, measurement=measurement, output_step=0.2)
     times, states = simulate(
-        lambda t, x: academic_copy(t, x) + [0, 0, 0.1 * math.sin(0.1 * t)], academic_copy, academic_F, np.eye(1, 3),
-        make(3.0, 3), [1, 1, 1], [0, 0, 0], end=4.0, step=step,
-        noise=lambda t: 0.25 * math.sin(387 * t) + 0.5 * math.sin(987 * t), **options,
-    )  # fmt: skip
+        academic,
+        academic_copy,
+        academic_F,
+        np.eye(1, 3),
+        make(3.0),
+        [1, 1, 1],
+        [0, 0, 0],
+        end=4.0,
+        step=step,
+        noise=lambda t: 0.25 * math.sin(387 * t) + 0.5 * math.sin(987 * t),
+        **options,
+    )
     agrees(result, times, states, names, lambda w: w, 1e-9)
 
 
@@ -214,11 +257,13 @@ def dilution(t: float) -> float:
 
 def phytoplankton(t: float, x: Array) -> Array:
     u, uptake = dilution(t), x[2] / (A_1 + x[2])
-    return np.array([
-        A_2 * (1 - 1 / x[1]) * x[0] - u * x[0],
-        A_3 * uptake - A_2 * (x[1] - 1),
-        u * (1 - x[2]) - x[0] * uptake,
-    ])  # fmt: skip
+    return np.array(
+        [
+            A_2 * (1 - 1 / x[1]) * x[0] - u * x[0],
+            A_3 * uptake - A_2 * (x[1] - 1),
+            u * (1 - x[2]) - x[0] * uptake,
+        ]
+    )
 
 
 def phytoplankton_F(t: float, z: Array) -> Array:
@@ -256,16 +301,26 @@ def test_phytoplankton_with_saturation_as_a_plain_simulator_has_it(family: str) 
     measurement = {"sampling": {"period": 0.02}, "noise": [noise], "mode": "multiplicative"}
     result = run(plant, observer, 1, 0.002, measurement=measurement, output_step=0.02)
     times, states = simulate(
-        phytoplankton, phytoplankton_copy, phytoplankton_F, np.eye(1, 3), make(5.0, 3), [3, 1.7, 0.03],
-        [2, 1 / 1.4, 1 / 0.12], end=1.0, step=0.002, noise=lambda t: 0.05 * math.sin(150 * t), period=0.02,
-        multiplicative=True, p=0.1,
-    )  # fmt: skip
+        phytoplankton,
+        phytoplankton_copy,
+        phytoplankton_F,
+        np.eye(1, 3),
+        make(5.0),
+        [3, 1.7, 0.03],
+        [2, 1 / 1.4, 1 / 0.12],
+        end=1.0,
+        step=0.002,
+        noise=lambda t: 0.05 * math.sin(150 * t),
+        period=0.02,
+        multiplicative=True,
+        p=0.1,
+    )
     w = np.array([state[1] for state in states])
     assert np.any((w < BOX[:, 0]) | (w > BOX[:, 1])), "nothing was saturated"
     agrees(result, times, states, names, lambda z: [z[0], 1 / z[1], 1 / z[2] - A_1], 1e-9)
 
 
-# Two outputs, blocks of two, two and one state that are coupled, their states out of order, F_k of time and state.
+# Two outputs; blocks of two, two and one state, coupled, in no order; F_k of time and state.
 COUPLED = {
     "states": ["c", "a", "b", "d", "g"],
     "dynamics": {
@@ -282,13 +337,15 @@ COUPLED = {
 
 def coupled(t: float, x: Array) -> Array:
     c, a, b, d, g = x
-    return np.array([
-        (2 + math.cos(t) + 0.1 * math.tanh(a)) * g - 0.2 * c,
-        (1.5 + math.sin(t)) * c + 0.3 * d - a,
-        math.cos(2 * t) * d + 0.2 * a * c - 0.5 * b,
-        -math.sin(b) - 0.3 * d + math.cos(3 * t) * g,
-        -0.3 * g + math.sin(t) - 0.1 * math.tanh(a * d),
-    ])  # fmt: skip
+    return np.array(
+        [
+            (2 + math.cos(t) + 0.1 * math.tanh(a)) * g - 0.2 * c,
+            (1.5 + math.sin(t)) * c + 0.3 * d - a,
+            math.cos(2 * t) * d + 0.2 * a * c - 0.5 * b,
+            -math.sin(b) - 0.3 * d + math.cos(3 * t) * g,
+            -0.3 * g + math.sin(t) - 0.1 * math.tanh(a * d),
+        ]
+    )
 
 
 def coupled_F(t: float, x: Array) -> Array:
@@ -313,7 +370,178 @@ def test_two_outputs_as_a_plain_simulator_has_them(family: str, sampled: bool) -
     options = {"period": 0.1, "delay": lambda t: 0.05} if sampled else {}
     result = run(COUPLED, {**block, "theta": 2}, 3, 0.005, measurement=measurement)
     times, states = simulate(
-        coupled, coupled, coupled_F, C, oracle, [1, 0.5, -0.3, 0.7, -1], [0] * 5, end=3.0, step=0.005,
-        noise=lambda t: 0.05 * math.sin(20 * t), **options,
-    )  # fmt: skip
+        coupled,
+        coupled,
+        coupled_F,
+        C,
+        oracle,
+        [1, 0.5, -0.3, 0.7, -1],
+        [0] * 5,
+        end=3.0,
+        step=0.005,
+        noise=lambda t: 0.05 * math.sin(20 * t),
+        **options,
+    )
     agrees(result, times, states, names, lambda w: w, 1e-9)
+
+
+# ---- laws ----
+
+
+def test_lyapunov_and_riccati_form_of_the_gain_are_one() -> None:
+    """Two discretisations of order four of one observer: their distance falls like h^4."""
+    gaps = []
+    for step in (0.004, 0.002, 0.001):
+        one, two = (
+            run(ACADEMIC, {"type": "shgo_riccati", "theta": 5, "equation": equation}, 10, step)
+            for equation in ("riccati", "lyapunov")
+        )
+        gaps.append(np.max(np.abs(one.observers["o"].xhat - two.observers["o"].xhat)))
+    P, S = one.observers["o"].internal["P"], two.observers["o"].internal["S"]
+    np.testing.assert_allclose(P @ S, np.broadcast_to(np.eye(3), P.shape), atol=1e-4)
+    assert np.polyfit(range(3), -np.log2(gaps), 1)[0] == pytest.approx(4, abs=0.2)
+    assert gaps[-1] < 1e-6
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 5])
+@pytest.mark.parametrize("equation", ["riccati", "lyapunov"])
+def test_on_a_chain_the_gain_becomes_the_binomial_one(equation: str, n: int) -> None:
+    plant = {
+        "type": "integrator_chain",
+        "n": n,
+        "phi": "-x1",
+        "initial": {f"x{i + 1}": 0.5 for i in range(n)},
+    }
+    result = run(plant, {"type": "shgo_riccati", "theta": 2, "equation": equation}, 30, 0.005)
+    inner = result.observers["o"].internal
+    P = inner["P"][-1] if equation == "riccati" else np.linalg.inv(inner["S"][-1])
+    gain = P[:, 0]
+    np.testing.assert_allclose(gain, [math.comb(n, k) for k in range(1, n + 1)], rtol=1e-9)
+
+
+def test_on_a_chain_it_becomes_the_observer_of_constant_gain() -> None:
+    """Started with the stationary P it is shgo from the start."""
+    P = np.array([[3.0, 3, 1], [3, 5, 2], [1, 2, 1]])  # the inverse of S_ij = (-1)^(i+j) binomial(i+j-2, j-1)
+    plant = {
+        "type": "integrator_chain",
+        "n": 3,
+        "phi": "-sin(x1) - x3",
+        "initial": {"x1": 1, "x2": 0, "x3": 0},
+    }
+    measurement = {"sampling": {"period": 0.1}, "delay": 0.05}
+    block = {"type": "shgo_riccati", "theta": 2, "internal": {"P": P.tolist()}}
+    one = run(plant, block, 5, 0.01, measurement=measurement)
+    two = run(plant, {"type": "shgo", "theta": 2}, 5, 0.01, measurement=measurement)
+    np.testing.assert_allclose(one.observers["o"].xhat, two.observers["o"].xhat, atol=1e-10)
+
+
+FIRST = {"a": "(1.5 + sin(t))*b - a", "b": "2*g - 0.5*b", "g": "-g + sin(t) - 0.1*tanh(a)"}
+SECOND = {"c": "cos(2*t)*d + 0.1*sin(c)", "d": "-0.3*d + cos(t)"}
+VALUES = {"a": 0.5, "b": 0.6, "g": -0.4, "c": 0.7, "d": 0.8}
+
+
+def inline(dynamics: dict[str, str], output: list[str] | str) -> dict[str, Any]:
+    return {
+        "states": list(dynamics),
+        "dynamics": dynamics,
+        "output": output,
+        "initial": {name: VALUES[name] for name in dynamics},
+    }
+
+
+@pytest.mark.parametrize(
+    "block",
+    [
+        {"type": "shgo_riccati"},
+        {"type": "shgo_riccati", "equation": "lyapunov"},
+        {"type": "fhgo1", "delta": 3},
+    ],
+)
+@pytest.mark.parametrize("measurement", [{}, {"sampling": {"period": 0.1}, "delay": 0.05}])
+def test_two_outputs_that_do_not_meet_are_two_single_ones(
+    block: dict[str, Any], measurement: dict[str, Any]
+) -> None:
+    """Chains of three and of two states: blocks of two, two and one."""
+    block = {**block, "theta": 2}
+    more = {"measurement": measurement}
+    both = run(inline(FIRST | SECOND, ["a", "c"]), block, 4, 0.005, **more)
+    together = both.observers["o"]
+    for dynamics, columns, output in ((FIRST, slice(0, 3), 0), (SECOND, slice(3, 5), 1)):
+        single = run(inline(dynamics, next(iter(dynamics))), block, 4, 0.005, **more)
+        alone = single.observers["o"]
+        np.testing.assert_allclose(together.xhat[:, columns], alone.xhat, atol=1e-12)
+        if "eta" in alone.internal:
+            found = together.internal["eta"][:, : len(dynamics), output]
+            np.testing.assert_allclose(found, alone.internal["eta"], atol=1e-11)
+
+
+@pytest.mark.parametrize("block", [{"type": "shgo_riccati"}, {"type": "fhgo1", "delta": 3}])
+def test_a_list_of_one_output_is_one_output(block: dict[str, Any]) -> None:
+    one, two = (run(inline(FIRST, output), {**block, "theta": 2}, 3, 0.01) for output in ("a", ["a"]))
+    np.testing.assert_array_equal(one.observers["o"].xhat, two.observers["o"].xhat)
+
+
+EVERY = [
+    {"type": "shgo_riccati"},
+    {"type": "shgo_riccati", "equation": "lyapunov"},
+    {"type": "fhgo1", "delta": 3},
+    {"type": "fhgo2_nuos", "r": 2},
+    {"type": "fhgo2_nuos", "r": 2, "gain": "full"},
+]
+
+
+@pytest.mark.parametrize("solver", [{}, {"step": "auto"}, {"method": "dopri5", "step": "auto"}], ids=str)
+@pytest.mark.parametrize("block", EVERY, ids=str)
+@pytest.mark.parametrize("silence", [0.5, 1.0, 40])
+def test_without_excitation_an_observer_is_flagged_or_finite(
+    block: dict[str, Any], silence: float, solver: dict[str, Any]
+) -> None:
+    """P grows like exp(theta t) while x2 is not seen; afterwards the estimate is back, or given up."""
+    dynamics = {"a": f"(1 - (t > 2)*(t < {2 + silence}))*b - 0.1*a", "b": "-a + tanh(b)"}
+    measurement = {"sampling": {"period": 0.1}, "delay": 0.05}
+    more = {"solver": solver, "measurement": measurement}
+    result = run(inline(dynamics, "a"), {**block, "theta": 10}, 45, 0.01, **more)
+    observer = result.observers["o"]
+    if observer.diverged_at is None:
+        np.testing.assert_allclose(observer.xhat[-1], result.x[-1], atol=1e-6)
+    else:
+        assert silence > 0.5
+        assert observer.diverged_at > 2
+        before = result.time < observer.diverged_at - 0.1
+        assert np.all(np.isfinite(observer.xhat[before]))
+        assert np.all(np.isnan(observer.xhat[result.time > observer.diverged_at]))
+    if silence == 40:
+        assert observer.diverged_at is not None
+
+
+@pytest.mark.parametrize("delay", ["0.05", "0.05 + 0.04*sin(t)"])
+@pytest.mark.parametrize("block", EVERY, ids=str)
+def test_a_late_continuous_output_is_no_obstacle(block: dict[str, Any], delay: str) -> None:
+    """Without noise and disturbance the estimate converges."""
+    result = run(inline(FIRST, "a"), {**block, "theta": 2}, 20, 0.005, measurement={"delay": delay})
+    np.testing.assert_allclose(result.observers["o"].xhat[-1], result.x[-1], atol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("more", "key", "words"),
+    [
+        ({"theta": 0}, "theta", "greater than 0"),
+        ({"equation": "both"}, "equation", "lyapunov"),
+        ({"coordinates": "canonical"}, "coordinates", "triangular"),
+        ({"internal": {"P": -1}}, "internal.P", "positive definite"),
+        ({"internal": {"P": [1, 2]}}, "internal.P", "9 numbers"),
+        ({"internal": {"P": [1, 2, 0, 2, 1, 0, 0, 0, 1]}}, "internal.P", "smallest eigenvalue is -1"),
+        ({"internal": {"S": 1}}, "internal", "unknown internal state 'S'"),
+    ],
+)
+def test_wrong_input_is_refused(more: dict[str, Any], key: str, words: str) -> None:
+    with pytest.raises(ConfigError, match=words) as error:
+        run(ACADEMIC, {"type": "shgo_riccati", "theta": 2, **more}, 1, 0.01)
+    assert error.value.key == f"observers.o.{key}"
+
+
+@pytest.mark.parametrize("output", ["a + b", "2*a"])
+def test_an_output_that_is_no_state_is_refused(output: str) -> None:
+    with pytest.raises(ConfigError, match="not one of the states") as error:
+        run(inline(FIRST, output), {"type": "shgo_riccati", "theta": 2}, 1, 0.01)
+    assert error.value.key == "plant"

@@ -1,4 +1,4 @@
-"""The Treangle observer, and the tools of the tests of its relatives: a plain simulator, the flow's Jacobian."""
+"""The Treangle observer; and what the tests of its relatives use too: a plain simulator, the Jacobian."""
 
 from __future__ import annotations
 
@@ -67,13 +67,14 @@ def as_text(poles: list[complex]) -> list[str]:
     return [f"{p.real!r}{p.imag:+.17g}j" if p.imag else repr(p.real) for p in poles]
 
 
-def error_dynamics(n: int, block: dict[str, Any], phi: str = "0") -> tuple[Array, Array]:
-    """M, b of w' = M w + b v near a plant at rest, from the flow that is compiled; w = (xhat, internal)."""
-    system = prepare(experiment(chain(n, phi, 0), {"o": block})).system
+def error_dynamics(plant: dict[str, Any], block: dict[str, Any]) -> tuple[Array, Array]:
+    """M, b of w' = M w + b v near x = 0, from the flow that is compiled; w = (xhat, internal)."""
+    system = prepare(experiment(plant, {"o": block})).system
     (flow,) = system.structure.flows.values()
     t, p, z, w = (ca.SX.sym(name, flow.size_in(i)) for i, name in enumerate("tpzw"))
     jacobian = ca.Function("J", [t, p, z, w], [ca.jacobian(flow(t, p, z, w), z)])
     J = np.asarray(jacobian(0, system.p, np.zeros(z.shape), np.zeros(w.shape)).full())
+    n = len(plant["initial"])
     return J[n:, n:], J[n:, 0]  # the noise comes the way of x_1
 
 
@@ -99,7 +100,7 @@ def naive(
     """
     n, late = len(x0), round(delay / STEP)
     z = np.concatenate([x0, w0, [0.0]])
-    rows, s_y, slopes = [z], [], []
+    rows, s_y, slopes, held = [z], [], [], 0.0
 
     def past(half_steps: int) -> Array:
         i, odd = divmod(max(half_steps, 0), 2)
@@ -113,7 +114,7 @@ def naive(
             s, y = s_y[max(i - late, 0)]
             held = s - y - noise(i * STEP)
 
-        def rate(z: Array, half: int, i: int = i) -> Array:
+        def rate(z: Array, half: int, i: int = i, held: float = held) -> Array:
             x, w, alpha, t = z[:n], z[n:-1], z[-1], (i + half / 2) * STEP
             if period:
                 e = held + alpha
@@ -174,13 +175,13 @@ def run_both(
 def test_poles_are_assigned(n: int) -> None:
     for seed in range(4):
         poles = random_poles(2 * n, seed)
-        M, _ = error_dynamics(n, {"type": "treangle", "theta": 1, "poles": as_text(poles)})
+        M, _ = error_dynamics(chain(n), {"type": "treangle", "theta": 1, "poles": as_text(poles)})
         assert_assigned(M, poles)
 
 
 def test_theta_scales_the_poles() -> None:
     poles = random_poles(6, 7)
-    M, _ = error_dynamics(3, {"type": "treangle", "theta": 5, "poles": as_text(poles)})
+    M, _ = error_dynamics(chain(3), {"type": "treangle", "theta": 5, "poles": as_text(poles)})
     assert_assigned(M, [5 * p for p in poles])
 
 
@@ -204,7 +205,9 @@ def test_equal_poles_have_the_known_gains(pole: float) -> None:
     result = hgorun.simulate(experiment(chain(5), {"o": {"type": "treangle", "theta": 2, "poles": pole}}))
     found = result.observers["o"]
     np.testing.assert_allclose(found.gains["delta"], np.full(5, -2 * pole), rtol=1e-12)
-    np.testing.assert_allclose(found.gains["K"], [comb(5, i) * pole ** (2 * i) for i in range(1, 6)], rtol=1e-12)
+    np.testing.assert_allclose(
+        found.gains["K"], [comb(5, i) * pole ** (2 * i) for i in range(1, 6)], rtol=1e-12
+    )
     assert found.dimension == 10
     assert found.internal["e"].shape == (301, 5)
 
@@ -228,7 +231,11 @@ def test_against_the_plain_simulator(plant: str, scenario: str) -> None:
         return rates
 
     found, plain = run_both(
-        {"type": "treangle", "theta": theta}, observer, lambda n: np.append(START[:n], np.zeros(n)), plant, scenario
+        {"type": "treangle", "theta": theta},
+        observer,
+        lambda n: np.append(START[:n], np.zeros(n)),
+        plant,
+        scenario,
     )
     n = found.xhat.shape[1]
     np.testing.assert_allclose(found.xhat, plain[:, :n], rtol=0, atol=1e-9)
@@ -246,7 +253,7 @@ def test_one_state_is_fhgo2_with_one_filter(scenario: str) -> None:
 
 
 def test_fhgo1_with_a_stationary_gain_is_treangle_with_equal_filters() -> None:
-    """P = P_inf, delta = 4, all poles at -2: P C^T are binomials, and the filters carry another factor delta."""
+    """P = P_inf, delta = 4, all poles at -2: P C^T are binomials; the filters carry one more factor delta."""
     k = [3, 3, 1]
     P = [[3, 3, 1], [3, 5, 2], [1, 2, 1]]
     blocks = {
@@ -256,7 +263,9 @@ def test_fhgo1_with_a_stationary_gain_is_treangle_with_equal_filters() -> None:
     plant = chain(3)
     result = hgorun.simulate(experiment(plant, blocks, measurement=measured(period=0.1)))
     assert result.observers["two"].gains["delta"] == pytest.approx([4, 4, 4])
-    assert result.observers["two"].gains["K"] == pytest.approx([k_i * 4**i for i, k_i in enumerate(k, start=1)])
+    assert result.observers["two"].gains["K"] == pytest.approx(
+        [k_i * 4**i for i, k_i in enumerate(k, start=1)]
+    )
     one, two = (o.xhat for o in result.observers.values())
     np.testing.assert_allclose(one, two, rtol=0, atol=1e-10)
 
@@ -278,7 +287,11 @@ def test_two_outputs_are_two_observers(name: str) -> None:
         return {"states": list(dynamics), "dynamics": dynamics, "output": output, "initial": initial}
 
     def run(plant: dict[str, Any]) -> Array:
-        return hgorun.simulate(experiment(plant, {"o": RELATIVES[name]}, measurement=measured(0.1))).observers["o"].xhat
+        return (
+            hgorun.simulate(experiment(plant, {"o": RELATIVES[name]}, measurement=measured(0.1)))
+            .observers["o"]
+            .xhat
+        )
 
     together = run(inline(parts["a"] | parts["d"], ["a", "d"]))
     apart = np.hstack([run(inline(dynamics, output)) for output, dynamics in parts.items()])
@@ -299,7 +312,8 @@ def test_a_plant_in_other_coordinates_is_observed_through_the_jacobian(name: str
     straight = chain(3, "-x2*sqrt(1 + x3**2)") | {"initial": {"x1": 0.5, "x2": 0.4, "x3": 0.3}}
     more = {"measurement": measured(**SCENARIOS[scenario]), "solver": {"step": 0.002}}
     x, z = (
-        hgorun.simulate(experiment(plant, {"o": block}, **more)).observers["o"].xhat for plant in (curved, straight)
+        hgorun.simulate(experiment(plant, {"o": block}, **more)).observers["o"].xhat
+        for plant in (curved, straight)
     )
     np.testing.assert_allclose(np.column_stack([x[:, :2], np.sinh(x[:, 2])]), z, rtol=0, atol=1e-8)
 
@@ -318,12 +332,16 @@ def test_canonical_and_original_coordinates_agree(name: str) -> None:
     np.testing.assert_allclose(one, two, rtol=1e-7)
 
 
-@pytest.mark.parametrize("block", [*RELATIVES.values(), {"type": "low_power", "theta": 2, "poles": [-1, -2, -3, -4]}])
+@pytest.mark.parametrize(
+    "block", [*RELATIVES.values(), {"type": "low_power", "theta": 2, "poles": [-1, -2, -3, -4]}]
+)
 def test_fastest_rate_is_the_spectral_radius(block: dict[str, Any]) -> None:
     e = experiment(chain(3), {"o": block})
-    M, _ = error_dynamics(3, block)
+    M, _ = error_dynamics(chain(3), block)
     radius = np.max(np.abs(np.linalg.eigvals(M)))
-    assert e.observers["o"].fastest_rate(e.forms["o"]) == pytest.approx(radius, rel=0.05)  # defective eigenvalues
+    assert e.observers["o"].fastest_rate(e.forms["o"]) == pytest.approx(
+        radius, rel=0.05
+    )  # defective eigenvalues
 
 
 @pytest.mark.parametrize(

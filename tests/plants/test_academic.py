@@ -27,16 +27,22 @@ WRITTEN_OUT = {
     "initial": START,
     "disturbance": {"x3": "0.1*sin(0.1*t)"},
 }
-NOISE = [{"type": "sinusoids", "terms": [{"amplitude": 0.25, "omega": 387}, {"amplitude": 0.5, "omega": 987}]}]
+NOISE = [
+    {"type": "sinusoids", "terms": [{"amplitude": 0.25, "omega": 387}, {"amplitude": 0.5, "omega": 987}]}
+]
 
 
 def experiment(plant: dict[str, Any], observer: dict[str, Any], end: float, **more: Any) -> hgorun.Experiment:
     time = {"end": end, "output_step": more.pop("output_step", 0.1)}
-    text = yaml.safe_dump({"time": time, "plant": plant, "observers": {"o": observer}, **more})
+    text = yaml.safe_dump(
+        {"time": time, "plant": plant, "observers": {"o": observer}, **more}, sort_keys=False
+    )
     return build("test", text, yaml_source.parse(text, "test.yaml"))
 
 
-@pytest.mark.parametrize("observer", [{"type": "shgo_riccati"}, {"type": "fhgo1", "delta": 3}, {"type": "fhgo2_nuos"}])
+@pytest.mark.parametrize(
+    "observer", [{"type": "shgo_riccati"}, {"type": "fhgo1", "delta": 3}, {"type": "fhgo2_nuos"}]
+)
 def test_the_model_is_the_one_written_out(observer: dict[str, Any]) -> None:
     one, two = (
         hgorun.simulate(experiment(p, {**observer, "theta": 3}, 5, solver={"step": 0.005}))
@@ -58,7 +64,10 @@ def test_parameters_change_links_and_input() -> None:
         "inputs": {},
     }
     observer = {"type": "shgo_riccati", "theta": 3}
-    runs = [experiment(p, observer, 5, solver={"step": 0.01}) for p in ({**ACADEMIC, "parameters": parameters}, plant)]
+    runs = [
+        experiment(p, observer, 5, solver={"step": 0.01})
+        for p in ({**ACADEMIC, "parameters": parameters}, plant)
+    ]
     np.testing.assert_allclose(hgorun.simulate(runs[0]).x, hgorun.simulate(runs[1]).x, atol=1e-12)
 
 
@@ -92,7 +101,12 @@ def within(found: np.ndarray, expected: tuple[float, ...], name: str) -> None:
 def test_numbers_of_the_figures_with_continuous_output(figure: str) -> None:
     observer, *expected = CONTINUOUS[figure]
     metrics = {"window": [10, 30], "transient": [0, 10], "average": 0.05}
-    more = {"measurement": {"noise": NOISE}, "metrics": metrics, "solver": {"step": 5e-4}, "output_step": 1e-3}
+    more = {
+        "measurement": {"noise": NOISE},
+        "metrics": metrics,
+        "solver": {"step": 5e-4},
+        "output_step": 1e-3,
+    }
     found = hgorun.simulate(experiment(ACADEMIC, observer, 30, **more)).observers["o"].metrics
     for name, numbers in zip(("rmse", "sup", "hf"), expected, strict=True):
         within(found[name], numbers, name)

@@ -42,7 +42,7 @@ def test_the_coordinates_lead_back() -> None:
 
 
 def test_the_sum_decays_to_the_feed() -> None:
-    """(eta_1 + eta_2 - s_in)' = -u (eta_1 + eta_2 - s_in): the paper's initial state stays on the border of X."""
+    """(eta_1 + eta_2 - s_in)' = -u (eta_1 + eta_2 - s_in): the paper's start is on the border of X."""
     built = plant()
     for eta in np.random.default_rng(1).uniform(0.01, 0.1, (5, 2)):
         rates = np.asarray(built.model.f(0, ca.DM(eta), ca.DM(0.3), ca.DM(built.parameters))).ravel()

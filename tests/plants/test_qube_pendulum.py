@@ -45,12 +45,17 @@ def published(x: np.ndarray, V: float) -> np.ndarray:
 
 
 def energies(q: ca.SX, v: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """Kinetic and potential energy from the geometry: the pendulum's centre at L_p/2, tilted across the arm."""
+    """Kinetic and potential energy: the pendulum's centre at L_p/2, tilted across the arm."""
     p = DEFAULTS
     theta, alpha = q[0], q[1]
-    radial, tangential = ca.vertcat(ca.cos(theta), ca.sin(theta), 0), ca.vertcat(-ca.sin(theta), ca.cos(theta), 0)
+    radial, tangential = (
+        ca.vertcat(ca.cos(theta), ca.sin(theta), 0),
+        ca.vertcat(-ca.sin(theta), ca.cos(theta), 0),
+    )
     half = p["L_p"] / 2
-    centre = p["L_r"] * radial - half * ca.sin(alpha) * tangential + half * ca.cos(alpha) * ca.vertcat(0, 0, 1)
+    centre = (
+        p["L_r"] * radial - half * ca.sin(alpha) * tangential + half * ca.cos(alpha) * ca.vertcat(0, 0, 1)
+    )
     speed = ca.jtimes(centre, q, v)
     rods = p["m_r"] * p["L_r"] ** 2 / 12 * v[0] ** 2 + p["m_p"] * p["L_p"] ** 2 / 12 * v[1] ** 2
     return (rods + p["m_p"] * ca.dot(speed, speed)) / 2, p["m_p"] * p["g"] * centre[2]
@@ -68,7 +73,9 @@ def test_equations_from_the_lagrangian() -> None:
     q, v, acceleration = (ca.SX.sym(n, 2) for n in ("q", "v", "a"))
     kinetic, potential = energies(q, v)
     momentum = ca.gradient(kinetic, v)
-    left = ca.jtimes(momentum, q, v) + ca.jtimes(momentum, v, acceleration) - ca.gradient(kinetic - potential, q)
+    left = (
+        ca.jtimes(momentum, q, v) + ca.jtimes(momentum, v, acceleration) - ca.gradient(kinetic - potential, q)
+    )
     balance = ca.Function("balance", [q, v, acceleration], [left])
     p = DEFAULTS
     for *x, V in np.random.default_rng(1).normal(size=(20, 5)) * [1, 2, 5, 5, 3]:
