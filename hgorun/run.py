@@ -84,7 +84,12 @@ class Run:
         RK4 follows exp(-rate t) to about 1e-7 of a step when rate * step is 0.05, and a sinusoid to the same
         with 60 points a period; never fewer than 1,000 steps a run.
         """
-        rates = [o.fastest_rate(self.forms[label]) for label, o in self.experiment.observers.items()]
+        rates = []
+        for label, observer in self.experiment.observers.items():
+            try:
+                rates.append(observer.fastest_rate(self.forms[label]))
+            except Problem as problem:
+                raise Problem(("observers", label, *problem.path), problem.message) from problem
         jacobian = ca.Function(
             "A",
             [self.plant.model.t, self.plant.model.x, self.plant.model.p],

@@ -42,7 +42,7 @@ class Jets:
         """d/dt; the highest derivatives count as constant."""
         total = ca.jacobian(expression, self.model.t)
         for jet in (self.X, self.U):
-            if jet.numel():
+            if jet.shape[0] and jet.shape[1] > 1:
                 total += ca.jtimes(expression, ca.vec(jet[:, :-1]), ca.vec(jet[:, 1:]))
         return total
 
@@ -96,14 +96,12 @@ def reconstruction(
 
 def output_derivatives(model: PlantModel) -> ca.Function:
     """(t, x, p) -> (y, y', ..., y^(n-1)) with the inputs at zero."""
-    n = model.n
-    jets = Jets(model, 1)
     drift = ca.substitute(model.dynamics, model.u, ca.SX.zeros(model.u.shape))
     function = ca.substitute(model.output[0], model.u, ca.SX.zeros(model.u.shape))
     rows = []
-    for _ in range(n):
+    for _ in range(model.n):
         rows.append(function)
-        function = ca.cse(ca.jtimes(function, model.x, drift) + ca.jacobian(function, jets.model.t))
+        function = ca.cse(ca.jtimes(function, model.x, drift) + ca.jacobian(function, model.t))
     return ca.Function("derivatives", [model.t, model.x, model.p], [ca.vertcat(*rows)])
 
 

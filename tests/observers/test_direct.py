@@ -183,6 +183,20 @@ def test_a_sharp_blend_follows_the_reconstruction_of_a_third_order_plant() -> No
     assert error["with"] < 0.1 * error["without"]
 
 
+def test_plants_of_first_order() -> None:
+    """No derivative is needed, and theta' has no growth term: all of them converge, sampled too."""
+    plant = inline("a", {"a": "-a + u"}, "a", inputs={"u": "sin(t)"})
+    dynamic = {**DYNAMIC, "l": [2], "initial": {"a": 2}}
+    observers = {
+        "direct": {"type": "direct", "theta": 2, "mu": 5, "phi": 40, "G": 2, "initial": {"a": 2}},
+        "dynamic": {"type": "dynamic_gain", **dynamic},
+        "both": {"type": "direct_dynamic", **dynamic, "mu_0": 5, "phi": 40, "G": 2},
+    }
+    result = hgorun.simulate(experiment(observers, 5.0, plant, measurement={"sampling": {"period": 0.01}}))
+    for name, observer in result.observers.items():
+        assert np.abs(observer.xhat - result.x)[-1].max() < 1e-5, name
+
+
 PLAIN = {"type": "direct", "theta": 1}
 
 
