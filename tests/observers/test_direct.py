@@ -94,8 +94,8 @@ def naive(noise: np.ndarray) -> dict[str, np.ndarray]:
 
 @cache
 def noisy_runs(end: float) -> list[hgorun.Result]:
-    e = experiment(OBSERVERS, end, measurement={"noise": NOISE})
-    return [hgorun.simulate(e.with_seed(seed)) for seed in range(20)]
+    noise = {"noise": NOISE}
+    return [hgorun.simulate(experiment(OBSERVERS, end, measurement=noise, seed=seed)) for seed in range(20)]
 
 
 def test_without_noise_the_paths_are_those_of_the_loop() -> None:
