@@ -97,6 +97,7 @@ RK4_SCENARIOS = {
     "varying delay": {"delay": "0.5 + 0.05*sin(4*pi*t)", "noise": SINE},  # its breakpoints: multiples of 0.5
     "delay from zero": {"delay": "0.1*(1 - cos(t))", "noise": SINE},
     "delay with kinks at zero": {"delay": "0.3*abs(sin(pi*t/2))", "noise": SINE},
+    "delay far below the step": {"delay": 1e-4, "noise": SINE},
     "delay that jumps": {"delay": "0.2 + 0.1*sign(sin(pi*t/1.5))", "noise": SINE},
     "phases": {
         "noise": SINE,
