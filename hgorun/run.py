@@ -16,6 +16,7 @@ from hgorun.measurement.events import kinks
 from hgorun.measurement.noise import continuous_noise
 from hgorun.measurement.plan import build_plan
 from hgorun.measurement.schedule import build_schedule, check_delays, find_channels
+from hgorun.observers.base import SampleSchedule
 from hgorun.plant_run import PlantRun
 from hgorun.symbolic.parameters import Parameters
 from hgorun.symbolic.system import Signal, build_system
@@ -160,6 +161,21 @@ class Run:
                 raise Problem(stepped[0], "this needs all outputs sampled at the same times")
             if np.any(samples.taken < samples.arrival):
                 raise Problem(stepped[0], "this takes samples without delay")
+        self._check_schedules(np.diff(first.arrival[first.used]))
+
+    def _check_schedules(self, intervals: np.ndarray) -> None:
+        """What each discrete-time observer asks of the times between samples."""
+        stretch = self.channels[0].stretches[0]
+        steps = getattr(stretch.sampling, "steps", None) if len(self.channels[0].stretches) == 1 else None
+        schedule = SampleSchedule(intervals, steps, stretch.paths["sampling"])
+        for b in self.system.observers:
+            if b.observer.discrete:
+                try:
+                    b.observer.check_samples(b.form, schedule)
+                except Problem as problem:
+                    inside = problem.path[:1] != ("measurement",)
+                    path = ("observers", b.label, *problem.path) if inside else problem.path
+                    raise Problem(path, problem.message) from problem
 
     def _check_start(self) -> None:
         """The right-hand sides must be numbers at the start."""

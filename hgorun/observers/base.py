@@ -38,6 +38,25 @@ class Flow:
     correction: ca.SX
 
 
+@dataclass(frozen=True)
+class SampleSchedule:
+    """When a discrete-time observer will be called.
+
+    Attributes
+    ----------
+    intervals : ndarray
+        The times between the samples.
+    steps : str or None
+        The expression of k that gives them, where the configuration has one.
+    path : tuple
+        Where the sampling stands in the configuration.
+    """
+
+    intervals: np.ndarray
+    steps: str | None
+    path: tuple[str | int, ...]
+
+
 class Observer(Block):
     """Base of all observers; its fields are the keys that every observer block has."""
 
@@ -110,6 +129,15 @@ class Observer(Block):
         k : namespace of casadi.SX
         """
         raise NotImplementedError
+
+    def check_samples(self, form: Any, samples: SampleSchedule) -> None:
+        """Refuse a schedule that the observer's theorem excludes; for discrete-time observers.
+
+        Raises
+        ------
+        Problem
+            With a path inside this block, or starting at ``measurement``.
+        """
 
     def fastest_rate(self, form: Any) -> float:
         """The largest modulus of the error dynamics' eigenvalues (1/time), for ``step: auto``; 0: unknown."""

@@ -12,22 +12,18 @@ from hgorun.symbolic.canonical import CanonicalForm
 from hgorun.symbolic.matrices import hurwitz_gain
 
 
-class ConstantGain(Observer):
-    """theta, and either ``poles`` or ``gains`` of an order that the family decides."""
+class PlacedGain(Observer):
+    """Either ``poles`` or ``gains`` of an order that the family decides."""
 
-    theta: Positive = Field(
-        description="high gain theta > 0: the error's eigenvalues are theta times the poles"
-    )
     poles: Poles = Field(
-        default=complex(-1),
-        description="eigenvalues at theta = 1: a number (all there) or a list; real part < 0",
+        default=complex(-1), description="eigenvalues at theta = 1: a number (all there) or a list; real part < 0"
     )
     gains: tuple[Number, ...] | None = Field(
         default=None, description="the gain itself, in place of poles; filter part first"
     )
 
     @model_validator(mode="after")
-    def _one_of_poles_and_gains(self) -> ConstantGain:
+    def _one_of_poles_and_gains(self) -> PlacedGain:
         if self.gains is not None and "poles" in self.model_fields_set:
             raise ValueError("give either poles or gains, not both")
         return self
@@ -46,6 +42,12 @@ class ConstantGain(Observer):
         gains = [self.gain(filter_order + length) for length in form.chains]
         K_r = np.column_stack([gain[:filter_order] for gain in gains])
         return K_r, np.concatenate([gain[filter_order:] for gain in gains])
+
+
+class ConstantGain(PlacedGain):
+    """theta, and a gain that places the eigenvalues at theta times the poles."""
+
+    theta: Positive = Field(description="high gain theta > 0: the error's eigenvalues are theta times the poles")
 
     def _rate(self, form: CanonicalForm, filter_order: int = 0) -> float:
         roots = [np.roots([1.0, *self.gain(filter_order + length)]) for length in form.chains]

@@ -7,15 +7,16 @@ from types import SimpleNamespace
 
 import casadi as ca
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field
 
-from hgorun.config.types import Number, Poles, Positive
+from hgorun.config.types import Positive
 from hgorun.errors import Problem
 from hgorun.observers.base import DiscreteObserver
+from hgorun.observers.constant_gain import PlacedGain
 from hgorun.registry import observer
 from hgorun.symbolic.canonical import CanonicalForm, NotObservableForm
 from hgorun.symbolic.copy import PlantCopy
-from hgorun.symbolic.matrices import A, C, hurwitz_gain
+from hgorun.symbolic.matrices import A, C
 from hgorun.symbolic.plant import PlantModel
 from hgorun.symbolic.states import Symmetric
 
@@ -53,7 +54,7 @@ def integrator_chain(plant: PlantModel, at: np.ndarray, parameters: np.ndarray) 
 
 
 @observer("hgo_fd")
-class ForwardDifferenceObserver(DiscreteObserver):
+class ForwardDifferenceObserver(PlacedGain, DiscreteObserver):
     """High-gain observer of an integrator chain, discretised by forward differences.
 
     With q = D xhat, D = diag(1, eps, ..., eps^(n-1)), and one step a sample,
@@ -76,34 +77,15 @@ class ForwardDifferenceObserver(DiscreteObserver):
     form = staticmethod(integrator_chain)
 
     eps: Positive = Field(description="eps > 0: the error's eigenvalues are the poles over eps")
-    poles: Poles = Field(
-        default=complex(-1),
-        description="eigenvalues of A_0: a number (all there) or a list of n; real part < 0",
-    )
-    gains: tuple[Number, ...] | None = Field(
-        default=None, description="H_0 = (h_1, ..., h_n) itself, in place of poles"
-    )
-
-    @model_validator(mode="after")
-    def _one_of_poles_and_gains(self) -> ForwardDifferenceObserver:
-        if self.gains is not None and "poles" in self.model_fields_set:
-            raise ValueError("give either poles or gains, not both")
-        return self
-
     def H_0(self, n: int) -> np.ndarray:
         """The gain of a chain of n integrators, shape (n,); it makes A_0 Hurwitz."""
-        key, given = ("gains", self.gains) if self.gains is not None else ("poles", self.poles)
-        if isinstance(given, tuple) and len(given) != n:
-            alternative = "" if key == "gains" else ", or one number for all"
-            raise Problem((key,), f"expected {n} numbers{alternative}; found {len(given)}")
-        if self.gains is None:
-            return hurwitz_gain(n, self.poles)
-        worst = max(eigenvalues(np.asarray(self.gains)), key=lambda value: float(value.real))
+        H_0 = self.gain(n)
+        worst = max(eigenvalues(H_0), key=lambda value: float(value.real))
         if not worst.real < 0:
             raise Problem(
-                (key,), f"s^n + h_1 s^(n-1) + ... + h_n must be Hurwitz, found a root at {worst:.4g} (17)"
+                ("gains",), f"s^n + h_1 s^(n-1) + ... + h_n must be Hurwitz, found a root at {worst:.4g} (17)"
             )
-        return np.asarray(self.gains)
+        return H_0
 
     def design(self, form: CanonicalForm) -> dict[str, np.ndarray]:
         return {"eps": np.array(self.eps), "H_0": self.H_0(form.plant.n)}

@@ -9,6 +9,7 @@ from pydantic import Field
 from hgorun.config.expressions import ExpressionError, parse
 from hgorun.config.types import ExpressionText, Positive
 from hgorun.errors import Problem
+from hgorun.observers.base import SampleSchedule
 from hgorun.observers.hgo_fd import ForwardDifferenceObserver, eigenvalues
 from hgorun.registry import observer
 from hgorun.symbolic.canonical import CanonicalForm
@@ -26,16 +27,17 @@ class StochasticApproximationObserver(ForwardDifferenceObserver):
 
         q(k+1) = q(k) + (a(k)/eps) (A_0 q(k) + H_0 y_k),    a(k) = alpha eps b(k),    A_0 = A - H_0 C
 
-    The sample k + 1 comes a(k) after the sample k: a(k) is the time between samples, and the sampling has to
-    be ``{steps: alpha*eps*b(k)}`` with the numbers of this block. The observer takes a(k) from the clock, so
-    that a lost sample makes one longer step; alpha and b are what is checked before the run. An observer
-    that stepped by alpha eps b(k) on samples of constant period would give xhat_2 times 1/b(k).
+    The sample k + 1 comes a(k) after the sample k: a(k) is the time between samples, and the sampling is
+    ``{steps: alpha*eps*b(k)}``. The observer takes a(k) from the clock, so that a lost sample makes one longer
+    step; alpha and b, where they are given, are compared with the schedule. An observer that stepped by
+    alpha eps b(k) on samples of constant period would give xhat_2 times 1/b(k).
 
-    The theorem asks, (A.2), that the sum of a(k) diverge and that of a(k)^2 converge: b falls like k^-p with
-    1/2 < p <= 1. b is evaluated at k = 0 ... 1e5 and at powers of two up to 2^100, where p is read off;
-    factors such as log(k), which decide at p = 1/2 and 1, are not told apart. 0 < b(k) <= 1 does not
-    increase, so that I + alpha b(k) A_0 is stable for all k when it is for k = 0; for H_0 = (2, 2) when
-    alpha b(0) < 1. That is (36), whose c must depend on k: its left side is of the order of alpha b(k).
+    Before the run, I + (a(k)/eps) A_0 must be stable for every k, for H_0 = (2, 2) when a(k) < eps: that is
+    (36), whose c must depend on k, since its left side is of the order of alpha b(k). The theorem also asks,
+    (A.2), that the sum of a(k) diverge and that of a(k)^2 converge: a falls like k^-p with 1/2 < p <= 1. Where
+    the schedule is an expression of k, it is evaluated at k = 0 ... 1e5 and at powers of two up to 2^100, where
+    p is read off; factors such as log(k), which decide at p = 1/2 and 1, are not told apart. On a periodic
+    schedule the observer is hgo_fd, and the noise stays.
 
     The error's variance falls like b(k); its rate over time stays that of the continuous observer, poles over
     eps. Against noise that is not white, or where samples come at a rate of their own, take a filtered
@@ -45,63 +47,68 @@ class StochasticApproximationObserver(ForwardDifferenceObserver):
 
     reference = "Lee, Choi, Khalil 2016, (21)-(22), (36), (44)"
 
-    alpha: Positive = Field(description="alpha > 0, with I + alpha b(0) A_0 stable")
-    b: ExpressionText = Field(
-        default="1/(1 + k/20000)",
-        description="b(k), expression of k, in (0, 1], not increasing, falling like k^-p, 1/2 < p <= 1",
-    )
+    alpha: Positive | None = Field(default=None, description="with b: compared with the schedule, a(k) = alpha eps b(k)")
+    b: ExpressionText | None = Field(default=None, description="b(k), expression of k, in (0, 1]")
 
-    def design(self, form: CanonicalForm) -> dict[str, np.ndarray]:
-        first = self._check_steps()
-        H_0 = self.H_0(form.plant.n)
-        poles = eigenvalues(H_0)
-        radius = np.max(np.abs(1 + self.alpha * first * poles))
-        if not radius < 1 - 1e-12:  # roots are rounded
-            largest = np.min(-2 * poles.real / np.abs(poles) ** 2) / first
+    def check_samples(self, form: CanonicalForm, samples: SampleSchedule) -> None:
+        if samples.steps is not None:
+            self._check_steps(samples)
+        steps = samples.intervals
+        if self.alpha is not None and self.b is not None and steps.size:
+            expected = self.alpha * self.eps * self._values(self.b, np.arange(steps.size), ("b",))
+            wrong = ~(np.abs(steps - expected) <= 1e-6 * np.abs(steps))
+            if wrong.any():
+                k = int(np.argmax(wrong))
+                raise Problem(
+                    ("alpha",),
+                    f"the schedule has a({k}) = {steps[k]:.6g}, but alpha eps b({k}) = {expected[k]:.6g}; "
+                    "write sampling: {steps: alpha*eps*b(k)} with these numbers",
+                )
+        poles = eigenvalues(self.H_0(form.plant.n))
+        largest = float(np.max(steps, initial=0.0)) / self.eps
+        radius = np.max(np.abs(1 + largest * poles))
+        if steps.size and not radius < 1 - 1e-12:  # roots are rounded
+            bound = np.min(-2 * poles.real / np.abs(poles) ** 2)
             raise Problem(
-                ("alpha",),
-                f"I + alpha b(0) A_0 has spectral radius {radius:.6g}: the estimate would not stay bounded; "
-                f"found alpha = {self.alpha:g}, expected less than {largest:.6g}",
+                samples.path,
+                f"I + (a/eps) A_0 has spectral radius {radius:.6g} for the longest step: the estimate would not "
+                f"stay bounded; found a/eps = alpha b = {largest:.6g}, expected less than {bound:.6g}",
             )
-        return super().design(form)
 
-    def _check_steps(self) -> float:
-        """(A.2), as far as numbers tell; b(0)."""
+    def _check_steps(self, samples: SampleSchedule) -> None:
+        """(A.2), as far as numbers tell."""
+        assert samples.steps is not None
+        path = (*samples.path, "steps")
         early, late = np.arange(_FIRST), 2.0 ** np.arange(np.ceil(np.log2(_FIRST)), _LAST + 1)
-        k, b = np.concatenate([early, late]), np.concatenate([self._values(early), self._values(late)])
-        outside = ~((b > 0) & (b <= 1))
-        outside[_FIRST:] &= b[_FIRST:] != 0  # too small for a number: the sum says it better
-        if outside.any():
-            i = int(np.argmax(outside))
-            raise Problem(("b",), f"b(k) must be in (0, 1], found b({k[i]:g}) = {b[i]:g}")
-        rises = b[1:] > b[:-1] * (1 + 1e-12)
+        k = np.concatenate([early, late])
+        a = self._values(samples.steps, k, path)
+        rises = a[1:] > a[:-1] * (1 + 1e-12)
         if rises.any():
             i = int(np.argmax(rises))
             raise Problem(
-                ("b",),
-                f"b(k) must not increase, found b({k[i]:g}) = {b[i]:.6g}, b({k[i + 1]:g}) = {b[i + 1]:.6g}",
+                path, f"the steps must not increase, found a({k[i]:g}) = {a[i]:.6g}, a({k[i + 1]:g}) = {a[i + 1]:.6g}"
             )
-        p = np.log2(b[-2] / b[-1]) if b[-1] > 0 else np.inf
+        p = np.log2(a[-2] / a[-1]) if a[-1] > 0 else np.inf
         if p > 1 + _LOGARITHMS:
             falls = f"like k^-{p:.3g}" if np.isfinite(p) else "faster than any power"
             raise Problem(
-                ("b",),
-                f"b falls {falls}: the sum of the steps converges, and the estimate stops on its way (A.2); "
+                path,
+                f"the steps fall {falls}: their sum converges, and the estimate stops on its way (A.2); "
                 "expected k^-p with 1/2 < p <= 1",
             )
         if p < 0.5 + 1e-6:
-            falls = f"falls like k^-{p:.3g}" if p > 1e-6 else "does not fall"
+            falls = f"fall like k^-{p:.3g}" if p > 1e-6 else "do not fall"
             raise Problem(
-                ("b",),
-                f"b {falls}: the sum of the squared steps diverges, the noise does not average out (A.2); "
+                path,
+                f"the steps {falls}: the sum of their squares diverges, the noise does not average out (A.2); "
                 "expected k^-p with 1/2 < p <= 1. The observer with a constant step is hgo_fd",
             )
-        return float(b[0])
 
-    def _values(self, numbers: np.ndarray) -> np.ndarray:
+    @staticmethod
+    def _values(text: str, numbers: np.ndarray, path: tuple[str | int, ...]) -> np.ndarray:
         k = ca.SX.sym("k")
         try:
-            b = ca.Function("b", [k], [parse(self.b, names=("k",)).symbol({"k": k})])
+            values = ca.Function("b", [k], [parse(text, names=("k",)).symbol({"k": k})])
         except ExpressionError as error:
-            raise Problem(("b",), str(error)) from error
-        return np.asarray(b(ca.DM(numbers[None, :])).full(), dtype=float).ravel()
+            raise Problem(path, str(error)) from error
+        return np.asarray(values(ca.DM(numbers[None, :])).full(), dtype=float).ravel()

@@ -17,7 +17,7 @@ from hgorun.symbolic.canonical import NotObservableForm
 from hgorun.symbolic.forms import Bounds
 from hgorun.symbolic.plant import PlantModel
 from hgorun.symbolic.reconstruction import input_derivatives, output_derivatives, reconstruction
-from hgorun.symbolic.triangular import TriangularCopy, TriangularForm, _transformed
+from hgorun.symbolic.triangular import TriangularCopy, TriangularForm, transformed
 
 
 @dataclass(frozen=True)
@@ -136,7 +136,7 @@ def lower_triangular_form(plant: PlantModel, at: np.ndarray, parameters: np.ndar
     NotObservableForm
         When there are several outputs, or the model is not lower triangular.
     """
-    model = _transformed(plant) if plant.transform is not None else plant
+    model = transformed(plant) if plant.transform is not None else plant
     if len(model.outputs) != 1:
         raise NotObservableForm(
             f"{len(model.outputs)} outputs ({', '.join(model.outputs)}): an observer for lower triangular "

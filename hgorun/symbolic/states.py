@@ -55,7 +55,7 @@ class StateBlock:
         """What is integrated, from a derivative in the state's shape."""
         if self.symmetric:
             return ca.vertcat(*[value[int(i), int(j)] for i, j in zip(*np.triu_indices(self.shape[0]), strict=True)])
-        return value if (*self.shape, 1)[1] == 1 else ca.vec(value.T)
+        return value if (*self.shape, 1, 1)[1] == 1 else ca.vec(value.T)
 
     def numbers(self, values: np.ndarray) -> np.ndarray:
         """What is integrated, from numbers in the state's shape."""

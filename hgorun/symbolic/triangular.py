@@ -134,7 +134,7 @@ def triangular_form(plant: PlantModel, at: np.ndarray, parameters: np.ndarray) -
     NotObservableForm
         When an output is not a state, or a state reaches the measured ones through no other.
     """
-    model = _transformed(plant) if plant.transform is not None else plant
+    model = transformed(plant) if plant.transform is not None else plant
     measured = []
     for i, name in enumerate(plant.outputs):
         same = [k for k in range(model.n) if ca.is_equal(ca.SX(model.output[i]), model.x[k])]
@@ -163,7 +163,7 @@ def triangular_form(plant: PlantModel, at: np.ndarray, parameters: np.ndarray) -
     return TriangularForm(plant, model, tuple(block[i] for i in range(model.n)), tuple(measured))
 
 
-def _transformed(plant: PlantModel) -> PlantModel:
+def transformed(plant: PlantModel) -> PlantModel:
     """The plant in the coordinates z = T(x) that it gives."""
     assert plant.transform is not None
     assert plant.untransform is not None

@@ -19,7 +19,7 @@ STEPS = "0.04*0.01/(1 + k/20000)"
 NOISE = [{"type": "uniform", "low": -0.5, "high": 0.5}]
 LEE = {"type": "lee_second_order", "discretise": "euler", "initial": {"x1": 10, "x2": 10}}
 FIXED = {"type": "hgo_fd", "eps": EPS, "gains": [2, 2]}
-SA = {"type": "hgo_sa", "eps": EPS, "gains": [2, 2], "alpha": ALPHA}
+SA = {"type": "hgo_sa", "eps": EPS, "gains": [2, 2]}
 
 
 def simulate(
@@ -224,38 +224,40 @@ def test_plant_by_differences_is_near_the_exact_one() -> None:
     assert 1e-4 < gap < 3e-3
 
 
+SCHEDULE = "measurement.sampling"
+
+
 @pytest.mark.parametrize(
-    ("change", "key", "words"),
+    ("change", "steps", "key", "words"),
     [
-        ({"alpha": 1.0}, "alpha", "spectral radius 1:.* expected less than 1"),
-        ({"alpha": 2.5, "b": "0.5/(1 + k)"}, "alpha", "expected less than 2"),
-        ({"b": "1.5/(1 + k)"}, "b", r"must be in \(0, 1\], found b\(0\) = 1.5"),
-        ({"b": "1/(1 + k) - 0.001"}, "b", r"must be in \(0, 1\]"),
-        ({"b": "1/k"}, "b", r"must be in \(0, 1\], found b\(0\) = inf"),
-        ({"b": "(2 + sin(k))/(3 + k)"}, "b", "must not increase"),
-        ({"b": "1/(1 + k)**2"}, "b", "falls like k\\^-2: the sum of the steps converges"),
-        ({"b": "exp(-k/1000)"}, "b", "faster than any power"),
-        ({"b": "1"}, "b", "does not fall: the sum of the squared steps diverges.*hgo_fd"),
-        ({"b": "1/(1 + k)**0.5"}, "b", "squared steps diverges"),
-        ({"b": "1/(1 + j)"}, "b", "`j`"),
-        ({"gains": [2, -1]}, "gains", "must be Hurwitz"),
-        ({"gains": [2]}, "gains", "expected 2 numbers; found 1"),
-        ({"eps": 0}, "eps", "greater than 0"),
-        ({"poles": -1}, None, "either poles or gains"),
-        ({"saturation": {"x1": [0, 1]}}, "saturation", "no state that could be given"),
+        ({}, "0.01/(1 + k)", SCHEDULE, "spectral radius 1 .* expected less than 1"),
+        ({}, "0.025*0.5/(1 + k)", SCHEDULE, "a/eps = alpha b = 1.25, expected less than 1"),
+        ({}, "4e-4*(2 + sin(k))/(3 + k)", f"{SCHEDULE}.steps", "must not increase"),
+        ({}, "4e-3/(1 + k)**2", f"{SCHEDULE}.steps", "fall like k\\^-2: their sum converges"),
+        ({}, "4e-4*exp(-k/1000)", f"{SCHEDULE}.steps", "faster than any power"),
+        ({}, "4e-4", f"{SCHEDULE}.steps", "do not fall: the sum of their squares diverges.*hgo_fd"),
+        ({}, "4e-4/(1 + k)**0.5", f"{SCHEDULE}.steps", "squares diverges"),
+        ({"alpha": 0.05, "b": "1/(1 + k/20000)"}, STEPS, "observers.o.alpha", "the schedule has a.0. = 0.0004, but"),
+        ({"alpha": 0.04, "b": "1/(1 + k/10000)"}, STEPS, "observers.o.alpha", "the schedule has a.1."),
+        ({"alpha": 0.04, "b": "1/(1 + j)"}, STEPS, "observers.o.b", "`j`"),
+        ({"gains": [2, -1]}, STEPS, "observers.o.gains", "must be Hurwitz"),
+        ({"gains": [2]}, STEPS, "observers.o.gains", "expected 2 numbers; found 1"),
+        ({"eps": 0}, STEPS, "observers.o.eps", "greater than 0"),
+        ({"poles": -1}, STEPS, "observers.o", "either poles or gains"),
+        ({"saturation": {"x1": [0, 1]}}, STEPS, "observers.o.saturation", "no state that could be given"),
     ],
 )  # fmt: skip
-def test_what_the_theorem_leaves_out_is_refused(change: dict[str, Any], key: str | None, words: str) -> None:
+def test_what_the_theorem_leaves_out_is_refused(change: dict[str, Any], steps: str, key: str, words: str) -> None:
     with pytest.raises(ConfigError, match=words) as error:
-        simulate(SA | change, 0.4, {"steps": STEPS})
-    assert error.value.key == ("observers.o" if key is None else f"observers.o.{key}")
+        simulate(SA | change, 0.02, {"steps": steps})
+    assert error.value.key == key
 
 
 @pytest.mark.parametrize(
     "b", ["1/(1 + k/20000)", "1/(1 + k)**0.7", "(1 + k/100)**-1", "1/(2 + k)/log(2 + k)"]
 )
 def test_steps_that_fit_are_taken(b: str) -> None:
-    simulate(SA | {"b": b}, 0.04, {"period": 4e-4})
+    simulate(SA | {"alpha": ALPHA, "b": b}, 0.001, {"steps": f"0.04*0.01*({b})"})
 
 
 @pytest.mark.parametrize(
