@@ -100,9 +100,7 @@ def _explained(error: ValidationError, source: Source, path: tuple[str | int, ..
     return ConfigError(message, file=file, line=line, key=".".join(map(str, where)) or None)
 
 
-def _known_path(
-    source: Source, path: tuple[str | int, ...], location: tuple[str | int, ...]
-) -> tuple[str | int, ...]:
+def _known_path(source: Source, path: tuple[str | int, ...], location: tuple[str | int, ...]) -> tuple[str | int, ...]:
     """The part of pydantic's location that is in the file: names of union members are not."""
     for i, part in enumerate(location):
         if (*path, part) in source.positions or (

@@ -30,17 +30,13 @@ Output = Annotated[
 ]
 Overrides = Annotated[
     Optional[list[str]],  # noqa: UP045
-    typer.Option(
-        "--set", metavar="PATH=VALUE", help="Change a key, e.g. observers.SHGO.theta=2; repeatable."
-    ),
+    typer.Option("--set", metavar="PATH=VALUE", help="Change a key, e.g. observers.SHGO.theta=2; repeatable."),
 ]
 Seed = Annotated[Optional[int], typer.Option("--seed", min=0, help="In place of the file's seed.")]  # noqa: UP045
 Quiet = Annotated[bool, typer.Option("-q", "--quiet", help="Print nothing but errors.")]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON on stdout, and nothing else there.")]
 Strict = Annotated[bool, typer.Option("--strict", help="Exit code 3 when an observer diverged.")]
-CheckStep = Annotated[
-    bool, typer.Option("--check-step", help="Run again with half the step; report the difference.")
-]
+CheckStep = Annotated[bool, typer.Option("--check-step", help="Run again with half the step; report the difference.")]
 
 
 @app.callback(invoke_without_command=True)
@@ -84,18 +80,14 @@ def simulate(
 
 @app.command()
 def compare(
-    sources: Annotated[
-        list[Path], typer.Argument(metavar="SOURCE...", help="Configurations or result files.")
-    ],
+    sources: Annotated[list[Path], typer.Argument(metavar="SOURCE...", help="Configurations or result files.")],
     output: Output = None,
     overrides: Overrides = None,
     seed: Seed = None,
     quiet: Quiet = False,
     json: Json = False,
     format: Annotated[str, typer.Option("--format", help="Of the table: text, csv or latex.")] = "text",
-    plots: Annotated[
-        bool, typer.Option("--plots/--no-plots", help="Draw comparison plots (PNG and PDF).")
-    ] = True,
+    plots: Annotated[bool, typer.Option("--plots/--no-plots", help="Draw comparison plots (PNG and PDF).")] = True,
     strict: Strict = False,
 ) -> None:
     """Metrics side by side, and comparison plots."""
@@ -144,9 +136,7 @@ def list_(
 
 
 @app.command()
-def show(
-    name: Annotated[str, typer.Argument(help="A plant, observer or experiment.")], json: Json = False
-) -> None:
+def show(name: Annotated[str, typer.Argument(help="A plant, observer or experiment.")], json: Json = False) -> None:
     """Equations, parameters with ranges and defaults, source."""
     from hgorun.commands.catalogue import show
 
@@ -163,9 +153,7 @@ def schema() -> None:
 
 @app.command()
 def init(
-    name: Annotated[
-        str, typer.Argument(help="A shipped experiment; see hgorun list experiments.")
-    ] = "contois_te025",
+    name: Annotated[str, typer.Argument(help="A shipped experiment; see hgorun list experiments.")] = "contois_te025",
     folder: Annotated[Path, typer.Argument(help="Where to copy it to.")] = Path(),
     force: Annotated[bool, typer.Option("--force", help="Overwrite files that exist.")] = False,
 ) -> None:
@@ -192,9 +180,7 @@ def main() -> None:
         sys.stderr.close()  # whoever read our output has left
         sys.exit(141)
     except MemoryError:
-        print(
-            "hgorun: out of memory; a longer time.output_step or fewer observers need less", file=sys.stderr
-        )
+        print("hgorun: out of memory; a longer time.output_step or fewer observers need less", file=sys.stderr)
         sys.exit(1)
 
 

@@ -44,7 +44,9 @@ class Experiment:
         For the first thing wrong in it.
     """
 
-    def __init__(self, config: Mapping[str, Any] | Source, *, name: str = "experiment", text: str | None = None) -> None:
+    def __init__(
+        self, config: Mapping[str, Any] | Source, *, name: str = "experiment", text: str | None = None
+    ) -> None:
         if not isinstance(config, Source):
             if "extends" in config:
                 raise ConfigError("only a file can extend another one; see hgorun.load", key="extends")
@@ -135,9 +137,7 @@ class Experiment:
         """The configuration after ``extends``, ``--set`` and defaults."""
         values = self.blocks.model_dump(mode="json", exclude={"plant", "observers", "extends"}, exclude_none=True)
         values["plant"] = self.plant_block.model_dump(mode="json", exclude_none=True)
-        values["observers"] = {
-            label: _plain(o.model_dump(exclude_none=True)) for label, o in self.observers.items()
-        }
+        values["observers"] = {label: _plain(o.model_dump(exclude_none=True)) for label, o in self.observers.items()}
         return values
 
 

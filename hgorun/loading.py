@@ -49,9 +49,7 @@ def _extended(source: Source, path: Path, seen: list[Path]) -> Source:
     base = source.data["extends"]
     file, line = source.where(("extends",))
     if not isinstance(base, str):
-        raise ConfigError(
-            f"expected the name of a file, found {describe(base)}", file=file, line=line, key="extends"
-        )
+        raise ConfigError(f"expected the name of a file, found {describe(base)}", file=file, line=line, key="extends")
     target = path.parent / base
     if target.resolve() in seen or len(seen) > _LONGEST_CHAIN:
         raise ConfigError(f"{base} extends itself, in a circle", file=file, line=line, key="extends")
@@ -63,7 +61,3 @@ def _extended(source: Source, path: Path, seen: list[Path]) -> Source:
         raise
     parent = _extended(parent, target, [*seen, target.resolve()])
     return merge(parent, source)
-
-
-def build(name: str, text: str, source: Source) -> Experiment:
-    return Experiment(source, name=name, text=text)

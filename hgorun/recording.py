@@ -20,9 +20,7 @@ def record(run: Run, raw: Raw) -> Result:
     s, model, blocks = run.system, run.plant.model, run.blocks
     _, every_output, every_metric = run.experiment.grid
     rows = raw.rows[:, :, 0]
-    u, y, *estimates = (
-        np.asarray(v.full()).T for v in s.report(ca.DM(run.grid[None, :]), ca.DM(s.p), ca.DM(rows.T))
-    )
+    u, y, *estimates = (np.asarray(v.full()).T for v in s.report(ca.DM(run.grid[None, :]), ca.DM(s.p), ca.DM(rows.T)))
     x = rows[:, : model.n]
     windows = Windows.of(blocks.metrics, run.time)
     metric = slice(None, None, every_metric)
@@ -33,11 +31,7 @@ def record(run: Run, raw: Raw) -> Result:
         found[b.label] = ObserverResult(
             b.observer.type,
             np.ascontiguousarray(xhat[shown]),
-            {
-                name: st.shaped(rows[shown])
-                for name, st in b.states.items()
-                if name != "xhat" and st.size
-            },
+            {name: st.shaped(rows[shown]) for name, st in b.states.items() if name != "xhat" and st.size},
             {name: np.asarray(value).tolist() for name, value in b.design.items()},
             sum(st.size for name, st in b.states.items() if name != "alpha"),
             lost_at if np.isfinite(lost_at) else None,

@@ -114,10 +114,7 @@ class Result:
     def metrics(self) -> dict[str, dict[str, dict[str, float]]]:
         """{observer: {metric: {state: number}}}."""
         return {
-            label: {
-                name: dict(zip(self.states, map(float, values), strict=True))
-                for name, values in o.metrics.items()
-            }
+            label: {name: dict(zip(self.states, map(float, values), strict=True)) for name, values in o.metrics.items()}
             for label, o in self.observers.items()
         }
 

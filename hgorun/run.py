@@ -33,13 +33,9 @@ class Run:
         self.experiment, self.blocks = experiment, experiment.blocks
         self.plant, self.forms = experiment.plant, experiment.forms
         self.time, self.solver = self.blocks.time, self.blocks.solver
-        self.adaptive = self.solver.adaptive or (
-            self.solver.method == "dopri5" and self.solver.step == "auto"
-        )
+        self.adaptive = self.solver.adaptive or (self.solver.method == "dopri5" and self.solver.step == "auto")
         self.grid, _, _ = experiment.grid
-        self.points = int(
-            np.clip((self.time.end - self.time.start) / (self._given_step() or 1e-3), *_SEARCH_POINTS)
-        )
+        self.points = int(np.clip((self.time.end - self.time.start) / (self._given_step() or 1e-3), *_SEARCH_POINTS))
         self.channels = find_channels(
             experiment.stretches, self.plant.model.outputs, self.time, self.blocks.seed, self._mean_square
         )
@@ -120,9 +116,7 @@ class Run:
         model, u = self.plant.model, self.plant.inputs
         functions = [u, self.plant.disturbance]
         functions += [function(model.t, model.x, u, model.p) for function in (model.f, model.h)]
-        return kinks(
-            functions, model.t, model.p, self.plant.parameters, self.time.start, self.time.end, self.points
-        )
+        return kinks(functions, model.t, model.p, self.plant.parameters, self.time.start, self.time.end, self.points)
 
     def _kinks(self) -> np.ndarray:
         t, p, values = self.plant.model.t, self.parameters.symbol, self.parameters.values
@@ -186,9 +180,7 @@ class Run:
             if bad.size:
                 name = self.plant.model.states[int(bad[0])]
                 path = ("plant", "dynamics", name) if hasattr(self.plant.block, "dynamics") else ("plant",)
-                raise Problem(
-                    path, f"the right-hand side of {name} is not a finite number at the start of the run"
-                )
+                raise Problem(path, f"the right-hand side of {name} is not a finite number at the start of the run")
             for b in s.observers:
                 if not np.all(np.isfinite(rates[b.start : b.end])):
                     raise Problem(
@@ -218,7 +210,5 @@ class Run:
             span = self.time.end - self.time.start
             most = min(self.solver.max_step or span, longest)
             first = min(1e-4 * span, most) if self.solver.step == "auto" else min(self.solver.step, most)
-            tolerance = Tolerance(
-                self.solver.rtol or _DEFAULT_RTOL, self.solver.atol or _DEFAULT_ATOL, most, first
-            )
+            tolerance = Tolerance(self.solver.rtol or _DEFAULT_RTOL, self.solver.atol or _DEFAULT_ATOL, most, first)
         return self.program.run(plan, start, tolerance, progress)

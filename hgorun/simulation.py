@@ -54,13 +54,17 @@ def prepare(experiment: Experiment) -> Run:
 
             model = experiment.plant.model
             time = experiment.blocks.time
-            check(experiment.blocks.figures, model.states, model.outputs, tuple(experiment.observers), (time.start, time.end))
+            check(
+                experiment.blocks.figures,
+                model.states,
+                model.outputs,
+                tuple(experiment.observers),
+                (time.start, time.end),
+            )
         return run
 
 
-def perform(
-    run: Run, *, check_step: bool = False, progress: Callable[[float], None] | None = None
-) -> Result:
+def perform(run: Run, *, check_step: bool = False, progress: Callable[[float], None] | None = None) -> Result:
     """Carry out a prepared run; see :func:`simulate`."""
     with run.experiment.located():
         result = record(run, run.execute(run.step, progress))

@@ -215,9 +215,7 @@ def latex(results: Sequence[Result], metrics: Sequence[str] | None = None) -> st
         for i, row in enumerate(rows):
             cells = [_latex_number(values[i], best[column]) for column, values in numbers.items()]
             lines.append(" & ".join([latex_words(row.text), *cells, *padding]) + r" \\")
-    lost = "; ".join(
-        latex_words(f"{row.text} {row.status}") for row in rows if row.observer.diverged_at is not None
-    )
+    lost = "; ".join(latex_words(f"{row.text} {row.status}") for row in rows if row.observer.diverged_at is not None)
     if lost:
         lines += [r"\midrule", rf"\multicolumn{{{width + 1}}}{{l}}{{{lost}}} \\"]
     return "\n".join([*lines, r"\bottomrule", r"\end{tabular}"]) + "\n"

@@ -73,15 +73,19 @@ def test_a_model_written_out_runs_as_the_built_in_one() -> None:
 
 
 def test_chains_stay_as_they_are() -> None:
-    e = experiment(inline("a b c", {"a": "b - a**2", "b": "c + sin(a*b)", "c": "-a*b*c + cos(t)"}, "a"),
-                   {"o": {"type": "shgo", "theta": 2}})
+    e = experiment(
+        inline("a b c", {"a": "b - a**2", "b": "c + sin(a*b)", "c": "-a*b*c + cos(t)"}, "a"),
+        {"o": {"type": "shgo", "theta": 2}},
+    )
     assert next(iter(e.forms.values())).identity
 
 
 def test_a_scaled_chain_gets_its_map() -> None:
     e = experiment(inline("a b", {"a": "2*b", "b": "-a"}, "a"), {"o": {"type": "shgo", "theta": 2}})
     assert not next(iter(e.forms.values())).identity
-    np.testing.assert_array_equal(np.asarray(next(iter(e.forms.values())).J(ca.DM([1, 1]), ca.DM(0, 1))), [[1, 0], [0, 2]])
+    np.testing.assert_array_equal(
+        np.asarray(next(iter(e.forms.values())).J(ca.DM([1, 1]), ca.DM(0, 1))), [[1, 0], [0, 2]]
+    )
 
 
 def test_states_in_another_order_are_no_obstacle() -> None:
@@ -109,14 +113,18 @@ def test_two_outputs_with_their_own_schedules(delay: float) -> None:
     """Each output keeps its own samples, also with other rates: again two single observers."""
     first, second = {"a": "b", "b": "-a"}, {"c": "d", "d": "-2*c"}
     schedules = {"a": {"sampling": {"period": 0.1}, "delay": delay}, "c": {"sampling": {"period": 0.16}}}
-    both = experiment(inline("a b c d", first | second, ["a", "c"]), {"o": {"type": "fhgo2", "theta": 2, "r": 1}},
-                      measurement={"outputs": schedules})
+    both = experiment(
+        inline("a b c d", first | second, ["a", "c"]),
+        {"o": {"type": "fhgo2", "theta": 2, "r": 1}},
+        measurement={"outputs": schedules},
+    )
     together = hgorun.simulate(both)
     for states, dynamics, columns in (("a b", first, slice(0, 2)), ("c d", second, slice(2, 4))):
         plant = inline(states, dynamics, states[0])
         plant["initial"] = {s: {"a": 0.5, "b": 0.6, "c": 0.7, "d": 0.8}[s] for s in plant["states"]}
-        alone = hgorun.simulate(experiment(plant, {"o": {"type": "fhgo2", "theta": 2, "r": 1}},
-                                           measurement=schedules[states[0]]))
+        alone = hgorun.simulate(
+            experiment(plant, {"o": {"type": "fhgo2", "theta": 2, "r": 1}}, measurement=schedules[states[0]])
+        )
         np.testing.assert_allclose(together.observers["o"].xhat[:, columns], alone.observers["o"].xhat, atol=1e-7)
 
 

@@ -110,8 +110,12 @@ def test_all_is_checked_before_anything_runs(shell: Shell) -> None:
 
 def test_overrides_and_seed(shell: Shell) -> None:
     results = {}
-    for name, extra in (("a", ()), ("b", ("--seed", "1")), ("c", ("--set", "seed=1")),
-                        ("d", ("--set", "observers.r=1.theta=3"))):
+    for name, extra in (
+        ("a", ()),
+        ("b", ("--seed", "1")),
+        ("c", ("--set", "seed=1")),
+        ("d", ("--set", "observers.r=1.theta=3")),
+    ):
         code, out, _ = shell("simulate", "small.yaml", "--json", "-o", f"{name}.h5", *extra)
         assert code == 0
         results[name] = json.loads(out)["observers"]
@@ -187,8 +191,12 @@ def test_the_schema_accepts_the_shipped_experiments(path: Path) -> None:
 
 def test_the_schema_refuses_what_the_loader_refuses(shell: Shell) -> None:
     schema = build_schema()
-    for wrong in ({"tme": {}}, {"observers": {"a": {"type": "shgo", "theta": 1, "tetha": 2}}}, {"seed": -1},
-                  {"plant": {"type": "contois", "colour": "red"}}):
+    for wrong in (
+        {"tme": {}},
+        {"observers": {"a": {"type": "shgo", "theta": 1, "tetha": 2}}},
+        {"seed": -1},
+        {"plant": {"type": "contois", "colour": "red"}},
+    ):
         with pytest.raises(jsonschema.ValidationError):
             jsonschema.validate(wrong, schema)
 

@@ -87,9 +87,7 @@ def diverging(result: Result) -> np.ndarray:
 # What is drawn
 
 
-def test_a_comparison_shows_every_state_and_its_error_for_every_observer(
-    result: Result, compared: Any
-) -> None:
+def test_a_comparison_shows_every_state_and_its_error_for_every_observer(result: Result, compared: Any) -> None:
     assert len(compared.axes) == 4
     for i, ax in enumerate(compared.axes):
         assert set(lines(ax)) == {*result.observers, *(["true"] if i % 2 == 0 else [])}
@@ -143,9 +141,10 @@ def test_samples_are_dots_and_continuous_measurements_lines(result: Result) -> N
     mixed_t = np.concatenate([t[t <= 2], [3.0, 4.0, 5.0]])
     mixed = Measurements(mixed_t, mixed_t[:, None], np.ones((mixed_t.size, 1)))
     drawn = draw(replace(result, measurements=mixed), block({"output": "x1"})).axes[0]
-    assert sorted(
-        (dot.get_marker(), len(dot.get_xdata())) for dot in drawn.lines if dot.get_label() == "measured"
-    ) == [("None", int(np.sum(t <= 2))), ("o", 3)]
+    assert sorted((dot.get_marker(), len(dot.get_xdata())) for dot in drawn.lines if dot.get_label() == "measured") == [
+        ("None", int(np.sum(t <= 2))),
+        ("o", 3),
+    ]
 
 
 def test_missing_samples_of_an_output_are_left_out(result: Result) -> None:
@@ -364,9 +363,7 @@ def test_mathematics_in_labels_is_kept_and_money_is_not() -> None:
     assert words("5 $ and 6 $") != ""
     assert words("costs 5 $") == r"costs 5 \$"
     assert words(r"$\nosuchcommand{$") == r"\$\nosuchcommand{\$"
-    assert latex_words(r"5 % of $\theta$ & $\input{x}$") == (
-        r"5 \% of $\theta$ \& \$\textbackslash{}input\{x\}\$"
-    )
+    assert latex_words(r"5 % of $\theta$ & $\input{x}$") == (r"5 \% of $\theta$ \& \$\textbackslash{}input\{x\}\$")
 
 
 def test_titles_are_broken_between_formulas() -> None:

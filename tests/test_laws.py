@@ -71,9 +71,7 @@ def same(a: Result, b: Result, *labels: str) -> bool:
     for label in labels:
         one, two = a.observers[label], b.observers[label]
         pairs += [(one.xhat, two.xhat)]
-        pairs += [
-            (one.internal[k], two.internal[k]) for k in set(one.internal) & set(two.internal) - {"alpha"}
-        ]
+        pairs += [(one.internal[k], two.internal[k]) for k in set(one.internal) & set(two.internal) - {"alpha"}]
     return all(np.array_equal(one, two, equal_nan=True) for one, two in pairs)
 
 
@@ -167,9 +165,7 @@ def in_lanes(folder: Path, config: dict[str, Any], lanes: list[list[str]]) -> tu
         asked.append(Recorded(each.program))
         each.__dict__["program"] = asked[-1]  # a cached property
         single.append(each.execute(each.step, None))
-    numbers = {
-        name: np.column_stack([getattr(a.plan, name) for a in asked]) for name in ("gain", "bias", "holds")
-    }
+    numbers = {name: np.column_stack([getattr(a.plan, name) for a in asked]) for name in ("gain", "bias", "holds")}
     z, p = (np.hstack([getattr(a.start, name) for a in asked]) for name in ("z", "p"))
     program = Program(runs[0].system.structure, "rk4", lanes=len(lanes))
     return program.run(replace(asked[0].plan, **numbers), Start(z, p, asked[0].start.bound)), single
@@ -317,8 +313,7 @@ def test_held_white_noise(n, sigma, tmp_path):
     """Poles at -10. Noise of unit density held for 0.01 is white to the observer within half a percent."""
     hold, end, pole = 0.01, 2000.0, 10.0
     observers = {
-        f"F{r}": {"type": "fhgo2", "r": r, "theta": 1, "gains": binomial(n + r, pole).tolist()}
-        for r in range(3)
+        f"F{r}": {"type": "fhgo2", "r": r, "theta": 1, "gains": binomial(n + r, pole).tolist()} for r in range(3)
     }
     config = {
         "time": {"end": end, "output_step": hold},

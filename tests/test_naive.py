@@ -163,9 +163,7 @@ def test_output_between_steps_is_of_order_four():
     out = np.linspace(0, 6, 2001)
 
     def run(step):
-        return stacked(
-            observe_van_der_pol(r=2, t_end=6.0, step=step, output_times=out, **SCENARIOS["sampled"])
-        )
+        return stacked(observe_van_der_pol(r=2, t_end=6.0, step=step, output_times=out, **SCENARIOS["sampled"]))
 
     assert order_of(run, [0.05, 0.025, 0.0125, 0.00625]) == pytest.approx(4.0, abs=0.1)
 
@@ -472,9 +470,7 @@ def test_no_innovation_before_the_first_sample():
 def test_a_late_older_sample_is_recorded_and_not_used():
     noise = [0.3, -0.2, 50.0, 0.1]
     late = rules(sampling=[0.4, 0.8, 1.0, 1.6], delay=[0.0, 0.1, 0.7, 0.0], noise=noise)
-    without = rules(
-        sampling=[0.4, 0.8, 1.6], delay=[0.0, 0.1, 0.0], noise=[0.3, -0.2, 0.1], events=[0.3, 1.0]
-    )
+    without = rules(sampling=[0.4, 0.8, 1.6], delay=[0.0, 0.1, 0.0], noise=[0.3, -0.2, 0.1], events=[0.3, 1.0])
     np.testing.assert_allclose(stacked(late), stacked(without), atol=1e-15)
     np.testing.assert_allclose(late["taken"], [0.4, 0.7, 0.3, 1.6])
     assert late["y"][2] > 50

@@ -45,9 +45,7 @@ def test_the_python_example_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     assert (tmp_path / "bioreactor.png").exists()
 
 
-def test_the_tutorial_observer_runs_from_outside_the_package(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_tutorial_observer_runs_from_outside_the_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A package with an entry point and the README's class: hgorun finds it by name."""
     (tmp_path / "my_package.py").write_text(block("python", "pi_observer"))
     info = tmp_path / "my_package-1.0.dist-info"

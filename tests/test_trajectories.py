@@ -190,9 +190,7 @@ CURVED_OUTPUT = Model(
 )
 
 BOX = {"x1": [-0.5, 0.6], "x2": [-0.4, 0.8]}
-SATURATED = replace(
-    VAN_DER_POL, copy=saturated(van_der_pol_copy, list(BOX.values())), observer={"saturation": BOX}
-)
+SATURATED = replace(VAN_DER_POL, copy=saturated(van_der_pol_copy, list(BOX.values())), observer={"saturation": BOX})
 
 
 def saturated_contois(t, x):
@@ -202,9 +200,7 @@ def saturated_contois(t, x):
     return CONTOIS.f(t, w) + np.array([slope * (x[1] - w[1]), 0])
 
 
-SATURATED_CONTOIS = replace(
-    CONTOIS, copy=saturated_contois, observer={"saturation": {"x1": [0.5, 1.4], "x2": [5, 12]}}
-)
+SATURATED_CONTOIS = replace(CONTOIS, copy=saturated_contois, observer={"saturation": {"x1": [0.5, 1.4], "x2": [5, 12]}})
 
 MODELS = {
     "contois": CONTOIS,
@@ -285,9 +281,7 @@ def sampled(times, noise=counted, **more):
 PERIODIC = {"sampling": {"period": 0.25}, "noise": COUNTED}
 SCENARIOS = {
     "continuous, sinusoids": Scenario({"noise": TWO_SINES}, {"noise": two_sines}),
-    "continuous, expression": Scenario(
-        {"noise": [{"type": "expression", "value": "0.1*sin(3*t)"}]}, {"noise": sine}
-    ),
+    "continuous, expression": Scenario({"noise": [{"type": "expression", "value": "0.1*sin(3*t)"}]}, {"noise": sine}),
     "continuous, held": Scenario({"noise": HELD}, {"noise": held, "events": HOLD_CHANGES}),
     "continuous, multiplicative": Scenario(
         {"noise": SINE, "mode": "multiplicative"}, {"noise": sine, "multiplicative": True}
@@ -310,18 +304,10 @@ SCENARIOS = {
     ),
     "sampled": Scenario(PERIODIC, sampled(EVERY)),
     "sampled, drawn": Scenario(PERIODIC | {"noise": DRAWN}, sampled(EVERY, drawn)),
-    "sampled, held": Scenario(
-        PERIODIC | {"noise": HELD}, sampled(EVERY, lambda times: [held(t, t) for t in times])
-    ),
-    "sampled, multiplicative": Scenario(
-        PERIODIC | {"mode": "multiplicative"}, sampled(EVERY, multiplicative=True)
-    ),
-    "sampled, offset": Scenario(
-        {"sampling": {"period": 0.25, "offset": 0.35}, "noise": COUNTED}, sampled(LATER)
-    ),
-    "sampled, listed": Scenario(
-        {"sampling": {"times": IRREGULAR.tolist()}, "noise": COUNTED}, sampled(IRREGULAR)
-    ),
+    "sampled, held": Scenario(PERIODIC | {"noise": HELD}, sampled(EVERY, lambda times: [held(t, t) for t in times])),
+    "sampled, multiplicative": Scenario(PERIODIC | {"mode": "multiplicative"}, sampled(EVERY, multiplicative=True)),
+    "sampled, offset": Scenario({"sampling": {"period": 0.25, "offset": 0.35}, "noise": COUNTED}, sampled(LATER)),
+    "sampled, listed": Scenario({"sampling": {"times": IRREGULAR.tolist()}, "noise": COUNTED}, sampled(IRREGULAR)),
     "sampled, stepped": Scenario(
         {"sampling": {"steps": "0.1 + 0.05*k"}, "noise": COUNTED},
         sampled(np.concatenate([[0], np.cumsum(0.1 + 0.05 * np.arange(9))])),
@@ -344,9 +330,7 @@ def observers(model: Model, **more: Any) -> dict[str, Any]:
     """The standard observer as S, the filtered ones as F0 .. F3."""
     common = {"theta": THETA, "initial": dict(zip(model.states, model.xhat0, strict=True))}
     common |= model.observer | more
-    return {"S": {"type": "shgo", **common}} | {
-        f"F{r}": {"type": "fhgo2", "r": r, **common} for r in range(4)
-    }
+    return {"S": {"type": "shgo", **common}} | {f"F{r}": {"type": "fhgo2", "r": r, **common} for r in range(4)}
 
 
 def configuration(model: Model, measurement: dict[str, Any], **more: Any) -> dict[str, Any]:
@@ -442,9 +426,7 @@ def test_initial_filter_state_gains_and_theta(name, tmp_path):
     eta0, gains = [0.3, -0.2], [3.0, 4.0, 2.5, 1.0]
     scenario = SCENARIOS[name]
     config = configuration(VAN_DER_POL, scenario.block)
-    config["observers"] = {
-        "F": {"type": "fhgo2", "r": 2, "theta": 2.2, "gains": gains, "internal": {"eta": eta0}}
-    }
+    config["observers"] = {"F": {"type": "fhgo2", "r": 2, "theta": 2.2, "gains": gains, "internal": {"eta": eta0}}}
     result = run(tmp_path, config)
     common = {"theta": 2.2, "gains": gains, "r": 2, "eta0": eta0, "t_end": END, "step": STEP}
     model = replace(VAN_DER_POL, xhat0=[0.0, 0.0])
@@ -562,9 +544,9 @@ def test_recorded_continuous_measurements(tmp_path):
         taken = np.maximum(result.time - lags, 0)
         np.testing.assert_array_equal(seen.time, result.time)
         np.testing.assert_allclose(seen.taken[:, 0], taken, rtol=0, atol=1e-15)
-        past = solve_ivp(
-            VAN_DER_POL.f, (0, END), VAN_DER_POL.x0, dense_output=True, rtol=1e-11, atol=1e-12
-        ).sol(taken)[0]
+        past = solve_ivp(VAN_DER_POL.f, (0, END), VAN_DER_POL.x0, dense_output=True, rtol=1e-11, atol=1e-12).sol(taken)[
+            0
+        ]
         v = np.array([options["noise"](t, t) for t in result.time])
         noisy = past * (1 + v) if options.get("multiplicative") else past + v
         np.testing.assert_allclose(seen.y[:, 0], noisy, rtol=0, atol=1e-6, err_msg=name)
@@ -580,9 +562,7 @@ def test_signal_to_noise_ratio(tmp_path):
         y = result.y[:, 0]
         mean_square = np.trapezoid(y**2, result.time) / END
         draws = generator(0, "noise", "x1/0", 0).normal(0, 1, 16)
-        np.testing.assert_allclose(
-            result.measurements.y[:, 0] - y[::20], draws * np.sqrt(mean_square / 100), rtol=1e-4
-        )
+        np.testing.assert_allclose(result.measurements.y[:, 0] - y[::20], draws * np.sqrt(mean_square / 100), rtol=1e-4)
 
 
 # ---- against DOP853 ----

@@ -91,8 +91,7 @@ def _described(name: str, kind: str, cls: type[Any]) -> dict[str, Any]:
     if issubclass(cls, Plant):
         found["valid"] = cls.valid
         found["parameters"] = {
-            n: {"default": q.default, "unit": q.unit, "meaning": q.meaning}
-            for n, q in cls.known_parameters.items()
+            n: {"default": q.default, "unit": q.unit, "meaning": q.meaning} for n, q in cls.known_parameters.items()
         }
         found["inputs"] = {n: {"unit": q.unit, "meaning": q.meaning} for n, q in cls.known_inputs.items()}
     return found

@@ -10,8 +10,8 @@ from hgorun.commands.run import RESULTS, execute, warn
 from hgorun.config.expressions import nearest
 from hgorun.errors import ConfigError
 from hgorun.loading import load
-from hgorun.shipped import experiments
 from hgorun.run import Run
+from hgorun.shipped import experiments
 from hgorun.simulation import prepare
 
 

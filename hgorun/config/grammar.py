@@ -168,9 +168,7 @@ def _foreign(token: str) -> str:
         return f"`{short(token)}` is not in the grammar: {hint}"
     name = unicodedata.name(token, "no character")
     hint = _LOOKALIKES.get(token) or name.partition("GREEK SMALL LETTER ")[2].lower()
-    return f"`{short(token)}` (U+{ord(token):04X}, {name}) is not ASCII" + (
-        f": write `{hint}`" if hint else ""
-    )
+    return f"`{short(token)}` (U+{ord(token):04X}, {name}) is not ASCII" + (f": write `{hint}`" if hint else "")
 
 
 def _check_neighbours(left: re.Match[str], right: re.Match[str]) -> None:
@@ -232,9 +230,7 @@ class Reader:
             case ast.UnaryOp(op=sign, operand=operand):
                 return Call(_SIGNS[type(sign)], (self.read(operand, depth + 1),))
             case ast.Compare(left=left, ops=signs, comparators=others):
-                links = [
-                    (_SIGNS[type(s)], self.read(o, depth + 1)) for s, o in zip(signs, others, strict=True)
-                ]
+                links = [(_SIGNS[type(s)], self.read(o, depth + 1)) for s, o in zip(signs, others, strict=True)]
                 return Comparison(self.read(left, depth + 1), tuple(links))
             case ast.BoolOp(op=sign, values=parts):
                 return Call(_SIGNS[type(sign)], tuple(self.read(part, depth + 1) for part in parts))
@@ -269,9 +265,7 @@ class Reader:
             if name in CONSTANTS or (self.allowed is not None and name in self.allowed):
                 raise ExpressionError(f"`{name}` is not a function: a product is written `{name}*(...)`")
             hint = nearest(name, FUNCTIONS) or f" A product is written `{short(name)}*(...)`."
-            raise ExpressionError(
-                f"there is no function `{short(name)}`.{hint} Functions: {', '.join(FUNCTIONS)}"
-            )
+            raise ExpressionError(f"there is no function `{short(name)}`.{hint} Functions: {', '.join(FUNCTIONS)}")
         low, high = _ARGUMENTS.get(name, (1, 1))
         if not low <= count <= high:
             raise ExpressionError(f"`{name}` was given {count} arguments, but it is {FUNCTIONS[name]}")

@@ -55,9 +55,7 @@ class UniformNoise(Block):
     type: Literal["uniform"]
     low: Number
     high: Number
-    hold: Positive | None = Field(
-        default=None, description="a new draw every hold from start, constant between"
-    )
+    hold: Positive | None = Field(default=None, description="a new draw every hold from start, constant between")
 
     @model_validator(mode="after")
     def _order(self) -> UniformNoise:
@@ -75,9 +73,7 @@ class GaussianNoise(Block):
         default=None,
         description="variance = mean of the noise-free output squared over the run / 10^(snr_db/10)",
     )
-    hold: Positive | None = Field(
-        default=None, description="a new draw every hold from start, constant between"
-    )
+    hold: Positive | None = Field(default=None, description="a new draw every hold from start, constant between")
 
     @model_validator(mode="after")
     def _one(self) -> GaussianNoise:
@@ -95,9 +91,7 @@ class Periodic(Block):
     period: Positive
     offset: NonNegative = 0.0
     jitter: NonNegative = Field(default=0.0, description="uniform on +-jitter")
-    dropout: Annotated[NonNegative, Field(le=1)] = Field(
-        default=0.0, description="probability that a sample is lost"
-    )
+    dropout: Annotated[NonNegative, Field(le=1)] = Field(default=0.0, description="probability that a sample is lost")
 
 
 class Times(Block):
@@ -124,19 +118,13 @@ def _sampling(value: Any) -> Any:
     if value == "continuous" or isinstance(value, Block):
         return value
     if not isinstance(value, dict):
-        raise ValueError(
-            f"expected continuous or a mapping with period, times or steps, found {describe(value)}"
-        )
+        raise ValueError(f"expected continuous or a mapping with period, times or steps, found {describe(value)}")
     kinds: dict[str, type[Block]] = {"period": Periodic, "times": Times, "steps": Steps}
     found = [key for key in kinds if key in value]
     if len(found) != 1:
         raise ValueError(
             "expected exactly one of period, times and steps"
-            + (
-                f", found {' and '.join(found)}"
-                if found
-                else f", found {', '.join(map(str, value)) or 'none'}"
-            )
+            + (f", found {' and '.join(found)}" if found else f", found {', '.join(map(str, value)) or 'none'}")
         )
     return kinds[found[0]].model_validate(value)
 
@@ -163,9 +151,7 @@ class Phase(Availability):
 class Measurement(Availability):
     """What the observers are told: for all outputs, for some of them, and in phases of time."""
 
-    outputs: dict[Name, Availability] = Field(
-        default_factory=dict, description="overrides for single outputs"
-    )
+    outputs: dict[Name, Availability] = Field(default_factory=dict, description="overrides for single outputs")
     phases: tuple[Phase, ...] = Field(default=(), description="one after the other in time")
 
 
@@ -205,24 +191,18 @@ class Metrics(Block):
 
     window: Window | None = Field(default=None, description="steady window (default: the last two thirds)")
     transient: Window | None = Field(default=None, description="transient window (default: the first third)")
-    average: Positive | None = Field(
-        default=None, description="length of hf's moving mean (default: 1 % of the run)"
-    )
+    average: Positive | None = Field(default=None, description="length of hf's moving mean (default: 1 % of the run)")
     settling: Annotated[Positive, Field(lt=1)] = Field(
         default=0.05, description="settled below this part of the transient peak"
     )
-    record: Positive | None = Field(
-        default=None, description="spacing of the points measured (default: output_step)"
-    )
+    record: Positive | None = Field(default=None, description="spacing of the points measured (default: output_step)")
 
     @model_validator(mode="after")
     def _order(self) -> Metrics:
         for name in ("window", "transient"):
             window = getattr(self, name)
             if window is not None and not window[0] < window[1]:
-                raise ValueError(
-                    f"{name} must be [from, to] with from < to, found [{window[0]:g}, {window[1]:g}]"
-                )
+                raise ValueError(f"{name} must be [from, to] with from < to, found [{window[0]:g}, {window[1]:g}]")
         return self
 
 
@@ -233,9 +213,7 @@ class Panel(Block):
     error: str | None = Field(default=None, description="a plant state: estimate minus truth")
     output: str | None = Field(default=None, description="an output: its measurements and the truth")
     observers: tuple[str, ...] | None = Field(default=None, description="labels (default: all)")
-    measurements: bool = Field(
-        default=False, description="show the measurements of the state that is an output"
-    )
+    measurements: bool = Field(default=False, description="show the measurements of the state that is an output")
     window: Window | None = Field(default=None, description="time shown (default: the whole run)")
     limits: Window | None = Field(default=None, description="range of the vertical axis")
     title: str | None = None

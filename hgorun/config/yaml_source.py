@@ -25,14 +25,10 @@ MAX_DEPTH = 50
 _MAX_DIGITS = 300  # no float has more than 309; Python's int() refuses more than 4,300
 
 # U+0085, U+2028 and U+2029 end a line for YAML but not for editors: with them lines would be miscounted.
-_REFUSED = re.compile(
-    "[^\t\n\r\x20-\x7e\xa0-\u2027\u202a-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00010000-\U0010ffff]"
-)
+_REFUSED = re.compile("[^\t\n\r\x20-\x7e\xa0-\u2027\u202a-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00010000-\U0010ffff]")
 _LINE_BREAK = re.compile(r"\r\n?|\n")
 _INTEGER = re.compile(r"[-+]?[0-9]+")
-_NUMBER = re.compile(
-    r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?|[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)"
-)
+_NUMBER = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?|[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)")
 _WORDS = {
     **dict.fromkeys(("", "~", "null", "Null", "NULL")),
     **dict.fromkeys(("true", "True", "TRUE"), True),
@@ -172,9 +168,7 @@ class _Builder:
 
     def take_key(self, event: yaml.NodeEvent, path: KeyPath, parent: dict[str, Any], line: int) -> None:
         if event.anchor is not None:
-            raise self.error(
-                "a key cannot be an anchor or an alias; an anchor stands after the `:`", line, path
-            )
+            raise self.error("a key cannot be an anchor or an alias; an anchor stands after the `:`", line, path)
         if not isinstance(event, yaml.ScalarEvent):
             raise self.error("a key is text, not a list or a mapping", line, path)
         key = str(event.value)

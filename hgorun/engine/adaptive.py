@@ -70,9 +70,7 @@ def _add_advance(s: Stepper) -> None:
     t = f.load(real["now"])
     at_start = f.test("oeq", t, s.start)
     s.tick(f.let(f"select i1 {at_start}, double {s.start_eval}, double {t}"), s.clock[0.0])
-    s.slope_at_end(
-        f.let(f"select i1 {at_start}, double {s.start_eval}, double {t}"), s.clock[0.0], finished="1"
-    )
+    s.slope_at_end(f.let(f"select i1 {at_start}, double {s.start_eval}, double {t}"), s.clock[0.0], finished="1")
     with f.loop() as after:
         t = f.load(real["now"])
         f.leave_if(f.test("oge", t, s.end), after)
@@ -117,9 +115,7 @@ def _add_advance(s: Stepper) -> None:
         move(f, s.k[0], s.slope, s.size)
         move(f, s.trace_before, s.trace, 2 * s.width // m.lanes)
         f.store(f.scalar("fmul", h, _factor(s, worst, hexadecimal(1.0))), real["step"])
-        smallest = f.scalar(
-            "fmul", f.let(f"call double @llvm.fabs.f64(double {s.end})"), hexadecimal(_SMALLEST)
-        )
+        smallest = f.scalar("fmul", f.let(f"call double @llvm.fabs.f64(double {s.end})"), hexadecimal(_SMALLEST))
         with f.when(f.test("ole", h, smallest)):
             f.leave_if(f.test("ugt", blocks[0], hexadecimal(1.0)), small)
             _mask_failing(s, blocks[1:], t_new)

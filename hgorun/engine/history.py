@@ -123,9 +123,7 @@ class History:
             if what == DELAYED:
                 then = f.scalar("fsub", t, f.word(delays, i * lanes, "double"))
                 target = f.at(w, (i * s.held_width + OUTPUT) * lanes)
-                outcome = f.call(
-                    "recall", f"ptr %ctx, i64 {i}, double {then}, i64 {newest}, ptr {target}", "i64"
-                )
+                outcome = f.call("recall", f"ptr %ctx, i64 {i}, double {then}, i64 {newest}, ptr {target}", "i64")
                 f.store(f.scalar("or", f.load(flags, "i64"), outcome), flags, "i64")
 
     def follow(self, f: Function, t: str, z: str, slope: str, target: str) -> None:

@@ -63,9 +63,7 @@ class Block:
         if self.lanes == 1:
             return scalar
         one = self.let(f"insertelement {self.real} poison, double {scalar}, i64 0")
-        return self.let(
-            f"shufflevector {self.real} {one}, {self.real} poison, <{self.lanes} x i32> zeroinitializer"
-        )
+        return self.let(f"shufflevector {self.real} {one}, {self.real} poison, <{self.lanes} x i32> zeroinitializer")
 
     def add(self, a: str, b: str) -> str:
         return self.let(f"fadd {self.real} {a}, {b}")
@@ -187,9 +185,7 @@ class Function(Block):
     def test(self, predicate: str, a: str, b: str) -> str:
         """Compare scalars: ``slt``, ``eq``, ... integers; ``olt``, ``ugt``, ... doubles."""
         integer = predicate in {"eq", "ne", "slt", "sle", "sgt", "sge"}
-        return self.let(
-            f"{'icmp' if integer else 'fcmp'} {predicate} {'i64' if integer else 'double'} {a}, {b}"
-        )
+        return self.let(f"{'icmp' if integer else 'fcmp'} {predicate} {'i64' if integer else 'double'} {a}, {b}")
 
     def label(self) -> str:
         self._labels += 1

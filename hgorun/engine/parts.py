@@ -33,12 +33,8 @@ class Module:
         self._offset: dict[str, int] = {}
         self._emitted: list[Emitted] = []
 
-    def function(
-        self, name: str, arguments: str, *, returns: str = "void", attributes: str = "nounwind"
-    ) -> Function:
-        return Function(
-            name, arguments, self.lanes, self.declarations, returns=returns, attributes=attributes
-        )
+    def function(self, name: str, arguments: str, *, returns: str = "void", attributes: str = "nounwind") -> Function:
+        return Function(name, arguments, self.lanes, self.declarations, returns=returns, attributes=attributes)
 
     def finish(self, f: Function, linkage: str = "internal") -> None:
         self.functions.append(f.text(linkage))
@@ -189,9 +185,7 @@ def _add_jump(m: Module, number: int) -> None:
 def add_flag(m: Module) -> None:
     """``flag(ctx, t, z, bound)``: mask the observers that have left the bound; 1 when the plant has."""
     lanes = m.lanes
-    f = m.function(
-        "flag", "ptr %ctx, double %t, ptr %z, ptr %bound", returns="i64", attributes="nounwind noinline"
-    )
+    f = m.function("flag", "ptr %ctx, double %t, ptr %z, ptr %bound", returns="i64", attributes="nounwind noinline")
     bad = f.slot("i64")
 
     def watch(start: str, stop: str, lane: str, bound: str) -> str:

@@ -146,9 +146,7 @@ class Program:
         ir, self._constants = generate(structure, method, adaptive=adaptive, lanes=lanes)
         self._native = NativeModule(ir, ("begin", "run"))
         self._begin = ctypes.CFUNCTYPE(None, ctypes.c_void_p)(self._native.address["begin"])
-        self._run = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p, ctypes.c_int64)(
-            self._native.address["run"]
-        )
+        self._run = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p, ctypes.c_int64)(self._native.address["run"])
 
     def run(
         self,
@@ -214,9 +212,7 @@ class _Memory:
         pieces = self._pieces(plan, tolerance) if s.remembers else 1
         ring = np.zeros(pieces * piece_words(channels, lanes) if s.remembers else 1)
         alpha = [[block[1] + i for block in s.blocks] for i in range(s.outputs)] if s.has_alpha else [[]]
-        entries = np.array(
-            [e * lanes + lane for row in alpha for e in row for lane in range(lanes)], dtype=np.int64
-        )
+        entries = np.array([e * lanes + lane for row in alpha for e in row for lane in range(lanes)], dtype=np.int64)
         self.shape = (plan.grid.size, s.states, lanes)
         self.arrays: dict[str, np.ndarray] = {
             "p": np.ascontiguousarray(start.p, dtype=float),
@@ -226,9 +222,7 @@ class _Memory:
             "channels": np.zeros(max(channels, 1) * lanes),
             "spans": np.ascontiguousarray(plan.spans),
             "counts": np.ascontiguousarray(plan.counts),
-            "actions": np.ascontiguousarray(plan.actions)
-            if plan.actions.size
-            else np.zeros(5, dtype=np.int64),
+            "actions": np.ascontiguousarray(plan.actions) if plan.actions.size else np.zeros(5, dtype=np.int64),
             "grid": np.append(plan.grid, np.inf),
             "rows": np.full(self.shape, np.nan),
             "slots": np.zeros(max(plan.slots, 1) * s.width * lanes),

@@ -193,9 +193,7 @@ class Stepper:
         f = self.f
         size_of = f.let(f"call double @llvm.fabs.f64(double {self.end})")
         self.m.declarations.add("declare double @llvm.fabs.f64(double)")
-        snap = f.scalar(
-            "fadd", f.scalar("fmul", h, hexadecimal(1e-9)), f.scalar("fmul", size_of, hexadecimal(1e-15))
-        )
+        snap = f.scalar("fadd", f.scalar("fmul", h, hexadecimal(1e-9)), f.scalar("fmul", size_of, hexadecimal(1e-15)))
         due = f.word(f.word("%ctx", WORD["grid"], "ptr"), f.word("%ctx", WORD["row"]), "double")
         with f.when(f.test("olt", due, f.scalar("fsub", t1, snap))):
             quintic = "null"

@@ -87,9 +87,7 @@ def state_limits(
     spans = [(float(v.min()), float(v.max())) for v in truths if v.size]
     central = [np.quantile(v, (0.01, 0.99)) for v in healthy if v.size]
     if not spans:  # without a truth
-        spans = [(float(a), float(b)) for a, b in central] or [
-            (float(v[0]), float(v[0])) for v in lost if v.size
-        ]
+        spans = [(float(a), float(b)) for a, b in central] or [(float(v[0]), float(v[0])) for v in lost if v.size]
     if not spans:
         return None
     floor, ceiling = min(a for a, _ in spans), max(b for _, b in spans)

@@ -146,9 +146,7 @@ def _level(axes: list[list[Axes]], panels: Sequence[Panel]) -> None:
             ax.set_ylim(min(low for low, _ in ranges), max(high for _, high in ranges))
 
 
-def _grid(
-    rows: int, columns: int, width: float, height: float, *, share: bool
-) -> tuple[Figure, list[list[Axes]]]:
+def _grid(rows: int, columns: int, width: float, height: float, *, share: bool) -> tuple[Figure, list[list[Axes]]]:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 

@@ -76,9 +76,7 @@ def check(
         smallest = {"width": NARROWEST, "height": LOWEST[0] + LOWEST[1] * len(figure.panels)}
         for key, inches in (("width", figure.width), ("height", figure.height)):
             if inches is not None and not smallest[key] <= inches <= LARGEST:
-                raise Problem(
-                    (*path, key), f"expected {smallest[key]:g} to {LARGEST:g} inches, found {inches:g}"
-                )
+                raise Problem((*path, key), f"expected {smallest[key]:g} to {LARGEST:g} inches, found {inches:g}")
         for i, panel in enumerate(figure.panels):
             _check_panel(panel, known, (*path, "panels", i))
 
@@ -92,9 +90,7 @@ def _check_panel(panel: Panel, known: Names, path: tuple[str | int, ...]) -> Non
     ):
         if found is not None and found not in allowed:
             hint = nearest(found, allowed)
-            raise Problem(
-                (*path, key), f"no {kind} is called {found!r}.{hint} Known: {', '.join(allowed) or 'none'}"
-            )
+            raise Problem((*path, key), f"no {kind} is called {found!r}.{hint} Known: {', '.join(allowed) or 'none'}")
     if panel.output is not None and panel.observers is not None:
         raise Problem(
             (*path, "observers"),
@@ -111,9 +107,7 @@ def _check_panel(panel: Panel, known: Names, path: tuple[str | int, ...]) -> Non
         )
     for key, interval in (("window", panel.window), ("limits", panel.limits)):
         if interval is not None and not interval[0] < interval[1]:
-            raise Problem(
-                (*path, key), f"expected [from, to] with from < to, found [{interval[0]:g}, {interval[1]:g}]"
-            )
+            raise Problem((*path, key), f"expected [from, to] with from < to, found [{interval[0]:g}, {interval[1]:g}]")
     if panel.window is not None and known.span is not None:
         start, end = known.span
         if panel.window[1] <= start or panel.window[0] >= end:

@@ -127,8 +127,7 @@ def _require_outputs(given: Any, outputs: Sequence[str], path: Path) -> None:
         if name not in outputs:
             raise Problem(
                 (*path, name),
-                f"unknown output {name!r}; the plant's outputs are {', '.join(outputs)}."
-                + nearest(name, outputs),
+                f"unknown output {name!r}; the plant's outputs are {', '.join(outputs)}." + nearest(name, outputs),
             )
 
 
@@ -159,9 +158,7 @@ def _stretch(start: float, end: float, values: dict[str, Any], paths: dict[str, 
         if isinstance(item, ExpressionNoise):
             _check(stretch, (*path, "value"), item.value, ("t",) if stretch.continuous else ("t", "k"))
         elif stretch.continuous and not isinstance(item, Sinusoids) and item.hold is None:
-            raise Problem(
-                path, f"{item.type} noise on a continuous measurement needs hold: the time between two draws"
-            )
+            raise Problem(path, f"{item.type} noise on a continuous measurement needs hold: the time between two draws")
     return stretch
 
 

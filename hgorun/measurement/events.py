@@ -41,9 +41,7 @@ def kink_arguments(expressions: Iterable[ca.SX]) -> list[ca.SX]:
     return found
 
 
-def roots(
-    functions: list[Callable[[np.ndarray], np.ndarray]], start: float, end: float, points: int
-) -> np.ndarray:
+def roots(functions: list[Callable[[np.ndarray], np.ndarray]], start: float, end: float, points: int) -> np.ndarray:
     """Zeros of functions of time between start and end, both ends included, to the last digit.
 
     Zeros closer to each other than the spacing of ``points`` may be missed.

@@ -104,9 +104,7 @@ class _Actions:
     def __init__(self, schedule: Schedule, structure: Structure) -> None:
         events = schedule.events
         rebase = structure.has_alpha and not structure.remembers
-        parts = [
-            np.zeros((0, 7), dtype=np.int64)
-        ]  # event, rank at the event, then the engine's five integers
+        parts = [np.zeros((0, 7), dtype=np.int64)]  # event, rank at the event, then the engine's five integers
         gain, bias, holds = [np.zeros(0)], [np.zeros(0)], [np.zeros(0)]
         base, held = 0, 0
         for i, c in enumerate(schedule.channels):
@@ -118,9 +116,7 @@ class _Actions:
             parts.append(_rows(arrive, 1, np.where(heard, ARRIVE, RECORD), i, slot))
             if rebase:
                 pending = base + _taken_by(take, arrive)
-                parts.append(
-                    _rows(arrive, 2, REBASE, i, slot, slot + 1, np.maximum(pending, slot + 1))[s.used]
-                )
+                parts.append(_rows(arrive, 2, REBASE, i, slot, slot + 1, np.maximum(pending, slot + 1))[s.used])
             g, b = _measured(c)
             gain.append(g)
             bias.append(b)

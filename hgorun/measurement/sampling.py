@@ -85,10 +85,7 @@ def _arrivals(stretch: Stretch, random: np.random.Generator, most: int) -> tuple
             raise Problem((*path, "times"), f"no sample lies between {stretch.start:g} and {stretch.end:g}")
         return times, np.arange(times.size)
     if isinstance(sampling, Periodic):
-        count = (
-            np.floor((stretch.end - stretch.start - sampling.offset) / sampling.period * (1 + 1e-12) + 1e-9)
-            + 1
-        )
+        count = np.floor((stretch.end - stretch.start - sampling.offset) / sampling.period * (1 + 1e-12) + 1e-9) + 1
         if count > most:
             raise Problem((*path, "period"), f"{count:.3g} samples are more than time.max_memory allows")
         k = np.arange(max(int(count), 0))
@@ -119,9 +116,7 @@ def _stepped(stretch: Stretch, path: tuple[str | int, ...], most: int) -> tuple[
             first = int(np.argmax(bad))
             reached = times[-1] + values[:first].sum()
             if reached <= stretch.end:
-                raise Problem(
-                    path, f"steps must be positive, found {values[first]:g} at k = {numbers[first]}"
-                )
+                raise Problem(path, f"steps must be positive, found {values[first]:g} at k = {numbers[first]}")
             values = values[:first]
         times = np.concatenate([times, times[-1] + np.cumsum(values)])
         if times.size > most:

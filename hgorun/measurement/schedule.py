@@ -92,9 +92,7 @@ def find_channels(
             for j, item in enumerate(stretch.noise):
                 hold = getattr(item, "hold", None)
                 if hold is not None and (time.end - time.start) / hold > most:
-                    raise Problem(
-                        (*stretch.paths["noise"], j, "hold"), "more draws than time.max_memory allows"
-                    )
+                    raise Problem((*stretch.paths["noise"], j, "hold"), "more draws than time.max_memory allows")
         samples = find_samples(stretches, time.start, seed, name, most)
         random = [
             RandomNoise(s, seed, f"{name}/{k}", time.start, time.end, partial(mean_square, i))
@@ -123,16 +121,12 @@ def check_delays(channels: list[Channel], points: int) -> tuple[float, float]:
         delays = s.delay_at(times)
         if not np.all(np.isfinite(delays)) or np.any(delays < 0):
             where = times[np.argmin(np.where(np.isfinite(delays), delays, -np.inf))]
-            raise Problem(
-                s.paths["delay"], f"the delay must be a number >= 0, found {delays.min():g} at t = {where:g}"
-            )
+            raise Problem(s.paths["delay"], f"the delay must be a number >= 0, found {delays.min():g} at t = {where:g}")
         smallest, largest = min(smallest, float(delays.min())), max(largest, float(delays.max()))
     return smallest, largest
 
 
-def build_schedule(
-    channels: list[Channel], time: Time, kinks: np.ndarray, step: float, points: int
-) -> Schedule:
+def build_schedule(channels: list[Channel], time: Time, kinks: np.ndarray, step: float, points: int) -> Schedule:
     """Collect all events of a run.
 
     Parameters

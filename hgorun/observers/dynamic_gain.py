@@ -43,9 +43,7 @@ class DynamicGain(OutputInjection):
     def design(self, form: LowerTriangularForm) -> dict[str, np.ndarray]:
         start = self._start()
         if start < 1:
-            raise Problem(
-                ("internal", "theta"), f"theta starts at 1 or above, found {start:g}: (8) keeps it there"
-            )
+            raise Problem(("internal", "theta"), f"theta starts at 1 or above, found {start:g}: (8) keeps it there")
         return {
             "l": self.injection(form),
             "a": np.array(self.a),
@@ -54,7 +52,7 @@ class DynamicGain(OutputInjection):
         }
 
     def states(self, form: LowerTriangularForm) -> dict[str, np.ndarray | Symmetric]:
-        return {"theta": np.ones(1)}
+        return {"theta": np.array(1.0)}
 
     def theta_rate(self, theta: ca.SX, decay: ca.SX, y: ca.SX, n: int, k: SimpleNamespace) -> ca.SX:
         """(8), with ``decay`` in the place of a."""
@@ -94,9 +92,7 @@ class DynamicGainObserver(DynamicGain):
         y = plant.output(s.xhat) - e
         kappa = plant.Theta(s.theta) @ plant.along(k.l) * e
         theta_rate = self.theta_rate(s.theta, k.a, y, plant.n, k)
-        return Flow(
-            {"xhat": plant.copy(s.xhat) - kappa, "theta": theta_rate}, correction=plant.measured(kappa)
-        )
+        return Flow({"xhat": plant.copy(s.xhat) - kappa, "theta": theta_rate}, correction=plant.measured(kappa))
 
 
 def certificate(l: Sequence[float], a: float, b: float, q: float) -> np.ndarray | None:  # noqa: E741

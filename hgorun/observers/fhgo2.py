@@ -37,9 +37,7 @@ class FilteredObserver2(ConstantGain):
 
     reference = "Robles Magdaleno 2023, (3.33), (3.64)-(3.67), (3.144)-(3.146)"
 
-    r: int = Field(
-        default=1, ge=0, le=20, strict=True, description="order of the filter, r >= 0; 0 is the SHGO"
-    )
+    r: int = Field(default=1, ge=0, le=20, strict=True, description="order of the filter, r >= 0; 0 is the SHGO")
 
     def design(self, form: CanonicalForm) -> dict[str, np.ndarray]:
         K_r, K_n = self.chain_gains(form, self.r)

@@ -54,9 +54,7 @@ class FilteredObserver2TimeVarying(RiccatiGain):
 
     reference = "Robles Magdaleno 2023, (3.97)-(3.103), (3.133), (3.134)"
 
-    r: int = Field(
-        default=1, ge=0, le=20, strict=True, description="order of the filter, r >= 0; 0 is shgo_riccati"
-    )
+    r: int = Field(default=1, ge=0, le=20, strict=True, description="order of the filter, r >= 0; 0 is shgo_riccati")
     gain: Literal["reduced", "full"] = Field(
         default="reduced", description="reduced integrates U and P of (3.133), full S of (3.99)"
     )

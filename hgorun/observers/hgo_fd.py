@@ -77,6 +77,7 @@ class ForwardDifferenceObserver(PlacedGain, DiscreteObserver):
     form = staticmethod(integrator_chain)
 
     eps: Positive = Field(description="eps > 0: the error's eigenvalues are the poles over eps")
+
     def H_0(self, n: int) -> np.ndarray:
         """The gain of a chain of n integrators, shape (n,); it makes A_0 Hurwitz."""
         H_0 = self.gain(n)

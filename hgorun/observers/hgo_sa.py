@@ -47,13 +47,16 @@ class StochasticApproximationObserver(ForwardDifferenceObserver):
 
     reference = "Lee, Choi, Khalil 2016, (21)-(22), (36), (44)"
 
-    alpha: Positive | None = Field(default=None, description="with b: compared with the schedule, a(k) = alpha eps b(k)")
+    alpha: Positive | None = Field(
+        default=None, description="with b: compared with the schedule, a(k) = alpha eps b(k)"
+    )
     b: ExpressionText | None = Field(default=None, description="b(k), expression of k, in (0, 1]")
 
     def check_samples(self, form: CanonicalForm, samples: SampleSchedule) -> None:
-        if samples.steps is not None:
-            self._check_steps(samples)
         steps = samples.intervals
+        longest = float(np.max(steps, initial=0.0))
+        if samples.steps is not None:
+            longest = self._check_steps(samples)
         if self.alpha is not None and self.b is not None and steps.size:
             expected = self.alpha * self.eps * self._values(self.b, np.arange(steps.size), ("b",))
             wrong = ~(np.abs(steps - expected) <= 1e-6 * np.abs(steps))
@@ -65,9 +68,9 @@ class StochasticApproximationObserver(ForwardDifferenceObserver):
                     "write sampling: {steps: alpha*eps*b(k)} with these numbers",
                 )
         poles = eigenvalues(self.H_0(form.plant.n))
-        largest = float(np.max(steps, initial=0.0)) / self.eps
+        largest = longest / self.eps
         radius = np.max(np.abs(1 + largest * poles))
-        if steps.size and not radius < 1 - 1e-12:  # roots are rounded
+        if longest > 0 and not radius < 1 - 1e-12:  # roots are rounded
             bound = np.min(-2 * poles.real / np.abs(poles) ** 2)
             raise Problem(
                 samples.path,
@@ -75,8 +78,8 @@ class StochasticApproximationObserver(ForwardDifferenceObserver):
                 f"stay bounded; found a/eps = alpha b = {largest:.6g}, expected less than {bound:.6g}",
             )
 
-    def _check_steps(self, samples: SampleSchedule) -> None:
-        """(A.2), as far as numbers tell."""
+    def _check_steps(self, samples: SampleSchedule) -> float:
+        """(A.2), as far as numbers tell; the longest step, a(0)."""
         assert samples.steps is not None
         path = (*samples.path, "steps")
         early, late = np.arange(_FIRST), 2.0 ** np.arange(np.ceil(np.log2(_FIRST)), _LAST + 1)
@@ -103,6 +106,7 @@ class StochasticApproximationObserver(ForwardDifferenceObserver):
                 f"the steps {falls}: the sum of their squares diverges, the noise does not average out (A.2); "
                 "expected k^-p with 1/2 < p <= 1. The observer with a constant step is hgo_fd",
             )
+        return float(a[0])
 
     @staticmethod
     def _values(text: str, numbers: np.ndarray, path: tuple[str | int, ...]) -> np.ndarray:

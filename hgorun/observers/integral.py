@@ -38,9 +38,7 @@ class IntegralObserver(ConstantGain):
 
     reference = "Farza, Ragoubi, Hadj Saïd, M'Saad 2021; Robles Magdaleno 2023, (3.32)"
 
-    r: int = Field(
-        default=1, ge=0, le=20, strict=True, description="number of integrators, r >= 0; 0 is the SHGO"
-    )
+    r: int = Field(default=1, ge=0, le=20, strict=True, description="number of integrators, r >= 0; 0 is the SHGO")
 
     def design(self, form: CanonicalForm) -> dict[str, np.ndarray]:
         K_r, K_n = self.chain_gains(form, self.r)

@@ -30,13 +30,9 @@ def phase_variable_form(plant: PlantModel, at: np.ndarray, parameters: np.ndarra
     """
     form = canonical_form(plant, at, parameters)
     if len(form.chains) > 1:
-        raise NotObservableForm(
-            f"low_power is for one output, found {', '.join(plant.outputs)}; take treangle"
-        )
+        raise NotObservableForm(f"low_power is for one output, found {', '.join(plant.outputs)}; take treangle")
     if plant.n < 2:
-        raise NotObservableForm(
-            "low_power is n - 1 blocks of two states and needs n >= 2, found n = 1; take shgo"
-        )
+        raise NotObservableForm("low_power is n - 1 blocks of two states and needs n >= 2, found n = 1; take shgo")
     for i in range(plant.n - 1):
         if form.identity:
             alone = ca.simplify(plant.dynamics[i] - plant.x[i + 1]).is_zero()
@@ -77,9 +73,7 @@ class LowPowerObserver(ConstantGain):
     reference = "Astolfi, Marconi 2015"
     form = staticmethod(phase_variable_form)
 
-    gains: tuple[Number, ...] | None = Field(
-        default=None, description="k_11, k_12, k_21, k_22, ..., in place of poles"
-    )
+    gains: tuple[Number, ...] | None = Field(default=None, description="k_11, k_12, k_21, k_22, ..., in place of poles")
 
     def design(self, form: CanonicalForm) -> dict[str, np.ndarray]:
         return {"theta": np.array(self.theta), "K": self._blocks(form)}

@@ -46,16 +46,10 @@ class LowPassObserver(ConstantGain):
 
     reference = "Astolfi, Zaccarian, Jungers 2021; Robles Magdaleno 2023, (3.31)"
 
-    theta: Positive = Field(
-        description="high gain theta > 0: the error's eigenvalues are theta times those of F(rho)"
-    )
-    poles: Poles = Field(
-        default=complex(-1), description="eigenvalues of A - G C: a number (all there) or a list of n"
-    )
+    theta: Positive = Field(description="high gain theta > 0: the error's eigenvalues are theta times those of F(rho)")
+    poles: Poles = Field(default=complex(-1), description="eigenvalues of A - G C: a number (all there) or a list of n")
     gains: tuple[Number, ...] | None = Field(default=None, description="G, n numbers, in place of poles")
-    r: int = Field(
-        default=1, ge=0, le=20, strict=True, description="order of the filter, r >= 0; 0 is the SHGO"
-    )
+    r: int = Field(default=1, ge=0, le=20, strict=True, description="order of the filter, r >= 0; 0 is the SHGO")
     rho: Positive = Field(description="time constant of each filter times theta; F(rho) must be Hurwitz")
 
     def design(self, form: CanonicalForm) -> dict[str, np.ndarray]:
@@ -84,9 +78,7 @@ class LowPassObserver(ConstantGain):
             return
         gains = [self.gain(length) for length in set(form.chains)]
         if self.gains is not None and any(_abscissa(F(1.0, 0, G)) >= 0 for G in gains):
-            raise Problem(
-                ("gains",), "A - G C is not Hurwitz with these gains, so that F(rho) is not for small rho"
-            )
+            raise Problem(("gains",), "A - G C is not Hurwitz with these gains, so that F(rho) is not for small rho")
         limits = [largest_rho(self.rho, self.r, G) for G in gains if _abscissa(F(self.rho, self.r, G)) >= 0]
         if limits:
             raise Problem(

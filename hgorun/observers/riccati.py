@@ -39,8 +39,7 @@ class RiccatiGain(Observer):
     form = staticmethod(triangular_form)
 
     theta: Positive = Field(
-        description="high gain theta > 0: where the plant is uniformly observable the error decays like "
-        "exp(-theta t)"
+        description="high gain theta > 0: where the plant is uniformly observable the error decays like exp(-theta t)"
     )
 
     def rate(self, order: int) -> float:

@@ -47,9 +47,7 @@ class Academic(Plant):
     def output_names(self) -> tuple[str, ...]:
         return ("x1",)
 
-    def equations(
-        self, t: ca.SX, x: SimpleNamespace, u: SimpleNamespace, p: SimpleNamespace
-    ) -> tuple[Any, Any]:
+    def equations(self, t: ca.SX, x: SimpleNamespace, u: SimpleNamespace, p: SimpleNamespace) -> tuple[Any, Any]:
         f_1, f_2 = p.c_1 * ca.sin(p.omega_1 * t), p.c_2 * ca.sin(p.omega_2 * t)
         phi = ca.tanh(x.x1 * x.x2)
         return [

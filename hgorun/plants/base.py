@@ -60,9 +60,7 @@ class Plant(Block):
         return tuple(self.known_inputs)
 
     @abstractmethod
-    def equations(
-        self, t: ca.SX, x: SimpleNamespace, u: SimpleNamespace, p: SimpleNamespace
-    ) -> tuple[Any, Any]:
+    def equations(self, t: ca.SX, x: SimpleNamespace, u: SimpleNamespace, p: SimpleNamespace) -> tuple[Any, Any]:
         """(dynamics, outputs): the right-hand side of each state and each output, as lists."""
 
     @property

@@ -42,9 +42,7 @@ class GauthierBioreactor(Plant):
     def output_names(self) -> tuple[str, ...]:
         return ("eta1",)
 
-    def equations(
-        self, t: ca.SX, x: SimpleNamespace, u: SimpleNamespace, p: SimpleNamespace
-    ) -> tuple[Any, Any]:
+    def equations(self, t: ca.SX, x: SimpleNamespace, u: SimpleNamespace, p: SimpleNamespace) -> tuple[Any, Any]:
         g = p.mu * x.eta1 * x.eta2 / (p.k_c * x.eta1 + x.eta2)
         return [g - u.u * x.eta1, -g + u.u * (p.s_in - x.eta2)], [x.eta1]
 

@@ -73,9 +73,7 @@ def build_plant(block: Plant) -> BuiltPlant:
     ]
     dynamics, output = _equations(block, t, *spaces)
     there, back = block.triangular_coordinates or (None, None)
-    model = PlantModel(
-        states, outputs, inputs, tuple(values), t, x, u, p, dynamics, output, block.inverse, there, back
-    )
+    model = PlantModel(states, outputs, inputs, tuple(values), t, x, u, p, dynamics, output, block.inverse, there, back)
     symbols = {**vars(spaces[2]), "t": t}
     return BuiltPlant(
         block,
@@ -112,9 +110,7 @@ def _require_known(block: str, key: str, given: Collection[str], known: Collecti
     for name in given:
         if name not in known:
             allowed = ", ".join(known) or "none"
-            raise Problem(
-                (block, key, name), f"unknown name {name!r}; known here: {allowed}.{nearest(name, known)}"
-            )
+            raise Problem((block, key, name), f"unknown name {name!r}; known here: {allowed}.{nearest(name, known)}")
 
 
 def _require_distinct(groups: Mapping[str, tuple[str, ...]]) -> None:
@@ -122,9 +118,7 @@ def _require_distinct(groups: Mapping[str, tuple[str, ...]]) -> None:
     for group, names in groups.items():
         for name in names:
             if name in owner:
-                raise Problem(
-                    ("plant",), f"{name!r} is a name of {owner[name]} and of {group}; names must differ"
-                )
+                raise Problem(("plant",), f"{name!r} is a name of {owner[name]} and of {group}; names must differ")
             owner[name] = group
 
 
@@ -140,14 +134,10 @@ def _ordered(
             raise Problem((*path, name), str(error)) from error
     done: dict[str, Expression] = {}
     while len(done) < len(parsed):
-        ready = [
-            n for n, e in parsed.items() if n not in done and all(d in done for d in e.names if d in parsed)
-        ]
+        ready = [n for n, e in parsed.items() if n not in done and all(d in done for d in e.names if d in parsed)]
         if not ready:
             circle = sorted(set(parsed) - set(done))
-            raise Problem(
-                (*path, circle[0]), f"{', '.join(circle)} are defined through each other, in a circle"
-            )
+            raise Problem((*path, circle[0]), f"{', '.join(circle)} are defined through each other, in a circle")
         done.update({name: parsed[name] for name in ready})
     return list(done.items())
 
@@ -156,9 +146,7 @@ def _parameter_values(block: Plant) -> dict[str, float]:
     known = block.known_parameters
     if known:
         _require_known("plant", "parameters", block.parameters, known)
-    texts = {name: repr(q.default) for name, q in known.items() if q.default is not None} | dict(
-        block.parameters
-    )
+    texts = {name: repr(q.default) for name, q in known.items() if q.default is not None} | dict(block.parameters)
     missing = [name for name in known if name not in texts]
     if missing:
         raise Problem(("plant", "parameters"), f"the value of {', '.join(missing)} is missing")

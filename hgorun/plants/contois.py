@@ -41,9 +41,7 @@ class Contois(Plant):
     def output_names(self) -> tuple[str, ...]:
         return ("x1",)
 
-    def equations(
-        self, t: ca.SX, x: SimpleNamespace, u: SimpleNamespace, p: SimpleNamespace
-    ) -> tuple[Any, Any]:
+    def equations(self, t: ca.SX, x: SimpleNamespace, u: SimpleNamespace, p: SimpleNamespace) -> tuple[Any, Any]:
         g = p.mu * x.x1 * x.x2 / (p.k_c * x.x1 + x.x2)
         return [g - u.D * x.x1, -g + u.D * (p.s_in - x.x2)], [x.x1]
 

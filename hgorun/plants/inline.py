@@ -19,9 +19,7 @@ class InlinePlant(Plant):
     type: str = "inline"
     states: Annotated[tuple[Name, ...], NonEmpty] = Field(description="names of the states")
     dynamics: dict[Name, ExpressionText] = Field(description="state: right-hand side")
-    output: dict[str, ExpressionText] = Field(
-        description="expression, list of expressions, or name: expression"
-    )
+    output: dict[str, ExpressionText] = Field(description="expression, list of expressions, or name: expression")
 
     @field_validator("output", mode="before")
     @classmethod
@@ -30,9 +28,7 @@ class InlinePlant(Plant):
             value = [value]
         if isinstance(value, list):
             # an output that is not a name has its place as name
-            names = [
-                v if isinstance(v, str) and v.isidentifier() else f"y{i + 1}" for i, v in enumerate(value)
-            ]
+            names = [v if isinstance(v, str) and v.isidentifier() else f"y{i + 1}" for i, v in enumerate(value)]
             if len(set(names)) < len(names):
                 raise ValueError(f"outputs must differ, found {', '.join(names)}")
             value = dict(zip(names, value, strict=True))
@@ -63,9 +59,7 @@ class InlinePlant(Plant):
     def input_names(self) -> tuple[str, ...]:
         return tuple(self.inputs)
 
-    def equations(
-        self, t: ca.SX, x: SimpleNamespace, u: SimpleNamespace, p: SimpleNamespace
-    ) -> tuple[Any, Any]:
+    def equations(self, t: ca.SX, x: SimpleNamespace, u: SimpleNamespace, p: SimpleNamespace) -> tuple[Any, Any]:
         values = {**vars(p), **vars(u), **vars(x), "t": t}
         dynamics = [parse(self.dynamics[s], names=values).symbol(values) for s in self.states]
         outputs = [parse(text, names=values).symbol(values) for text in self.output.values()]

@@ -42,9 +42,7 @@ class IntegratorChain(Plant):
     def input_names(self) -> tuple[str, ...]:
         return tuple(self.inputs)
 
-    def equations(
-        self, t: ca.SX, x: SimpleNamespace, u: SimpleNamespace, p: SimpleNamespace
-    ) -> tuple[Any, Any]:
+    def equations(self, t: ca.SX, x: SimpleNamespace, u: SimpleNamespace, p: SimpleNamespace) -> tuple[Any, Any]:
         values = {**vars(p), **vars(u), **vars(x), "t": t}
         phi = parse(self.phi, names=values).symbol(values)
         states = list(vars(x).values())

@@ -31,7 +31,5 @@ class LeeSecondOrder(Plant):
     def output_names(self) -> tuple[str, ...]:
         return ("x1",)
 
-    def equations(
-        self, t: ca.SX, x: SimpleNamespace, u: SimpleNamespace, p: SimpleNamespace
-    ) -> tuple[Any, Any]:
+    def equations(self, t: ca.SX, x: SimpleNamespace, u: SimpleNamespace, p: SimpleNamespace) -> tuple[Any, Any]:
         return [x.x2, -x.x1 / (1 + x.x1**2) - x.x2], [x.x1]

@@ -47,9 +47,7 @@ class Phytoplankton(Plant):
     def output_names(self) -> tuple[str, ...]:
         return ("x1",)
 
-    def equations(
-        self, t: ca.SX, x: SimpleNamespace, u: SimpleNamespace, p: SimpleNamespace
-    ) -> tuple[Any, Any]:
+    def equations(self, t: ca.SX, x: SimpleNamespace, u: SimpleNamespace, p: SimpleNamespace) -> tuple[Any, Any]:
         uptake = x.x3 / (p.a_1 + x.x3)
         return [
             p.a_2 * (1 - 1 / x.x2) * x.x1 - u.u * x.x1,

@@ -51,9 +51,7 @@ class QubePendulum(Plant):
     def output_names(self) -> tuple[str, ...]:
         return ("theta", "alpha")
 
-    def equations(
-        self, t: ca.SX, x: SimpleNamespace, u: SimpleNamespace, p: SimpleNamespace
-    ) -> tuple[Any, Any]:
+    def equations(self, t: ca.SX, x: SimpleNamespace, u: SimpleNamespace, p: SimpleNamespace) -> tuple[Any, Any]:
         sin, cos, sin2 = ca.sin(x.alpha), ca.cos(x.alpha), ca.sin(2 * x.alpha)
         half = p.L_p / 2  # the centre of mass
         coupling = p.m_p * half * p.L_r

@@ -36,7 +36,5 @@ class VanDerPol(Plant):
     def output_names(self) -> tuple[str, ...]:
         return ("x1",)
 
-    def equations(
-        self, t: ca.SX, x: SimpleNamespace, u: SimpleNamespace, p: SimpleNamespace
-    ) -> tuple[Any, Any]:
+    def equations(self, t: ca.SX, x: SimpleNamespace, u: SimpleNamespace, p: SimpleNamespace) -> tuple[Any, Any]:
         return [x.x2, p.stiffness * x.x1 + p.mu * (1 - x.x1**2) * x.x2], [x.x1]

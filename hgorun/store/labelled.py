@@ -28,9 +28,7 @@ def to_xarray(result: Result) -> xarray.Dataset:
         "observer": list(result.observers),
     }
     estimates = (
-        np.stack([o.xhat for o in result.observers.values()])
-        if result.observers
-        else np.zeros((0, *result.x.shape))
+        np.stack([o.xhat for o in result.observers.values()]) if result.observers else np.zeros((0, *result.x.shape))
     )
     return xarray.Dataset(
         {

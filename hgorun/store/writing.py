@@ -73,15 +73,9 @@ class _Writer:
         self.file = file
 
     def group(self, path: str) -> h5py.Group:
-        return (
-            self.file.require_group(path)
-            if path in self.file
-            else self.file.create_group(path, track_order=True)
-        )
+        return self.file.require_group(path) if path in self.file else self.file.create_group(path, track_order=True)
 
-    def data(
-        self, path: str, values: Any, dimensions: tuple[str, ...] = (), **attributes: Any
-    ) -> h5py.Dataset:
+    def data(self, path: str, values: Any, dimensions: tuple[str, ...] = (), **attributes: Any) -> h5py.Dataset:
         parent, _, name = path.rpartition("/")
         group = self.group(parent) if parent else self.file
         data = group.create_dataset(name, data=values, track_times=False)

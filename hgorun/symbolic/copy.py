@@ -101,6 +101,4 @@ class PlantCopy:
         plant = self.form.plant
         jacobian = ca.jacobian(plant.dynamics, plant.x)
         entries = ca.vertcat(*[jacobian[i, i + 1] for i in range(self.n - 1)], 0)
-        return ca.Function("F", [plant.t, plant.x, plant.u, plant.p], [ca.densify(entries)])(
-            self.t, x, self.u, self.p
-        )
+        return ca.Function("F", [plant.t, plant.x, plant.u, plant.p], [ca.densify(entries)])(self.t, x, self.u, self.p)

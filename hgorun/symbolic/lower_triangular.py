@@ -190,11 +190,7 @@ def state_affine_form(plant: PlantModel, at: np.ndarray, parameters: np.ndarray)
         values = np.asarray(_function(model, slopes)(t, x, u, parameters).full()).ravel()
         for i, value in enumerate(values):
             if np.isfinite(value) and abs(value - 1) > 1e-9:
-                what = (
-                    f"the output {model.outputs[0]}"
-                    if i == 0
-                    else f"the derivative of {model.states[order[i - 1]]}"
-                )
+                what = f"the output {model.outputs[0]}" if i == 0 else f"the derivative of {model.states[order[i - 1]]}"
                 raise NotObservableForm(
                     f"not state-affine: the slope of {what} in {model.states[order[i]]} is {value:.4g} and "
                     "must be 1: the dynamic gain takes x_i' = g_i(x_1..x_i, u) + x_(i+1), y = x_1"
@@ -214,27 +210,21 @@ def derivative_form(plant: PlantModel, at: np.ndarray, parameters: np.ndarray) -
 
 def _points_around(at: np.ndarray) -> list[np.ndarray]:
     generator = np.random.default_rng(0)
-    return [at] + [
-        at + 0.3 * np.abs(at) * generator.uniform(-1, 1, at.size) + 0.01 * (at == 0) for _ in range(8)
-    ]
+    return [at] + [at + 0.3 * np.abs(at) * generator.uniform(-1, 1, at.size) + 0.01 * (at == 0) for _ in range(8)]
 
 
 def _arguments(
     model: PlantModel, points: tuple[np.ndarray, ...] | list[np.ndarray]
 ) -> list[tuple[float, ca.DM, ca.DM]]:
     generator = np.random.default_rng(1)
-    return [
-        (generator.uniform(), ca.DM(x), ca.DM(generator.uniform(0.1, 1, len(model.inputs)))) for x in points
-    ]
+    return [(generator.uniform(), ca.DM(x), ca.DM(generator.uniform(0.1, 1, len(model.inputs)))) for x in points]
 
 
 def _function(model: PlantModel, expression: ca.SX) -> ca.Function:
     return ca.Function("f", [model.t, model.x, model.u, model.p], [ca.densify(expression)])
 
 
-def _dependence(
-    rows: ca.SX, model: PlantModel, points: list[np.ndarray], parameters: np.ndarray
-) -> np.ndarray:
+def _dependence(rows: ca.SX, model: PlantModel, points: list[np.ndarray], parameters: np.ndarray) -> np.ndarray:
     """Which row depends on which state at one of the points, shape (rows, n)."""
     jacobian = _function(model, ca.jacobian(rows, model.x))
     entries = [np.asarray(jacobian(t, x, u, parameters).full()) for t, x, u in _arguments(model, points)]

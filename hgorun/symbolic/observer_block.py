@@ -27,8 +27,9 @@ class ObserverBlock:
         [start, stop) is watched for divergence; [stop, end) is alpha.
     """
 
-    def __init__(self, label: str, observer: Observer, form: Form, start: int, has_alpha: bool,
-                 parameters: Parameters) -> None:
+    def __init__(
+        self, label: str, observer: Observer, form: Form, start: int, has_alpha: bool, parameters: Parameters
+    ) -> None:
         self.label, self.observer, self.form = label, observer, form
         self.canonical = observer.coordinates == "canonical"
         self._check()

@@ -51,9 +51,7 @@ def seconds(call: Callable[[], object]) -> float:
     return time.perf_counter() - start
 
 
-def pairs(
-    first: Callable[[], object], second: Callable[[], object], count: int
-) -> tuple[float, float, float]:
+def pairs(first: Callable[[], object], second: Callable[[], object], count: int) -> tuple[float, float, float]:
     """Median of the times of both, and of the ratios first/second of neighbours in time."""
     first(), second()
     times = []
@@ -113,9 +111,7 @@ def gap(found: np.ndarray, expected: np.ndarray) -> float:
     """Largest relative difference of two final states."""
     largest = float(np.max(np.abs(found - expected) / np.maximum(np.abs(expected), 1e-3)))
     if not largest <= AGREEMENT:
-        raise WrongNumbers(
-            f"the final states of hgorun and C differ by {largest:.2g}, not below {AGREEMENT:g}"
-        )
+        raise WrongNumbers(f"the final states of hgorun and C differ by {largest:.2g}, not below {AGREEMENT:g}")
     return largest
 
 
@@ -136,9 +132,7 @@ def runs(count: int, folder: Path) -> Iterator[Row]:
         yield Row("one run / C without contraction", f"{ratio:.2f}", note=f"{milliseconds(a, b)}; to compare")
         a, b, ratio = pairs(lambda: case.together(case.plan), plain, count)
         what, bar = f"{case.lanes} runs side by side, each / C", 0.15 if case.lanes == 8 else 0.25
-        yield at_most(
-            what, ratio / case.lanes, bar, f"{milliseconds(a / case.lanes, b)}; the bits of one alone"
-        )
+        yield at_most(what, ratio / case.lanes, bar, f"{milliseconds(a / case.lanes, b)}; the bits of one alone")
     a, b, ratio = pairs(case.solved, run, max(count // 2, 7))
     ratio *= academic.END / PART
     theirs, ours = case.errors
@@ -215,9 +209,7 @@ def main() -> int:
         if options.check:
             Case(folder)
             return 0
-        machine = (
-            f"{platform.system()} {platform.machine()}, {llvm.get_host_cpu_name()}, {os.cpu_count()} cores"
-        )
+        machine = f"{platform.system()} {platform.machine()}, {llvm.get_host_cpu_name()}, {os.cpu_count()} cores"
         print(f"Python {platform.python_version()}, {machine}; medians of {count} measurements", flush=True)
         for part in (runs, command_line):
             try:

@@ -123,9 +123,7 @@ def test_casadi_agrees(pair: Pair, values: dict[str, float]) -> None:
     symbols = {name: ca.SX.sym(name) for name in values}
     try:
         number = expression.number(values)
-        nearby = [
-            expression.number({n: v + h * (1 + abs(v)) for n, v in values.items()}) for h in (1e-12, -1e-12)
-        ]
+        nearby = [expression.number({n: v + h * (1 + abs(v)) for n, v in values.items()}) for h in (1e-12, -1e-12)]
         symbol = expression.symbol(symbols)
     except ExpressionError:
         return

@@ -23,9 +23,7 @@ def test_numbers_are_expressions(value: float, text: str) -> None:
     assert parse(expression.text).number() == float(value)
 
 
-@pytest.mark.parametrize(
-    "value", [True, False, None, math.nan, math.inf, -math.inf, 10**400, 1j, [1], {}, b"1"]
-)
+@pytest.mark.parametrize("value", [True, False, None, math.nan, math.inf, -math.inf, 10**400, 1j, [1], {}, b"1"])
 def test_other_values_are_refused(value: Any) -> None:
     with pytest.raises(ExpressionError):
         parse(value)

@@ -217,9 +217,7 @@ def test_names() -> None:
     assert parse("match + type + _").names == {"match", "type", "_"}
 
 
-@pytest.mark.parametrize(
-    "name", ["x1", "D", "k_c", "mu", "lam", "e", "pi", "t", "_", "_x", "match", "x" * 50]
-)
+@pytest.mark.parametrize("name", ["x1", "D", "k_c", "mu", "lam", "e", "pi", "t", "_", "_x", "match", "x" * 50])
 def test_names_that_can_be_used(name: str) -> None:
     check_name(name)
     assert parse(name, names={name}).number({name: 2}) == 2

@@ -152,12 +152,8 @@ def test_any_assignment_is_carried_out_or_refused(pieces: list[str]) -> None:
 
 
 def test_merge() -> None:
-    base = parse(
-        "a: 1\nb: {c: 2, d: [1, 2]}\nplant: {type: contois, k: 1}\no: {A: {type: shgo, theta: 1}}", "base"
-    )
-    over = parse(
-        "\n\n\n\nb:\n  d: [3]\n  e: 4\nplant:\n  type: duffing\no: {A: {theta: 2}, B: {type: x}}", "over"
-    )
+    base = parse("a: 1\nb: {c: 2, d: [1, 2]}\nplant: {type: contois, k: 1}\no: {A: {type: shgo, theta: 1}}", "base")
+    over = parse("\n\n\n\nb:\n  d: [3]\n  e: 4\nplant:\n  type: duffing\no: {A: {theta: 2}, B: {type: x}}", "over")
     both = merge(base, over)
     assert both.data == {
         "a": 1,

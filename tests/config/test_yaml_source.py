@@ -85,18 +85,9 @@ def with_parser(loader: Any, text: str) -> Source | None:
         *[(".inf", math.inf), ("-.INF", -math.inf), ("+.Inf", math.inf)],
         *[("true", True), ("True", True), ("FALSE", False), ("false", False)],
         *[("null", None), ("Null", None), ("NULL", None), ("~", None), ("", None)],
-        *[
-            (text, text)
-            for text in ("yes", "no", "on", "off", "Yes", "y", "n", "tRue", "nULL", "inf", "nan", ".iNf")
-        ],
-        *[
-            (text, text)
-            for text in ("0o17", "0x1F", "1:30", "1_000", "1:30:00", "2020-01-01", ".", "e5", "1e")
-        ],
-        *[
-            (text, text)
-            for text in ("1 2", "1.2.3", "+-1", "1e+", "=", "-1+2j", "x1*x2/(k_c + x1)", "٣", "1e5.0")
-        ],
+        *[(text, text) for text in ("yes", "no", "on", "off", "Yes", "y", "n", "tRue", "nULL", "inf", "nan", ".iNf")],
+        *[(text, text) for text in ("0o17", "0x1F", "1:30", "1_000", "1:30:00", "2020-01-01", ".", "e5", "1e")],
+        *[(text, text) for text in ("1 2", "1.2.3", "+-1", "1e+", "=", "-1+2j", "x1*x2/(k_c + x1)", "٣", "1e5.0")],
         *[
             ('"1"', "1"),
             ("'true'", "true"),
@@ -161,9 +152,7 @@ def test_every_value_has_a_position() -> None:
 
 
 @pytest.mark.usefixtures("parser")
-@pytest.mark.parametrize(
-    "text", ["a: 1\r\nb: 2\r\n", "\ufeffa: 1\nb: 2", "---\na: 1\nb: 2\n...\n", "a: 1\rb: 2"]
-)
+@pytest.mark.parametrize("text", ["a: 1\r\nb: 2\r\n", "\ufeffa: 1\nb: 2", "---\na: 1\nb: 2\n...\n", "a: 1\rb: 2"])
 def test_line_ends_marks_and_document_signs(text: str) -> None:
     source = parse(text, "f")
     assert source.data == {"a": 1, "b": 2}
@@ -189,14 +178,8 @@ def test_aliases_are_written_out() -> None:
 
 @given(
     st.recursive(
-        st.none()
-        | st.booleans()
-        | st.integers()
-        | st.floats(allow_nan=False)
-        | st.text("ab: #-'\"{é\n", max_size=8),
-        lambda inner: (
-            st.lists(inner, max_size=3) | st.dictionaries(st.text("abc =", max_size=4), inner, max_size=3)
-        ),
+        st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False) | st.text("ab: #-'\"{é\n", max_size=8),
+        lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text("abc =", max_size=4), inner, max_size=3),
         max_leaves=12,
     ),
     st.booleans(),

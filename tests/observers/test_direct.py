@@ -8,12 +8,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
-import yaml
 
 import hgorun
-from hgorun.config import yaml_source
 from hgorun.errors import ConfigError
-from hgorun.loading import build
 
 H, HOLD = 5e-5, 20
 START = {"eta1": 0.05, "eta2": "0.05*0.01/(3*0.05 - 0.01)"}  # xhat(0) = (0.05, 0.01)
@@ -39,8 +36,7 @@ def experiment(observers: dict[str, Any], end: float, plant: dict[str, Any] = BI
         "solver": {"method": "euler", "step": H},
         **more,
     }
-    text = yaml.safe_dump(config, sort_keys=False)
-    return build("test", text, yaml_source.parse(text, "test.yaml"))
+    return hgorun.Experiment(config, name="test")
 
 
 def naive(noise: np.ndarray) -> dict[str, np.ndarray]:
@@ -49,9 +45,7 @@ def naive(noise: np.ndarray) -> dict[str, np.ndarray]:
 
     def f(x: np.ndarray) -> np.ndarray:
         x1, x2 = x
-        return np.array(
-            [x2 - u * x1, (0.1 * u / (3 * x1**2) + 2 / x1) * x2**2 - (3 + u + 0.2 * u / x1) * x2 + 0.3 * u]
-        )
+        return np.array([x2 - u * x1, (0.1 * u / (3 * x1**2) + 2 / x1) * x2**2 - (3 + u + 0.2 * u / x1) * x2 + 0.3 * u])
 
     def column(*values: float) -> np.ndarray:
         return np.repeat(np.array(values)[:, None], runs, axis=1)
@@ -74,9 +68,7 @@ def naive(noise: np.ndarray) -> dict[str, np.ndarray]:
                 l1, l2 = (1.0, 0.5) if name in ("(3)", "(13)") else (2.0, 1.0)
                 w = {"(13)": np.exp(-50 * e**2), "(18)": np.exp(-500 / th ** (2 * b) * e**2)}.get(name, 1.0)
                 gap = xd - x
-                pull = (
-                    np.array([l1, l2])[:, None] * gap[0] if name == "(13)" else np.array([gap[1], 0 * gap[1]])
-                )
+                pull = np.array([l1, l2])[:, None] * gap[0] if name == "(13)" else np.array([gap[1], 0 * gap[1]])
                 pull = pull + phi / 2 * th * gap
                 rates[name] = f(x) + w * np.array([l1 * th * e, l2 * th**2 * e]) + (1 - w) * pull
                 if name in theta:
@@ -150,9 +142,7 @@ THIRD_ORDER = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    "plant", THIRD_ORDER, ids=["chain", "input in the slopes", "other order", "not affine"]
-)
+@pytest.mark.parametrize("plant", THIRD_ORDER, ids=["chain", "input in the slopes", "other order", "not affine"])
 def test_the_state_from_exact_derivatives(plant: dict[str, Any]) -> None:
     """y, y', y'' by the chain rule along the flow, with u(t) put in, give the state back."""
     e = experiment({"o": {"type": "direct", "theta": 1, "mu": 1, "phi": 10, "G": 1}}, 1.0, plant)
@@ -234,9 +224,7 @@ def test_keys_that_do_not_fit(change: dict[str, Any], words: str) -> None:
 @pytest.mark.parametrize("name", ["(3)", "(13)", "(7)", "(18)"])
 def test_sampled_output_costs_little(name: str) -> None:
     """With dense samples every observer does what it does with a continuous output."""
-    sampled = hgorun.simulate(
-        experiment({"o": OBSERVERS[name]}, 1.0, measurement={"sampling": {"period": 1e-3}})
-    )
+    sampled = hgorun.simulate(experiment({"o": OBSERVERS[name]}, 1.0, measurement={"sampling": {"period": 1e-3}}))
     continuous = hgorun.simulate(experiment({"o": OBSERVERS[name]}, 1.0))
     gap = np.abs(sampled.observers["o"].xhat - continuous.observers["o"].xhat)[50:]
     assert gap.max() < 2e-3

@@ -6,11 +6,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-import yaml
 
 import hgorun
-from hgorun.config import yaml_source
-from hgorun.loading import build
 from hgorun.simulation import prepare
 
 # P + A P + P A^T = P C^T C P
@@ -27,8 +24,7 @@ def experiment(n: int, observers: dict[str, Any], **more: Any) -> hgorun.Experim
         "solver": {"step": 0.002},
         **more,
     }
-    text = yaml.safe_dump(config, sort_keys=False)
-    return build("test", text, yaml_source.parse(text, "test.yaml"))
+    return hgorun.Experiment(config, name="test")
 
 
 @pytest.mark.parametrize("theta", [1.0, 3.0])

@@ -7,12 +7,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-import yaml
 
 import hgorun
-from hgorun.config import yaml_source
 from hgorun.errors import ConfigError
-from hgorun.loading import build
 from hgorun.observers.fhgo2_nuos import stationary
 
 ACADEMIC = {
@@ -29,9 +26,7 @@ SCENARIOS = [
 ]
 
 
-def run(
-    plant: dict[str, Any], observers: dict[str, Any], end: float, step: float, **more: Any
-) -> hgorun.Result:
+def run(plant: dict[str, Any], observers: dict[str, Any], end: float, step: float, **more: Any) -> hgorun.Result:
     config = {
         "time": {"end": end, "output_step": 0.1},
         "plant": plant,
@@ -39,8 +34,7 @@ def run(
         "solver": {"step": step},
         **more,
     }
-    text = yaml.safe_dump(config, sort_keys=False)
-    return hgorun.simulate(build("test", text, yaml_source.parse(text, "test.yaml")))
+    return hgorun.simulate(hgorun.Experiment(config, name="test"))
 
 
 @pytest.mark.parametrize("r", [1, 2, 3])
@@ -144,7 +138,6 @@ def test_a_step_of_auto_is_short_enough() -> None:
             "measurement": {"sampling": {"period": 0.2}, "delay": "0.1*abs(cos(t))", "noise": NOISE},
             "observers": {"o": {**block, "theta": 2}},
         }
-        text = yaml.safe_dump(config, sort_keys=False)
-        result = hgorun.simulate(build("test", text, yaml_source.parse(text, "test.yaml")), check_step=True)
+        result = hgorun.simulate(hgorun.Experiment(config, name="test"), check_step=True)
         assert result.integration_error is not None
         assert result.integration_error["o"] < 1e-5

@@ -7,13 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-import yaml
 from scipy.integrate import solve_ivp
 
 import hgorun
-from hgorun.config import yaml_source
 from hgorun.errors import ConfigError
-from hgorun.loading import build
 
 VAN_DER_POL = {"type": "van_der_pol", "initial": {"x1": 1, "x2": 0.5}}
 BOTH = {"reduced": {"type": "reduced_sampled", "H": 0.5}, "deadbeat": {"type": "deadbeat"}}
@@ -23,9 +20,7 @@ def noise(T: float, amplitude: float = 0.2) -> list[dict[str, Any]]:
     return [{"type": "sinusoids", "terms": [{"amplitude": amplitude, "omega": 10}]}] if amplitude else []
 
 
-def simulate(
-    plant: dict[str, Any], observers: dict[str, Any], T: float, end: float, **more: Any
-) -> hgorun.Result:
+def simulate(plant: dict[str, Any], observers: dict[str, Any], T: float, end: float, **more: Any) -> hgorun.Result:
     """With one row at every sample."""
     config = {
         "time": {"end": end, "output_step": T},
@@ -35,8 +30,7 @@ def simulate(
         "measurement": {"sampling": {"period": T}},
         **more,
     }
-    text = yaml.safe_dump(config)
-    return hgorun.simulate(build("test", text, yaml_source.parse(text, "test.yaml")))
+    return hgorun.simulate(hgorun.Experiment(config, name="test"))
 
 
 def sampled(f: Callable[[float, np.ndarray], Any], x0: list[float], t: np.ndarray) -> np.ndarray:
@@ -61,9 +55,7 @@ def van_der_pol(T: float, amplitude: float, end: float = 20) -> tuple[np.ndarray
 @pytest.mark.parametrize("T", [0.2, 0.05])
 @pytest.mark.parametrize("amplitude", [0, 0.2])
 def test_van_der_pol_is_the_plain_loop(T: float, amplitude: float) -> None:
-    r = simulate(
-        VAN_DER_POL, BOTH, T, 20, measurement={"sampling": {"period": T}, "noise": noise(T, amplitude)}
-    )
+    r = simulate(VAN_DER_POL, BOTH, T, 20, measurement={"sampling": {"period": T}, "noise": noise(T, amplitude)})
     z, *expected = van_der_pol(T, amplitude)
     np.testing.assert_allclose(r.x[:, 1], z, atol=1e-6)
     for label, estimate in zip(BOTH, expected, strict=True):
@@ -178,9 +170,7 @@ def one_parts(t: float, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         (ONE, one, one_parts, [0, 2], 1.5),
     ],
 )
-def test_two_outputs_and_an_input(
-    plant: dict[str, Any], f: Any, parts: Any, measured: list[int], H: Any
-) -> None:
+def test_two_outputs_and_an_input(plant: dict[str, Any], f: Any, parts: Any, measured: list[int], H: Any) -> None:
     T, start = 0.1, {"initial": {plant["states"][1 if plant is ONE else 0]: 0.3}}
     observers = {"r": {"type": "reduced_sampled", "H": H, **start}, "d": {"type": "deadbeat"}}
     disturbed = [{"type": "expression", "value": "0.05*cos(7*k)"}]
@@ -339,7 +329,5 @@ def test_outputs_come_together() -> None:
             {"d": {"type": "deadbeat"}},
             0.1,
             1,
-            measurement={
-                "outputs": {"x1": {"sampling": {"period": 0.1}}, "x2": {"sampling": {"period": 0.2}}}
-            },
+            measurement={"outputs": {"x1": {"sampling": {"period": 0.1}}, "x2": {"sampling": {"period": 0.2}}}},
         )

@@ -7,20 +7,15 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
-import yaml
 
 import hgorun
-from hgorun.config import yaml_source
 from hgorun.errors import ConfigError, Problem
-from hgorun.loading import build
 from hgorun.observers.levant import COEFFICIENTS, levant_flow, levant_gains, levant_implicit_step
 
 H = 1e-3
 
 
-def simulate(
-    n: int, block: dict[str, Any], end: float, phi: str = "0", start: Any = None, **more: Any
-) -> Any:
+def simulate(n: int, block: dict[str, Any], end: float, phi: str = "0", start: Any = None, **more: Any) -> Any:
     states = [f"x{i + 1}" for i in range(n)]
     config = {
         "time": {"end": end, "output_step": H},
@@ -30,8 +25,7 @@ def simulate(
         "solver": {"method": "euler", "step": H},
         **more,
     }  # fmt: skip
-    text = yaml.safe_dump(config)
-    return hgorun.simulate(build("test", text, yaml_source.parse(text, "test.yaml")))
+    return hgorun.simulate(hgorun.Experiment(config, name="test"))
 
 
 SAMPLED = {"sampling": {"period": H}}
@@ -124,9 +118,7 @@ def test_implicit_does_not_chatter_where_explicit_does() -> None:
 
 def test_implicit_tolerates_long_steps() -> None:
     """G h = 10: the explicit one oscillates by about that, the implicit one gives the difference quotient."""
-    run = simulate(
-        2, {"G": 100, "discretisation": "implicit"}, 4.0, "-x1", measurement={"sampling": {"period": 0.1}}
-    )
+    run = simulate(2, {"G": 100, "discretisation": "implicit"}, 4.0, "-x1", measurement={"sampling": {"period": 0.1}})
     at = np.arange(1000, 4000, 100)
     z, y = run.observers["z"].xhat[at + 1], run.x[at, 0]
     np.testing.assert_allclose(z[:, 0], y, atol=1e-9)
@@ -142,8 +134,7 @@ def test_the_estimate_is_the_state_that_belongs_to_the_derivatives() -> None:
         "observers": {"z": {"type": "levant", "G": 10}},
         "solver": {"method": "euler", "step": 1e-4},
     }  # fmt: skip
-    text = yaml.safe_dump(config)
-    result = hgorun.simulate(build("test", text, yaml_source.parse(text, "test.yaml")))
+    result = hgorun.simulate(hgorun.Experiment(config, name="test"))
     np.testing.assert_allclose(result.observers["z"].xhat[300:], result.x[300:], atol=5e-3)
 
 

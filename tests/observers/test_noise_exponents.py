@@ -137,9 +137,7 @@ def amplitudes_of_run(plant: dict[str, Any], observers: dict[str, Any], omega: f
     }
 
 
-def exponents_of_run(
-    plant: dict[str, Any], observers: dict[str, Any], omega: tuple[float, float]
-) -> dict[str, Array]:
+def exponents_of_run(plant: dict[str, Any], observers: dict[str, Any], omega: tuple[float, float]) -> dict[str, Array]:
     low, high = (amplitudes_of_run(plant, observers, w) for w in omega)
     return {label: np.log(low[label] / high[label]) / np.log(omega[1] / omega[0]) for label in observers}
 
@@ -158,9 +156,7 @@ def test_simulated_amplitudes_are_the_frequency_response(phi: str) -> None:
     for omega in (30.0, 100.0):
         found = amplitudes_of_run(plant, BLOCKS, omega)
         for label, block in BLOCKS.items():
-            np.testing.assert_allclose(
-                found[label], amplitudes(plant, block, omega), rtol=1e-4, err_msg=label
-            )
+            np.testing.assert_allclose(found[label], amplitudes(plant, block, omega), rtol=1e-4, err_msg=label)
 
 
 def test_simulated_exponents() -> None:

@@ -8,22 +8,16 @@ from typing import Any
 
 import numpy as np
 import pytest
-import yaml
 
 import hgorun
-from hgorun.config import yaml_source
 from hgorun.errors import ConfigError
-from hgorun.loading import build
 
 
-def run(
-    plant: dict[str, Any], observer: dict[str, Any], end: float, step: float, **more: Any
-) -> hgorun.Result:
+def run(plant: dict[str, Any], observer: dict[str, Any], end: float, step: float, **more: Any) -> hgorun.Result:
     time = {"end": end, "output_step": more.pop("output_step", 0.1)}
     solver = {"step": step, **more.pop("solver", {})}
     config = {"time": time, "plant": plant, "observers": {"o": observer}, "solver": solver, **more}
-    text = yaml.safe_dump(config, sort_keys=False)
-    return hgorun.simulate(build("test", text, yaml_source.parse(text, "test.yaml")))
+    return hgorun.simulate(hgorun.Experiment(config, name="test"))
 
 
 # ---- the oracle: plain numpy, from the mathematics alone ----
@@ -77,9 +71,7 @@ class Fhgo2(Shgo):
     def start(self, p: float = 1.0) -> list[Array]:
         return [p * np.eye(self.n), np.zeros((self.r, self.n)), np.zeros(self.r)]
 
-    def rates(
-        self, F: Array, C: Array, e: Array, P: Array, U: Array, eta: Array
-    ) -> tuple[Array, list[Array]]:
+    def rates(self, F: Array, C: Array, e: Array, P: Array, U: Array, eta: Array) -> tuple[Array, list[Array]]:
         K_n = P @ U[:1].T
         K_r = self.b + (U @ K_n)[:, 0]
         dU = np.vstack([U[1:], C]) - np.outer(self.b, U[0]) - U @ F
@@ -458,9 +450,7 @@ def inline(dynamics: dict[str, str], output: list[str] | str) -> dict[str, Any]:
     ],
 )
 @pytest.mark.parametrize("measurement", [{}, {"sampling": {"period": 0.1}, "delay": 0.05}])
-def test_two_outputs_that_do_not_meet_are_two_single_ones(
-    block: dict[str, Any], measurement: dict[str, Any]
-) -> None:
+def test_two_outputs_that_do_not_meet_are_two_single_ones(block: dict[str, Any], measurement: dict[str, Any]) -> None:
     """Chains of three and of two states: blocks of two, two and one."""
     block = {**block, "theta": 2}
     more = {"measurement": measurement}

@@ -9,12 +9,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
-import yaml
 
 import hgorun
-from hgorun.config import yaml_source
 from hgorun.errors import ConfigError
-from hgorun.loading import build
 from hgorun.simulation import prepare
 
 Array = np.ndarray
@@ -35,8 +32,7 @@ def experiment(plant: dict[str, Any], observers: dict[str, Any], **more: Any) ->
         "solver": {"step": STEP},
         **more,
     }
-    text = yaml.safe_dump(config)
-    return build("test", text, yaml_source.parse(text, "test.yaml"))
+    return hgorun.Experiment(config, name="test")
 
 
 def chain(n: int, phi: str = "0", start: float = 0.5) -> dict[str, Any]:
@@ -205,9 +201,7 @@ def test_equal_poles_have_the_known_gains(pole: float) -> None:
     result = hgorun.simulate(experiment(chain(5), {"o": {"type": "treangle", "theta": 2, "poles": pole}}))
     found = result.observers["o"]
     np.testing.assert_allclose(found.gains["delta"], np.full(5, -2 * pole), rtol=1e-12)
-    np.testing.assert_allclose(
-        found.gains["K"], [comb(5, i) * pole ** (2 * i) for i in range(1, 6)], rtol=1e-12
-    )
+    np.testing.assert_allclose(found.gains["K"], [comb(5, i) * pole ** (2 * i) for i in range(1, 6)], rtol=1e-12)
     assert found.dimension == 10
     assert found.internal["e"].shape == (301, 5)
 
@@ -263,9 +257,7 @@ def test_fhgo1_with_a_stationary_gain_is_treangle_with_equal_filters() -> None:
     plant = chain(3)
     result = hgorun.simulate(experiment(plant, blocks, measurement=measured(period=0.1)))
     assert result.observers["two"].gains["delta"] == pytest.approx([4, 4, 4])
-    assert result.observers["two"].gains["K"] == pytest.approx(
-        [k_i * 4**i for i, k_i in enumerate(k, start=1)]
-    )
+    assert result.observers["two"].gains["K"] == pytest.approx([k_i * 4**i for i, k_i in enumerate(k, start=1)])
     one, two = (o.xhat for o in result.observers.values())
     np.testing.assert_allclose(one, two, rtol=0, atol=1e-10)
 
@@ -287,11 +279,7 @@ def test_two_outputs_are_two_observers(name: str) -> None:
         return {"states": list(dynamics), "dynamics": dynamics, "output": output, "initial": initial}
 
     def run(plant: dict[str, Any]) -> Array:
-        return (
-            hgorun.simulate(experiment(plant, {"o": RELATIVES[name]}, measurement=measured(0.1)))
-            .observers["o"]
-            .xhat
-        )
+        return hgorun.simulate(experiment(plant, {"o": RELATIVES[name]}, measurement=measured(0.1))).observers["o"].xhat
 
     together = run(inline(parts["a"] | parts["d"], ["a", "d"]))
     apart = np.hstack([run(inline(dynamics, output)) for output, dynamics in parts.items()])
@@ -312,8 +300,7 @@ def test_a_plant_in_other_coordinates_is_observed_through_the_jacobian(name: str
     straight = chain(3, "-x2*sqrt(1 + x3**2)") | {"initial": {"x1": 0.5, "x2": 0.4, "x3": 0.3}}
     more = {"measurement": measured(**SCENARIOS[scenario]), "solver": {"step": 0.002}}
     x, z = (
-        hgorun.simulate(experiment(plant, {"o": block}, **more)).observers["o"].xhat
-        for plant in (curved, straight)
+        hgorun.simulate(experiment(plant, {"o": block}, **more)).observers["o"].xhat for plant in (curved, straight)
     )
     np.testing.assert_allclose(np.column_stack([x[:, :2], np.sinh(x[:, 2])]), z, rtol=0, atol=1e-8)
 
@@ -332,16 +319,12 @@ def test_canonical_and_original_coordinates_agree(name: str) -> None:
     np.testing.assert_allclose(one, two, rtol=1e-7)
 
 
-@pytest.mark.parametrize(
-    "block", [*RELATIVES.values(), {"type": "low_power", "theta": 2, "poles": [-1, -2, -3, -4]}]
-)
+@pytest.mark.parametrize("block", [*RELATIVES.values(), {"type": "low_power", "theta": 2, "poles": [-1, -2, -3, -4]}])
 def test_fastest_rate_is_the_spectral_radius(block: dict[str, Any]) -> None:
     e = experiment(chain(3), {"o": block})
     M, _ = error_dynamics(chain(3), block)
     radius = np.max(np.abs(np.linalg.eigvals(M)))
-    assert e.observers["o"].fastest_rate(e.forms["o"]) == pytest.approx(
-        radius, rel=0.05
-    )  # defective eigenvalues
+    assert e.observers["o"].fastest_rate(e.forms["o"]) == pytest.approx(radius, rel=0.05)  # defective eigenvalues
 
 
 @pytest.mark.parametrize(

@@ -6,12 +6,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-import yaml
 
 import hgorun
-from hgorun.config import yaml_source
 from hgorun.errors import ConfigError
-from hgorun.loading import build
 
 START = {"x1": 1, "x2": 1, "x3": 1}
 ACADEMIC = {"type": "academic", "initial": START, "disturbance": {"x3": "0.1*sin(0.1*t)"}}
@@ -27,22 +24,16 @@ WRITTEN_OUT = {
     "initial": START,
     "disturbance": {"x3": "0.1*sin(0.1*t)"},
 }
-NOISE = [
-    {"type": "sinusoids", "terms": [{"amplitude": 0.25, "omega": 387}, {"amplitude": 0.5, "omega": 987}]}
-]
+NOISE = [{"type": "sinusoids", "terms": [{"amplitude": 0.25, "omega": 387}, {"amplitude": 0.5, "omega": 987}]}]
 
 
 def experiment(plant: dict[str, Any], observer: dict[str, Any], end: float, **more: Any) -> hgorun.Experiment:
     time = {"end": end, "output_step": more.pop("output_step", 0.1)}
-    text = yaml.safe_dump(
-        {"time": time, "plant": plant, "observers": {"o": observer}, **more}, sort_keys=False
-    )
-    return build("test", text, yaml_source.parse(text, "test.yaml"))
+    config = {"time": time, "plant": plant, "observers": {"o": observer}, **more}
+    return hgorun.Experiment(config, name="test")
 
 
-@pytest.mark.parametrize(
-    "observer", [{"type": "shgo_riccati"}, {"type": "fhgo1", "delta": 3}, {"type": "fhgo2_nuos"}]
-)
+@pytest.mark.parametrize("observer", [{"type": "shgo_riccati"}, {"type": "fhgo1", "delta": 3}, {"type": "fhgo2_nuos"}])
 def test_the_model_is_the_one_written_out(observer: dict[str, Any]) -> None:
     one, two = (
         hgorun.simulate(experiment(p, {**observer, "theta": 3}, 5, solver={"step": 0.005}))
@@ -64,10 +55,7 @@ def test_parameters_change_links_and_input() -> None:
         "inputs": {},
     }
     observer = {"type": "shgo_riccati", "theta": 3}
-    runs = [
-        experiment(p, observer, 5, solver={"step": 0.01})
-        for p in ({**ACADEMIC, "parameters": parameters}, plant)
-    ]
+    runs = [experiment(p, observer, 5, solver={"step": 0.01}) for p in ({**ACADEMIC, "parameters": parameters}, plant)]
     np.testing.assert_allclose(hgorun.simulate(runs[0]).x, hgorun.simulate(runs[1]).x, atol=1e-12)
 
 

@@ -7,12 +7,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
-import yaml
 
 import hgorun
-from hgorun.config import yaml_source
 from hgorun.errors import ConfigError
-from hgorun.loading import build
 from hgorun.symbolic.triangular import TriangularForm
 
 PLANT = {
@@ -47,8 +44,7 @@ def experiment(observer: dict[str, Any], end: float = 6, **more: Any) -> hgorun.
         "metrics": {"window": [2, 6], "transient": [0, 2], "average": 5 * T_S} if end == 6 else {},
         **more,
     }
-    text = yaml.safe_dump(config, sort_keys=False)
-    return build("test", text, yaml_source.parse(text, "test.yaml"))
+    return hgorun.Experiment(config, name="test")
 
 
 def test_the_model_is_triangular_in_the_coordinates_of_the_thesis() -> None:
@@ -78,9 +74,7 @@ def test_the_model_is_triangular_in_the_coordinates_of_the_thesis() -> None:
 
 def test_an_initial_estimate_without_an_image_is_refused() -> None:
     with pytest.raises(ConfigError, match="no image") as error:
-        hgorun.simulate(
-            experiment({"type": "fhgo1", "theta": 5, "delta": 7, "initial": {"x1": 2, "x3": 0.1}})
-        )
+        hgorun.simulate(experiment({"type": "fhgo1", "theta": 5, "delta": 7, "initial": {"x1": 2, "x3": 0.1}}))
     assert error.value.key == "observers.o.initial"
 
 

@@ -16,9 +16,7 @@ DEFAULTS = {name: q.default or 0.0 for name, q in QubePendulum.known_parameters.
 
 def plant(**parameters: float) -> BuiltPlant:
     initial = {"theta": 0, "alpha": 0.1, "theta_dot": 0, "alpha_dot": 0}
-    return build_plant(
-        QubePendulum(type="qube_pendulum", parameters=parameters, inputs={"V": 0}, initial=initial)
-    )
+    return build_plant(QubePendulum(type="qube_pendulum", parameters=parameters, inputs={"V": 0}, initial=initial))
 
 
 def rates(built: BuiltPlant, x: Any, V: float = 0.0) -> np.ndarray:
@@ -53,9 +51,7 @@ def energies(q: ca.SX, v: ca.SX) -> tuple[ca.SX, ca.SX]:
         ca.vertcat(-ca.sin(theta), ca.cos(theta), 0),
     )
     half = p["L_p"] / 2
-    centre = (
-        p["L_r"] * radial - half * ca.sin(alpha) * tangential + half * ca.cos(alpha) * ca.vertcat(0, 0, 1)
-    )
+    centre = p["L_r"] * radial - half * ca.sin(alpha) * tangential + half * ca.cos(alpha) * ca.vertcat(0, 0, 1)
     speed = ca.jtimes(centre, q, v)
     rods = p["m_r"] * p["L_r"] ** 2 / 12 * v[0] ** 2 + p["m_p"] * p["L_p"] ** 2 / 12 * v[1] ** 2
     return (rods + p["m_p"] * ca.dot(speed, speed)) / 2, p["m_p"] * p["g"] * centre[2]
@@ -73,9 +69,7 @@ def test_equations_from_the_lagrangian() -> None:
     q, v, acceleration = (ca.SX.sym(n, 2) for n in ("q", "v", "a"))
     kinetic, potential = energies(q, v)
     momentum = ca.gradient(kinetic, v)
-    left = (
-        ca.jtimes(momentum, q, v) + ca.jtimes(momentum, v, acceleration) - ca.gradient(kinetic - potential, q)
-    )
+    left = ca.jtimes(momentum, q, v) + ca.jtimes(momentum, v, acceleration) - ca.gradient(kinetic - potential, q)
     balance = ca.Function("balance", [q, v, acceleration], [left])
     p = DEFAULTS
     for *x, V in np.random.default_rng(1).normal(size=(20, 5)) * [1, 2, 5, 5, 3]:
