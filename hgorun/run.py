@@ -64,6 +64,7 @@ class Run:
             self.parameters,
             self.plant_symbol,
         )
+        self._check_memory()
         self._check_jumps()
         self._check_start()
 
@@ -138,6 +139,16 @@ class Run:
             raise Problem(("plant", "discretise"), "snr_db needs a plant in continuous time; give std")
         _, integral = self.plant_alone.at(np.zeros(0))
         return float(integral[output]) / (self.time.end - self.time.start)
+
+    def _check_memory(self) -> None:
+        """The output must fit, now that its width is known."""
+        size = self.grid.size * (self.system.structure.states + 1) * 8
+        if size > self.time.max_memory:
+            raise Problem(
+                ("time", "output_step"),
+                f"{self.grid.size:.4g} output points of {self.system.structure.states} states take "
+                f"{size / 2**30:.3g} GiB; time.max_memory allows {self.time.max_memory / 2**30:.3g} GiB",
+            )
 
     def _check_jumps(self) -> None:
         """What is stepped at samples needs all outputs sampled, together and in time."""

@@ -15,6 +15,7 @@ from pydantic.fields import FieldInfo
 from hgorun import registry
 from hgorun.config.expressions import nearest
 from hgorun.config.models import Experiment as Blocks
+from hgorun.config.types import pole_text
 from hgorun.errors import ConfigError, HgorunError
 from hgorun.plants.base import Plant
 from hgorun.plants.inline import InlinePlant
@@ -107,7 +108,7 @@ def _key(name: str, field: FieldInfo) -> dict[str, Any]:
     return {
         "key": name,
         "required": field.is_required(),
-        "default": str(default).strip("()") if isinstance(default, complex) else default,
+        "default": pole_text(default) if isinstance(default, complex) else default,
         "range": " and ".join(limits),
         "description": field.description or "",
     }

@@ -108,13 +108,14 @@ def _poles(value: Any) -> complex | tuple[complex, ...]:
         if not (math.isfinite(pole.real) and math.isfinite(pole.imag)):
             raise ValueError(f"poles must be finite, found {pole}")
         if pole.real >= 0:
-            raise ValueError(f"poles must have a negative real part, found {_pole_text(pole)}")
+            raise ValueError(f"poles must have a negative real part, found {pole_text(pole)}")
         if poles.count(pole) != poles.count(pole.conjugate()):
-            raise ValueError(f"complex poles come in conjugate pairs: {_pole_text(pole)} has no partner")
+            raise ValueError(f"complex poles come in conjugate pairs: {pole_text(pole)} has no partner")
     return poles if several else poles[0]
 
 
-def _pole_text(pole: complex) -> str:
+def pole_text(pole: complex) -> str:
+    """A pole as it is written in a configuration."""
     return f"{pole.real:g}" if pole.imag == 0 else f"{pole.real:g}{pole.imag:+g}j"
 
 
