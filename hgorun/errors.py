@@ -47,3 +47,9 @@ class Problem(ValueError):
     def __init__(self, path: tuple[str | int, ...], message: str) -> None:
         self.path, self.message = path, message
         super().__init__(message)
+
+
+class NotObservableForm(HgorunError):
+    """The plant is not in the class that an observer is for; the message says why."""
+
+    exit_code = 2

@@ -11,10 +11,9 @@ import numpy as np
 
 from hgorun.checking import check
 from hgorun.config.yaml_source import Source, parse
-from hgorun.errors import ConfigError, Problem
+from hgorun.errors import ConfigError, NotObservableForm, Problem
 from hgorun.measurement.availability import Stretch, resolve
 from hgorun.plants.build import BuiltPlant, build_plant
-from hgorun.symbolic.canonical import NotObservableForm
 from hgorun.symbolic.forms import Form
 
 

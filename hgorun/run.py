@@ -19,7 +19,7 @@ from hgorun.measurement.schedule import build_schedule, check_delays, find_chann
 from hgorun.observers.base import SampleSchedule
 from hgorun.plant_run import PlantRun
 from hgorun.symbolic.parameters import Parameters
-from hgorun.symbolic.system import Signal, build_system
+from hgorun.system.build import Signal, build_system
 
 _DEFAULT_RTOL, _DEFAULT_ATOL = 1e-8, 1e-10
 _SEARCH_POINTS = (4_000, 200_000)  # least and most points in the search for kinks

@@ -17,7 +17,7 @@ import numpy as np
 from pydantic import Field
 
 from hgorun.config.types import Block, Interval, Name, Number
-from hgorun.symbolic.canonical import canonical_form
+from hgorun.symbolic.observability import canonical_form
 from hgorun.symbolic.states import Symmetric
 
 

@@ -11,8 +11,7 @@ from pydantic import Field
 from hgorun.observers.base import Flow
 from hgorun.observers.constant_gain import ConstantGain
 from hgorun.registry import observer
-from hgorun.symbolic.canonical import CanonicalForm
-from hgorun.symbolic.copy import PlantCopy
+from hgorun.symbolic.canonical import CanonicalForm, PlantCopy
 from hgorun.symbolic.matrices import A, B, C
 from hgorun.symbolic.states import Symmetric
 

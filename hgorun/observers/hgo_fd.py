@@ -10,12 +10,11 @@ import numpy as np
 from pydantic import Field
 
 from hgorun.config.types import Positive
-from hgorun.errors import Problem
+from hgorun.errors import NotObservableForm, Problem
 from hgorun.observers.base import DiscreteObserver
 from hgorun.observers.constant_gain import PlacedGain
 from hgorun.registry import observer
-from hgorun.symbolic.canonical import CanonicalForm, NotObservableForm
-from hgorun.symbolic.copy import PlantCopy
+from hgorun.symbolic.canonical import CanonicalForm, PlantCopy
 from hgorun.symbolic.matrices import A, C
 from hgorun.symbolic.plant import PlantModel
 from hgorun.symbolic.states import Symmetric

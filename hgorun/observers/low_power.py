@@ -9,13 +9,14 @@ import numpy as np
 from pydantic import Field
 
 from hgorun.config.types import Number
+from hgorun.errors import NotObservableForm
 from hgorun.observers.base import Flow
 from hgorun.observers.constant_gain import ConstantGain
 from hgorun.observers.treangle import cascade, characteristic
 from hgorun.registry import observer
-from hgorun.symbolic.canonical import CanonicalForm, NotObservableForm, canonical_form
-from hgorun.symbolic.copy import PlantCopy
+from hgorun.symbolic.canonical import CanonicalForm, PlantCopy
 from hgorun.symbolic.matrices import A
+from hgorun.symbolic.observability import canonical_form
 from hgorun.symbolic.plant import PlantModel
 from hgorun.symbolic.states import Symmetric
 

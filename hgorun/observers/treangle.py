@@ -14,8 +14,7 @@ from hgorun.errors import Problem
 from hgorun.observers.base import Flow
 from hgorun.observers.constant_gain import ConstantGain
 from hgorun.registry import observer
-from hgorun.symbolic.canonical import CanonicalForm
-from hgorun.symbolic.copy import PlantCopy
+from hgorun.symbolic.canonical import CanonicalForm, PlantCopy
 from hgorun.symbolic.matrices import C
 from hgorun.symbolic.states import Symmetric
 

@@ -1,1 +1,1 @@
-"""Plants and observers as symbolic expressions: matrices of the field, canonical forms, the whole system."""
+"""Plants as symbolic expressions, the matrices of the field, and the forms that observers ask for."""

@@ -1,34 +1,37 @@
-"""The coordinates in which a constant-gain observer corrects: the map of Gauthier and Bornard.
+"""The coordinates in which a constant-gain observer corrects, and the copy of the plant that it runs there.
 
 A chain, x_i' = x_{i+1} + phi_i(u, x_1..x_i) with y = x_1, is taken as it is. Any other model
 x' = f(x, u), y = h(x) is seen through z = Phi(x) = (h, L_f0 h, ..., L_f0^(n-1) h) with
-f0(x) = f(x, 0), the drift with the inputs at zero. With J = dPhi/dx a correction kappa made in z is
-J(x)^-1 kappa in x (Robles Magdaleno 2023, (3.142)). With q outputs there is one chain an output.
+f0(x) = f(x, 0), the drift with the inputs at zero: the map of Gauthier and Bornard. With J = dPhi/dx a
+correction kappa made in z is J(x)^-1 kappa in x (Robles Magdaleno 2023, (3.142)). With q outputs there is
+one chain an output.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
-from itertools import product
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field
 
 import casadi as ca
 import numpy as np
 
-from hgorun.errors import HgorunError
 from hgorun.symbolic.forms import Bounds
-from hgorun.symbolic.matrices import A
+from hgorun.symbolic.matrices import A, inv_Delta
 from hgorun.symbolic.plant import PlantModel
 
-if TYPE_CHECKING:
-    from hgorun.symbolic.copy import PlantCopy
 
-
-class NotObservableForm(HgorunError):
-    """The model is not in the class that canonical-form observers are for; the message says why."""
-
-    exit_code = 2
+def singular_value_ratio(jacobian: np.ndarray) -> float:
+    """Smallest over largest singular value after scaling rows and columns to one; 0 when singular."""
+    if not np.all(np.isfinite(jacobian)):
+        return float("nan")
+    rows = np.linalg.norm(jacobian, axis=1)
+    if np.any(rows == 0):
+        return 0.0
+    scaled = jacobian / rows[:, None]
+    columns = np.linalg.norm(scaled, axis=0)
+    if np.any(columns == 0):
+        return 0.0
+    values = np.linalg.svd(scaled / columns, compute_uv=False)
+    return float(values[-1] / values[0])
 
 
 @dataclass(frozen=True)
@@ -59,6 +62,10 @@ class CanonicalForm:
         """The Jacobian at another point."""
         return ca.Function("J", [self.plant.x, self.plant.p], [self.jacobian])(x, p)
 
+    def jacobian_at(self, x: np.ndarray, parameters: np.ndarray) -> np.ndarray:
+        """J as numbers, shape (n, n)."""
+        return np.asarray(self.J(ca.DM(x), ca.DM(parameters)).full(), dtype=float)
+
     def saturable(self, canonical: bool) -> tuple[str, ...]:
         """The plant's states, in whichever coordinates the observer computes."""
         return self.plant.states
@@ -67,15 +74,13 @@ class CanonicalForm:
         """The initial estimate in the observer's coordinates; ValueError where J is singular."""
         if canonical and not self.identity and self.plant.inverse is None:
             raise ValueError("this plant gives no inverse of its canonical map; use coordinates: original")
-        if not singular_value_ratio(_jacobian_at(self, x, parameters)) > 1e-12:
+        if not singular_value_ratio(self.jacobian_at(x, parameters)) > 1e-12:
             at = ", ".join(f"{s} = {v:g}" for s, v in zip(self.plant.states, x, strict=True))
             raise ValueError(f"the Jacobian of the observability map is singular at the initial estimate ({at})")
         return np.asarray(self.Phi(ca.DM(x), ca.DM(parameters)).full()).ravel() if canonical else x
 
     def copy(self, t: ca.SX, u: ca.SX, p: ca.SX, canonical: bool, bounds: Bounds) -> PlantCopy:
         """The copy of the plant that an observer runs."""
-        from hgorun.symbolic.copy import PlantCopy
-
         return PlantCopy(self, t, u, p, canonical, bounds)
 
     @property
@@ -89,166 +94,94 @@ class CanonicalForm:
         return ca.diagcat(*[A(k) for k in self.chains])
 
 
-def canonical_form(plant: PlantModel, at: np.ndarray, parameters: np.ndarray) -> CanonicalForm:
-    """Find the coordinates of a plant, or say why there are none.
+@dataclass(frozen=True)
+class PlantCopy:
+    """f, J and h at the estimate, without the disturbance.
 
-    Parameters
+    Attributes
     ----------
-    plant : PlantModel
-    at : ndarray, shape (n,)
-        A typical state: ranks are decided at random points around it.
-    parameters : ndarray
-        Values of the parameters.
-
-    Raises
-    ------
-    NotObservableForm
-        When a state does not reach the output, when J is singular everywhere, or when the model is
-        not triangular in z, so that some input can hide a state.
+    form : CanonicalForm
+    t, u, p : casadi.SX
+        Time, the inputs' values at t, the parameters.
+    canonical : bool
+        Whether the estimate is z = Phi(x) instead of x.
+    bounds : mapping of str to (low, high)
+        Saturation of the plant's states in the arguments of F and phi (Robles Magdaleno 2023, (3.12)).
     """
-    if is_chain(plant):
-        eye = ca.SX.eye(plant.n)
-        return CanonicalForm(plant, (plant.n,), plant.x, eye, identity=True)
-    derivatives = _lie_derivatives(plant)
-    points = _points_around(at)
-    singular: CanonicalForm | None = None
-    for chains in _chain_lengths(plant.n, len(plant.outputs)):
-        rows = [derivatives[i][k] for i, length in enumerate(chains) for k in range(length)]
-        phi_map = ca.cse(ca.vertcat(*rows))
-        form = CanonicalForm(plant, chains, phi_map, ca.cse(ca.jacobian(phi_map, plant.x)), identity=False)
-        if _rank(form, points, parameters) == plant.n:
-            _require_triangular(form, points, parameters)
-            return form
-        singular = singular or form
-    assert singular is not None
-    raise NotObservableForm(_why_singular(singular, points, parameters))
 
+    form: CanonicalForm
+    t: ca.SX
+    u: ca.SX
+    p: ca.SX
+    canonical: bool = False
+    bounds: Bounds = field(default_factory=dict)
 
-def is_chain(plant: PlantModel) -> bool:
-    """Whether y = x_1 and x_i' = x_{i+1} + phi_i(t, u, x_1..x_i)."""
-    if len(plant.outputs) != 1 or not ca.is_equal(ca.SX(plant.output), plant.x[0]):
-        return False
-    jacobian = ca.jacobian(plant.dynamics, plant.x)
-    for i in range(plant.n - 1):
-        for j in range(i + 1, plant.n):
-            entry = ca.simplify(jacobian[i, j])
-            if not entry.is_constant() or float(entry) != (1.0 if j == i + 1 else 0.0):
-                return False
-    return True
+    @property
+    def n(self) -> int:
+        """Number of states."""
+        return self.form.plant.n
 
+    @property
+    def chains(self) -> tuple[int, ...]:
+        """Length of each output's chain."""
+        return self.form.chains
 
-def _lie_derivatives(plant: PlantModel) -> list[list[ca.SX]]:
-    """For each output the n functions h, L_f0 h, ..., with the inputs at zero."""
-    zero = ca.SX.zeros(plant.u.shape)
-    drift = plant.f(plant.t, plant.x, zero, plant.p)
-    output = plant.h(plant.t, plant.x, zero, plant.p)
-    chains = []
-    for i in range(len(plant.outputs)):
-        functions = [output[i]]
-        for _ in range(plant.n - 1):
-            functions.append(ca.cse(ca.jtimes(functions[-1], plant.x, drift)))
-        chains.append(functions)
-    if plant.n and ca.depends_on(ca.vertcat(*[f for chain in chains for f in chain]), plant.t):
-        raise NotObservableForm(
-            "the observability map (h, L_f h, ...) depends on time; declare what varies as an input, "
-            "since the map is taken with the inputs at zero"
-        )
-    return chains
+    def copy(self, xhat: ca.SX) -> ca.SX:
+        """The plant's vector field at the estimate: F x + phi(u, sat x).
 
+        With sat the clipped estimate this is f(sat) + F(sat) (x - sat), F being the superdiagonal of
+        df/dx: the x that multiplies F is not saturated, the arguments of F and phi are.
+        """
+        plant = self.form.plant
+        if not self.canonical:
+            f = plant.f(self.t, self._saturated(xhat), self.u, self.p)
+            if not self.bounds:
+                return f
+            clipped = self._saturated(xhat)
+            return f + self._superdiagonal(clipped) * ca.vertcat((xhat - clipped)[1:], 0)
+        x = self._saturated(self.state(xhat))
+        z = self.form.Phi(x, self.p) if self.bounds else xhat
+        flow = self.form.J(x, self.p) @ plant.f(self.t, x, self.u, self.p)
+        return flow + self.form.shift @ (xhat - z) if self.bounds else flow
 
-def _chain_lengths(n: int, outputs: int) -> Iterator[tuple[int, ...]]:
-    """Ways to share n among the outputs, the most even first."""
-    if outputs > n:
-        raise NotObservableForm(f"{outputs} outputs measure {n} states: at most one output a state")
-    shares = [s for s in product(range(1, n - outputs + 2), repeat=outputs) if sum(s) == n]
-    yield from sorted(shares, key=lambda s: max(s) - min(s))
+    def inv_Delta(self, theta: ca.SX) -> ca.SX:
+        """Delta^-1(theta) of every chain, block-diagonal, shape (n, n)."""
+        return ca.diagcat(*[inv_Delta(theta, k) for k in self.chains])
 
+    def along_chains(self, signal: ca.SX) -> ca.SX:
+        """One number an output (q,), repeated along the output's chain (n,)."""
+        return ca.vertcat(*[signal[i] for i, k in enumerate(self.chains) for _ in range(k)])
 
-def _points_around(at: np.ndarray) -> list[np.ndarray]:
-    generator = np.random.default_rng(0)
-    scale = np.abs(at) + 0.1
-    return [at] + [at + 0.3 * scale * generator.uniform(-1, 1, at.size) for _ in range(8)]
+    def heads(self, z: ca.SX) -> ca.SX:
+        """The first component of every chain, shape (q,)."""
+        return ca.vertcat(*[z[i] for i in self.form.heads])
 
+    def lift(self, xhat: ca.SX, kappa: ca.SX) -> ca.SX:
+        """J(x)^-1 kappa: a correction made in z, in the coordinates of the estimate."""
+        if self.canonical or self.form.identity:
+            return kappa
+        return ca.solve(self.form.J(xhat, self.p), kappa)
 
-def _jacobian_at(form: CanonicalForm, x: np.ndarray, parameters: np.ndarray) -> np.ndarray:
-    return np.asarray(form.J(ca.DM(x), ca.DM(parameters)).full(), dtype=float)
+    def output(self, xhat: ca.SX) -> ca.SX:
+        """C xhat, the outputs of the estimate, shape (q,)."""
+        return self.form.plant.h(self.t, self.state(xhat), self.u, self.p)
 
+    def state(self, xhat: ca.SX) -> ca.SX:
+        """The estimate in the plant's coordinates."""
+        if not self.canonical or self.form.identity:
+            return xhat
+        assert self.form.plant.inverse is not None
+        return self.form.plant.inverse(xhat, self.p)
 
-def singular_value_ratio(jacobian: np.ndarray) -> float:
-    """Smallest over largest singular value after scaling rows and columns to one; 0 when singular."""
-    if not np.all(np.isfinite(jacobian)):
-        return float("nan")
-    rows = np.linalg.norm(jacobian, axis=1)
-    if np.any(rows == 0):
-        return 0.0
-    scaled = jacobian / rows[:, None]
-    columns = np.linalg.norm(scaled, axis=0)
-    if np.any(columns == 0):
-        return 0.0
-    values = np.linalg.svd(scaled / columns, compute_uv=False)
-    return float(values[-1] / values[0])
+    def _saturated(self, x: ca.SX) -> ca.SX:
+        parts = [x[i] for i in range(self.n)]
+        for name, (low, high) in self.bounds.items():
+            i = self.form.plant.states.index(name)
+            parts[i] = ca.fmax(low, ca.fmin(high, parts[i]))
+        return ca.vertcat(*parts)
 
-
-def _rank(form: CanonicalForm, points: list[np.ndarray], parameters: np.ndarray) -> int:
-    """Generic rank of J: n as soon as it is regular at one of the points."""
-    best = 0
-    for x in points:
-        jacobian = _jacobian_at(form, x, parameters)
-        if not np.all(np.isfinite(jacobian)):
-            continue
-        if singular_value_ratio(jacobian) > 1e-10:
-            return form.plant.n
-        best = max(best, int(np.linalg.matrix_rank(jacobian)))
-    return best
-
-
-def _why_singular(form: CanonicalForm, points: list[np.ndarray], parameters: np.ndarray) -> str:
-    plant = form.plant
-    seen = set(form.jacobian.sparsity().get_col())
-    missing = [name for k, name in enumerate(plant.states) if k not in seen]
-    names = ", ".join(plant.outputs)
-    if missing:
-        return (
-            f"state {', '.join(missing)} does not appear in the output {names} and its derivatives along the "
-            "drift (inputs at zero): it cannot be observed by a constant-gain observer"
-        )
-    for x in points:
-        jacobian = _jacobian_at(form, x, parameters)
-        if np.all(np.isfinite(jacobian)):
-            direction = np.linalg.svd(jacobian)[2][-1]
-            parts = [name for name, c in zip(plant.states, direction, strict=True) if abs(c) > 1e-6]
-            rank = int(np.linalg.matrix_rank(jacobian))
-            return (
-                f"the observability map (h, L_f h, ...) of the drift has a singular Jacobian everywhere "
-                f"(rank {rank} of {plant.n}): {', '.join(parts)} cannot be told apart from the output {names}"
-            )
-    return "the observability map (h, L_f h, ...) of the drift is not a finite number near the initial state"
-
-
-def _require_triangular(form: CanonicalForm, points: list[np.ndarray], parameters: np.ndarray) -> None:
-    """In z the model must be a chain plus phi(u, z) with phi_i a function of z_1..z_i only."""
-    plant = form.plant
-    phi = form.jacobian @ plant.dynamics - form.shift @ form.phi_map
-    slopes = ca.Function("slopes", [plant.t, plant.x, plant.u, plant.p], [ca.jacobian(phi, plant.x)])
-    position = [k for length in form.chains for k in range(length)]
-    generator = np.random.default_rng(1)
-    for x in points:
-        u = generator.uniform(-1, 1, plant.u.numel())
-        jacobian = _jacobian_at(form, x, parameters)
-        if not singular_value_ratio(jacobian) > 1e-10:
-            continue
-        slope = np.asarray(slopes(generator.uniform(), x, u, parameters).full())
-        in_z = slope @ np.linalg.inv(jacobian)
-        scale = np.abs(slope) @ np.abs(np.linalg.inv(jacobian)) + 1e-300
-        for i, j in product(range(plant.n), repeat=2):
-            last = position[i] == form.chains[_chain_of(form, i)] - 1
-            if position[j] > position[i] and not last and abs(in_z[i, j]) > 1e-7 * (1 + scale[i].max()):
-                raise NotObservableForm(
-                    f"not uniformly observable: in the coordinates z = (h, L_f h, ...) the derivative of "
-                    f"z{i + 1} depends on z{j + 1} through an input or time (slope {in_z[i, j]:.3g}), so some "
-                    "input can hide a state; a constant-gain observer needs a triangular model"
-                )
-
-
-def _chain_of(form: CanonicalForm, row: int) -> int:
-    return int(np.searchsorted(np.cumsum(form.chains), row, side="right"))
+    def _superdiagonal(self, x: ca.SX) -> ca.SX:
+        plant = self.form.plant
+        jacobian = ca.jacobian(plant.dynamics, plant.x)
+        entries = ca.vertcat(*[jacobian[i, i + 1] for i in range(self.n - 1)], 0)
+        return ca.Function("F", [plant.t, plant.x, plant.u, plant.p], [ca.densify(entries)])(self.t, x, self.u, self.p)

@@ -13,7 +13,7 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from hgorun.symbolic.canonical import NotObservableForm
+from hgorun.errors import NotObservableForm
 from hgorun.symbolic.forms import Bounds
 from hgorun.symbolic.plant import PlantModel
 from hgorun.symbolic.reconstruction import input_derivatives, output_derivatives, reconstruction

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import casadi as ca
 import numpy as np
 
-from hgorun.symbolic.canonical import NotObservableForm
+from hgorun.errors import NotObservableForm
 from hgorun.symbolic.forms import Bounds
 from hgorun.symbolic.plant import PlantModel
 

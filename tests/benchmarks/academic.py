@@ -27,8 +27,8 @@ from hgorun.observers.base import Flow, Observer
 from hgorun.registry import observer
 from hgorun.simulation import prepare
 from hgorun.symbolic.matrices import A, B, C, hurwitz_gain
-from hgorun.symbolic.system import System
 from hgorun.symbolic.triangular import TriangularCopy, TriangularForm, triangular_form
+from hgorun.system.build import System
 
 Run = Callable[[Plan], np.ndarray]
 

@@ -29,8 +29,8 @@ from hgorun.engine.layout import (
 from hgorun.observers.base import Observer
 from hgorun.plants.build import BuiltPlant
 from hgorun.symbolic.forms import Form
-from hgorun.symbolic.observer_block import ObserverBlock
 from hgorun.symbolic.parameters import Parameters
+from hgorun.system.block import ObserverBlock
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,159 @@
+"""Find the canonical coordinates of a plant, or say why there are none."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import product
+
+import casadi as ca
+import numpy as np
+
+from hgorun.errors import NotObservableForm
+from hgorun.symbolic.canonical import CanonicalForm, singular_value_ratio
+from hgorun.symbolic.plant import PlantModel
+
+
+def canonical_form(plant: PlantModel, at: np.ndarray, parameters: np.ndarray) -> CanonicalForm:
+    """Find the coordinates of a plant, or say why there are none.
+
+    Parameters
+    ----------
+    plant : PlantModel
+    at : ndarray, shape (n,)
+        A typical state: ranks are decided at random points around it.
+    parameters : ndarray
+        Values of the parameters.
+
+    Raises
+    ------
+    NotObservableForm
+        When a state does not reach the output, when J is singular everywhere, or when the model is
+        not triangular in z, so that some input can hide a state.
+    """
+    if is_chain(plant):
+        eye = ca.SX.eye(plant.n)
+        return CanonicalForm(plant, (plant.n,), plant.x, eye, identity=True)
+    derivatives = _lie_derivatives(plant)
+    points = _points_around(at)
+    singular: CanonicalForm | None = None
+    for chains in _chain_lengths(plant.n, len(plant.outputs)):
+        rows = [derivatives[i][k] for i, length in enumerate(chains) for k in range(length)]
+        phi_map = ca.cse(ca.vertcat(*rows))
+        form = CanonicalForm(plant, chains, phi_map, ca.cse(ca.jacobian(phi_map, plant.x)), identity=False)
+        if _rank(form, points, parameters) == plant.n:
+            _require_triangular(form, points, parameters)
+            return form
+        singular = singular or form
+    assert singular is not None
+    raise NotObservableForm(_why_singular(singular, points, parameters))
+
+
+def is_chain(plant: PlantModel) -> bool:
+    """Whether y = x_1 and x_i' = x_{i+1} + phi_i(t, u, x_1..x_i)."""
+    if len(plant.outputs) != 1 or not ca.is_equal(ca.SX(plant.output), plant.x[0]):
+        return False
+    jacobian = ca.jacobian(plant.dynamics, plant.x)
+    for i in range(plant.n - 1):
+        for j in range(i + 1, plant.n):
+            entry = ca.simplify(jacobian[i, j])
+            if not entry.is_constant() or float(entry) != (1.0 if j == i + 1 else 0.0):
+                return False
+    return True
+
+
+def _lie_derivatives(plant: PlantModel) -> list[list[ca.SX]]:
+    """For each output the n functions h, L_f0 h, ..., with the inputs at zero."""
+    zero = ca.SX.zeros(plant.u.shape)
+    drift = plant.f(plant.t, plant.x, zero, plant.p)
+    output = plant.h(plant.t, plant.x, zero, plant.p)
+    chains = []
+    for i in range(len(plant.outputs)):
+        functions = [output[i]]
+        for _ in range(plant.n - 1):
+            functions.append(ca.cse(ca.jtimes(functions[-1], plant.x, drift)))
+        chains.append(functions)
+    if plant.n and ca.depends_on(ca.vertcat(*[f for chain in chains for f in chain]), plant.t):
+        raise NotObservableForm(
+            "the observability map (h, L_f h, ...) depends on time; declare what varies as an input, "
+            "since the map is taken with the inputs at zero"
+        )
+    return chains
+
+
+def _chain_lengths(n: int, outputs: int) -> Iterator[tuple[int, ...]]:
+    """Ways to share n among the outputs, the most even first."""
+    if outputs > n:
+        raise NotObservableForm(f"{outputs} outputs measure {n} states: at most one output a state")
+    shares = [s for s in product(range(1, n - outputs + 2), repeat=outputs) if sum(s) == n]
+    yield from sorted(shares, key=lambda s: max(s) - min(s))
+
+
+def _points_around(at: np.ndarray) -> list[np.ndarray]:
+    generator = np.random.default_rng(0)
+    scale = np.abs(at) + 0.1
+    return [at] + [at + 0.3 * scale * generator.uniform(-1, 1, at.size) for _ in range(8)]
+
+
+def _rank(form: CanonicalForm, points: list[np.ndarray], parameters: np.ndarray) -> int:
+    """Generic rank of J: n as soon as it is regular at one of the points."""
+    best = 0
+    for x in points:
+        jacobian = form.jacobian_at(x, parameters)
+        if not np.all(np.isfinite(jacobian)):
+            continue
+        if singular_value_ratio(jacobian) > 1e-10:
+            return form.plant.n
+        best = max(best, int(np.linalg.matrix_rank(jacobian)))
+    return best
+
+
+def _why_singular(form: CanonicalForm, points: list[np.ndarray], parameters: np.ndarray) -> str:
+    plant = form.plant
+    seen = set(form.jacobian.sparsity().get_col())
+    missing = [name for k, name in enumerate(plant.states) if k not in seen]
+    names = ", ".join(plant.outputs)
+    if missing:
+        return (
+            f"state {', '.join(missing)} does not appear in the output {names} and its derivatives along the "
+            "drift (inputs at zero): it cannot be observed by a constant-gain observer"
+        )
+    for x in points:
+        jacobian = form.jacobian_at(x, parameters)
+        if np.all(np.isfinite(jacobian)):
+            direction = np.linalg.svd(jacobian)[2][-1]
+            parts = [name for name, c in zip(plant.states, direction, strict=True) if abs(c) > 1e-6]
+            rank = int(np.linalg.matrix_rank(jacobian))
+            return (
+                f"the observability map (h, L_f h, ...) of the drift has a singular Jacobian everywhere "
+                f"(rank {rank} of {plant.n}): {', '.join(parts)} cannot be told apart from the output {names}"
+            )
+    return "the observability map (h, L_f h, ...) of the drift is not a finite number near the initial state"
+
+
+def _require_triangular(form: CanonicalForm, points: list[np.ndarray], parameters: np.ndarray) -> None:
+    """In z the model must be a chain plus phi(u, z) with phi_i a function of z_1..z_i only."""
+    plant = form.plant
+    phi = form.jacobian @ plant.dynamics - form.shift @ form.phi_map
+    slopes = ca.Function("slopes", [plant.t, plant.x, plant.u, plant.p], [ca.jacobian(phi, plant.x)])
+    position = [k for length in form.chains for k in range(length)]
+    generator = np.random.default_rng(1)
+    for x in points:
+        u = generator.uniform(-1, 1, plant.u.numel())
+        jacobian = form.jacobian_at(x, parameters)
+        if not singular_value_ratio(jacobian) > 1e-10:
+            continue
+        slope = np.asarray(slopes(generator.uniform(), x, u, parameters).full())
+        in_z = slope @ np.linalg.inv(jacobian)
+        scale = np.abs(slope) @ np.abs(np.linalg.inv(jacobian)) + 1e-300
+        for i, j in product(range(plant.n), repeat=2):
+            last = position[i] == form.chains[_chain_of(form, i)] - 1
+            if position[j] > position[i] and not last and abs(in_z[i, j]) > 1e-7 * (1 + scale[i].max()):
+                raise NotObservableForm(
+                    f"not uniformly observable: in the coordinates z = (h, L_f h, ...) the derivative of "
+                    f"z{i + 1} depends on z{j + 1} through an input or time (slope {in_z[i, j]:.3g}), so some "
+                    "input can hide a state; a constant-gain observer needs a triangular model"
+                )
+
+
+def _chain_of(form: CanonicalForm, row: int) -> int:
+    return int(np.searchsorted(np.cumsum(form.chains), row, side="right"))
