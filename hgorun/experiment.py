@@ -53,6 +53,7 @@ class Experiment:
             config = parse(text, name)
         self.name, self.text, self.source = name, text or "", config
         self.blocks, self.plant_block, self.observers = check(config)
+        self.prepared: object = None  # what hgorun.simulation has made of it
 
     @contextmanager
     def located(self) -> Iterator[None]:
@@ -128,6 +129,7 @@ class Experiment:
                 )
         return time.start + np.arange(int(count)) * fine, ratios[0], ratios[1]
 
+    @cached_property
     def resolved_text(self) -> str:
         """The resolved configuration as YAML."""
         return _yaml(self.resolved())

@@ -56,7 +56,7 @@ def record(run: Run, raw: Raw) -> Result:
         _measurements(run, raw, y[shown]),
         found,
         run.experiment.text,
-        run.experiment.resolved_text(),
+        run.experiment.resolved_text,
         blocks.seed,
         asdict(windows),
         embedded,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import cast
 
 import numpy as np
 
@@ -43,25 +44,26 @@ def simulate(
 def prepare(experiment: Experiment) -> Run:
     """Check all that can be checked without running: models, schedules, observers, figures.
 
+    Once for an experiment: its compiled code is used again.
+
     Raises
     ------
     ConfigError
     """
-    with experiment.located():
-        run = Run(experiment)
-        if experiment.blocks.figures:
-            from hgorun.figures import check
+    if experiment.prepared is None:
+        with experiment.located():
+            _check_figures(experiment)
+            experiment.prepared = Run(experiment)
+    return cast(Run, experiment.prepared)
 
-            model = experiment.plant.model
-            time = experiment.blocks.time
-            check(
-                experiment.blocks.figures,
-                model.states,
-                model.outputs,
-                tuple(experiment.observers),
-                (time.start, time.end),
-            )
-        return run
+
+def _check_figures(experiment: Experiment) -> None:
+    if experiment.blocks.figures:
+        from hgorun.figures import check
+
+        model, time = experiment.plant.model, experiment.blocks.time
+        labels = tuple(experiment.observers)
+        check(experiment.blocks.figures, model.states, model.outputs, labels, (time.start, time.end))
 
 
 def perform(run: Run, *, check_step: bool = False, progress: Callable[[float], None] | None = None) -> Result:
