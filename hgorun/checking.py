@@ -17,6 +17,7 @@ from hgorun.plants.base import Plant
 from hgorun.plants.inline import InlinePlant
 
 _B = TypeVar("_B", bound=Block)
+_NOISE_TYPES = {"sinusoids", "expression", "uniform", "gaussian"}  # pydantic puts them into the path
 
 
 def check(source: Source) -> tuple[Blocks, Plant, dict[str, Observer]]:
@@ -61,7 +62,13 @@ def _observer(label: str, block: dict[str, Any], source: Source) -> Observer:
         )
     if "type" not in block:
         known = ", ".join(registry.names("observers"))
-        raise ConfigError(f"type is missing; one of {known}", file=file, line=line, key=f"observers.{label}")
+        others = [name for name in source.data["observers"] if name != label]
+        raise ConfigError(
+            f"type is missing.{nearest(label, others)} It is one of {known}",
+            file=file,
+            line=line,
+            key=f"observers.{label}",
+        )
     cls: type[Observer] = _find("observers", block["type"], source, (*path, "type"))
     return validate(cls, block, source, path)
 
@@ -104,7 +111,11 @@ def _known_path(source: Source, path: tuple[str | int, ...], location: tuple[str
     """The part of pydantic's location that is in the file: names of union members are not."""
     for i, part in enumerate(location):
         if (*path, part) in source.positions or (
-            i == len(location) - 1 and isinstance(part, str) and part.isidentifier()
+            # a missing key is not in the file; neither is the name of a member of a list
+            i == len(location) - 1
+            and isinstance(part, str)
+            and part.isidentifier()
+            and not (path and isinstance(path[-1], int) and part in _NOISE_TYPES)
         ):
             path = (*path, part)
     return path
@@ -118,4 +129,12 @@ def _sentence(item: Any) -> str:
         return message.removeprefix("Value error, ")
     if kind in ("unknown_key", "no_value", "not_a_mapping"):
         return message
+    if kind == "union_tag_invalid":
+        known = item["ctx"]["expected_tags"].replace("'", "").split(", ")
+        tag = str(item["ctx"]["tag"])
+        return f"no type is called {tag!r}.{nearest(tag, known)} Known: {', '.join(known)}"
+    if kind == "union_tag_not_found":
+        return f"type is missing; one of {', '.join(sorted(_NOISE_TYPES))}"
+    if kind in ("tuple_type", "dict_type", "list_type"):
+        return f"expected {'a mapping' if kind == 'dict_type' else 'a list'}, found {describe(item['input'])}"
     return f"{message[0].lower()}{message[1:]}, found {describe(item['input'])}"

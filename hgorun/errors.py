@@ -26,7 +26,8 @@ class ConfigError(HgorunError):
         self, message: str, *, file: str | None = None, line: int | None = None, key: str | None = None
     ) -> None:
         self.message, self.file, self.line, self.key = message, file, line, key
-        where = f"{file}:{line}" if file and line else file
+        # an assignment on the command line has no lines
+        where = f"{file}:{line}" if file and line and not file.startswith("--set ") else file
         super().__init__(": ".join(part for part in (where, key, message) if part))
 
 

@@ -76,14 +76,15 @@ class Experiment:
         """For every observer the plant in the form that it needs."""
         built: dict[Any, Form] = {}
         with self.located():
-            for observer in self.observers.values():
+            for label, observer in self.observers.items():
                 if observer.form not in built:
                     try:
                         built[observer.form] = observer.form(
                             self.plant.model, self.plant.initial, self.plant.parameters
                         )
                     except NotObservableForm as error:
-                        raise Problem(("plant",), str(error)) from error
+                        asked = f"observer {label} ({observer.type}) asks for another form of the plant"
+                        raise Problem(("plant",), f"{error}; {asked}") from error
         return {label: built[observer.form] for label, observer in self.observers.items()}
 
     @cached_property
@@ -127,7 +128,12 @@ class Experiment:
                     f"the output grid has {count:.4g} points, about {size / 2**30:.3g} GiB; "
                     f"time.max_memory allows {time.max_memory / 2**30:.3g} GiB",
                 )
-        return time.start + np.arange(int(count)) * fine, ratios[0], ratios[1]
+            points = time.start + np.arange(int(count)) * fine
+            for key in ("window", "transient"):
+                window = getattr(self.blocks.metrics, key)
+                if window is not None and not np.any((points >= window[0] - fine) & (points <= window[1] + fine)):
+                    raise Problem(("metrics", key), f"no output point lies in [{window[0]:g}, {window[1]:g}]")
+        return points, ratios[0], ratios[1]
 
     @cached_property
     def resolved_text(self) -> str:

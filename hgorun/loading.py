@@ -33,6 +33,8 @@ def load(path: str | Path, overrides: Sequence[str] = (), *, seed: int | None = 
         For anything wrong in it: file, line, key, what was found and what would be right.
     """
     path = Path(path)
+    if path.suffix.lower() in {".h5", ".hdf5", ".nc"}:
+        raise ConfigError("this is a result file; hgorun compare reads it", file=str(path))
     text, source = yaml_source.read(path)
     source = _extended(source, path, [path.resolve()])
     for assignment in overrides:

@@ -63,7 +63,7 @@ class ObserverResult:
         return "ok" if self.diverged_at is None else f"diverged at t={self.diverged_at:.6g}"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Result:
     """A finished run.
 
@@ -104,6 +104,10 @@ class Result:
     windows: Mapping[str, Any] = field(default_factory=dict)
     integration_error: Mapping[str, float] | None = None
     figures: Mapping[str, Any] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        labels = ", ".join(self.observers) or "no observers"
+        return f"<Result {self.name!r}: {labels}; {self.time.size} points; {self.status}>"
 
     @property
     def status(self) -> str:

@@ -8,6 +8,7 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
+from hgorun.engine.layout import OUTPUT, PREVIOUS
 from hgorun.engine.methods import METHODS
 from hgorun.engine.program import Program, Raw, Start, Tolerance
 from hgorun.errors import Problem
@@ -182,11 +183,23 @@ class Run:
                     path = ("observers", b.label, *problem.path) if inside else problem.path
                     raise Problem(path, problem.message) from problem
 
+    def _held_at_start(self) -> np.ndarray:
+        """The vector w as if every output had just been measured."""
+        s, t = self.system.structure, self.time.start
+        held = np.zeros(s.held)
+        channels = np.asarray(s.channels(t, self.system.p, self.system.z0, held).full()).ravel()
+        for i, own in enumerate(channels.reshape(s.outputs, s.width)):
+            held[i * s.held_width + PREVIOUS] = own[0]
+            held[i * s.held_width + OUTPUT : (i + 1) * s.held_width] = own
+        held[-1] = 1.0
+        return held
+
     def _check_start(self) -> None:
         """The right-hand sides must be numbers at the start."""
         s = self.system
+        held = self._held_at_start()
         for flow in s.structure.flows.values():
-            rates = np.asarray(flow(self.time.start, s.p, s.z0, np.zeros(s.structure.held)).full()).ravel()
+            rates = np.asarray(flow(self.time.start, s.p, s.z0, held).full()).ravel()
             bad = np.flatnonzero(~np.isfinite(rates[: s.structure.plant_states]))
             if bad.size:
                 name = self.plant.model.states[int(bad[0])]
@@ -194,9 +207,13 @@ class Run:
                 raise Problem(path, f"the right-hand side of {name} is not a finite number at the start of the run")
             for b in s.observers:
                 if not np.all(np.isfinite(rates[b.start : b.end])):
+                    internal = ", ".join(name for name in b.states if name not in ("xhat", "alpha"))
                     raise Problem(
-                        ("observers", b.label, "initial"),
-                        "the observer's right-hand side is not a finite number at the start of the run",
+                        ("observers", b.label),
+                        "the observer's right-hand side is not a finite number at the start of the run: its "
+                        "initial estimate"
+                        + (f" or its internal state ({internal})" if internal else "")
+                        + " lies where the equations are singular; set them with initial and internal",
                     )
             break
 

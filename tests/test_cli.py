@@ -177,7 +177,10 @@ def test_list_and_show(shell: Shell) -> None:
 def test_init_copies_what_runs(shell: Shell) -> None:
     assert shell("init", "contois_te050", "mine")[0] == 0
     assert {p.name for p in (shell.folder / "mine").iterdir()} == {"contois_te050.yaml", "_contois.yaml"}
+    assert shell("init", "contois_te025", "mine")[0] == 0  # shares the base file
+    (shell.folder / "mine" / "_contois.yaml").write_text("mine now\n")
     assert shell("init", "contois_te050", "mine")[0] == 1
+    assert (shell.folder / "mine" / "_contois.yaml").read_text() == "mine now\n"
     assert shell("init", "contois_te050", "mine", "--force")[0] == 0
     code, out, _ = shell("simulate", "mine/contois_te050.yaml", "--set", "time.end=1", "--set", "metrics.window=[0,1]")
     assert code == 0

@@ -91,6 +91,10 @@ def _described(name: str, kind: str, cls: type[Any]) -> dict[str, Any]:
     }
     if issubclass(cls, Plant):
         found["valid"] = cls.valid
+        needed = {"initial", "inputs"} if cls.known_inputs else {"initial"}
+        for key in found["keys"]:
+            key["required"] = key["required"] or key["key"] in needed
+        found["units"] = dict(cls.units)
         found["parameters"] = {
             n: {"default": q.default, "unit": q.unit, "meaning": q.meaning} for n, q in cls.known_parameters.items()
         }
@@ -118,6 +122,8 @@ def _as_text(d: dict[str, Any]) -> str:
     lines = [f"{d['name']} ({d['kind']})", f"source: {d['reference']}", "", d["description"]]
     if d.get("valid"):
         lines += ["", f"valid: {d['valid']}"]
+    if d.get("units"):
+        lines += ["", "states: " + ", ".join(f"{name} [{unit}]" for name, unit in d["units"].items())]
     for group in ("parameters", "inputs"):
         if d.get(group):
             lines += ["", f"{group}:"]
@@ -180,10 +186,13 @@ def init(name: str, folder: Path, *, force: bool) -> int:
         raise ConfigError(
             f"no experiment is called {name!r}.{nearest(name, [*shipped, *(Path(p).name for p in shipped)])}"
         )
-    for file in _with_bases(matches[0]):
+    files = list(_with_bases(matches[0]))
+    for file in files:
         target = folder / file.name
-        if target.exists() and not force:
-            raise HgorunError(f"{target} exists; --force overwrites it")
+        if target.exists() and not force and target.read_bytes() != file.read_bytes():
+            raise HgorunError(f"{target} exists and differs; --force overwrites it")
+    for file in files:
+        target = folder / file.name
         try:
             folder.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(file, target)

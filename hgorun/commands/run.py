@@ -69,11 +69,16 @@ def compare(
     if style not in styles:
         raise ConfigError(f"--format: expected one of {', '.join(styles)}, found {style!r}")
     _refuse_twins(sources)
+    if (overrides or seed is not None) and all(path.suffix.lower() in _RESULT_SUFFIXES for path in sources):
+        raise ConfigError("--set and --seed change configurations; a result file stays as it is")
     loaded = [
         read(path) if path.suffix.lower() in _RESULT_SUFFIXES else prepare(load(path, overrides, seed=seed))
         for path in sources
     ]
     results = [s if isinstance(s, Result) else execute(s, quiet or json, check_step=False) for s in loaded]
+    units = {result.units.get("time", "") for result in results}
+    if len(units) > 1:
+        raise ConfigError(f"the sources count time in different units: {', '.join(sorted(units))}")
     for result in results:
         warn(result)
     if json:

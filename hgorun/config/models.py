@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from hgorun.config.types import Block, ExpressionText, Name, NonEmpty, NonNegative, Number, Positive, describe
+from hgorun.config.types import Block, ExpressionText, Name, NonEmpty, NonNegative, Number, Positive, describe, number
 
 GIB = 2.0**30
 
@@ -155,11 +155,20 @@ class Measurement(Availability):
     phases: tuple[Phase, ...] = Field(default=(), description="one after the other in time")
 
 
+def _step(value: Any) -> Any:
+    if value == "auto":
+        return value
+    step = number(value)
+    if not step > 0:
+        raise ValueError(f"expected auto or a number > 0, found {describe(value)}")
+    return step
+
+
 class Solver(Block):
     """How the differential equations are solved."""
 
     method: Literal["euler", "rk4", "dopri5"] = "rk4"
-    step: Annotated[Literal["auto"] | Positive, Field(union_mode="left_to_right")] = Field(
+    step: Annotated[Literal["auto"] | float, BeforeValidator(_step)] = Field(
         default="auto", description="longest step of a fixed-step run, or auto"
     )
     rtol: Positive | None = Field(default=None, description="relative tolerance: dopri5 with adaptive steps")

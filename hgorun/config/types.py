@@ -121,9 +121,14 @@ def pole_text(pole: complex) -> str:
 
 _NUMBER_SCHEMA = {"anyOf": [{"type": "number"}, {"type": "string"}]}
 
+
+def _above(limit: str) -> dict[str, Any]:
+    return {"anyOf": [{"type": "number", limit: 0}, {"type": "string"}]}
+
+
 Number = Annotated[float, BeforeValidator(number), WithJsonSchema(_NUMBER_SCHEMA)]
-Positive = Annotated[float, BeforeValidator(number), Field(gt=0), WithJsonSchema(_NUMBER_SCHEMA)]
-NonNegative = Annotated[float, BeforeValidator(number), Field(ge=0), WithJsonSchema(_NUMBER_SCHEMA)]
+Positive = Annotated[float, BeforeValidator(number), Field(gt=0), WithJsonSchema(_above("exclusiveMinimum"))]
+NonNegative = Annotated[float, BeforeValidator(number), Field(ge=0), WithJsonSchema(_above("minimum"))]
 ExpressionText = Annotated[str, BeforeValidator(_expression), WithJsonSchema(_NUMBER_SCHEMA)]
 Name = Annotated[str, BeforeValidator(_name)]
 Poles = Annotated[

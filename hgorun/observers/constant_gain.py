@@ -19,7 +19,7 @@ class PlacedGain(Observer):
         default=complex(-1), description="eigenvalues at theta = 1: a number (all there) or a list; real part < 0"
     )
     gains: tuple[Number, ...] | None = Field(
-        default=None, description="the gain itself, in place of poles; filter part first"
+        default=None, description="the gain itself, in place of poles; with a filter (K_r; K_n)"
     )
 
     @model_validator(mode="after")

@@ -26,10 +26,10 @@ class DynamicGain(OutputInjection):
 
     form = staticmethod(state_affine_form)
 
-    a: Positive = Field(description="decay rate in (9), > 0")
-    b: Positive = Field(description="bound on Delta in (9), > 0")
-    q: Positive = Field(le=1, description="lower bound on Q in (9), 0 < q <= 1")
-    gamma: ExpressionText = Field(description="expression of y, >= 0: bounds the slopes of g as in (6)")
+    a: Positive = Field(description="a > 0: how fast theta falls back to 1; of the inequality (9)")
+    b: Positive = Field(description="b > 0: how slowly theta moves; of the inequality (9)")
+    q: Positive = Field(le=1, description="0 < q <= 1: lower bound q I <= Q in (9)")
+    gamma: ExpressionText = Field(description="expression of y, >= 0: bounds the slopes of g at this output (6)")
 
     @field_validator("gamma")
     @classmethod
@@ -77,10 +77,16 @@ class DynamicGainObserver(DynamicGain):
         xhat'  = A xhat + g(xhat, u) + Theta(theta) l (y - xhat_1),     Theta = diag(theta, ..., theta^n)
         theta' = -(theta/b) ((a/3) (theta - 1) - 2 (n-1)/sqrt(q) gamma(y))
 
-    The slopes of g need no bound that holds everywhere: gamma(y), (6), bounds them at the present output, and
-    theta follows it: at constant y it goes to 1 + 6 (n-1) gamma(y)/(a sqrt(q)). theta(0) >= 1, by ``internal:
-    {theta: 1}``, stays above 1. l (or poles) makes A - l c Hurwitz; a, b, q > 0 must be such that some Q
-    satisfies (9), which :func:`certificate` looks for. Take `direct` with mu = 0 where one theta will do.
+    The slopes of g need no bound that holds everywhere: gamma(y) bounds them at the present output, |g_i(xhat, u)
+    - g_i(x, u)| <= gamma(y) (|xhat_1 - x_1| + ... + |xhat_i - x_i|) (6), and theta follows it: at
+    constant y it goes to 1 + 6 (n-1) gamma(y)/(a sqrt(q)). theta(0) >= 1, by ``internal: {theta: 1}``, stays above
+    1. l (or poles) makes A - l c Hurwitz; a, b, q > 0 must be such that some Q, q I <=
+    Q <= I, satisfies (9) with Delta = diag(0, ..., n-1),
+
+        Q (A - l c) + (A - l c)^T Q <= -a Q,    -b Q <= Q Delta + Delta Q <= b Q
+
+    which ``hgorun.observers.dynamic_gain.certificate(l, a, b, q)`` finds or denies. Take `direct` with mu = 0
+    where one theta will do.
 
     The paper's constants, l = (2, 1), a = 1.17, b = 2.3, q = 0.15, are said to fulfil (9): no Q does; with b
     = 2.42, or a = 1.06, there is one. The observer runs with any.

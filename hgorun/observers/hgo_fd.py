@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 from pydantic import Field
 
-from hgorun.config.types import Positive
+from hgorun.config.types import Number, Poles, Positive
 from hgorun.errors import NotObservableForm, Problem
 from hgorun.observers.base import DiscreteObserver
 from hgorun.observers.constant_gain import PlacedGain
@@ -75,6 +75,8 @@ class ForwardDifferenceObserver(PlacedGain, DiscreteObserver):
     reference = "Lee, Choi, Khalil 2016, (19)-(20), (42)"
     form = staticmethod(integrator_chain)
 
+    poles: Poles = Field(default=complex(-1), description="eigenvalues of A_0: a number (all there) or a list of n")
+    gains: tuple[Number, ...] | None = Field(default=None, description="H_0, n numbers, in place of poles")
     eps: Positive = Field(description="eps > 0: the error's eigenvalues are the poles over eps")
 
     def H_0(self, n: int) -> np.ndarray:

@@ -74,8 +74,9 @@ def _lie_derivatives(plant: PlantModel) -> list[list[ca.SX]]:
         chains.append(functions)
     if plant.n and ca.depends_on(ca.vertcat(*[f for chain in chains for f in chain]), plant.t):
         raise NotObservableForm(
-            "the observability map (h, L_f h, ...) depends on time; declare what varies as an input, "
-            "since the map is taken with the inputs at zero"
+            "the observability map (h, L_f h, ...) depends on time; declare what varies as an input, since the map "
+            "is taken with the inputs at zero, or take an observer with time-varying gain (shgo_riccati, fhgo1, "
+            "fhgo2_nuos)"
         )
     return chains
 
@@ -151,7 +152,8 @@ def _require_triangular(form: CanonicalForm, points: list[np.ndarray], parameter
                 raise NotObservableForm(
                     f"not uniformly observable: in the coordinates z = (h, L_f h, ...) the derivative of "
                     f"z{i + 1} depends on z{j + 1} through an input or time (slope {in_z[i, j]:.3g}), so some "
-                    "input can hide a state; a constant-gain observer needs a triangular model"
+                    "input can hide a state; a constant-gain observer needs a triangular model. With persistent "
+                    "excitation an observer with time-varying gain will do (shgo_riccati, fhgo1, fhgo2_nuos)"
                 )
 
 
