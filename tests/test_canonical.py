@@ -163,3 +163,29 @@ def test_inverse_of_delta() -> None:
     theta = ca.SX.sym("theta")
     value = ca.Function("f", [theta], [inv_Delta(theta, 3)])(2.0)
     np.testing.assert_array_equal(np.asarray(value), np.diag([1, 2, 4]))
+
+
+@pytest.mark.parametrize("states", ["a b c d", "a c b d", "d c b a"])
+def test_saturation_does_not_depend_on_the_order_of_the_states(states: str) -> None:
+    """F leads from the measured states to the others, wherever they stand in the list."""
+    dynamics = {"a": "b", "b": "-a - 0.1*a**3", "c": "d", "d": "-2*sin(c)"}
+    observers = {"o": {"type": "shgo", "theta": 3, "saturation": {"b": [-0.2, 0.2], "d": [-0.2, 0.2]}}}
+
+    def estimates(order: str) -> dict[str, np.ndarray]:
+        plant = inline(order, dynamics, ["a", "c"])
+        plant["initial"] = {"a": 0.5, "b": 0.6, "c": 0.7, "d": 0.8}
+        xhat = hgorun.simulate(experiment(plant, observers)).observers["o"].xhat
+        return dict(zip(order.split(), xhat.T, strict=True))
+
+    expected = estimates("a b c d")
+    assert np.max(np.abs(expected["b"])) > 0.25  # saturation is at work
+    for name, values in estimates(states).items():
+        np.testing.assert_allclose(values, expected[name], atol=1e-12)
+
+
+def test_adaptive_steps_end_at_time_zero() -> None:
+    """The smallest step is measured by the larger end of a segment, so it is never zero."""
+    plant = inline("x1", {"x1": "-1 + 1.0e-30*sqrt(x1)"}, "x1")
+    config = {"time": {"start": -2, "end": 0, "output_step": 0.1}, "solver": {"method": "dopri5", "rtol": 1e-8}}
+    with pytest.raises(hgorun.SimulationError, match="no step is small enough|diverged"):
+        hgorun.simulate(experiment(plant, {}, measurement={}, **config))

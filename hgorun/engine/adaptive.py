@@ -23,7 +23,7 @@ from hgorun.engine.parts import Module, move
 from hgorun.engine.stepper import Stepper, guard
 
 _SAFETY, _SHRINK, _GROW = 0.9, 0.2, 5.0
-_SMALLEST = 1e-13  # of |t|: below it a step changes t no more
+_SMALLEST = 1e-13  # of the larger |t| of the segment's ends: below it a step changes t no more
 
 
 def add_adaptive(m: Module, method: Method, history: History | None, flows: dict[Variant, Emitted]) -> None:
@@ -115,7 +115,8 @@ def _add_advance(s: Stepper) -> None:
         move(f, s.k[0], s.slope, s.size)
         move(f, s.trace_before, s.trace, 2 * s.width // m.lanes)
         f.store(f.scalar("fmul", h, _factor(s, worst, hexadecimal(1.0))), real["step"])
-        smallest = f.scalar("fmul", f.let(f"call double @llvm.fabs.f64(double {s.end})"), hexadecimal(_SMALLEST))
+        sizes = [s.absolute(s.start), s.absolute(s.end)]
+        smallest = f.scalar("fmul", _maximum_scalar(f, sizes), hexadecimal(_SMALLEST))
         with f.when(f.test("ole", h, smallest)):
             f.leave_if(f.test("ugt", blocks[0], hexadecimal(1.0)), small)
             _mask_failing(s, blocks[1:], t_new)

@@ -94,6 +94,11 @@ class Stepper:
         self.flags, self.passes = f.slot("i64"), f.slot("i64")
         f.store("0", self.flags, "i64")
 
+    def absolute(self, scalar: str) -> str:
+        """|x| of a scalar."""
+        self.m.declarations.add("declare double @llvm.fabs.f64(double)")
+        return self.f.let(f"call double @llvm.fabs.f64(double {scalar})")
+
     def tick(self, t: str, tau: str) -> None:
         """What depends on time alone, at t."""
         self.flow.clock(self.f, t, self.p, self.c, tau)
@@ -191,8 +196,7 @@ class Stepper:
     def rows_before(self, t0: str, t1: str, h: str) -> None:
         """The output points of the step, when there are any."""
         f = self.f
-        size_of = f.let(f"call double @llvm.fabs.f64(double {self.end})")
-        self.m.declarations.add("declare double @llvm.fabs.f64(double)")
+        size_of = self.absolute(self.end)
         snap = f.scalar("fadd", f.scalar("fmul", h, hexadecimal(1e-9)), f.scalar("fmul", size_of, hexadecimal(1e-15)))
         due = f.word(f.word("%ctx", WORD["grid"], "ptr"), f.word("%ctx", WORD["row"]), "double")
         with f.when(f.test("olt", due, f.scalar("fsub", t1, snap))):

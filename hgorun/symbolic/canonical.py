@@ -14,9 +14,11 @@ from dataclasses import dataclass, field
 import casadi as ca
 import numpy as np
 
+from hgorun.errors import NotObservableForm
 from hgorun.symbolic.forms import Bounds
 from hgorun.symbolic.matrices import A, inv_Delta
 from hgorun.symbolic.plant import PlantModel
+from hgorun.symbolic.triangular import blocks_of, superdiagonal
 
 
 def singular_value_ratio(jacobian: np.ndarray) -> float:
@@ -129,20 +131,28 @@ class PlantCopy:
     def copy(self, xhat: ca.SX) -> ca.SX:
         """The plant's vector field at the estimate: F x + phi(u, sat x).
 
-        With sat the clipped estimate this is f(sat) + F(sat) (x - sat), F being the superdiagonal of
-        df/dx: the x that multiplies F is not saturated, the arguments of F and phi are.
+        With sat the clipped estimate this is f(sat) + F(sat) (x - sat): the x that multiplies F is not
+        saturated, the arguments of F and phi are. F is what leads in df/dx from one block of states to the
+        next, counted from the measured ones; where no state is measured itself, the chain seen through J.
         """
         plant = self.form.plant
-        if not self.canonical:
-            f = plant.f(self.t, self._saturated(xhat), self.u, self.p)
-            if not self.bounds:
-                return f
-            clipped = self._saturated(xhat)
-            return f + self._superdiagonal(clipped) * ca.vertcat((xhat - clipped)[1:], 0)
-        x = self._saturated(self.state(xhat))
-        z = self.form.Phi(x, self.p) if self.bounds else xhat
-        flow = self.form.J(x, self.p) @ plant.f(self.t, x, self.u, self.p)
-        return flow + self.form.shift @ (xhat - z) if self.bounds else flow
+        if self.canonical:
+            x = self._saturated(self.state(xhat))
+            z = self.form.Phi(x, self.p) if self.bounds else xhat
+            flow = self.form.J(x, self.p) @ plant.f(self.t, x, self.u, self.p)
+            return flow + self.form.shift @ (xhat - z) if self.bounds else flow
+        clipped = self._saturated(xhat)
+        f = plant.f(self.t, clipped, self.u, self.p)
+        return f + self._links(clipped, xhat - clipped) if self.bounds else f
+
+    def _links(self, x: ca.SX, excess: ca.SX) -> ca.SX:
+        """F(x) times what saturation has cut off."""
+        try:
+            block, _ = blocks_of(self.form.plant)
+        except NotObservableForm:
+            J = self.form.J(x, self.p)
+            return ca.solve(J, self.form.shift @ (J @ excess))
+        return superdiagonal(self.form.plant, block)(self.t, x, self.u, self.p) @ excess
 
     def inv_Delta(self, theta: ca.SX) -> ca.SX:
         """Delta^-1(theta) of every chain, block-diagonal, shape (n, n)."""
@@ -179,9 +189,3 @@ class PlantCopy:
             i = self.form.plant.states.index(name)
             parts[i] = ca.fmax(low, ca.fmin(high, parts[i]))
         return ca.vertcat(*parts)
-
-    def _superdiagonal(self, x: ca.SX) -> ca.SX:
-        plant = self.form.plant
-        jacobian = ca.jacobian(plant.dynamics, plant.x)
-        entries = ca.vertcat(*[jacobian[i, i + 1] for i in range(self.n - 1)], 0)
-        return ca.Function("F", [plant.t, plant.x, plant.u, plant.p], [ca.densify(entries)])(self.t, x, self.u, self.p)

@@ -80,16 +80,8 @@ class TriangularCopy:
 
     def F(self, xhat: ca.SX) -> ca.SX:
         """The block superdiagonal of df/dx at the (saturated) estimate, shape (n, n)."""
-        model, block = self.form.model, self.form.block
-        jacobian = ca.jacobian(model.dynamics, model.x)
-        entries = ca.SX(self.n, self.n)
-        for i in range(self.n):
-            for j in range(self.n):
-                if block[j] == block[i] + 1:
-                    entries[i, j] = jacobian[i, j]
-        return ca.Function("F", [model.t, model.x, model.u, model.p], [entries])(
-            self.t, self.saturated(xhat), self.u, self.p
-        )
+        F = superdiagonal(self.form.model, self.form.block)
+        return F(self.t, self.saturated(xhat), self.u, self.p)
 
     def copy(self, xhat: ca.SX) -> ca.SX:
         """F(u, sat x) x + phi(u, sat x): the x that multiplies F is not saturated."""
@@ -135,8 +127,20 @@ def triangular_form(plant: PlantModel, at: np.ndarray, parameters: np.ndarray) -
         When an output is not a state, or a state reaches the measured ones through no other.
     """
     model = transformed(plant) if plant.transform is not None else plant
+    block, measured = blocks_of(model)
+    return TriangularForm(plant, model, block, measured)
+
+
+def blocks_of(model: PlantModel) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """For each state the number of its block, 0 for the measured ones, and for each output its state.
+
+    Raises
+    ------
+    NotObservableForm
+        When an output is not a state, or a state reaches the measured ones through no other.
+    """
     measured = []
-    for i, name in enumerate(plant.outputs):
+    for i, name in enumerate(model.outputs):
         same = [k for k in range(model.n) if ca.is_equal(ca.SX(model.output[i]), model.x[k])]
         if not same:
             raise NotObservableForm(
@@ -155,12 +159,23 @@ def triangular_form(plant: PlantModel, at: np.ndarray, parameters: np.ndarray) -
             lost = ", ".join(model.states[j] for j in range(model.n) if j not in block)
             raise NotObservableForm(
                 f"state {lost} does not appear in the equations through which the output "
-                f"{', '.join(plant.outputs)} is reached: it cannot be observed"
+                f"{', '.join(model.outputs)} is reached: it cannot be observed"
             )
         level += 1
         block.update(dict.fromkeys(following, level))
         last = following
-    return TriangularForm(plant, model, tuple(block[i] for i in range(model.n)), tuple(measured))
+    return tuple(block[i] for i in range(model.n)), tuple(measured)
+
+
+def superdiagonal(model: PlantModel, block: tuple[int, ...]) -> ca.Function:
+    """F(t, x, u, p): the entries of df/dx that lead from one block to the next, shape (n, n)."""
+    jacobian = ca.jacobian(model.dynamics, model.x)
+    entries = ca.SX(model.n, model.n)
+    for i in range(model.n):
+        for j in range(model.n):
+            if block[j] == block[i] + 1:
+                entries[i, j] = jacobian[i, j]
+    return ca.Function("F", [model.t, model.x, model.u, model.p], [entries])
 
 
 def transformed(plant: PlantModel) -> PlantModel:
