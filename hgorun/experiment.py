@@ -131,7 +131,8 @@ class Experiment:
             points = time.start + np.arange(int(count)) * fine
             for key in ("window", "transient"):
                 window = getattr(self.blocks.metrics, key)
-                if window is not None and not np.any((points >= window[0] - fine) & (points <= window[1] + fine)):
+                slack = 1e-9 * fine
+                if window is not None and not np.any((points >= window[0] - slack) & (points <= window[1] + slack)):
                     raise Problem(("metrics", key), f"no output point lies in [{window[0]:g}, {window[1]:g}]")
         return points, ratios[0], ratios[1]
 

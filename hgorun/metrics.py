@@ -96,7 +96,7 @@ def _odd(length: float, t: np.ndarray) -> int:
 
 def _high_frequency(e: np.ndarray, points: int) -> np.ndarray:
     """Standard deviation of e minus its centred mean, where the mean has all its points."""
-    if len(e) < points:
+    if len(e) < points or points < 3:  # no mean to take off
         return np.full(e.shape[1], np.nan)
     total = np.cumsum(np.vstack([np.zeros(e.shape[1]), e]), axis=0)
     mean = (total[points:] - total[:-points]) / points

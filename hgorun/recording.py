@@ -10,6 +10,8 @@ import numpy as np
 from hgorun.engine.methods import METHODS
 from hgorun.engine.program import Raw
 from hgorun.measurement.availability import evaluate
+from hgorun.measurement.events import merge
+from hgorun.measurement.schedule import nearest_event
 from hgorun.metrics import Windows, measure
 from hgorun.result import Measurements, ObserverResult, Result
 from hgorun.run import Run
@@ -90,10 +92,11 @@ def _measurements(run: Run, raw: Raw, y: np.ndarray) -> Measurements:
                 taken.append(then)
                 values.append(_noisy(run, i, k, t, truth))
         parts.append((np.concatenate(times), np.concatenate(taken), np.concatenate(values)))
-    union = np.unique(np.concatenate([part[0] for part in parts]))
+    # arrivals that are one event are one row, in spite of rounding
+    union = merge(np.concatenate([part[0] for part in parts]), 1e-9 * run.step)
     taken_all, y_all = (np.full((union.size, len(parts)), np.nan) for _ in range(2))
     for i, part in enumerate(parts):
-        where = np.searchsorted(union, part[0])
+        where = nearest_event(union, part[0]) if union.size > 1 else np.zeros(part[0].size, dtype=int)
         taken_all[where, i], y_all[where, i] = part[1], part[2]
     return Measurements(union, taken_all, y_all)
 

@@ -98,7 +98,7 @@ def test_states_in_another_order_are_no_obstacle() -> None:
 
 @pytest.mark.parametrize("block", [{"type": "shgo", "theta": 2}, {"type": "fhgo2", "theta": 2, "r": 2}])
 def test_two_outputs_that_do_not_meet_are_two_single_ones(block: dict[str, Any]) -> None:
-    first, second = {"a": "b", "b": "-a - 0.1*a**3"}, {"c": "d", "d": "-2*sin(c)"}
+    first, second = {"a": "b - 0.3*a", "b": "-a - 0.1*a**3"}, {"c": "d - 0.2*c**2", "d": "-2*sin(c)"}
     both = experiment(inline("a b c d", first | second, ["a", "c"]), {"o": block})
     together = hgorun.simulate(both)
     for states, dynamics, columns in (("a b", first, slice(0, 2)), ("c d", second, slice(2, 4))):
@@ -187,5 +187,16 @@ def test_adaptive_steps_end_at_time_zero() -> None:
     """The smallest step is measured by the larger end of a segment, so it is never zero."""
     plant = inline("x1", {"x1": "-1 + 1.0e-30*sqrt(x1)"}, "x1")
     config = {"time": {"start": -2, "end": 0, "output_step": 0.1}, "solver": {"method": "dopri5", "rtol": 1e-8}}
-    with pytest.raises(hgorun.SimulationError, match="no step is small enough|diverged"):
+    with pytest.raises(hgorun.SimulationError, match=r"no step is small enough|diverged"):
         hgorun.simulate(experiment(plant, {}, measurement={}, **config))
+
+
+def test_an_observer_that_asks_for_hopeless_steps_does_not_stop_the_others() -> None:
+    """Unstable gains make it grow and get stiff: it counts as diverged, the run ends."""
+    observers = {"S": {"type": "shgo", "theta": 2}, "B": {"type": "shgo", "theta": 2, "gains": [-2, 1]}}
+    plant = {"type": "van_der_pol", "initial": {"x1": 1, "x2": 0.5}}
+    config = {"time": {"end": 20, "output_step": 0.1}, "solver": {"method": "dopri5", "rtol": 1e-6}}
+    together = hgorun.simulate(experiment(plant, observers, measurement={}, **config))
+    assert together.observers["B"].diverged_at is not None
+    assert together.observers["S"].status == "ok"
+    assert together.metrics()["S"]["rmse"]["x2"] < 1e-5

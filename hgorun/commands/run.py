@@ -68,7 +68,6 @@ def compare(
     }
     if style not in styles:
         raise ConfigError(f"--format: expected one of {', '.join(styles)}, found {style!r}")
-    _refuse_twins(sources)
     if (overrides or seed is not None) and all(path.suffix.lower() in _RESULT_SUFFIXES for path in sources):
         raise ConfigError("--set and --seed change configurations; a result file stays as it is")
     loaded = [

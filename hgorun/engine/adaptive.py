@@ -1,7 +1,9 @@
 """The native time loop of an embedded method with error control.
 
 A step is accepted when for every state h |sum e_j k_j| <= atol + rtol max(|z|, |z_new|); steps land on
-events. An observer for which no step is small enough is masked like one that has diverged.
+events. An observer for which no step is small enough is masked like one that has diverged; so is the one that
+asks for the smallest steps when a million of them have not brought the run on by a thousandth (``hopeless`` is
+then the step that it must not ask for).
 """
 
 from __future__ import annotations
@@ -92,7 +94,9 @@ def _add_advance(s: Stepper) -> None:
         blocks = _block_errors(s, errors)
         worst = _maximum_scalar(f, blocks)
         accept, reject, next_step = f.label(), f.label(), f.label()
-        f.branch(f.test("ole", worst, hexadecimal(1.0)), accept, reject)
+        hopeless = f.test("olt", wanted, f.word("%ctx", WORD["hopeless"], "double"))
+        met = f.test("ole", worst, hexadecimal(1.0))
+        f.branch(f.let(f"and i1 {met}, {f.let(f'xor i1 {hopeless}, true')}"), accept, reject)
 
         f.place(accept)
         s.rows_before(t, t_new, h)
@@ -117,10 +121,15 @@ def _add_advance(s: Stepper) -> None:
         f.store(f.scalar("fmul", h, _factor(s, worst, hexadecimal(1.0))), real["step"])
         sizes = [s.absolute(s.start), s.absolute(s.end)]
         smallest = f.scalar("fmul", _maximum_scalar(f, sizes), hexadecimal(_SMALLEST))
-        with f.when(f.test("ole", h, smallest)):
-            f.leave_if(f.test("ugt", blocks[0], hexadecimal(1.0)), small)
-            _mask_failing(s, blocks[1:], t_new)
+        with f.when(f.let(f"or i1 {hopeless}, {f.test('ole', h, smallest)}")):
+            # what fails: everything beyond its tolerance, or, of steps that are met but hopeless, the worst
+            hardest = _maximum_scalar(f, blocks[1:]) if blocks[1:] else hexadecimal(0.0)
+            limit = f.scalar("fmul", hardest, hexadecimal(1 - 1e-9))
+            limit = _pick(f, f.test("olt", limit, hexadecimal(1.0)), limit, hexadecimal(1.0))
+            f.leave_if(f.test("ugt", blocks[0], _pick(f, hopeless, hardest, hexadecimal(1.0))), small)
+            _mask_failing(s, blocks[1:], t_new, limit)
             f.store(wanted, real["step"])
+            f.store(hexadecimal(0.0), f.at("%ctx", WORD["hopeless"]))
         f.jump(next_step)
         f.place(next_step)
     move(f, s.z, s.home, s.size)
@@ -166,12 +175,12 @@ def _factor(s: Stepper, error: str, most: str) -> str:
     return _pick(f, f.test("ogt", factor, hexadecimal(_SHRINK)), factor, hexadecimal(_SHRINK))
 
 
-def _mask_failing(s: Stepper, blocks: list[str], t: str) -> None:
-    """Give up the observers whose error no step meets; with several lanes the whole observer."""
+def _mask_failing(s: Stepper, blocks: list[str], t: str, limit: str) -> None:
+    """Give up the observers whose error is beyond the limit; with several lanes the whole observer."""
     f = s.f
     diverged = f.word("%ctx", WORD["diverged"], "ptr")
     for j, ((start, _, end), error) in enumerate(zip(s.m.structure.blocks, blocks, strict=True)):
-        with f.when(f.test("ugt", error, hexadecimal(1.0))):
+        with f.when(f.test("ugt", error, limit)):
             for lane in range(f.lanes):
                 f.store(t, f.at(diverged, j * f.lanes + lane))
             for i in range(start, end):

@@ -12,7 +12,7 @@ CONTEXT = (
     "p", "c", "z", "w", "channels", "spans", "counts", "actions", "grid", "rows", "slots", "gain", "bias",
     "measured", "holds", "alpha", "blocks", "diverged", "largest", "ring", "initial", "hints", "error",
     "row", "ring_count", "ring_mask", "bound_offset", "bound_factor", "t_start", "rtol", "atol", "max_step",
-    "step", "now", "budget", "segment", "paused",
+    "step", "now", "budget", "segment", "paused", "hopeless",
 )  # fmt: skip
 WORD = {name: index for index, name in enumerate(CONTEXT)}
 

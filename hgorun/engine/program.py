@@ -29,6 +29,8 @@ from hgorun.engine.plan import Floats, Plan
 from hgorun.errors import SimulationError
 
 _SLICE = 0.05  # seconds of native code between two looks at the keyboard
+_BUDGET = 20_000  # adaptive steps between two such looks
+_PATIENCE, _PROGRESS = 1_000_000, 1e-3  # adaptive steps, and the part of the run that they must bring
 _ADAPTIVE_HISTORY = 1 << 16  # pieces kept where the number of steps is not known before
 
 
@@ -178,10 +180,16 @@ class Program:
         while stop < segments:
             before = time.perf_counter()
             stop = min(stop + chunk, segments)
-            memory["budget"] = 20_000
+            memory["budget"] = _BUDGET
             verdict = self._run(memory.address, stop)
+            pauses, reached = 0, memory.real("now")
             while verdict == PAUSED:
-                memory["budget"] = 20_000
+                pauses += 1
+                if pauses * _BUDGET >= _PATIENCE:
+                    if memory.real("now") - reached < _PROGRESS * (plan.spans[-1, 1] - plan.spans[0, 0]):
+                        memory.set_real("hopeless", 2 * memory.real("step"))
+                    pauses, reached = 0, memory.real("now")
+                memory["budget"] = _BUDGET
                 verdict = self._run(memory.address, stop)
             if verdict != DONE:
                 raise SimulationError(_explain(verdict, memory.real("now")))
@@ -273,6 +281,9 @@ class _Memory:
 
     def real(self, word: str) -> float:
         return float(self.context.view(float)[WORD[word]])
+
+    def set_real(self, word: str, value: float) -> None:
+        self.context.view(float)[WORD[word]] = value
 
     def keep_initial(self) -> None:
         """The channels before the start are those at the start."""

@@ -11,6 +11,7 @@ import numpy as np
 from hgorun.errors import NotObservableForm
 from hgorun.symbolic.canonical import CanonicalForm, singular_value_ratio
 from hgorun.symbolic.plant import PlantModel
+from hgorun.symbolic.triangular import blocks_of
 
 
 def canonical_form(plant: PlantModel, at: np.ndarray, parameters: np.ndarray) -> CanonicalForm:
@@ -33,6 +34,12 @@ def canonical_form(plant: PlantModel, at: np.ndarray, parameters: np.ndarray) ->
     if is_chain(plant):
         eye = ca.SX.eye(plant.n)
         return CanonicalForm(plant, (plant.n,), plant.x, eye, identity=True)
+    chains_found = _chains(plant) if len(plant.outputs) > 1 else None
+    if chains_found:
+        order = [state for chain in chains_found for state in chain]
+        z = ca.vertcat(*[plant.x[i] for i in order])
+        lengths = tuple(len(chain) for chain in chains_found)
+        return CanonicalForm(plant, lengths, z, ca.jacobian(z, plant.x), identity=False)
     derivatives = _lie_derivatives(plant)
     points = _points_around(at)
     singular: CanonicalForm | None = None
@@ -59,6 +66,36 @@ def is_chain(plant: PlantModel) -> bool:
             if not entry.is_constant() or float(entry) != (1.0 if j == i + 1 else 0.0):
                 return False
     return True
+
+
+def _chains(plant: PlantModel) -> list[list[int]] | None:
+    """Several chains that may feed each other downwards: the states of each, or None.
+
+    For every output a measured state, and x_i' = x_(i+1) + phi_i along each chain, phi_i depending on the
+    first i states of all chains.
+    """
+    try:
+        block, measured = blocks_of(plant)
+    except NotObservableForm:
+        return None
+    jacobian = ca.jacobian(plant.dynamics, plant.x)
+    following: dict[int, int] = {}
+    for i, j in product(range(plant.n), repeat=2):
+        if block[j] > block[i]:
+            slope = ca.simplify(jacobian[i, j])
+            if not slope.is_constant() or float(slope) not in (0.0, 1.0):
+                return None
+            if float(slope) == 1.0:
+                if block[j] > block[i] + 1 or i in following or j in following.values():
+                    return None
+                following[i] = j
+    chains = []
+    for head in measured:
+        chain = [head]
+        while chain[-1] in following:
+            chain.append(following[chain[-1]])
+        chains.append(chain)
+    return chains if sum(map(len, chains)) == plant.n else None
 
 
 def _lie_derivatives(plant: PlantModel) -> list[list[ca.SX]]:
