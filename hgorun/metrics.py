@@ -8,16 +8,9 @@ import numpy as np
 
 from hgorun.config.models import Metrics, Time
 
+# rmse, sup: over the steady window; peak: over the transient one; settling: last time above a part of the peak;
+# hf: standard deviation of the error minus its moving mean; tv: total variation over that of the state
 NAMES = ("rmse", "sup", "peak", "settling", "hf", "tv")
-
-MEANING = {
-    "rmse": "root mean square error over the steady window",
-    "sup": "largest error over the steady window",
-    "peak": "largest error over the transient window",
-    "settling": "last time at which the error exceeds 5 % (metrics.settling) of its transient peak",
-    "hf": "standard deviation of the error minus its moving mean, over the steady window",
-    "tv": "total variation of the estimate over that of the state, over the steady window",
-}
 
 
 @dataclass(frozen=True)

@@ -32,10 +32,8 @@ class NativeModule:
                 (_FORMAT, llvmlite.__version__, machine.triple, llvm.get_host_cpu_name(), _features(), ir)
             ).encode()
         ).hexdigest()
-        self.from_cache = True
         image = _read_cache(key)
         if image is None:
-            self.from_cache = False
             image = _compile(ir, machine)
             _write_cache(key, image)
         self._jit = llvm.create_lljit_compiler(_target_machine(), use_jit_link=_needs_jit_link())
@@ -112,8 +110,12 @@ def _write_cache(key: str, image: bytes) -> None:
         if not _private(folder):
             return
         handle, name = tempfile.mkstemp(dir=folder, prefix=".new-")
-        with os.fdopen(handle, "wb") as file:
-            file.write(hashlib.sha256(image).digest() + image)
-        os.replace(name, folder / f"{key}.o")
+        try:
+            with os.fdopen(handle, "wb") as file:
+                file.write(hashlib.sha256(image).digest() + image)
+            os.replace(name, folder / f"{key}.o")
+        except BaseException:
+            Path(name).unlink(missing_ok=True)
+            raise
     except OSError:
         return

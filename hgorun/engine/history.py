@@ -2,8 +2,8 @@
 
 A piece is (t0, t1, s(t0), s'(t0+), s(t1), s'(t1-)): the slopes are one-sided, since s' jumps at events.
 Before the start of the run everything is constant. A delay shorter than the step looks into the step that
-is being made: that piece is provisional, a straight line at first, then what the step itself gave,
-until it settles.
+is being made: that piece is provisional, a straight line at first, then what the step itself gave, in at most
+REFINEMENTS passes.
 """
 
 from __future__ import annotations

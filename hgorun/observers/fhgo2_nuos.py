@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from math import comb
 from types import SimpleNamespace
 from typing import Literal
 
 import casadi as ca
 import numpy as np
 from pydantic import Field
-from scipy.special import binom
 
 from hgorun.errors import Problem
 from hgorun.observers.base import Flow
@@ -120,4 +120,4 @@ class FilteredObserver2TimeVarying(RiccatiGain):
 def stationary(r: int) -> np.ndarray:
     """S_1inf of (3.130), shape (r, r): (-1)^(i+j) binomial(i+j-2, j-1), whose S_1inf^-1 C_r^T is (3.131)."""
     i, j = np.indices((r, r))
-    return np.asarray((-1.0) ** (i + j) * binom(i + j, j))
+    return np.asarray((-1.0) ** (i + j) * np.vectorize(comb)(i + j, j))

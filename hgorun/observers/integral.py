@@ -30,7 +30,7 @@ class IntegralObserver(ConstantGain):
     of high frequency omega reaches component i with amplitude theta^(r+i) k_(r+i) / omega^(r+1). r = 0 is the
     standard observer. With several outputs there is one chain of integrators a chain.
 
-    It is fhgo2 with eta_j multiplied by theta^(r+1-j): from eta(0) = 0 both give the same estimate. Choose
+    It is fhgo2 with eta_j divided by theta^(r+1-j): from eta(0) = 0 both give the same estimate. Choose
     fhgo2 unless the published form is wanted; here eta is the smaller, the larger theta. The powers of
     theta up to r + n, for which the thesis expects more peaking, scale eta and do not reach xhat.
     """
