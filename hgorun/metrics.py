@@ -89,8 +89,10 @@ def _odd(length: float, t: np.ndarray) -> int:
 
 def _high_frequency(e: np.ndarray, points: int) -> np.ndarray:
     """Standard deviation of e minus its centred mean, where the mean has all its points."""
-    if len(e) < points or points < 3:  # no mean to take off
+    if len(e) < points:
         return np.full(e.shape[1], np.nan)
+    if points == 1:  # the mean is the point itself
+        return np.zeros(e.shape[1])
     total = np.cumsum(np.vstack([np.zeros(e.shape[1]), e]), axis=0)
     mean = (total[points:] - total[:-points]) / points
     half = points // 2
