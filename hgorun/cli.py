@@ -180,7 +180,11 @@ def main() -> None:
         sys.stderr.close()  # whoever read our output has left
         sys.exit(141)
     except MemoryError:
-        print("hgorun: out of memory; a longer time.output_step or fewer observers need less", file=sys.stderr)
+        print(
+            "hgorun: out of memory; a longer time.output_step, fewer samples (sampling), longer holds of noise, "
+            "shorter continuous delays (or a longer solver.step with them) or fewer observers need less",
+            file=sys.stderr,
+        )
         sys.exit(1)
 
 

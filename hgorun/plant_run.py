@@ -8,6 +8,7 @@ import numpy as np
 from hgorun.engine.layout import Structure
 from hgorun.engine.plan import Plan
 from hgorun.engine.program import Program, Start
+from hgorun.measurement.plan import count_steps, in_pieces
 from hgorun.plants.build import BuiltPlant
 
 
@@ -46,13 +47,14 @@ class PlantRun:
     def at(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Outputs (len(times), q) and the integral of their squares (q,) to the end; times increase."""
         gaps = np.diff(self._ends)
-        steps = np.maximum(np.ceil(gaps / self._step * (1 - 1e-9)), 1).astype(np.int64)
+        steps = count_steps(gaps, self._step)
         zero = np.zeros_like(steps)
         spans = np.column_stack([self._ends[:-1], self._ends[1:]] * 2)
         inward = 4 * np.spacing(np.maximum(np.abs(self._ends), self._step))
         spans[1:, 2] += inward[1:-1]
         spans[:-1, 3] -= inward[1:-1]
         counts = np.column_stack([steps, zero, steps, zero, zero, zero, zero + 1])
+        spans, counts = in_pieces(spans, counts)
         nothing = np.zeros(0)
         plan = Plan(
             spans,

@@ -10,13 +10,13 @@ import numpy as np
 
 from hgorun.engine.layout import OUTPUT, PREVIOUS
 from hgorun.engine.methods import METHODS
-from hgorun.engine.program import Program, Raw, Start, Tolerance
+from hgorun.engine.program import Program, Raw, Start, Tolerance, history_bytes, history_pieces
 from hgorun.errors import Problem
 from hgorun.experiment import Experiment
 from hgorun.measurement.events import kinks
 from hgorun.measurement.noise import continuous_noise
-from hgorun.measurement.plan import build_plan
-from hgorun.measurement.schedule import build_schedule, check_delays, find_channels
+from hgorun.measurement.plan import build_plan, count_steps
+from hgorun.measurement.schedule import build_schedule, check_delays, continuous_delays, find_channels
 from hgorun.observers.base import SampleSchedule
 from hgorun.plant_run import PlantRun
 from hgorun.symbolic.parameters import Parameters
@@ -151,6 +151,30 @@ class Run:
                 f"{size / 2**30:.3g} GiB; time.max_memory allows {self.time.max_memory / 2**30:.3g} GiB",
             )
 
+        self._check_steps(self.step)
+
+    def _longest(self, step: float) -> float:
+        """The longest step: no longer than the delays, unless they are very short."""
+        if self.adaptive:
+            return np.inf
+        return min(step, self.smallest_delay) if self.smallest_delay > _OVERLAP * step else step
+
+    def _check_steps(self, step: float) -> None:
+        """There must be time for all steps, and memory for those that a continuous delay spans."""
+        structure, events = self.system.structure, self.schedule.events
+        steps = None if self.adaptive else count_steps(np.diff(events), self._longest(step))
+        if not structure.remembers:
+            return
+        pieces = history_pieces(np.column_stack([events[:-1], events[1:]]), steps, self.reach)
+        size = history_bytes(structure, pieces)
+        if size > self.time.max_memory:
+            late = max(continuous_delays(self.channels), key=lambda s: s.delay_at(np.array([s.start, s.end])).max())
+            raise Problem(
+                late.paths["delay"],
+                f"with steps of {self._longest(step):.3g} the history of a delay of {self.reach:.3g} takes "
+                f"{size / 2**30:.3g} GiB; time.max_memory allows {self.time.max_memory / 2**30:.3g} GiB",
+            )
+
     def _check_jumps(self) -> None:
         """What is stepped at samples needs all outputs sampled, together and in time."""
         stepped = [("observers", b.label) for b in self.system.observers if b.observer.discrete]
@@ -219,6 +243,7 @@ class Run:
     def execute(self, step: float, progress: Callable[[float], None] | None) -> Raw:
         """One run with a nominal step."""
         structure = self.system.structure
+        self._check_steps(step)
         longest = np.inf if self.adaptive else step
         if self.smallest_delay > _OVERLAP * step:
             longest = min(longest, self.smallest_delay)

@@ -25,7 +25,7 @@ from hgorun.engine.layout import (
 )
 from hgorun.engine.methods import METHODS
 from hgorun.engine.parts import Module, add_actions, add_channels, add_flag, add_rows, counts, span
-from hgorun.engine.plan import Floats, Plan
+from hgorun.engine.plan import Floats, Integers, Plan
 from hgorun.errors import SimulationError
 
 _SLICE = 0.05  # seconds of native code between two looks at the keyboard
@@ -176,10 +176,12 @@ class Program:
         memory = _Memory(self.structure, self.lanes, self._constants, plan, start, tolerance)
         self._begin(memory.address)
         memory.keep_initial()
-        segments, stop, chunk = len(plan.spans), 0, 1
-        while stop < segments:
+        work = np.cumsum(plan.counts[:, 2] - plan.counts[:, 1] + 1)  # a segment's steps, and what happens before
+        stop, done, chunk = 0, 0, 1
+        while stop < work.size:
             before = time.perf_counter()
-            stop = min(stop + chunk, segments)
+            stop = max(stop + 1, int(np.searchsorted(work, done + chunk, side="right")))
+            done = int(work[stop - 1])
             memory["budget"] = _BUDGET
             verdict = self._run(memory.address, stop)
             pauses, reached = 0, memory.real("now")
@@ -194,9 +196,9 @@ class Program:
             if verdict != DONE:
                 raise SimulationError(_explain(verdict, memory.real("now")))
             spent = max(time.perf_counter() - before, 1e-6)
-            chunk = max(1, min(int(chunk * min(_SLICE / spent, 8.0)), 1 << 20))
+            chunk = max(1, int(chunk * min(_SLICE / spent, 8.0)))
             if progress:
-                progress(stop / segments)
+                progress(done / int(work[-1]))
         return memory.result()
 
 
@@ -210,6 +212,35 @@ def _explain(verdict: int, t: float) -> str:
     }[verdict]
 
 
+def history_pieces(ends: Floats, steps: Integers | None, reach: float) -> int:
+    """How many steps the history of continuous delays keeps: a power of two.
+
+    Parameters
+    ----------
+    ends : ndarray, shape (segments, 2)
+        Where each segment starts and ends; pieces of one segment may repeat them.
+    steps : ndarray, shape (segments,)
+        Steps of each of them; None for adaptive steps.
+    reach : float
+        The longest delay; room is left for one that is a tenth longer.
+    """
+    if steps is None:
+        return _ADAPTIVE_HISTORY
+    last = np.append(ends[1:, 1] > ends[:-1, 1], True)
+    knots = np.append(ends[0, 0], ends[last, 1])
+    done = np.append(0, np.cumsum(steps)[last])
+    reach = 1.1 * reach
+    # steps in [t - reach, t] are most where one of the two is at an event
+    late = np.concatenate([knots, knots + reach])
+    spanned = np.interp(late, knots, done) - np.interp(late - reach, knots, done)
+    return 1 << (int(np.ceil(np.max(spanned))) + 4).bit_length()
+
+
+def history_bytes(structure: Structure, pieces: int) -> int:
+    """Memory of so many steps of history, for one lane."""
+    return 8 * pieces * piece_words(structure.outputs * structure.width, 1)
+
+
 class _Memory:
     """The arrays of one run and the context that points to them."""
 
@@ -217,7 +248,8 @@ class _Memory:
         self, s: Structure, lanes: int, constants: int, plan: Plan, start: Start, tolerance: Tolerance | None
     ) -> None:
         channels = s.outputs * s.width
-        pieces = self._pieces(plan, tolerance) if s.remembers else 1
+        steps = None if tolerance else plan.counts[:, 2] - plan.counts[:, 1]
+        pieces = history_pieces(plan.spans[:, :2], steps, plan.reach) if s.remembers else 1
         ring = np.zeros(pieces * piece_words(channels, lanes) if s.remembers else 1)
         alpha = [[block[1] + i for block in s.blocks] for i in range(s.outputs)] if s.has_alpha else [[]]
         entries = np.array([e * lanes + lane for row in alpha for e in row for lane in range(lanes)], dtype=np.int64)
@@ -264,17 +296,6 @@ class _Memory:
                 reals[WORD[word]] = value
         self.address = self.context.ctypes.data
         self.slots, self.observers = plan.slots, s.observers
-
-    @staticmethod
-    def _pieces(plan: Plan, tolerance: Tolerance | None) -> int:
-        """A power of two with room for all steps that the longest delay spans."""
-        if tolerance:
-            return _ADAPTIVE_HISTORY
-        ends = plan.spans[:, 1]
-        done = np.cumsum(plan.counts[:, 2] - plan.counts[:, 1])
-        started = np.searchsorted(ends, plan.spans[:, 0] - plan.reach, side="left")
-        most = int(np.max(done - np.concatenate([[0], done])[started])) + 4
-        return 1 << most.bit_length()
 
     def __setitem__(self, word: str, value: int) -> None:
         self.context[WORD[word]] = value

@@ -66,15 +66,19 @@ class RandomNoise:
         mean_square: Callable[[], float],
     ) -> None:
         self.start, self.end = start, end
+        self._span = stretch.start, stretch.end
         self.items: list[UniformNoise | GaussianNoise] = [
             item for item in stretch.noise if isinstance(item, (UniformNoise, GaussianNoise))
         ]
         self._seed, self._channel = seed, channel
         self._std = [self._standard_deviation(item, mean_square) for item in self.items]
-        self._draws: list[np.ndarray] = [
-            self._draw(j, self.holds(item.hold)) if item.hold is not None else np.zeros(0)
-            for j, item in enumerate(self.items)
-        ]
+        # of the run's draws those that the stretch needs: the first one's number, and they
+        self._first: list[int] = []
+        self._draws: list[np.ndarray] = []
+        for j, item in enumerate(self.items):
+            first, stop = self.needed(item.hold) if item.hold is not None else (0, 0)
+            self._first.append(first)
+            self._draws.append(self._draw(j, stop)[first:].copy())
 
     @staticmethod
     def _standard_deviation(item: UniformNoise | GaussianNoise, mean_square: Callable[[], float]) -> float:
@@ -85,9 +89,16 @@ class RandomNoise:
         assert item.snr_db is not None
         return float(np.sqrt(mean_square() / 10 ** (item.snr_db / 10)))
 
-    def holds(self, hold: float) -> int:
-        """How many draws the run needs."""
-        return int(np.floor((self.end - self.start) / hold * (1 + 1e-12))) + 1
+    def needed(self, hold: float) -> tuple[int, int]:
+        """First and last + 1 of the run's draws that the stretch may need."""
+        first, last = (self._index(np.array(t), hold) for t in self._span)
+        whole = int(np.floor((self.end - self.start) / hold * (1 + 1e-12))) + 1
+        stop = min(int(last) + 2, whole)
+        return min(max(int(first) - 1, 0), stop - 1), stop
+
+    def _index(self, times: np.ndarray, hold: float) -> np.ndarray:
+        """Which draw holds at each time."""
+        return np.asarray(np.floor((times - self.start) / hold * (1 + 1e-12) + 1e-9).astype(np.int64))
 
     def _draw(self, j: int, count: int) -> np.ndarray:
         """The first draws of an item: the same ones at every call."""
@@ -99,8 +110,8 @@ class RandomNoise:
     def change_times(self) -> np.ndarray:
         """When a held part changes."""
         times = [
-            self.start + np.arange(draws.size) * item.hold
-            for item, draws in zip(self.items, self._draws, strict=True)
+            self.start + np.arange(first, first + draws.size) * item.hold
+            for item, first, draws in zip(self.items, self._first, self._draws, strict=True)
             if item.hold is not None
         ]
         return np.unique(np.concatenate(times)) if times else np.zeros(0)
@@ -108,9 +119,9 @@ class RandomNoise:
     def held(self, times: np.ndarray) -> np.ndarray:
         """The sum of the held parts at several times."""
         total = np.zeros(times.size)
-        for item, draws in zip(self.items, self._draws, strict=True):
+        for item, first, draws in zip(self.items, self._first, self._draws, strict=True):
             if item.hold is not None:
-                index = np.floor((times - self.start) / item.hold * (1 + 1e-12) + 1e-9).astype(int)
+                index = self._index(times, item.hold) - first
                 total += draws[np.clip(index, 0, draws.size - 1)]
         return total
 

@@ -12,7 +12,9 @@ from hgorun.errors import Problem
 from hgorun.measurement.noise import sampled_noise
 from hgorun.measurement.schedule import Channel, Schedule, nearest_event
 
-_PIECE = 1 << 14  # steps that native code makes at most between two looks at the keyboard
+_PIECE = 1 << 14  # steps between two looks at the keyboard, more only where there were too many pieces
+_MOST_PIECES = 100_000
+_MOST_STEPS = 1e10  # then a piece is still a matter of a second
 
 
 def build_plan(
@@ -39,9 +41,7 @@ def build_plan(
     """
     events = schedule.events
     gaps = np.diff(events)
-    steps = np.ones(gaps.size, dtype=np.int64)
-    if np.isfinite(longest):
-        steps = np.maximum(np.ceil(gaps / longest * (1 - 1e-9)), 1).astype(np.int64)
+    steps = count_steps(gaps, longest)
     table = _Actions(schedule, structure)
     always = structure.remembers or always_slope
     slope = np.full(gaps.size, int(always))
@@ -52,7 +52,7 @@ def build_plan(
     counts = np.column_stack(
         [steps, np.zeros_like(steps), steps, schedule.variant, table.first[:-1], table.first[1:], slope]
     )
-    spans, counts = _split(spans, counts, _PIECE)
+    spans, counts = in_pieces(spans, counts)
     # what happens at the very end: one more segment without steps
     last = np.array([[1, 0, 0, counts[-1, 3], table.first[-1], table.rows.shape[0], 0]])
     end = np.full((1, 4), events[-1])
@@ -69,6 +69,26 @@ def build_plan(
     )
 
 
+def count_steps(gaps: np.ndarray, longest: float) -> np.ndarray:
+    """How many equal steps, none longer than ``longest``, each gap between two events takes.
+
+    Raises
+    ------
+    Problem
+        For more steps than a run can make.
+    """
+    with np.errstate(over="ignore", divide="ignore"):
+        steps = np.maximum(np.ceil(gaps / longest * (1 - 1e-9)), 1)
+        total = float(np.sum(steps))
+    if not total <= _MOST_STEPS:
+        raise Problem(
+            ("solver", "step"),
+            f"the run takes {total:.3g} steps of {longest:.3g}, at most {_MOST_STEPS:.0e} are possible: "
+            "give a longer solver.step",
+        )
+    return np.asarray(steps.astype(np.int64))
+
+
 def _row_in_last_step(events: np.ndarray, steps: np.ndarray, grid: np.ndarray) -> np.ndarray:
     """Whether an output point lies strictly inside the last step before each event."""
     end = events[1:]
@@ -78,8 +98,13 @@ def _row_in_last_step(events: np.ndarray, steps: np.ndarray, grid: np.ndarray) -
     return np.asarray(np.searchsorted(grid, end - snap, side="left") > first)
 
 
-def _split(spans: np.ndarray, counts: np.ndarray, piece: int) -> tuple[np.ndarray, np.ndarray]:
-    """Long segments in pieces, so that the native code comes back soon; numbering of the steps goes on."""
+def in_pieces(spans: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Long segments in pieces, so that the native code comes back soon; numbering of the steps goes on.
+
+    A piece has 16,384 steps. In runs of more than 1.6e9 steps it is longer, since the pieces themselves
+    take memory: up to 100,000 steps, well below a second for all but the largest systems.
+    """
+    piece = max(_PIECE, -(-int(counts[:, 0].sum()) // _MOST_PIECES))
     pieces = np.maximum(-(-counts[:, 0] // piece), 1)
     if np.all(pieces == 1):
         return spans, counts

@@ -13,6 +13,9 @@ from hgorun.measurement.availability import Stretch
 from hgorun.measurement.noise import generator
 
 
+SAMPLE_BYTES = 1000  # of memory that a sample takes in the end: events, segments, actions, numbers
+
+
 @dataclass(frozen=True)
 class Samples:
     """Samples of one output, in the order of their arrival.
@@ -45,10 +48,13 @@ def find_samples(stretches: list[Stretch], start: float, seed: int, output: str,
         For a negative delay or more than ``most`` samples.
     """
     arrival, taken, number, which = [], [], [], []
+    left = most
     for i, stretch in enumerate(stretches):
         if stretch.continuous:
             continue
-        times, k = _arrivals(stretch, generator(seed, "sampling", output, i), most)
+        jitter, dropout = (generator(seed, channel, output, i) for channel in ("sampling", "dropout"))
+        times, k = _arrivals(stretch, jitter, dropout, left)
+        left -= times.size
         last = i == len(stretches) - 1
         tolerance = 1e-12 * max(abs(stretch.end), abs(stretch.start))
         inside = (times >= stretch.start - tolerance) & (
@@ -76,7 +82,10 @@ def find_samples(stretches: list[Stretch], start: float, seed: int, output: str,
     )
 
 
-def _arrivals(stretch: Stretch, random: np.random.Generator, most: int) -> tuple[np.ndarray, np.ndarray]:
+def _arrivals(
+    stretch: Stretch, jitter: np.random.Generator, dropout: np.random.Generator, most: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Times and numbers; jitter and dropout draw apart, so that a longer run begins with the same samples."""
     sampling, path = stretch.sampling, stretch.paths["sampling"]
     if isinstance(sampling, Times):
         times = np.array(sampling.times)
@@ -87,15 +96,20 @@ def _arrivals(stretch: Stretch, random: np.random.Generator, most: int) -> tuple
     if isinstance(sampling, Periodic):
         count = np.floor((stretch.end - stretch.start - sampling.offset) / sampling.period * (1 + 1e-12) + 1e-9) + 1
         if count > most:
-            raise Problem((*path, "period"), f"{count:.3g} samples are more than time.max_memory allows")
+            raise Problem((*path, "period"), f"{count:.3g} samples take {_memory(count, most)}")
         k = np.arange(max(int(count), 0))
         times = stretch.start + sampling.offset + k * sampling.period
-        shifts = random.uniform(-1.0, 1.0, k.size) * sampling.jitter
-        kept = random.uniform(0.0, 1.0, k.size) >= sampling.dropout
+        shifts = jitter.uniform(-1.0, 1.0, k.size) * sampling.jitter
+        kept = dropout.uniform(0.0, 1.0, k.size) >= sampling.dropout
         moved = np.asarray(np.clip(times + shifts, stretch.start, stretch.end) if sampling.jitter else times)
         order = np.argsort(moved[kept], kind="stable")
         return moved[kept][order], k[kept][order]
     return _stepped(stretch, (*path, "steps"), most)
+
+
+def _memory(count: float, most: int) -> str:
+    need, left = (SAMPLE_BYTES * n / 2**30 for n in (count, most))
+    return f"about {need:.3g} GiB; time.max_memory leaves {left:.3g} GiB for them"
 
 
 def _stepped(stretch: Stretch, path: tuple[str | int, ...], most: int) -> tuple[np.ndarray, np.ndarray]:
@@ -120,6 +134,10 @@ def _stepped(stretch: Stretch, path: tuple[str | int, ...], most: int) -> tuple[
             values = values[:first]
         times = np.concatenate([times, times[-1] + np.cumsum(values)])
         if times.size > most:
-            raise Problem(path, f"more than {most} samples: the steps shrink before the end of the run")
+            raise Problem(
+                path,
+                f"at t = {times[-1]:g} there are {times.size} samples, which take {_memory(times.size, most)}: "
+                "the steps are too short, or shrink before the end of the run",
+            )
         block = min(block * 2, 1 << 20)
     return times, np.arange(times.size)

@@ -14,9 +14,10 @@ from hgorun.errors import Problem
 from hgorun.measurement.availability import Stretch
 from hgorun.measurement.events import LEVELS, merge, repeated
 from hgorun.measurement.noise import RandomNoise
-from hgorun.measurement.sampling import Samples, find_samples
+from hgorun.measurement.sampling import SAMPLE_BYTES, Samples, find_samples
 
 _SHORT = 1e-9  # events closer than this part of a step are one
+_DRAW_BYTES = 16  # of memory that a draw takes until the stretch's own are left
 
 
 @dataclass
@@ -85,21 +86,37 @@ def find_channels(
     mean_square: Callable[[int], float],
 ) -> list[Channel]:
     """Samples and random noise of every output."""
-    most = int(time.max_memory / 64)
+    left = time.max_memory
     channels = []
     for i, (name, stretches) in enumerate(zip(outputs, resolved, strict=True)):
         for stretch in stretches:
-            for j, item in enumerate(stretch.noise):
-                hold = getattr(item, "hold", None)
-                if hold is not None and (time.end - time.start) / hold > most:
-                    raise Problem((*stretch.paths["noise"], j, "hold"), "more draws than time.max_memory allows")
-        samples = find_samples(stretches, time.start, seed, name, most)
+            left -= _held_bytes(stretch, time, left)
+        samples = find_samples(stretches, time.start, seed, name, int(left / SAMPLE_BYTES))
+        left -= samples.arrival.size * SAMPLE_BYTES
         random = [
             RandomNoise(s, seed, f"{name}/{k}", time.start, time.end, partial(mean_square, i))
             for k, s in enumerate(stretches)
         ]
         channels.append(Channel(name, stretches, samples, random))
     return channels
+
+
+def _held_bytes(stretch: Stretch, time: Time, left: float) -> float:
+    """Memory of the held noise of a stretch: its draws from the start of the run, its changes as events."""
+    total = 0.0
+    for j, item in enumerate(stretch.noise):
+        hold = getattr(item, "hold", None)
+        if hold is not None:
+            draws = (stretch.end - time.start) / hold
+            events = (stretch.end - stretch.start) / hold if stretch.continuous else 0.0
+            total += draws * _DRAW_BYTES + events * SAMPLE_BYTES
+            if total > left:
+                raise Problem(
+                    (*stretch.paths["noise"], j, "hold"),
+                    f"{draws:.3g} draws take about {total / 2**30:.3g} GiB; "
+                    f"time.max_memory leaves {left / 2**30:.3g} GiB for them",
+                )
+    return total
 
 
 def continuous_delays(channels: list[Channel]) -> list[Stretch]:
@@ -162,6 +179,13 @@ def build_schedule(channels: list[Channel], time: Time, kinks: np.ndarray, step:
         )
         newest = fresh[away > tolerance]
         events = _clipped(np.concatenate([events, newest]), time, tolerance)
+        if events.size * SAMPLE_BYTES > time.max_memory:
+            raise Problem(
+                continuous_delays(channels)[0].paths["delay"],
+                f"samples and noise that come back after the delay make {events.size} events, about "
+                f"{events.size * SAMPLE_BYTES / 2**30:.3g} GiB; time.max_memory allows "
+                f"{time.max_memory / 2**30:.3g} GiB",
+            )
     sides = np.concatenate(sharp)
     inward, at = np.zeros(events.size), nearest_event(events, sides)
     margin = 4 * np.spacing(np.maximum(np.abs(sides), step))

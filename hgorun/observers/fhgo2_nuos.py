@@ -120,4 +120,4 @@ class FilteredObserver2TimeVarying(RiccatiGain):
 def stationary(r: int) -> np.ndarray:
     """S_1inf of (3.130), shape (r, r): (-1)^(i+j) binomial(i+j-2, j-1), whose S_1inf^-1 C_r^T is (3.131)."""
     i, j = np.indices((r, r))
-    return np.asarray((-1.0) ** (i + j) * np.vectorize(comb)(i + j, j))
+    return np.asarray((-1.0) ** (i + j) * np.vectorize(comb, otypes=[float])(i + j, j))

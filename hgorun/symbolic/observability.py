@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import product
+from heapq import merge
+from itertools import islice, product
 
 import casadi as ca
 import numpy as np
@@ -11,6 +12,8 @@ import numpy as np
 from hgorun.errors import NotObservableForm
 from hgorun.symbolic.canonical import CanonicalForm, singular_value_ratio
 from hgorun.symbolic.plant import PlantModel
+
+_MOST_SHARES = 300  # of the states among the outputs that are tried
 from hgorun.symbolic.triangular import blocks_of
 
 
@@ -119,11 +122,26 @@ def _lie_derivatives(plant: PlantModel) -> list[list[ca.SX]]:
 
 
 def _chain_lengths(n: int, outputs: int) -> Iterator[tuple[int, ...]]:
-    """Ways to share n among the outputs, the most even first."""
+    """Ways to share n among the outputs, the most even first; a few hundred where there are very many."""
     if outputs > n:
         raise NotObservableForm(f"{outputs} outputs measure {n} states: at most one output a state")
-    shares = [s for s in product(range(1, n - outputs + 2), repeat=outputs) if sum(s) == n]
-    yield from sorted(shares, key=lambda s: max(s) - min(s))
+    by_spread = (
+        share
+        for spread in range(n - outputs + 1)
+        for share in merge(*(_shares(n, outputs, low, low + spread) for low in range(1, n // outputs + 1)))
+        if max(share) - min(share) == spread
+    )
+    yield from islice(by_spread, _MOST_SHARES)
+
+
+def _shares(n: int, parts: int, low: int, high: int) -> Iterator[tuple[int, ...]]:
+    """Ordered ways to write n as a sum of parts from low to high."""
+    if parts == 0:
+        yield ()
+        return
+    for first in range(max(low, n - (parts - 1) * high), min(high, n - (parts - 1) * low) + 1):
+        for rest in _shares(n - first, parts - 1, low, high):
+            yield first, *rest
 
 
 def _points_around(at: np.ndarray) -> list[np.ndarray]:
