@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -35,13 +36,20 @@ def load(path: str | Path, overrides: Sequence[str] = (), *, seed: int | None = 
     path = Path(path)
     if path.suffix.lower() in {".h5", ".hdf5", ".nc"}:
         raise ConfigError("this is a result file; hgorun compare reads it", file=str(path))
-    text, source = yaml_source.read(path)
+    text, source = _read(path)
     source = _extended(source, path, [path.resolve()])
     for assignment in overrides:
         source = set_path(source, assignment)
     if seed is not None:
         source = set_path(source, f"seed={seed}")
     return Experiment(source, name=path.stem, text=text)
+
+
+def _read(path: Path) -> tuple[str, Source]:
+    """Read a YAML file; anything else, such as a pipe, might never end."""
+    if os.path.exists(path) and not os.path.isfile(path) and not os.path.isdir(path):
+        raise ConfigError("not a regular file", file=str(path))
+    return yaml_source.read(path)
 
 
 def _extended(source: Source, path: Path, seen: list[Path]) -> Source:
@@ -53,13 +61,15 @@ def _extended(source: Source, path: Path, seen: list[Path]) -> Source:
     if not isinstance(base, str):
         raise ConfigError(f"expected the name of a file, found {describe(base)}", file=file, line=line, key="extends")
     target = path.parent / base
-    if target.resolve() in seen or len(seen) > _LONGEST_CHAIN:
-        raise ConfigError(f"{base} extends itself, in a circle", file=file, line=line, key="extends")
     try:
-        _, parent = yaml_source.read(target)
+        _, parent = _read(target)
     except ConfigError as error:
         if error.line is None:
             raise ConfigError(error.message, file=file, line=line, key="extends") from error
         raise
+    if target.resolve() in seen:
+        raise ConfigError(f"{base} extends itself, in a circle", file=file, line=line, key="extends")
+    if len(seen) > _LONGEST_CHAIN:
+        raise ConfigError(f"more than {_LONGEST_CHAIN} files extend each other", file=file, line=line, key="extends")
     parent = _extended(parent, target, [*seen, target.resolve()])
     return merge(parent, source)

@@ -7,6 +7,7 @@ entry-point groups ``hgorun.plants`` and ``hgorun.observers``, whose values name
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
@@ -15,6 +16,8 @@ from typing import TYPE_CHECKING, TypeVar
 from hgorun.errors import HgorunError
 
 if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint, EntryPoints
+
     from hgorun.observers.base import Observer
     from hgorun.plants.base import Plant
 
@@ -43,12 +46,14 @@ def find_plant(name: str) -> type[Plant]:
 
 
 def names(kind: str) -> list[str]:
-    """All names of a kind, ``"plants"`` or ``"observers"``, built-in and registered."""
+    """All names of a kind, ``"plants"`` or ``"observers"``, built-in and registered, of what can be loaded."""
     package = import_module(f"hgorun.{kind}")
     for file in sorted(Path(package.__path__[0]).glob("*.py")):
         if not file.stem.startswith("_"):
             import_module(f"hgorun.{kind}.{file.stem}")
-    _load_entry_points(kind)
+    for entry in _entry_points(kind):
+        with suppress(HgorunError):  # a broken package is said to whoever asks for it by name
+            _load(kind, entry)
     return sorted(_REGISTERED[kind])
 
 
@@ -65,19 +70,20 @@ def _find(kind: str, name: str) -> type:
     if name not in found and name.isidentifier() and find_spec(f"hgorun.{kind}.{name}"):
         import_module(f"hgorun.{kind}.{name}")
     if name not in found:
-        _load_entry_points(kind, name)
+        for entry in _entry_points(kind).select(name=name):
+            _load(kind, entry)
     return found[name]
 
 
-def _load_entry_points(kind: str, name: str | None = None) -> None:
+def _entry_points(kind: str) -> EntryPoints:
     from importlib.metadata import entry_points
 
-    selected = entry_points(group=f"hgorun.{kind}")
-    for entry in selected if name is None else selected.select(name=name):
-        if entry.name not in _REGISTERED[kind]:
-            try:
-                _REGISTERED[kind][entry.name] = entry.load()
-            except Exception as error:
-                raise HgorunError(
-                    f"the {kind[:-1]} {entry.name!r} of {entry.value} cannot be loaded: {error}"
-                ) from error
+    return entry_points(group=f"hgorun.{kind}")
+
+
+def _load(kind: str, entry: EntryPoint) -> None:
+    if entry.name not in _REGISTERED[kind]:
+        try:
+            _REGISTERED[kind][entry.name] = entry.load()
+        except Exception as error:
+            raise HgorunError(f"the {kind[:-1]} {entry.name!r} of {entry.value} cannot be loaded: {error}") from error

@@ -13,6 +13,7 @@ from hgorun.engine.methods import METHODS
 from hgorun.engine.program import Program, Raw, Start, Tolerance, history_bytes, history_pieces
 from hgorun.errors import Problem
 from hgorun.experiment import Experiment
+from hgorun.measurement.availability import Stretch
 from hgorun.measurement.events import kinks
 from hgorun.measurement.noise import continuous_noise
 from hgorun.measurement.plan import build_plan, count_steps
@@ -155,25 +156,29 @@ class Run:
 
     def _longest(self, step: float) -> float:
         """The longest step: no longer than the delays, unless they are very short."""
-        if self.adaptive:
-            return np.inf
-        return min(step, self.smallest_delay) if self.smallest_delay > _OVERLAP * step else step
+        longest = np.inf if self.adaptive else step
+        return min(longest, self.smallest_delay) if self.smallest_delay > _OVERLAP * step else longest
 
     def _check_steps(self, step: float) -> None:
         """There must be time for all steps, and memory for those that a continuous delay spans."""
         structure, events = self.system.structure, self.schedule.events
+        if self.adaptive:
+            count_steps(np.diff(events), self.solver.max_step or np.inf, "max_step")
         steps = None if self.adaptive else count_steps(np.diff(events), self._longest(step))
         if not structure.remembers:
             return
         pieces = history_pieces(np.column_stack([events[:-1], events[1:]]), steps, self.reach)
         size = history_bytes(structure, pieces)
         if size > self.time.max_memory:
-            late = max(continuous_delays(self.channels), key=lambda s: s.delay_at(np.array([s.start, s.end])).max())
+            late = max(continuous_delays(self.channels), key=self._longest_delay)
             raise Problem(
                 late.paths["delay"],
                 f"with steps of {self._longest(step):.3g} the history of a delay of {self.reach:.3g} takes "
                 f"{size / 2**30:.3g} GiB; time.max_memory allows {self.time.max_memory / 2**30:.3g} GiB",
             )
+
+    def _longest_delay(self, stretch: Stretch) -> float:
+        return float(stretch.delay_at(np.linspace(stretch.start, stretch.end, self.points)).max())
 
     def _check_jumps(self) -> None:
         """What is stepped at samples needs all outputs sampled, together and in time."""
@@ -244,9 +249,7 @@ class Run:
         """One run with a nominal step."""
         structure = self.system.structure
         self._check_steps(step)
-        longest = np.inf if self.adaptive else step
-        if self.smallest_delay > _OVERLAP * step:
-            longest = min(longest, self.smallest_delay)
+        longest = self._longest(step)
         plan = build_plan(
             self.schedule,
             self.grid,

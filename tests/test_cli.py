@@ -228,3 +228,43 @@ def test_same_file_from_the_command_line_twice(shell: Shell) -> None:
         assert shell("simulate", "small.yaml", "--quiet", "-o", name)[0] == 0
     with h5py.File("a.h5") as a, h5py.File("b.h5") as b:
         assert a["observers/SHGO/xhat"][()].tobytes() == b["observers/SHGO/xhat"][()].tobytes()
+
+
+def test_a_long_chain_is_no_circle(shell: Shell) -> None:
+    (shell.folder / "0.yaml").write_text(SMALL)
+    for i in range(1, 22):
+        (shell.folder / f"{i}.yaml").write_text(f"extends: {i - 1}.yaml\n")
+    assert shell("simulate", "20.yaml", "--quiet") == (0, "", "")
+    code, _, err = shell("simulate", "21.yaml")
+    assert code == 2
+    assert "1.yaml:1: extends: more than 20 files extend each other" in err
+
+
+def test_figures_refuses_files_of_one_name(shell: Shell) -> None:
+    for folder in ("a", "b"):
+        (shell.folder / folder).mkdir()
+        text = SMALL + "figures: {first: {panels: [{state: x1}]}}\n"
+        (shell.folder / folder / "mine.yaml").write_text(text)
+    code, out, err = shell("figures", "a/mine.yaml", "b/mine.yaml")
+    assert (code, out) == (2, "")
+    assert "have the same name" in err
+    assert not (shell.folder / "results").exists()
+
+
+def test_a_broken_package_harms_only_its_own_name(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
+    info = shell.folder / "broken-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: broken\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text("[hgorun.observers]\nbroken = no_such_module:Observer\n")
+    monkeypatch.syspath_prepend(shell.folder)
+    code, out, _ = shell("list")
+    assert code == 0
+    assert "shgo" in out
+    assert "broken" not in out
+    assert shell("schema")[0] == 0
+    code, _, err = shell("simulate", "small.yaml", "--set", "observers.SHGO.type=shgoo")
+    assert code == 2
+    assert "no observer is called 'shgoo'. Did you mean" in err
+    code, _, err = shell("simulate", "small.yaml", "--set", "observers.SHGO.type=broken")
+    assert code == 1
+    assert "the observer 'broken' of no_such_module:Observer cannot be loaded" in err

@@ -9,7 +9,9 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
@@ -138,8 +140,105 @@ def test_a_file_with_absurd_sizes_is_refused(file: Path, tmp_path: Path) -> None
         del f["plant/x"]
         data = f["plant"].create_dataset("x", shape=(2**40, 2), chunks=(1024, 2), dtype=float)
         data.attrs["labels"] = ["x1", "x2"]
-    with pytest.raises(hgorun.ConfigError, match="16 GiB"):
+    with pytest.raises(hgorun.ConfigError, match="4 GiB"):
         hgorun.read(path)
+
+
+def damaged(file: Path, path: Path, change: Callable[[h5py.File], object]) -> Path:
+    path.write_bytes(file.read_bytes())
+    with h5py.File(path, "a") as f:
+        change(f)
+    return path
+
+
+def replaced(name: str, **new: Any) -> Callable[[h5py.File], object]:
+    """Another data set in place of one, with its attribute labels."""
+
+    def change(f: h5py.File) -> None:
+        labels = f[name].attrs.get("labels")
+        del f[name]
+        data = f.create_dataset(name, **new)
+        if labels is not None:
+            data.attrs["labels"] = labels
+
+    return change
+
+
+def attribute(name: str, value: Any, place: str = "/") -> Callable[[h5py.File], object]:
+    return lambda f: f[place].attrs.__setitem__(name, value)
+
+
+NOT_A_RESULT: dict[str, tuple[Callable[[h5py.File], object], str]] = {
+    "small type": (replaced("plant/x", shape=(2**30, 2), dtype="i1", chunks=(2**20, 2), compression="gzip"), "4 GiB"),
+    "text": (replaced("plant/x", data=[["a", "b"]]), "plant/x holds object"),
+    "vlen": (replaced("plant/x", shape=(21, 2), dtype=h5py.vlen_dtype(float)), "plant/x holds object"),
+    "compound": (replaced("plant/x", shape=(21, 2), dtype=[("a", float)]), "plant/x holds"),
+    "complex": (replaced("plant/x", shape=(21, 2), dtype=complex), "plant/x holds complex"),
+    "empty": (replaced("plant/x", data=h5py.Empty(float)), "plant/x"),
+    "group": (lambda f: (f.__delitem__("time"), f.create_group("time")), "time is no ordinary data set"),
+    "no group": (replaced("observers/SHGO/state", data=1.0), "observers/SHGO/state is no group"),
+    "missing": (lambda f: f.__delitem__("metrics/SHGO"), "metrics/SHGO is missing"),
+    "internal state": (replaced("observers/SHGO/state/alpha", data=[1.0]), "state/alpha has shape"),
+    "time NaN": (replaced("time", data=np.full(21, np.nan)), "time must be"),
+    "time constant": (replaced("time", data=np.ones(21)), "time must be"),
+    "time backwards": (replaced("time", data=-np.arange(21.0)), "time must be"),
+    "time in two dimensions": (replaced("time", data=np.arange(21.0)[:, None]), "time has shape"),
+    "no time": (replaced("time", data=np.zeros(0)), "time is empty"),
+    "seed": (attribute("seed", np.inf), "attribute seed"),
+    "seed text": (attribute("seed", "1"), "attribute seed"),
+    "title": (attribute("title", 3), "attribute title"),
+    "dimension": (attribute("dimension", 1.5, "observers/SHGO"), "attribute dimension"),
+    "diverged_at": (attribute("diverged_at", "late", "observers/SHGO"), "attribute diverged_at"),
+    "gains": (attribute("gains", "[", "observers/SHGO"), "attribute gains is not JSON"),
+    "window": (attribute("windows", '{"steady": 3}'), "windows: steady is 3"),
+    "window NaN": (attribute("windows", '{"steady": [0, NaN]}'), "windows: steady"),
+    "average": (attribute("windows", '{"average": "a"}'), "windows: average is 'a'"),
+    "windows": (attribute("windows", "[]"), "attribute windows must be a JSON object"),
+    "unit": (attribute("units", '{"time": 3}'), "units: time is 3"),
+    "error": (attribute("integration_error", '{"plant": "q"}'), "integration_error: plant is 'q'"),
+    "large error": (attribute("integration_error", json.dumps({"plant": 10**400})), "integration_error: plant"),
+    "labels twice": (attribute("labels", ["x1", "x1"], "plant/x"), "labels has a name twice"),
+    "one label": (attribute("labels", "x1", "plant/x"), "labels must be a list"),
+}
+
+
+@pytest.mark.parametrize("name", NOT_A_RESULT)
+def test_a_wrong_content_is_refused(name: str, file: Path, tmp_path: Path) -> None:
+    change, message = NOT_A_RESULT[name]
+    with pytest.raises(hgorun.ConfigError, match=message) as caught:
+        hgorun.read(damaged(file, tmp_path / "wrong.h5", change))
+    assert "wrong.h5" in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["time", "plant", "plant/u", "plant/x", "observers", "observers/SHGO", "metrics/SHGO"])
+@pytest.mark.parametrize("kind", ["soft", "file", "pipe"])
+def test_links_are_refused(name: str, kind: str, file: Path, tmp_path: Path) -> None:
+    """Also to a pipe, which would wait for its writer forever."""
+    os.mkfifo(tmp_path / "pipe")
+    link = {
+        "soft": h5py.SoftLink(f"/elsewhere/{name}"),
+        "file": h5py.ExternalLink(str(file), name),
+        "pipe": h5py.ExternalLink(str(tmp_path / "pipe"), name),
+    }[kind]
+
+    def change(f: h5py.File) -> None:
+        f.move(name, f"elsewhere/{name}")
+        f[name] = link
+
+    with pytest.raises(hgorun.ConfigError, match=f"{name.split('/')[-1]} is a link"):
+        hgorun.read(damaged(file, tmp_path / "linked.h5", change))
+
+
+def test_a_pipe_is_no_file(config: Path, tmp_path: Path) -> None:
+    for name in ("a.h5", "a.yaml"):
+        os.mkfifo(tmp_path / name)
+    with pytest.raises(hgorun.ConfigError, match="not a regular file"):
+        hgorun.read(tmp_path / "a.h5")
+    with pytest.raises(hgorun.ConfigError, match="not a regular file"):
+        hgorun.load(tmp_path / "a.yaml")
+    (tmp_path / "b.yaml").write_text("extends: a.yaml\n")
+    with pytest.raises(hgorun.ConfigError, match=r"b\.yaml:1: extends: not a regular file"):
+        hgorun.load(tmp_path / "b.yaml")
 
 
 def test_an_unwritable_place_is_said(config: Path, tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ import json as json_text
 from collections.abc import Sequence
 from pathlib import Path
 
-from hgorun.commands.run import RESULTS, execute, warn
+from hgorun.commands.run import RESULTS, execute, refuse_twins, warn
 from hgorun.config.expressions import nearest
 from hgorun.errors import ConfigError
 from hgorun.loading import load
@@ -48,6 +48,7 @@ def _chosen(names: Sequence[str]) -> list[tuple[str, Run, list[str]]]:
     """Experiments with the figures wanted of each; all are checked before any runs."""
     shipped = experiments()
     own = [n for n in names if Path(n).suffix in {".yaml", ".yml"}]
+    refuse_twins([Path(n) for n in own])
     patterns = [n.strip("/") for n in names if n not in own]
     chosen: list[tuple[str, Run, list[str]]] = []
     used: set[str] = set()

@@ -99,7 +99,7 @@ def compare(
 
 def _targets(configs: Sequence[Path], output: Path | None) -> list[Path]:
     """Where each result goes."""
-    _refuse_twins(configs)
+    refuse_twins(configs)
     if output is not None and output.suffix.lower() in _RESULT_SUFFIXES:
         if len(configs) > 1:
             raise ConfigError(
@@ -109,7 +109,8 @@ def _targets(configs: Sequence[Path], output: Path | None) -> list[Path]:
     return [(output or RESULTS) / f"{path.stem}.h5" for path in configs]
 
 
-def _refuse_twins(paths: Sequence[Path]) -> None:
+def refuse_twins(paths: Sequence[Path]) -> None:
+    """Refuse files of the same name, whose results would overwrite each other."""
     seen: dict[str, Path] = {}
     for path in paths:
         if path.stem in seen:

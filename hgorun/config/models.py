@@ -18,7 +18,9 @@ class Time(Block):
     end: Number = Field(description="end of the run")
     output_step: Positive = Field(description="spacing of the output grid")
     unit: str = Field(default="s", description="label of the time unit")
-    max_memory: Positive = Field(default=2 * GIB, description="bytes of output allowed (default 2 GiB)")
+    max_memory: Positive = Field(
+        default=2 * GIB, description="bytes allowed for output, for samples and for delay history (default 2 GiB)"
+    )
 
     @model_validator(mode="after")
     def _order(self) -> Time:

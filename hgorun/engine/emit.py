@@ -17,6 +17,7 @@ import casadi as ca
 from hgorun.engine.functions import INLINE
 from hgorun.engine.instructions import CLOCK, MAIN, SETUP, Instruction, read, rounds
 from hgorun.engine.ir import Block, Function
+from hgorun.errors import HgorunError
 
 _TOGETHER = 4  # calls of one function in one vector; 8 gained nothing with AVX-512
 
@@ -204,7 +205,10 @@ class _Emitter:
         elif op in _UNARY:
             self.define(value, part, _UNARY[op](f, names[0]))
         else:
-            raise NotImplementedError(f"CasADi operation {op} has no native code")
+            raise HgorunError(
+                f"CasADi operation {op} has no native code; abs, sign, sqrt, floor, ceil, fmin, fmax, pow, exp, log, "
+                "sin, cos, tan, their inverses, hyperbolic functions and if_else are available"
+            )
 
     def calls(self, calls: Sequence[Instruction]) -> None:
         """Calls in one part that do not wait for each other: those of one function side by side."""

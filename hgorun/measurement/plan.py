@@ -69,8 +69,15 @@ def build_plan(
     )
 
 
-def count_steps(gaps: np.ndarray, longest: float) -> np.ndarray:
+def count_steps(gaps: np.ndarray, longest: float, key: str = "step") -> np.ndarray:
     """How many equal steps, none longer than ``longest``, each gap between two events takes.
+
+    Parameters
+    ----------
+    gaps : ndarray
+    longest : float
+    key : str
+        The solver's key that ``longest`` comes from.
 
     Raises
     ------
@@ -82,9 +89,9 @@ def count_steps(gaps: np.ndarray, longest: float) -> np.ndarray:
         total = float(np.sum(steps))
     if not total <= _MOST_STEPS:
         raise Problem(
-            ("solver", "step"),
+            ("solver", key),
             f"the run takes {total:.3g} steps of {longest:.3g}, at most {_MOST_STEPS:.0e} are possible: "
-            "give a longer solver.step",
+            f"give a longer solver.{key}",
         )
     return np.asarray(steps.astype(np.int64))
 

@@ -12,7 +12,6 @@ from hgorun.errors import Problem
 from hgorun.measurement.availability import Stretch
 from hgorun.measurement.noise import generator
 
-
 SAMPLE_BYTES = 1000  # of memory that a sample takes in the end: events, segments, actions, numbers
 
 

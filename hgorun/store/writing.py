@@ -24,6 +24,16 @@ from hgorun.result import ObserverResult, Result
 FORMAT = "hgorun-result-1"
 
 
+def _umask() -> int:
+    """The process's file mode mask, which mkstemp ignores."""
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
+
+
+_UMASK = _umask()  # once: asking sets it for a moment, in every thread
+
+
 def save(result: Result, path: Path) -> Path:
     """Write a result.
 
@@ -49,7 +59,7 @@ def save(result: Result, path: Path) -> Path:
         try:
             with h5py.File(name, "w", track_order=True) as file:
                 _write(result, file)
-            os.chmod(name, 0o666 & ~_umask())
+            os.chmod(name, 0o666 & ~_UMASK)
             os.replace(name, path)
         except BaseException:
             Path(name).unlink(missing_ok=True)
@@ -57,13 +67,6 @@ def save(result: Result, path: Path) -> Path:
     except OSError as error:
         raise HgorunError(f"{path}: cannot be written: {error.strerror or error}") from error
     return path
-
-
-def _umask() -> int:
-    """The process's file mode mask, which mkstemp ignores."""
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
 
 
 class _Writer:

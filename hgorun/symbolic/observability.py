@@ -12,9 +12,9 @@ import numpy as np
 from hgorun.errors import NotObservableForm
 from hgorun.symbolic.canonical import CanonicalForm, singular_value_ratio
 from hgorun.symbolic.plant import PlantModel
-
-_MOST_SHARES = 300  # of the states among the outputs that are tried
 from hgorun.symbolic.triangular import blocks_of
+
+_MOST_SHARES = 50  # of the states among the outputs that are tried
 
 
 def canonical_form(plant: PlantModel, at: np.ndarray, parameters: np.ndarray) -> CanonicalForm:
