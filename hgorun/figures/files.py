@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from hgorun.config.expressions import nearest
 from hgorun.errors import ConfigError, HgorunError
 from hgorun.figures.style import DPI, styled
+from hgorun.file_mode import FILE_MODE
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -62,7 +63,7 @@ def save(figure: Figure, path: str | Path, formats: Sequence[str] = ("png", "pdf
             parts.append(Path(name))
             with styled():
                 figure.savefig(name, format=suffix, dpi=DPI, metadata=_METADATA[suffix])
-            os.chmod(name, 0o666 & ~_umask())
+            os.chmod(name, FILE_MODE)
         for part, target in zip(parts, targets, strict=True):
             os.replace(part, target)
     except OSError as error:
@@ -71,10 +72,3 @@ def save(figure: Figure, path: str | Path, formats: Sequence[str] = ("png", "pdf
         for part in parts:
             part.unlink(missing_ok=True)
     return targets
-
-
-def _umask() -> int:
-    """The process's file mode mask, which mkstemp ignores."""
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask

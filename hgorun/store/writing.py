@@ -19,19 +19,10 @@ import h5py
 import numpy as np
 
 from hgorun.errors import HgorunError
+from hgorun.file_mode import FILE_MODE
 from hgorun.result import ObserverResult, Result
 
 FORMAT = "hgorun-result-1"
-
-
-def _umask() -> int:
-    """The process's file mode mask, which mkstemp ignores."""
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
-
-
-_UMASK = _umask()  # once: asking sets it for a moment, in every thread
 
 
 def save(result: Result, path: Path) -> Path:
@@ -59,7 +50,7 @@ def save(result: Result, path: Path) -> Path:
         try:
             with h5py.File(name, "w", track_order=True) as file:
                 _write(result, file)
-            os.chmod(name, 0o666 & ~_UMASK)
+            os.chmod(name, FILE_MODE)
             os.replace(name, path)
         except BaseException:
             Path(name).unlink(missing_ok=True)
