@@ -228,7 +228,7 @@ def test_no_number(text: str, words: str) -> None:
     start = time.perf_counter()
     with pytest.raises(ExpressionError) as caught:
         expression.number()
-    assert time.perf_counter() - start < 0.1
+    assert time.perf_counter() - start < 2  # not hours; a busy machine may take its time
     assert words in str(caught.value)
     with pytest.raises(ExpressionError):
         expression.symbol()

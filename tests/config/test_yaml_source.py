@@ -296,7 +296,7 @@ def test_a_billion_laughs_is_refused_soon() -> None:
     text += "".join(f"a{i}: &a{i} [{','.join([f'*a{i - 1}'] * 9)}]\n" for i in range(1, 40))
     start = time.perf_counter()
     assert "aliases written out" in str(refusal(text))
-    assert time.perf_counter() - start < 1
+    assert time.perf_counter() - start < 5
 
 
 def test_messages_stay_short() -> None:
