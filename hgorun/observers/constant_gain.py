@@ -10,6 +10,7 @@ from hgorun.errors import Problem
 from hgorun.observers.base import Observer
 from hgorun.symbolic.canonical import CanonicalForm
 from hgorun.symbolic.matrices import hurwitz_gain
+from hgorun.symbolic.states import Symmetric
 
 
 class PlacedGain(Observer):
@@ -52,3 +53,19 @@ class ConstantGain(PlacedGain):
     def _rate(self, form: CanonicalForm, filter_order: int = 0) -> float:
         roots = [np.roots([1.0, *self.gain(filter_order + length)]) for length in form.chains]
         return self.theta * max(float(np.max(np.abs(r))) for r in roots)
+
+
+class FilteredGain(ConstantGain):
+    """A gain (K_r; K_n) of order r + n: its first r numbers belong to a filter with state eta, one a chain."""
+
+    r: int = Field(default=1, ge=0, le=20, strict=True, description="order of the filter, r >= 0; 0 is the SHGO")
+
+    def design(self, form: CanonicalForm) -> dict[str, np.ndarray]:
+        K_r, K_n = self.chain_gains(form, self.r)
+        return {"theta": np.array(self.theta), "K_r": K_r, "K_n": K_n}
+
+    def states(self, form: CanonicalForm) -> dict[str, np.ndarray | Symmetric]:
+        return {"eta": np.zeros((self.r, len(form.chains)))} if self.r else {}
+
+    def fastest_rate(self, form: CanonicalForm) -> float:
+        return self._rate(form, self.r)

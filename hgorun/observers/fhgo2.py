@@ -5,19 +5,16 @@ from __future__ import annotations
 from types import SimpleNamespace
 
 import casadi as ca
-import numpy as np
-from pydantic import Field
 
 from hgorun.observers.base import Flow
-from hgorun.observers.constant_gain import ConstantGain
+from hgorun.observers.constant_gain import FilteredGain
 from hgorun.registry import observer
-from hgorun.symbolic.canonical import CanonicalForm, PlantCopy
+from hgorun.symbolic.canonical import PlantCopy
 from hgorun.symbolic.matrices import A, B, C
-from hgorun.symbolic.states import Symmetric
 
 
 @observer("fhgo2")
-class FilteredObserver2(ConstantGain):
+class FilteredObserver2(FilteredGain):
     """Filtered high-gain observer of filter order r (FHGO II) for uniformly observable plants.
 
     The correction uses the innovation e filtered r times,
@@ -36,15 +33,6 @@ class FilteredObserver2(ConstantGain):
 
     reference = "Robles Magdaleno 2023, (3.33), (3.64)-(3.67), (3.144)-(3.146)"
 
-    r: int = Field(default=1, ge=0, le=20, strict=True, description="order of the filter, r >= 0; 0 is the SHGO")
-
-    def design(self, form: CanonicalForm) -> dict[str, np.ndarray]:
-        K_r, K_n = self.chain_gains(form, self.r)
-        return {"theta": np.array(self.theta), "K_r": K_r, "K_n": K_n}
-
-    def states(self, form: CanonicalForm) -> dict[str, np.ndarray | Symmetric]:
-        return {"eta": np.zeros((self.r, len(form.chains)))} if self.r else {}
-
     def equations(self, plant: PlantCopy, s: SimpleNamespace, e: ca.SX, k: SimpleNamespace) -> Flow:
         r, derivatives, filtered = self.r, {}, e
         if r > 0:  # one column of eta and of K_r a chain
@@ -53,6 +41,3 @@ class FilteredObserver2(ConstantGain):
         kappa = k.theta * plant.inv_Delta(k.theta) @ (k.K_n * plant.along_chains(filtered))
         derivatives["xhat"] = plant.copy(s.xhat) - plant.lift(s.xhat, kappa)
         return Flow(derivatives, correction=plant.heads(kappa))
-
-    def fastest_rate(self, form: CanonicalForm) -> float:
-        return self._rate(form, self.r)

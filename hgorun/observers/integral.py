@@ -5,19 +5,17 @@ from __future__ import annotations
 from types import SimpleNamespace
 
 import casadi as ca
-import numpy as np
 from pydantic import Field
 
 from hgorun.observers.base import Flow
-from hgorun.observers.constant_gain import ConstantGain
+from hgorun.observers.constant_gain import FilteredGain
 from hgorun.registry import observer
-from hgorun.symbolic.canonical import CanonicalForm, PlantCopy
+from hgorun.symbolic.canonical import PlantCopy
 from hgorun.symbolic.matrices import A, B, C, inv_Delta
-from hgorun.symbolic.states import Symmetric
 
 
 @observer("integral")
-class IntegralObserver(ConstantGain):
+class IntegralObserver(FilteredGain):
     """High-gain observer of the output's r-fold integral, for uniformly observable plants.
 
     The innovation e drives r integrators, and the standard observer of the chain of r + n corrects all,
@@ -39,13 +37,6 @@ class IntegralObserver(ConstantGain):
 
     r: int = Field(default=1, ge=0, le=20, strict=True, description="number of integrators, r >= 0; 0 is the SHGO")
 
-    def design(self, form: CanonicalForm) -> dict[str, np.ndarray]:
-        K_r, K_n = self.chain_gains(form, self.r)
-        return {"theta": np.array(self.theta), "K_r": K_r, "K_n": K_n}
-
-    def states(self, form: CanonicalForm) -> dict[str, np.ndarray | Symmetric]:
-        return {"eta": np.zeros((self.r, len(form.chains)))} if self.r else {}
-
     def equations(self, plant: PlantCopy, s: SimpleNamespace, e: ca.SX, k: SimpleNamespace) -> Flow:
         r, derivatives, eta_1 = self.r, {}, e
         if r > 0:  # one column of eta and of K_r a chain
@@ -55,6 +46,3 @@ class IntegralObserver(ConstantGain):
         kappa = k.theta ** (r + 1) * plant.inv_Delta(k.theta) @ (k.K_n * plant.along_chains(eta_1))
         derivatives["xhat"] = plant.copy(s.xhat) - plant.lift(s.xhat, kappa)
         return Flow(derivatives, correction=plant.heads(kappa))
-
-    def fastest_rate(self, form: CanonicalForm) -> float:
-        return self._rate(form, self.r)
