@@ -15,7 +15,7 @@ import casadi as ca
 import numpy as np
 
 from hgorun.errors import NotObservableForm
-from hgorun.symbolic.forms import Bounds
+from hgorun.symbolic.forms import Bounds, saturate
 from hgorun.symbolic.matrices import A, inv_Delta
 from hgorun.symbolic.plant import PlantModel
 from hgorun.symbolic.triangular import blocks_of, superdiagonal
@@ -184,8 +184,4 @@ class PlantCopy:
         return self.form.plant.inverse(xhat, self.p)
 
     def _saturated(self, x: ca.SX) -> ca.SX:
-        parts = [x[i] for i in range(self.n)]
-        for name, (low, high) in self.bounds.items():
-            i = self.form.plant.states.index(name)
-            parts[i] = ca.fmax(low, ca.fmin(high, parts[i]))
-        return ca.vertcat(*parts)
+        return saturate(x, self.form.plant.states, self.bounds)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
 import casadi as ca
@@ -11,6 +11,15 @@ import numpy as np
 from hgorun.symbolic.plant import PlantModel
 
 Bounds = Mapping[str, tuple[ca.SX, ca.SX]]
+
+
+def saturate(x: ca.SX, names: Sequence[str], bounds: Bounds) -> ca.SX:
+    """x with the named states clipped to their bounds."""
+    parts = [x[i] for i in range(len(names))]
+    for name, (low, high) in bounds.items():
+        i = names.index(name)
+        parts[i] = ca.fmax(low, ca.fmin(high, parts[i]))
+    return ca.vertcat(*parts)
 
 
 class Copy(Protocol):

@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 
 from hgorun.errors import NotObservableForm
-from hgorun.symbolic.forms import Bounds
+from hgorun.symbolic.forms import Bounds, saturate
 from hgorun.symbolic.plant import PlantModel
 
 
@@ -111,11 +111,7 @@ class TriangularCopy:
 
     def saturated(self, x: ca.SX) -> ca.SX:
         """The estimate clipped to its bounds."""
-        parts = [x[i] for i in range(self.n)]
-        for name, (low, high) in self.bounds.items():
-            i = self.form.model.states.index(name)
-            parts[i] = ca.fmax(low, ca.fmin(high, parts[i]))
-        return ca.vertcat(*parts)
+        return saturate(x, self.form.model.states, self.bounds)
 
 
 def triangular_form(plant: PlantModel, at: np.ndarray, parameters: np.ndarray) -> TriangularForm:
