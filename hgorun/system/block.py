@@ -70,15 +70,15 @@ class ObserverBlock:
 
     def guess(self, t: ca.SX, u: ca.SX, p: ca.SX, z: ca.SX) -> ca.SX:
         """C xhat."""
-        return self._copy(t, u, p).output(self.symbols(z).xhat)
+        return self.copy(t, u, p).output(self.symbols(z).xhat)
 
     def estimate(self, t: ca.SX, u: ca.SX, p: ca.SX, z: ca.SX) -> ca.SX:
         """The estimate in the plant's coordinates."""
-        return self._copy(t, u, p).state(self.symbols(z).xhat)
+        return self.copy(t, u, p).state(self.symbols(z).xhat)
 
     def flow(self, t: ca.SX, u: ca.SX, p: ca.SX, z: ca.SX, e: ca.SX) -> ca.SX:
         """d/dt of the block, alpha' = -c last."""
-        flow = self.observer.equations(self._copy(t, u, p), self.symbols(z), e, self.k)
+        flow = self.observer.equations(self.copy(t, u, p), self.symbols(z), e, self.k)
         derivatives = dict(flow.derivatives)
         if "alpha" in self.states:
             derivatives["alpha"] = -flow.correction
@@ -86,12 +86,13 @@ class ObserverBlock:
 
     def jump(self, t: ca.SX, u: ca.SX, u_before: ca.SX, p: ca.SX, z: ca.SX, sample: SimpleNamespace) -> ca.SX:
         """What the block becomes when a sample arrives."""
-        plant, before = self._copy(t, u, p), self._copy(t - sample.interval, u_before, p)
+        plant, before = self.copy(t, u, p), self.copy(t - sample.interval, u_before, p)
         s = self.symbols(z)
         values = {**vars(s), **self.observer.jump(plant, before, s, sample, self.k)}
         return ca.vertcat(*[block.flat(values[name]) for name, block in self.states.items()])
 
-    def _copy(self, t: ca.SX, u: ca.SX, p: ca.SX) -> Any:
+    def copy(self, t: ca.SX, u: ca.SX, p: ca.SX) -> Any:
+        """The plant as the observer copies it."""
         return self.form.copy(t, u, p, self.canonical, self.bounds)
 
     def initial(self, plant: BuiltPlant) -> np.ndarray:
