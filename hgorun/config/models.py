@@ -217,32 +217,115 @@ class Metrics(Block):
         return self
 
 
+class Inset(Block):
+    """A part of a panel, enlarged inside it."""
+
+    window: Window = Field(description="time shown")
+    limits: Window | None = Field(default=None, description="range of its vertical axis (default: what it shows)")
+    place: tuple[Number, Number, Number, Number] = Field(
+        default=(0.55, 0.5, 0.42, 0.42), description="left, bottom, width and height, in parts of the panel"
+    )
+
+
+class Scaling(Block):
+    """How the size of an estimate's error depends on what a run varies, on logarithmic axes."""
+
+    state: str = Field(description="a plant state")
+    run: str | None = Field(default=None, description="a run with vary (default: the only one)")
+    of: str = Field(default="amplitude", description="the quantity shown, as in claims: amplitude, rmse, sup, hf, ...")
+    theory: bool = Field(default=False, description="lines of the linearised noise gain beside the points")
+
+
 class Panel(Block):
     """One set of axes: what it shows of which observers."""
 
     state: str | None = Field(default=None, description="a plant state: the truth and the estimates")
     error: str | None = Field(default=None, description="a plant state: estimate minus truth")
+    magnitude: str | None = Field(default=None, description="a plant state: size of the error, logarithmic")
     output: str | None = Field(default=None, description="an output: its measurements and the truth")
-    observers: tuple[str, ...] | None = Field(default=None, description="labels (default: all)")
+    scaling: Scaling | None = Field(default=None, description="error size against what a run varies")
+    run: str | None = Field(default=None, description="the run shown, where a file has several (default: all)")
+    observers: tuple[str, ...] | None = Field(
+        default=None, description="labels, with several runs also run/label (default: all)"
+    )
     measurements: bool = Field(default=False, description="show the measurements of the state that is an output")
     window: Window | None = Field(default=None, description="time shown (default: the whole run)")
     limits: Window | None = Field(default=None, description="range of the vertical axis")
+    inset: Inset | None = Field(default=None, description="a detail, enlarged inside the panel")
     title: str | None = None
+
+    @property
+    def subject(self) -> str:
+        """The key that says what the panel shows."""
+        return next(key for key in PANEL_SUBJECTS if getattr(self, key) is not None)
 
     @model_validator(mode="after")
     def _one_subject(self) -> Panel:
-        if sum(x is not None for x in (self.state, self.error, self.output)) != 1:
-            raise ValueError("a panel shows exactly one of state, error and output")
+        if sum(getattr(self, key) is not None for key in PANEL_SUBJECTS) != 1:
+            raise ValueError(f"a panel shows exactly one of {', '.join(PANEL_SUBJECTS[:-1])} and {PANEL_SUBJECTS[-1]}")
         return self
 
 
+PANEL_SUBJECTS = ("state", "error", "magnitude", "output", "scaling")
+
+
 class Figure(Block):
-    """A figure: panels one below the other."""
+    """A figure: panels one below the other, or in columns."""
 
     title: str | None = None
     panels: Annotated[tuple[Panel, ...], NonEmpty]
+    columns: Annotated[int, Field(ge=1, le=6, strict=True)] = Field(
+        default=1, description="panels side by side; they fill row after row"
+    )
+    labels: dict[str, str] = Field(
+        default_factory=dict, description="run/label or label: what the legend calls that observer"
+    )
     width: Positive = Field(default=6.0, description="inches")
-    height: Positive | None = Field(default=None, description="inches (default: 2.2 a panel)")
+    height: Positive | None = Field(default=None, description="inches (default: 2.2 a row of panels)")
+
+
+class Claim(Block):
+    """A sentence of a publication and the inequality that decides it."""
+
+    id: str = Field(description="a short name, unique in the file")
+    claim: str = Field(description="the sentence, paraphrased")
+    source: str = Field(default="", description="where it stands: section, page")
+    figure: str | None = Field(default=None, description="the figure that it speaks of")
+    value: str = Field(description="an expression of metrics of the runs, such as hf('FHGO', x1)/hf('SHGO', x1)")
+    below: Number | None = Field(default=None, description="the claim holds if the value is below")
+    above: Number | None = Field(default=None, description="the claim holds if the value is above")
+    between: Window | None = Field(default=None, description="the claim holds if the value lies in [low, high]")
+    expect: Literal["confirmed", "refuted"] = Field(default="confirmed", description="the verdict known so far")
+    note: str = Field(default="", description="what a reader should know beside the number")
+
+    @model_validator(mode="after")
+    def _one_threshold(self) -> Claim:
+        if sum(getattr(self, key) is not None for key in ("below", "above", "between")) != 1:
+            raise ValueError("give exactly one of below, above and between")
+        return self
+
+
+class Vary(Block):
+    """A run carried out once for each value of a name."""
+
+    name: Name = Field(description="what is varied")
+    values: Annotated[tuple[Number, ...], NonEmpty] = Field(description="one member of the ensemble each")
+    set: dict[str, ExpressionText] = Field(description="path: expression of the name, as with --set")
+
+
+class Ensemble(Block):
+    """What makes an ensemble of a run."""
+
+    seeds: Annotated[int, Field(ge=2, le=100_000, strict=True)] | None = Field(
+        default=None, description="carried out with so many seeds: seed, seed + 1, ..."
+    )
+    vary: Vary | None = Field(default=None, description="carried out for each value of a name")
+
+    @model_validator(mode="after")
+    def _one(self) -> Ensemble:
+        if self.seeds is not None and self.vary is not None:
+            raise ValueError("seeds and vary make an ensemble each: give one of them")
+        return self
 
 
 class Experiment(Block):
@@ -258,4 +341,8 @@ class Experiment(Block):
     solver: Solver = Field(default_factory=Solver)
     seed: Annotated[int, Field(ge=0, lt=2**63, strict=True)] = 0
     metrics: Metrics = Field(default_factory=Metrics)
+    runs: dict[str, dict[str, Any]] = Field(
+        default_factory=dict, description="name: what the run changes, and seeds or vary for an ensemble of runs"
+    )
     figures: dict[str, Figure] = Field(default_factory=dict)
+    claims: tuple[Claim, ...] = Field(default=(), description="sentences and the inequalities that decide them")
