@@ -14,7 +14,7 @@ from hgorun.errors import ConfigError, HgorunError, SimulationError
 
 if TYPE_CHECKING:
     from hgorun.experiment import Experiment
-    from hgorun.loading import load
+    from hgorun.loading import load, load_study
     from hgorun.result import Result
     from hgorun.simulation import simulate
     from hgorun.store import read
@@ -28,6 +28,7 @@ __all__ = [
     "Result",
     "SimulationError",
     "load",
+    "load_study",
     "read",
     "simulate",
 ]
@@ -37,6 +38,7 @@ _LAZY = {
     "Experiment": "hgorun.experiment",
     "Result": "hgorun.result",
     "load": "hgorun.loading",
+    "load_study": "hgorun.loading",
     "read": "hgorun.store",
     "simulate": "hgorun.simulation",
 }

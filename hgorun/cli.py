@@ -36,6 +36,11 @@ Seed = Annotated[Optional[int], typer.Option("--seed", min=0, help="In place of 
 Quiet = Annotated[bool, typer.Option("-q", "--quiet", help="Print nothing but errors.")]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON on stdout, and nothing else there.")]
 Strict = Annotated[bool, typer.Option("--strict", help="Exit code 3 when an observer diverged.")]
+RunName = Annotated[Optional[str], typer.Option("--run", help="One of the file's runs (default: all).")]  # noqa: UP045
+Jobs = Annotated[
+    Optional[int],  # noqa: UP045
+    typer.Option("--jobs", min=1, help="Processes at once (default: one a processor)."),
+]
 CheckStep = Annotated[bool, typer.Option("--check-step", help="Run again with half the step; report the difference.")]
 
 
@@ -60,6 +65,7 @@ def simulate(
     json: Json = False,
     strict: Strict = False,
     check_step: CheckStep = False,
+    run: RunName = None,
 ) -> None:
     """Run configurations, write results/NAME.h5, print the metrics."""
     from hgorun.commands.run import simulate
@@ -74,6 +80,7 @@ def simulate(
             json=json,
             strict=strict,
             check_step=check_step,
+            run=run,
         )
     )
 
@@ -89,6 +96,7 @@ def compare(
     format: Annotated[str, typer.Option("--format", help="Of the table: text, csv or latex.")] = "text",
     plots: Annotated[bool, typer.Option("--plots/--no-plots", help="Draw comparison plots (PNG and PDF).")] = True,
     strict: Strict = False,
+    run: RunName = None,
 ) -> None:
     """Metrics side by side, and comparison plots."""
     from hgorun.commands.run import compare
@@ -104,24 +112,47 @@ def compare(
             style=format,
             plots=plots,
             strict=strict,
+            run=run,
         )
     )
 
 
+Names = Annotated[
+    Optional[list[str]],  # noqa: UP045
+    typer.Argument(metavar="[NAME...]", help="Figures, experiments or folders of them, or YAML files."),
+]
+
+
 @app.command()
 def figures(
-    names: Annotated[
-        Optional[list[str]],  # noqa: UP045
-        typer.Argument(metavar="[NAME...]", help="Figures, experiments or folders of them, or YAML files."),
-    ] = None,
+    names: Names = None,
     output: Output = None,
     quiet: Quiet = False,
     json: Json = False,
+    jobs: Jobs = None,
+    report: Annotated[bool, typer.Option("--report", help="Measure the claims too, and write REPORT.md.")] = False,
 ) -> None:
-    """Draw the figures of the publications (PNG and PDF)."""
+    """Draw the figures of the publications (PNG and PDF); only those that changed since."""
     from hgorun.commands.figures import figures
 
-    raise typer.Exit(figures(names or [], output, quiet=quiet, json=json))
+    raise typer.Exit(figures(names or [], output, quiet=quiet, json=json, workers=jobs, report=report))
+
+
+@app.command()
+def claims(
+    names: Names = None,
+    output: Output = None,
+    quiet: Quiet = False,
+    json: Json = False,
+    jobs: Jobs = None,
+    strict: Annotated[
+        bool, typer.Option("--strict", help="Exit code 3 when a verdict is not the expected one.")
+    ] = False,
+) -> None:
+    """Measure what the publications claim: confirmed or refuted, with the number."""
+    from hgorun.commands.claims import claims
+
+    raise typer.Exit(claims(names or [], output, quiet=quiet, json=json, workers=jobs, strict=strict))
 
 
 @app.command("list")

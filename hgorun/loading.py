@@ -1,22 +1,20 @@
-"""From a configuration file to an experiment."""
+"""From a configuration file to an experiment, or to the study of all its runs."""
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from pathlib import Path
 
-from hgorun.config import yaml_source
-from hgorun.config.overrides import merge, set_path
-from hgorun.config.types import describe
-from hgorun.config.yaml_source import Source
+from hgorun.config.expressions import nearest
+from hgorun.config.reading import read_source
 from hgorun.errors import ConfigError
 from hgorun.experiment import Experiment
+from hgorun.study.study import Study, study_of
 
-_LONGEST_CHAIN = 20  # files that extend each other
 
-
-def load(path: str | Path, overrides: Sequence[str] = (), *, seed: int | None = None) -> Experiment:
+def load(
+    path: str | Path, overrides: Sequence[str] = (), *, seed: int | None = None, run: str | None = None
+) -> Experiment:
     """Read and check a configuration.
 
     Parameters
@@ -27,49 +25,54 @@ def load(path: str | Path, overrides: Sequence[str] = (), *, seed: int | None = 
         ``path=value`` each, as on the command line after ``--set``.
     seed : int, optional
         In place of the file's.
+    run : str, optional
+        Which, of a file with several ``runs``; of an ensemble the first member.
 
     Raises
     ------
     ConfigError
         For anything wrong in it: file, line, key, what was found and what would be right.
     """
-    path = Path(path)
-    if path.suffix.lower() in {".h5", ".hdf5", ".nc"}:
-        raise ConfigError("this is a result file; hgorun compare reads it", file=str(path))
-    text, source = _read(path)
-    source = _extended(source, path, [path.resolve()])
-    for assignment in overrides:
-        source = set_path(source, assignment)
-    if seed is not None:
-        source = set_path(source, f"seed={seed}")
-    return Experiment(source, name=path.stem, text=text)
+    text, source = read_source(path, overrides, seed=seed)
+    if not isinstance(source.data, dict) or "runs" not in source.data:
+        if run is not None:
+            raise ConfigError(f"the file has no runs, so none is called {run!r}", file=str(path))
+        return Experiment(source, name=Path(path).stem, text=text)
+    runs = study_of(source, Path(path).stem, text).runs
+    if run is not None and run in runs:
+        return runs[run].experiment
+    file, line = source.where(("runs",))
+    known = f"the file has the runs {', '.join(runs)}"
+    message = f"no run is called {run!r}.{nearest(run, runs)} " if run is not None else ""
+    raise ConfigError(f"{message}{known}: name one with --run, in Python with run=", file=file, line=line, key="runs")
 
 
-def _read(path: Path) -> tuple[str, Source]:
-    """Read a YAML file; anything else, such as a pipe, might never end."""
-    if os.path.exists(path) and not os.path.isfile(path) and not os.path.isdir(path):
-        raise ConfigError("not a regular file", file=str(path))
-    return yaml_source.read(path)
+def load_study(path: str | Path, overrides: Sequence[str] = (), *, seed: int | None = None) -> Study:
+    """Read a configuration file with all its runs, figures and claims, and check it.
+
+    Parameters
+    ----------
+    path, overrides, seed
+        As for :func:`load`.
+
+    Raises
+    ------
+    ConfigError
+        For anything wrong in it: file, line, key, what was found and what would be right.
+    """
+    text, source = read_source(path, overrides, seed=seed)
+    return study_of(source, Path(path).stem, text)
 
 
-def _extended(source: Source, path: Path, seen: list[Path]) -> Source:
-    """The file on top of the one that it extends, if any."""
-    if not isinstance(source.data, dict) or "extends" not in source.data:
-        return source
-    base = source.data["extends"]
-    file, line = source.where(("extends",))
-    if not isinstance(base, str):
-        raise ConfigError(f"expected the name of a file, found {describe(base)}", file=file, line=line, key="extends")
-    target = path.parent / base
-    try:
-        _, parent = _read(target)
-    except ConfigError as error:
-        if error.line is None:
-            raise ConfigError(error.message, file=file, line=line, key="extends") from error
-        raise
-    if target.resolve() in seen:
-        raise ConfigError(f"{base} extends itself, in a circle", file=file, line=line, key="extends")
-    if len(seen) > _LONGEST_CHAIN:
-        raise ConfigError(f"more than {_LONGEST_CHAIN} files extend each other", file=file, line=line, key="extends")
-    parent = _extended(parent, target, [*seen, target.resolve()])
-    return merge(parent, source)
+def refuse_twins(paths: Sequence[Path]) -> None:
+    """Refuse files of the same name, whose results would overwrite each other.
+
+    Raises
+    ------
+    ConfigError
+    """
+    seen: dict[str, Path] = {}
+    for path in paths:
+        if path.stem in seen:
+            raise ConfigError(f"{seen[path.stem]} and {path} have the same name; results are called by it")
+        seen[path.stem] = path

@@ -14,7 +14,7 @@ from pydantic.fields import FieldInfo
 
 from hgorun import registry
 from hgorun.config.expressions import nearest
-from hgorun.config.models import Experiment as Blocks
+from hgorun.config.models import File
 from hgorun.config.types import pole_text
 from hgorun.errors import ConfigError, HgorunError
 from hgorun.plants.base import Plant
@@ -151,7 +151,7 @@ def schema() -> int:
 
 def build_schema() -> dict[str, Any]:
     """The schema as data."""
-    top = Blocks.model_json_schema()
+    top = File.model_json_schema()
     definitions = top.setdefault("$defs", {})
 
     def add(model: type[BaseModel], name: str, constant: str | None) -> dict[str, str]:

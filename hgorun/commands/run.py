@@ -9,7 +9,8 @@ from pathlib import Path
 
 from hgorun import tables
 from hgorun.errors import ConfigError
-from hgorun.loading import load
+from hgorun.experiment import Experiment
+from hgorun.loading import load, load_study, refuse_twins
 from hgorun.result import Result
 from hgorun.run import Run
 from hgorun.simulation import perform, prepare
@@ -30,13 +31,13 @@ def simulate(
     json: bool,
     strict: bool,
     check_step: bool,
+    run: str | None = None,
 ) -> int:
     """Run configurations and write their results; everything is checked before anything runs."""
-    targets = _targets(configs, output)
-    runs = [prepare(load(path, overrides, seed=seed)) for path in configs]
+    runs, targets = _prepared(configs, output, overrides, seed, run)
     results, files = [], []
-    for run, target in zip(runs, targets, strict=True):
-        result = execute(run, quiet or json, check_step=check_step)
+    for prepared, target in zip(runs, targets, strict=True):
+        result = execute(prepared, quiet or json, check_step=check_step)
         files.append(str(result.save(target)))
         results.append(result)
         warn(result)
@@ -59,6 +60,7 @@ def compare(
     style: str,
     plots: bool,
     strict: bool,
+    run: str | None = None,
 ) -> int:
     """Metrics of configurations and result files side by side, and plots of them."""
     styles: dict[str, Callable[[Sequence[Result]], str]] = {
@@ -70,10 +72,12 @@ def compare(
         raise ConfigError(f"--format: expected one of {', '.join(styles)}, found {style!r}")
     if (overrides or seed is not None) and all(path.suffix.lower() in _RESULT_SUFFIXES for path in sources):
         raise ConfigError("--set and --seed change configurations; a result file stays as it is")
-    loaded = [
-        read(path) if path.suffix.lower() in _RESULT_SUFFIXES else prepare(load(path, overrides, seed=seed))
-        for path in sources
-    ]
+    loaded: list[Result | Run] = []
+    for path in sources:
+        if path.suffix.lower() in _RESULT_SUFFIXES:
+            loaded.append(read(path))
+        else:
+            loaded += [prepare(experiment) for experiment in _experiments(path, overrides, seed, run)]
     results = [s if isinstance(s, Result) else execute(s, quiet or json, check_step=False) for s in loaded]
     units = {result.units.get("time", "") for result in results}
     if len(units) > 1:
@@ -97,25 +101,37 @@ def compare(
     return DIVERGED if strict and any(r.status != "ok" for r in results) else 0
 
 
-def _targets(configs: Sequence[Path], output: Path | None) -> list[Path]:
-    """Where each result goes."""
+def _prepared(
+    configs: Sequence[Path], output: Path | None, overrides: Sequence[str], seed: int | None, run: str | None
+) -> tuple[list[Run], list[Path]]:
+    """All runs of the files, and where each result goes."""
     refuse_twins(configs)
+    runs, targets = [], []
+    for path in configs:
+        for experiment in _experiments(path, overrides, seed, run):
+            runs.append(prepare(experiment))
+            folder = output or RESULTS
+            inside = folder / path.stem if experiment.name != path.stem else folder
+            targets.append(inside / f"{experiment.name}.h5")
     if output is not None and output.suffix.lower() in _RESULT_SUFFIXES:
-        if len(configs) > 1:
-            raise ConfigError(
-                f"--output: {output} is one file, but there are {len(configs)} configurations; name a folder"
-            )
-        return [output]
-    return [(output or RESULTS) / f"{path.stem}.h5" for path in configs]
+        if len(runs) > 1:
+            what = f"{len(configs)} configurations" if len(configs) > 1 else f"{len(runs)} runs in {configs[0]}"
+            raise ConfigError(f"--output: {output} is one file, but there are {what}; name a folder")
+        return runs, [output]
+    return runs, targets
 
 
-def refuse_twins(paths: Sequence[Path]) -> None:
-    """Refuse files of the same name, whose results would overwrite each other."""
-    seen: dict[str, Path] = {}
-    for path in paths:
-        if path.stem in seen:
-            raise ConfigError(f"{seen[path.stem]} and {path} have the same name; results are called by it")
-        seen[path.stem] = path
+def _experiments(path: Path, overrides: Sequence[str], seed: int | None, run: str | None) -> list[Experiment]:
+    """The run named, or all single runs of a file; ensembles belong to claims and figures."""
+    if run is not None:
+        return [load(path, overrides, seed=seed, run=run)]
+    study = load_study(path, overrides, seed=seed)
+    single = [r.experiment for r in study.runs.values() if r.single]
+    if not single:
+        raise ConfigError(
+            f"all runs are ensembles: {', '.join(study.runs)}; --run takes a first member", file=str(path)
+        )
+    return single
 
 
 def execute(run: Run, quiet: bool, *, check_step: bool) -> Result:

@@ -328,6 +328,16 @@ class Ensemble(Block):
         return self
 
 
+class StudyBlocks(Block):
+    """What a file has beside its runs."""
+
+    title: str = ""
+    reference: str = ""
+    runs: dict[str, Any] = Field(default_factory=dict)
+    figures: dict[str, Figure] = Field(default_factory=dict)
+    claims: tuple[Claim, ...] = ()
+
+
 class Experiment(Block):
     """A whole configuration file. Plants and observers are checked by the classes that their type names."""
 
@@ -341,8 +351,13 @@ class Experiment(Block):
     solver: Solver = Field(default_factory=Solver)
     seed: Annotated[int, Field(ge=0, lt=2**63, strict=True)] = 0
     metrics: Metrics = Field(default_factory=Metrics)
+    figures: dict[str, Figure] = Field(default_factory=dict)
+    claims: tuple[Claim, ...] = Field(default=(), description="sentences and the inequalities that decide them")
+
+
+class File(Experiment):
+    """A configuration file, which may hold several runs of an experiment."""
+
     runs: dict[str, dict[str, Any]] = Field(
         default_factory=dict, description="name: what the run changes, and seeds or vary for an ensemble of runs"
     )
-    figures: dict[str, Figure] = Field(default_factory=dict)
-    claims: tuple[Claim, ...] = Field(default=(), description="sentences and the inequalities that decide them")

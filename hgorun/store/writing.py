@@ -8,9 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import platform
-import tempfile
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -18,8 +16,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from hgorun.errors import HgorunError
-from hgorun.file_mode import FILE_MODE
+from hgorun.files import written_whole
 from hgorun.result import ObserverResult, Result
 
 FORMAT = "hgorun-result-1"
@@ -43,20 +40,8 @@ def save(result: Result, path: Path) -> Path:
     HgorunError
         When the file cannot be written.
     """
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem[:60]}-", suffix=".part")
-        os.close(handle)
-        try:
-            with h5py.File(name, "w", track_order=True) as file:
-                _write(result, file)
-            os.chmod(name, FILE_MODE)
-            os.replace(name, path)
-        except BaseException:
-            Path(name).unlink(missing_ok=True)
-            raise
-    except OSError as error:
-        raise HgorunError(f"{path}: cannot be written: {error.strerror or error}") from error
+    with written_whole(path) as part, h5py.File(part, "w", track_order=True) as file:
+        _write(result, file)
     return path
 
 

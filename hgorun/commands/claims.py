@@ -1,0 +1,55 @@
+"""``claims``: what the publications say, measured."""
+
+from __future__ import annotations
+
+import json as json_text
+import textwrap
+from collections.abc import Sequence
+from pathlib import Path
+
+from hgorun.commands.figures import warn
+from hgorun.reproduce import pool
+from hgorun.reproduce.choice import choose
+from hgorun.reproduce.job import Folders
+from hgorun.reproduce.verdicts import verdicts_of
+from hgorun.study.verdict import Verdict, number_text
+
+UNEXPECTED = 3
+_WIDTH = 100
+
+
+def claims(
+    names: Sequence[str], output: Path | None, *, quiet: bool, json: bool, workers: int | None, strict: bool
+) -> int:
+    """Measure the chosen claims, all by default."""
+    works = choose(names, Folders.below(output), figures=False, claims=True)
+    outcomes = pool.carry_out(works, workers=workers, show=not quiet and not json)
+    found: list[tuple[str, str, Verdict]] = []
+    for work, outcome in zip(works, outcomes, strict=True):
+        warn(work, outcome)
+        found += [(work.job.group, work.study.name, verdict) for verdict in verdicts_of(work, outcome)]
+    if json:
+        rows = [{"publication": group, "experiment": name, **v.as_json()} for group, name, v in found]
+        print(json_text.dumps(rows, indent=2, allow_nan=False))
+    elif not quiet:
+        print(_text(found))
+    return UNEXPECTED if strict and not all(v.as_expected for _, _, v in found) else 0
+
+
+def _text(found: Sequence[tuple[str, str, Verdict]]) -> str:
+    lines: list[str] = []
+    last = ""
+    for group, _, verdict in found:
+        if group != last:
+            lines += ["", group] if last else [group]
+            last = group
+        surprise = "" if verdict.as_expected else f"  (expected: {verdict.claim.expect})"
+        lines.append(f"  {verdict.claim.id:>4}  {verdict.verdict:<9}  {number_text(verdict)}{surprise}")
+        lines += textwrap.wrap(
+            verdict.claim.claim, _WIDTH, initial_indent=" " * 8, subsequent_indent=" " * 8, break_on_hyphens=False
+        )
+    counts = {kind: sum(v.verdict == kind for _, _, v in found) for kind in ("confirmed", "refuted", "undecided")}
+    unexpected = sum(not v.as_expected for _, _, v in found)
+    summary = ", ".join(f"{count} {kind}" for kind, count in counts.items() if count)
+    lines += ["", f"{len(found)} claims: {summary}" + (f"; {unexpected} not as expected" if unexpected else "")]
+    return "\n".join(lines)

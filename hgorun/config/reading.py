@@ -1,0 +1,64 @@
+"""A configuration file with the files that it extends and the assignments made on top."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+from hgorun.config import yaml_source
+from hgorun.config.overrides import merge, set_path
+from hgorun.config.types import describe
+from hgorun.config.yaml_source import Source
+from hgorun.errors import ConfigError
+
+_LONGEST_CHAIN = 20  # files that extend each other
+
+
+def read_source(path: str | Path, overrides: Sequence[str] = (), *, seed: int | None = None) -> tuple[str, Source]:
+    """A file's text, and what it says with ``extends`` and overrides carried out.
+
+    Raises
+    ------
+    ConfigError
+    """
+    path = Path(path)
+    if path.suffix.lower() in {".h5", ".hdf5", ".nc"}:
+        raise ConfigError("this is a result file; hgorun compare reads it", file=str(path))
+    text, source = _read(path)
+    source = _extended(source, path, [path.resolve()])
+    for assignment in overrides:
+        source = set_path(source, assignment)
+    if seed is not None:
+        source = set_path(source, f"seed={seed}")
+    return text, source
+
+
+def _read(path: Path) -> tuple[str, Source]:
+    """Read a YAML file; anything else, such as a pipe, might never end."""
+    if os.path.exists(path) and not os.path.isfile(path) and not os.path.isdir(path):
+        raise ConfigError("not a regular file", file=str(path))
+    return yaml_source.read(path)
+
+
+def _extended(source: Source, path: Path, seen: list[Path]) -> Source:
+    """The file on top of the one that it extends, if any."""
+    if not isinstance(source.data, dict) or "extends" not in source.data:
+        return source
+    base = source.data["extends"]
+    file, line = source.where(("extends",))
+    if not isinstance(base, str):
+        raise ConfigError(f"expected the name of a file, found {describe(base)}", file=file, line=line, key="extends")
+    target = path.parent / base
+    try:
+        _, parent = _read(target)
+    except ConfigError as error:
+        if error.line is None:
+            raise ConfigError(error.message, file=file, line=line, key="extends") from error
+        raise
+    if target.resolve() in seen:
+        raise ConfigError(f"{base} extends itself, in a circle", file=file, line=line, key="extends")
+    if len(seen) > _LONGEST_CHAIN:
+        raise ConfigError(f"more than {_LONGEST_CHAIN} files extend each other", file=file, line=line, key="extends")
+    parent = _extended(parent, target, [*seen, target.resolve()])
+    return merge(parent, source)

@@ -1,0 +1,77 @@
+"""Files that are written whole or not at all."""
+
+from __future__ import annotations
+
+import os
+import re
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from hgorun.errors import HgorunError
+
+# Temporary files are called .NAME-PID-RANDOM.part: who finds one whose process is gone may remove it.
+_LEFTOVER = re.compile(r"\..*-(\d+)-[^-]*\.part")
+
+
+def _mode() -> int:
+    """What a new file would have: temporary files are private, results are not."""
+    mask = os.umask(0)
+    os.umask(mask)
+    return 0o666 & ~mask
+
+
+_FILE_MODE = _mode()  # asked for once, before there are threads: the question changes the process for a moment
+
+
+@contextmanager
+def written_whole(path: Path) -> Iterator[Path]:
+    """A temporary file beside ``path``, which takes its name when the block ends well and vanishes when not.
+
+    Raises
+    ------
+    HgorunError
+        When the file cannot be written.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name[:60]}-{os.getpid()}-", suffix=".part")
+        os.close(handle)
+        part = Path(name)
+        try:
+            yield part
+            os.chmod(part, _FILE_MODE)
+            os.replace(part, path)
+        finally:
+            part.unlink(missing_ok=True)
+    except OSError as error:
+        raise HgorunError(f"{path}: cannot be written: {error.strerror or error}") from error
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text file, whole or not at all."""
+    with written_whole(path) as part:
+        part.write_text(text, encoding="utf-8")
+
+
+def remove_leftovers(folder: Path) -> None:
+    """Remove what a killed process has left half-written in a folder."""
+    if not folder.is_dir():
+        return
+    for path in folder.glob(".*.part"):
+        match = _LEFTOVER.fullmatch(path.name)
+        if match and not _alive(int(match[1])):
+            path.unlink(missing_ok=True)
+
+
+def _alive(pid: int) -> bool:
+    if os.name != "posix":
+        return True  # no harmless question there
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:
+        pass
+    return True

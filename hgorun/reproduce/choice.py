@@ -1,0 +1,65 @@
+"""Which figures and claims are meant by the names on the command line."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from hgorun.config.expressions import nearest
+from hgorun.errors import ConfigError
+from hgorun.loading import load_study, refuse_twins
+from hgorun.reproduce.job import Folders, Job, Work
+from hgorun.shipped import experiments
+from hgorun.study.study import Study
+
+
+def choose(names: Sequence[str], folders: Folders, *, figures: bool, claims: bool) -> list[Work]:
+    """The jobs that the names ask for.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Figures (``3.10``, ``lee2016/1``), experiments, folders of them, or YAML files of one's own; none means
+        all experiments that come with hgorun.
+    folders : Folders
+        Of the results.
+    figures, claims : bool
+        What is wanted of them. A name of a figure asks for that figure and for the claims about it.
+
+    Raises
+    ------
+    ConfigError
+        When a name means nothing, or something in a file is wrong.
+    """
+    own = [Path(n) for n in names if Path(n).suffix in {".yaml", ".yml"}]
+    refuse_twins(own)
+    patterns = [n.strip("/") for n in names if Path(n).suffix not in {".yaml", ".yml"}]
+    chosen: list[Work] = []
+    used: set[str] = set()
+    known: set[str] = set()
+    for path, file in ({} if own and not patterns else experiments()).items():
+        study, group = load_study(file), path.split("/")[0]
+        known |= {path, study.name, group, *study.figures, *(f"{group}/{name}" for name in study.figures)}
+        whole = {p for p in patterns if path == p or path.startswith(f"{p}/") or study.name == p}
+        named = {p for p in patterns if any(p in (f, f"{group}/{f}") for f in study.figures)}
+        used |= whole | named
+        drawn = [f for f in study.figures if whole or not patterns or {f, f"{group}/{f}"} & named]
+        told = [c.id for c in study.claims if whole or not patterns or (c.figure in drawn and named)]
+        _add(chosen, Job(file, path, tuple(drawn) * figures, tuple(told) * claims, folders), study)
+    for pattern in patterns:
+        if pattern not in used:
+            raise ConfigError(f"no figure or experiment is called {pattern!r}.{nearest(pattern, known)}")
+    for file in own:
+        study = load_study(file)
+        if not (study.figures if figures else study.claims):
+            key = "figures" if figures else "claims"
+            raise ConfigError(f"the file has no {key}: block", file=str(file), key=key)
+        study.check()
+        ids = tuple(c.id for c in study.claims)
+        _add(chosen, Job(file, study.name, tuple(study.figures) * figures, ids * claims, folders), study)
+    return chosen
+
+
+def _add(chosen: list[Work], job: Job, study: Study) -> None:
+    if job.figures or job.claims:
+        chosen.append(Work(job, study))

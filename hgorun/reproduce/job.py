@@ -1,0 +1,228 @@
+"""The work on one study: its stale runs, then the figures and claims that need them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from hgorun.files import remove_leftovers
+from hgorun.loading import load_study
+from hgorun.reproduce.state import State, claim_key, figure_key, run_key
+from hgorun.result import Result
+from hgorun.study.measured import asked_of, carry_out, values_of
+from hgorun.study.study import Run, Study
+
+Report = Callable[[float, str], None]
+
+
+@dataclass(frozen=True)
+class Folders:
+    """Where everything goes: figures, runs, and the report with its small pictures."""
+
+    figures: Path
+    runs: Path
+    report: Path
+
+    @classmethod
+    def below(cls, output: Path | None) -> Folders:
+        """Below a folder that the user names, or below ``results``."""
+        if output is None:
+            results = Path("results")
+            return cls(results / "figures", results / "runs", results)
+        return cls(output, output / "runs", output)
+
+
+@dataclass(frozen=True)
+class Job:
+    """What is wanted of one study.
+
+    Attributes
+    ----------
+    path : Path
+        The file.
+    place : str
+        The experiment's path without suffix, or the name of a file of one's own: a folder of the results.
+    figures : tuple of str
+        Names of those wanted.
+    claims : tuple of str
+        Ids of those wanted.
+    folders : Folders
+    """
+
+    path: Path
+    place: str
+    figures: tuple[str, ...]
+    claims: tuple[str, ...]
+    folders: Folders
+
+    @property
+    def group(self) -> str:
+        """The publication."""
+        return self.place.split("/")[0]
+
+
+@dataclass
+class Outcome:
+    """What there is of a job, from this run or an earlier one.
+
+    Attributes
+    ----------
+    figures : dict of str to list of str
+        Files of each figure.
+    values : dict of str to list of float
+        Of each claim, by its id: one value, or one for each member of an ensemble.
+    errors : dict of str to float or None
+        Integration error of each single run, None where the method's step defines the run.
+    diverged : dict of str to list of str
+        For each run the observers that diverged, in words.
+    """
+
+    figures: dict[str, list[str]] = field(default_factory=dict)
+    values: dict[str, list[float]] = field(default_factory=dict)
+    errors: dict[str, float | None] = field(default_factory=dict)
+    diverged: dict[str, list[str]] = field(default_factory=dict)
+
+
+class Work:
+    """A job with its study and what is stale of it.
+
+    Raises
+    ------
+    ConfigError
+        When something in the file is wrong.
+    """
+
+    def __init__(self, job: Job, study: Study | None = None) -> None:
+        self.job = job
+        self.study = study or load_study(job.path)
+        self.state = State(job.folders.runs / job.place)
+
+    @property
+    def _numbers(self) -> list[int]:
+        return [i for i, claim in enumerate(self.study.claims) if claim.id in self.job.claims]
+
+    @cached_property
+    def stale_figures(self) -> list[str]:
+        """Figures to be drawn."""
+        return [n for n in self.job.figures if not self.state.holds("figures", n, figure_key(self.study, n))]
+
+    @cached_property
+    def stale_claims(self) -> list[int]:
+        """Numbers of the claims to be measured."""
+        claims = self.study.claims
+        return [i for i in self._numbers if not self.state.holds("claims", claims[i].id, claim_key(self.study, i))]
+
+    @property
+    def done(self) -> bool:
+        """Whether there is nothing to do."""
+        return not self.stale_figures and not self.stale_claims
+
+    def outcome(self) -> Outcome:
+        """What there is, once everything is done."""
+        data, found = self.state.data, Outcome()
+        for name in self.job.figures:
+            found.figures[name] = [os.path.normpath(self.state.folder / f) for f in data["figures"][name]["files"]]
+        for i in self._numbers:
+            claim = self.study.claims[i]
+            found.values[claim.id] = [float(v) for v in data["claims"][claim.id]["values"]]
+        for run in self._runs(list(self.job.figures), self._numbers):
+            if run.single and run.name in data["runs"]:
+                found.errors[run.name] = data["runs"][run.name].get("integration_error")
+                found.diverged[run.name] = list(data["runs"][run.name].get("diverged", []))
+        return found
+
+    def _runs(self, figures: list[str], claims: list[int]) -> list[Run]:
+        names = [run for figure in figures for run in self.study.runs_of(figure)]
+        names += [run for i in claims for q in self.study.sentences[i].quantities for run, _ in q.of]
+        return [self.study.runs[name] for name in dict.fromkeys(names)]
+
+    def carry_out(self, report: Report = lambda part, what: None) -> Outcome:
+        """Do what is stale.
+
+        Parameters
+        ----------
+        report : callable
+            Told which part of the job is done, 0 to 1, and what is being done.
+        """
+        for folder in (self.state.folder, self._figure_folder):
+            remove_leftovers(folder)
+        self.study.check()
+        runs = self._runs(self.stale_figures, self.stale_claims)
+        total = len(runs) + len(self.stale_figures)
+        results: dict[str, Result] = {}
+        ensembles: dict[str, list[dict[str, float]]] = {}
+        for i, run in enumerate(runs):
+
+            def inside(part: float, i: int = i, run: Run = run) -> None:
+                report((i + part) / total, run.name)
+
+            inside(0.0)
+            if run.single:
+                results[run.name] = self._single(run, inside)
+            else:
+                ensembles[run.name] = self._ensemble(run, inside)
+        for i, name in enumerate(self.stale_figures):
+            report((len(runs) + i) / total, f"figure {name}")
+            self._draw(name, results, ensembles)
+        for i in self.stale_claims:
+            values = values_of(self.study, i, results, ensembles)
+            self.state.note("claims", self.study.claims[i].id, claim_key(self.study, i), values=values)
+        self.__dict__.pop("stale_figures", None)
+        self.__dict__.pop("stale_claims", None)
+        return self.outcome()
+
+    def _single(self, run: Run, report: Callable[[float], None]) -> Result:
+        """The run's result, from its file where that still stands."""
+        from hgorun.simulation import perform, prepare
+        from hgorun.store import read
+
+        file, key = f"{run.name}.h5", run_key(run)
+        if self.state.holds("runs", run.name, key):
+            return read(self.state.folder / file)
+        prepared = prepare(run.experiment)
+        # Euler's step belongs to the definition of a run: discontinuous observers have no limit without it
+        check = run.experiment.blocks.solver.method != "euler" and not prepared.adaptive
+        result = perform(prepared, check_step=check, progress=report)
+        result.save(self.state.folder / file)
+        errors = result.integration_error
+        self.state.note(
+            "runs",
+            run.name,
+            key,
+            files=[file],
+            integration_error=max(errors.values()) if errors else None,
+            diverged=[f"{label} {o.status}" for label, o in result.observers.items() if o.diverged_at is not None],
+        )
+        return result
+
+    def _ensemble(self, run: Run, report: Callable[[float], None]) -> list[dict[str, float]]:
+        asked = asked_of(self.study, run.name, self.stale_claims, self.stale_figures)
+        members = len(run.varied)
+
+        def keep(found: list[dict[str, float]]) -> None:
+            self.state.keep_members(run, found)
+            report(len(found) / members)
+
+        return carry_out(run, asked, self.state.members(run, asked), keep)
+
+    @property
+    def _figure_folder(self) -> Path:
+        return self.job.folders.figures / self.job.group
+
+    def _draw(self, name: str, results: Mapping[str, Result], ensembles: Mapping[str, Any]) -> None:
+        from hgorun.figures import draw, save
+
+        shown = [results[run] for run in self.study.runs_of(name) if run in results]
+        figure = draw(shown, self.study.figures[name], name)
+        written = save(figure, self._figure_folder / name)
+        files = [relative(path, self.state.folder) for path in written]
+        self.state.note("figures", name, figure_key(self.study, name), files=files)
+
+
+def relative(path: Path, folder: Path) -> str:
+    """A path as seen from a folder: results may be moved as a whole."""
+    return Path(os.path.relpath(path, folder)).as_posix()

@@ -1,0 +1,144 @@
+"""Jobs on several processes, with progress for a person at a terminal."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import queue
+import signal
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from typing import Any
+
+from hgorun.errors import HgorunError, SimulationError
+from hgorun.reproduce.job import Job, Outcome, Work
+
+_queue: Any = None  # of the worker's process: where it reports to
+_OFTEN = 0.1  # seconds between two reports of a worker
+
+
+def processors() -> int:
+    """How many jobs run at once: the processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def carry_out(works: Sequence[Work], *, workers: int | None = None, show: bool = True) -> list[Outcome]:
+    """Do all jobs, the stale parts of them.
+
+    Parameters
+    ----------
+    works : sequence of Work
+    workers : int, optional
+        Processes at once; by default one a processor.
+    show : bool
+        Whether a progress bar is drawn, on stderr if that is a terminal.
+
+    Raises
+    ------
+    HgorunError
+        What went wrong first; the other jobs are finished, and what is finished stays.
+    """
+    stale = [i for i, work in enumerate(works) if not work.done]
+    outcomes = {i: work.outcome() for i, work in enumerate(works) if work.done}
+    count = min(workers or processors(), len(stale))
+    with _progress(len(stale), show and sys.stderr.isatty()) as progress:
+        if count == 1:
+            for number, i in enumerate(stale):
+
+                def report(part: float, what: str, number: int = number, name: str = works[i].study.name) -> None:
+                    progress(number, part, f"{name}: {what}")
+
+                outcomes[i] = works[i].carry_out(report)
+                progress(number, 1.0, "")
+        elif count > 1:
+            outcomes |= _in_parallel([works[i].job for i in stale], stale, count, progress)
+    return [outcomes[i] for i in range(len(works))]
+
+
+def _in_parallel(jobs: list[Job], places: list[int], count: int, progress: Any) -> dict[int, Outcome]:
+    context = multiprocessing.get_context("spawn")
+    with context.Manager() as manager:
+        messages = manager.Queue()
+        pool = ProcessPoolExecutor(count, mp_context=context, initializer=_start, initargs=(messages,))
+        try:
+            futures = {pool.submit(_work, job, i): i for i, job in enumerate(jobs)}
+            return {places[i]: outcome for i, outcome in _collected(futures, messages, progress)}
+        except BaseException:
+            for process in list((pool._processes or {}).values()):
+                process.terminate()  # files are written whole or not at all
+            raise
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+
+def _collected(futures: dict[Future[Outcome], int], messages: Any, progress: Any) -> Iterator[tuple[int, Outcome]]:
+    left, failed = set(futures), None
+    while left:
+        finished, left = wait(left, timeout=_OFTEN, return_when=FIRST_COMPLETED)
+        while True:
+            try:
+                progress(*messages.get_nowait())
+            except queue.Empty:
+                break
+        for future in finished:
+            try:
+                outcome = future.result()
+            except HgorunError as error:
+                failed = failed or error
+            except BrokenProcessPool:
+                raise SimulationError("a worker process was killed; what it had finished stays: start again") from None
+            else:
+                progress(futures[future], 1.0, "")
+                yield futures[future], outcome
+    if failed is not None:
+        raise failed
+
+
+def _start(messages: Any) -> None:
+    """In a new worker: Ctrl-C is the parent's business, and an end in time is an orderly one."""
+    global _queue
+    _queue = messages
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
+
+
+def _work(job: Job, number: int) -> Outcome:
+    work, last = Work(job), 0.0
+
+    def report(part: float, what: str) -> None:
+        nonlocal last
+        if time.monotonic() - last > _OFTEN:
+            last = time.monotonic()
+            _queue.put((number, part, f"{work.study.name}: {what}"))
+
+    return work.carry_out(report)
+
+
+@contextmanager
+def _progress(jobs: int, show: bool) -> Iterator[Any]:
+    """A bar over all jobs; a function that does nothing where nobody looks."""
+    if not show or not jobs:
+        yield lambda number, part, what: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (
+        BarColumn(),
+        TextColumn("{task.percentage:>3.0f} %"),
+        TimeElapsedColumn(),
+        TextColumn("{task.fields[what]}"),
+    )
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("", total=jobs)
+        parts = [0.0] * jobs
+
+        def progress(number: int, part: float, what: str) -> None:
+            parts[number] = max(parts[number], part)
+            bar.update(task, completed=sum(parts), description=what or None)
+
+        yield progress

@@ -1,0 +1,1 @@
+"""A configuration file with its runs, figures and claims; see :func:`hgorun.load_study`."""

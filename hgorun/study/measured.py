@@ -1,0 +1,89 @@
+"""What the runs of a study are worth: quantities of single runs and of the members of ensembles."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+from hgorun.result import Result
+from hgorun.study.quantities import Quantity, exponent, measure_quantity
+from hgorun.study.study import Run, Study
+
+
+def asked_of(study: Study, run: str, sentences: Sequence[int], figures: Sequence[str]) -> list[Quantity]:
+    """The quantities to be measured on every member of an ensemble, without doubles.
+
+    Parameters
+    ----------
+    sentences : sequence of int
+        Numbers of the claims.
+    figures : sequence of str
+    """
+    wanted = [q for i in sentences for q in study.sentences[i].quantities if q.of[0][0] == run]
+    for name in figures:
+        for scaled_run, quantities in study.scaled(name).values():
+            wanted += quantities if scaled_run == run else []
+    return list(dict.fromkeys(map(on_member, wanted)))
+
+
+def on_member(quantity: Quantity) -> Quantity:
+    """What is measured on one member for a quantity of the ensemble."""
+    if quantity.function == "exponent":
+        return replace(quantity, function="amplitude", window=None)
+    return quantity
+
+
+def carry_out(
+    run: Run,
+    quantities: Sequence[Quantity],
+    done: Sequence[Mapping[str, float]] = (),
+    keep: Callable[[list[dict[str, float]]], None] = lambda _: None,
+) -> list[dict[str, float]]:
+    """Run all members of an ensemble.
+
+    Parameters
+    ----------
+    run : Run
+    quantities : sequence of Quantity
+        Measured on every member.
+    done : sequence of mapping
+        What an earlier call has found of the first members.
+    keep : callable
+        Told what there is after every member.
+
+    Returns
+    -------
+    list of dict
+        For every member {text of the quantity: value}.
+    """
+    from hgorun.simulation import simulate
+
+    found = [dict(one) for one in done]
+    for experiment in run.members(len(found)):
+        result = simulate(experiment)
+        found.append({str(q): measure_quantity(q, {run.name: result}) for q in quantities})
+        keep(found)
+    return found
+
+
+def values_of(
+    study: Study, sentence: int, results: Mapping[str, Result], ensembles: Mapping[str, list[dict[str, float]]]
+) -> list[float]:
+    """A claim's value: one number, or one for each seed of the ensembles that it speaks of."""
+    quantities = study.sentences[sentence].quantities
+    fixed: dict[str, float] = {}
+    lists: dict[str, list[float]] = {}
+    for q in quantities:
+        run = study.runs[q.of[0][0]]
+        if run.single:
+            fixed[str(q)] = measure_quantity(q, results)
+        elif q.function == "exponent":
+            amplitudes = [member[str(on_member(q))] for member in ensembles[run.name]]
+            fixed[str(q)] = exponent(run.varied, amplitudes, q.window)
+        else:
+            lists[str(q)] = [member[str(q)] for member in ensembles[run.name]]
+    members = min((len(values) for values in lists.values()), default=1)
+    return [
+        study.sentences[sentence].value(fixed | {text: values[i] for text, values in lists.items()})
+        for i in range(members)
+    ]

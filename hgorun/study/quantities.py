@@ -1,0 +1,277 @@
+"""The quantities that claims are made of: read from text, measured on results.
+
+A claim's value is an expression such as ``hf('te02/FHGO I', x3) / hf('te02/SHGO', x3)``. Each call names runs and
+observers in quotes, then a state, then perhaps a window of time. The calls are taken out and measured; what
+remains is an expression of numbers, read by the grammar of all configurations.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from hgorun.config.expressions import Expression, ExpressionError, nearest, parse
+from hgorun.metrics import NAMES, Windows, measure
+from hgorun.result import Result
+
+Of = tuple[tuple[str, str | None], ...]  # (run, observer) each
+Window = tuple[float, float] | None
+
+_CALL = re.compile(r"\b([A-Za-z_]\w*)\s*\(\s*((?:'[^']*'\s*,?\s*)+)([^()']*)\)")
+_QUOTED = re.compile(r"'([^']*)'")
+_LARGE = 1e300  # what the error of a diverged observer counts as
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """One call: ``function('run/observer', state, from, to)``.
+
+    Attributes
+    ----------
+    function : str
+    of : tuple of (run, observer)
+        The observer is None where the plant itself is meant.
+    state : str or None
+        A state of the plant; of ``analysis`` the key.
+    window : (from, to) or None
+    """
+
+    function: str
+    of: Of
+    state: str | None
+    window: Window = None
+    key: str | None = None
+
+    def __str__(self) -> str:
+        names = ", ".join(f"'{run}/{label}'" if label else f"'{run}'" for run, label in self.of)
+        rest = "".join(f", {part}" for part in (self.key, self.state, *(self.window or ())) if part is not None)
+        return f"{self.function}({names}{rest})"
+
+
+@dataclass(frozen=True)
+class Sentence:
+    """A claim's value: quantities, and how they are put together.
+
+    Attributes
+    ----------
+    quantities : tuple of Quantity
+    expression : Expression
+        Of the names q0, q1, ....
+    """
+
+    quantities: tuple[Quantity, ...]
+    expression: Expression
+
+    def value(self, measured: Mapping[str, float]) -> float:
+        """The value, from the measured quantities by their texts; infinite where an observer diverged."""
+        found = {f"q{i}": measured[str(q)] for i, q in enumerate(self.quantities)}
+        if any(np.isnan(v) for v in found.values()):
+            return float("nan")
+        try:
+            value = self.expression.number({n: float(np.clip(v, -_LARGE, _LARGE)) for n, v in found.items()})
+        except ExpressionError:
+            return float("nan")
+        return value if abs(value) < 0.1 * _LARGE else float(np.copysign(np.inf, value))
+
+
+def read_sentence(text: str, runs: tuple[str, ...]) -> Sentence:
+    """Read a claim's value.
+
+    Parameters
+    ----------
+    text : str
+    runs : tuple of str
+        Names of the runs; the first one is meant where a name in quotes has no run and there is only one.
+
+    Raises
+    ------
+    ExpressionError
+    """
+    quantities: list[Quantity] = []
+
+    def taken_out(match: re.Match[str]) -> str:
+        quantity = _quantity(match[1], _QUOTED.findall(match[2]), match[3], runs)
+        if quantity not in quantities:
+            quantities.append(quantity)
+        return f"q{quantities.index(quantity)}"
+
+    rest = _CALL.sub(taken_out, text)
+    if not quantities:
+        raise ExpressionError(f"expected quantities such as rmse('label', x1) in it, found {text!r}")
+    if "'" in rest:
+        raise ExpressionError(f"a name in quotes stands outside of a quantity's brackets: {rest!r}")
+    return Sentence(tuple(quantities), parse(rest, names=[f"q{i}" for i in range(len(quantities))]))
+
+
+def _quantity(function: str, names: list[str], rest: str, runs: tuple[str, ...]) -> Quantity:
+    if function not in FUNCTIONS:
+        raise ExpressionError(
+            f"no quantity is called {function!r}.{nearest(function, FUNCTIONS)} Known: {', '.join(FUNCTIONS)}"
+        )
+    kind = FUNCTIONS[function]
+    if len(names) != kind.names:
+        raise ExpressionError(f"{function} takes {kind.names} name(s) in quotes, found {len(names)}")
+    arguments = [part.strip() for part in rest.split(",") if part.strip()]
+    key = arguments.pop(0) if kind.keyed and arguments else None
+    state = arguments.pop(0) if arguments else None
+    if (state is None) != kind.keyed and not kind.keyed:
+        raise ExpressionError(f"{function} needs a state after the name in quotes")
+    if kind.keyed and key is None:
+        raise ExpressionError(f"{function} needs a key after the name in quotes")
+    if len(arguments) not in (0, 2):
+        raise ExpressionError(f"{function}: after the state there is a window, from and to, or nothing")
+    window = (parse(arguments[0], names=()).number(), parse(arguments[1], names=()).number()) if arguments else None
+    return Quantity(function, tuple(_named(n, runs, kind) for n in names), state, window, key)
+
+
+def _named(name: str, runs: tuple[str, ...], kind: Kind) -> tuple[str, str | None]:
+    """Run and observer of a name in quotes."""
+    run, slash, label = name.rpartition("/")
+    if kind.of_plant:
+        if slash:
+            raise ExpressionError(f"expected the name of a run, found {name!r}")
+        return name, None
+    if not slash:
+        if len(runs) > 1:
+            raise ExpressionError(f"the file has several runs: expected 'run/observer', found {name!r}")
+        return runs[0], name
+    return run, label
+
+
+def measure_quantity(quantity: Quantity, results: Mapping[str, Result]) -> float:
+    """A quantity's value, from the results of the runs that it names; infinite where an observer diverged."""
+    if quantity.function in NAMES and quantity.window is None:
+        (run, label), *_ = quantity.of
+        result = results[run]
+        values = result.observers[str(label)].metrics[quantity.function]
+        return float(values[result.states.index(str(quantity.state))])
+    kind = FUNCTIONS[quantity.function]
+    assert kind.measure is not None
+    return kind.measure(quantity, results)
+
+
+def _column(quantity: Quantity, results: Mapping[str, Result], i: int = 0) -> tuple[Result, np.ndarray, np.ndarray]:
+    """The result, x and xhat of the state of the i-th name; of the plant xhat is x."""
+    run, label = quantity.of[i]
+    result = results[run]
+    j = result.states.index(str(quantity.state))
+    x = result.x[:, j]
+    return result, x, x if label is None else result.observers[label].xhat[:, j]
+
+
+def _inside(quantity: Quantity, result: Result, default: Window) -> np.ndarray:
+    window = quantity.window or default
+    if window is None:
+        return np.ones(result.time.size, dtype=bool)
+    slack = 1e-9 * float(result.time[1] - result.time[0])
+    return (result.time >= window[0] - slack) & (result.time <= window[1] + slack)
+
+
+def _steady(result: Result) -> Window:
+    low, high = result.windows["steady"]
+    return float(low), float(high)
+
+
+def _metric(quantity: Quantity, results: Mapping[str, Result]) -> float:
+    result, x, xhat = _column(quantity, results)
+    assert quantity.window is not None
+    windows = Windows(
+        quantity.window, quantity.window, float(result.windows["average"]), float(result.windows["settling"])
+    )
+    return float(measure(result.time, x[:, None], xhat[:, None], windows)[quantity.function][0])
+
+
+def _of_error(of: Callable[[np.ndarray], float]) -> Callable[[Quantity, Mapping[str, Result]], float]:
+    def measured(quantity: Quantity, results: Mapping[str, Result]) -> float:
+        result, x, xhat = _column(quantity, results)
+        e = (xhat - x)[_inside(quantity, result, _steady(result))]
+        return of(e) if np.all(np.isfinite(e)) else float("inf")
+
+    return measured
+
+
+def _integral(quantity: Quantity, results: Mapping[str, Result]) -> float:
+    """Of |error| over time, by trapezoids; the whole run by default."""
+    result, x, xhat = _column(quantity, results)
+    inside = _inside(quantity, result, None)
+    value = float(np.trapezoid(np.abs(xhat - x)[inside], result.time[inside]))
+    return value if np.isfinite(value) else float("inf")
+
+
+def _of_difference(of: Callable[[np.ndarray], float]) -> Callable[[Quantity, Mapping[str, Result]], float]:
+    def measured(quantity: Quantity, results: Mapping[str, Result]) -> float:
+        result, _, one = _column(quantity, results, 0)
+        other_result, _, other = _column(quantity, results, 1)
+        if one.shape != other.shape or not np.allclose(result.time, other_result.time):
+            raise ExpressionError(f"{quantity}: the runs have different output grids")
+        d = (one - other)[_inside(quantity, result, _steady(result))]
+        return of(d) if np.all(np.isfinite(d)) else float("inf")
+
+    return measured
+
+
+def _largest(quantity: Quantity, results: Mapping[str, Result]) -> float:
+    result, x, _ = _column(quantity, results)
+    return float(np.max(np.abs(x[_inside(quantity, result, None)])))
+
+
+def _sup(e: np.ndarray) -> float:
+    return float(np.max(np.abs(e)))
+
+
+def _rms(e: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(e**2)))
+
+
+def _half_range(e: np.ndarray) -> float:
+    return float(np.ptp(e) / 2)
+
+
+@dataclass(frozen=True)
+class Kind:
+    """How a quantity is written and measured.
+
+    Attributes
+    ----------
+    measure : callable or None
+        None where it takes more than one result of each run.
+    names : int
+        How many names in quotes.
+    of_plant : bool
+        Whether they name runs, not observers.
+    keyed : bool
+        Whether a key stands before the state, which may then be missing.
+    """
+
+    measure: Callable[[Quantity, Mapping[str, Result]], float] | None
+    names: int = 1
+    of_plant: bool = False
+    keyed: bool = False
+
+
+FUNCTIONS: dict[str, Kind] = {
+    **{name: Kind(_metric) for name in NAMES},
+    "std": Kind(_of_error(lambda e: float(np.std(e)))),
+    "mean": Kind(_of_error(lambda e: float(np.mean(e)))),
+    "amplitude": Kind(_of_error(_half_range)),
+    "integral": Kind(_integral),
+    "difference": Kind(_of_difference(_sup), names=2),
+    "ni": Kind(_of_difference(_rms), names=2),
+    "largest": Kind(_largest, of_plant=True),
+    "exponent": Kind(None),
+}
+
+
+def exponent(varied: Any, amplitudes: Any, window: Window) -> float:
+    """Slope of log amplitude against the log of what is varied, by least squares, over values in a window."""
+    values, sizes = np.asarray(varied, dtype=float), np.asarray(amplitudes, dtype=float)
+    used = (values > 0) & (sizes > 0) & np.isfinite(sizes)
+    if window is not None:
+        used &= (values >= window[0] * (1 - 1e-9)) & (values <= window[1] * (1 + 1e-9))
+    if np.count_nonzero(used) < 2:
+        return float("nan")
+    return float(np.polyfit(np.log(values[used]), np.log(sizes[used]), 1)[0])

@@ -1,0 +1,66 @@
+"""The ``runs:`` of a file: each is the rest of the file with its own changes merged into it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from hgorun.config.overrides import merge
+from hgorun.config.types import describe
+from hgorun.config.yaml_source import Source
+from hgorun.errors import ConfigError
+
+OF_THE_FILE = ("runs", "figures", "claims")  # what is not part of one run
+OF_THE_ENSEMBLE = ("seeds", "vary")
+
+
+def split(source: Source) -> dict[str, tuple[Source, dict[str, Any]]]:
+    """The runs of a file: {name: (configuration, keys that make an ensemble of it)}.
+
+    Raises
+    ------
+    ConfigError
+        When ``runs`` is no mapping of names to mappings.
+    """
+    runs = _mapping(source, ("runs",))
+    shared = _without(source, (), OF_THE_FILE)
+    found = {}
+    for name in runs:
+        path = ("runs", name)
+        override = _mapping(source, path)
+        if not name or name.startswith(".") or any(c in "/\\." or not c.isprintable() for c in name):
+            raise _error(source, path, "a run's name is the name of its file: no `.`, no / or \\")
+        for key in ("extends", *OF_THE_FILE):
+            if key in override:
+                raise _error(source, (*path, key), f"{key} belongs to the file, not to one of its runs")
+        ensemble = {key: override[key] for key in OF_THE_ENSEMBLE if key in override}
+        found[name] = merge(shared, _without(source, path, OF_THE_ENSEMBLE)), ensemble
+    return found
+
+
+def _mapping(source: Source, path: tuple[str, ...]) -> dict[str, Any]:
+    value = source.data
+    for key in path:
+        value = value[key]
+    if not isinstance(value, dict) or (len(path) == 1 and not value):
+        what = "names of runs and what each changes" if len(path) == 1 else "what the run changes, {} for nothing"
+        raise _error(source, path, f"expected a mapping, {what}; found {describe(value)}")
+    return value
+
+
+def _without(source: Source, path: tuple[str, ...], keys: tuple[str, ...]) -> Source:
+    """The mapping at a path as a source of its own, without some of its keys."""
+    value = source.data
+    for key in path:
+        value = value[key]
+    depth = len(path)
+    places = {
+        place[depth:]: where
+        for place, where in source.positions.items()
+        if place[:depth] == path and (len(place) == depth or place[depth] not in keys)
+    }
+    return Source({key: part for key, part in value.items() if key not in keys}, places)
+
+
+def _error(source: Source, path: tuple[str, ...], message: str) -> ConfigError:
+    file, line = source.where(path)
+    return ConfigError(message, file=file, line=line, key=".".join(path))

@@ -1,0 +1,203 @@
+"""A file as a whole: its runs, alone or as ensembles, the figures drawn from them and the claims they decide."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+from hgorun.checking import validate
+from hgorun.config.expressions import ExpressionError, nearest, parse
+from hgorun.config.models import Claim, Ensemble, Figure, StudyBlocks
+from hgorun.config.overrides import set_path
+from hgorun.config.yaml_source import Source
+from hgorun.errors import ConfigError, Problem
+from hgorun.experiment import Experiment
+from hgorun.study.quantities import Quantity, Sentence, read_sentence
+from hgorun.study.split import OF_THE_FILE, split
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run of a study, or an ensemble of them.
+
+    Attributes
+    ----------
+    name : str
+    source : Source
+        Its configuration, of the first member of an ensemble.
+    text : str
+        The file as it was written.
+    ensemble : Ensemble
+        Neither seeds nor vary: a single run.
+    """
+
+    name: str
+    source: Source
+    text: str
+    ensemble: Ensemble = field(default_factory=Ensemble)
+
+    @property
+    def single(self) -> bool:
+        """Whether it is one run, whose trajectories are kept."""
+        return self.ensemble.seeds is None and self.ensemble.vary is None
+
+    @cached_property
+    def experiment(self) -> Experiment:
+        """The run, or the first member of the ensemble."""
+        return next(self.members())
+
+    @cached_property
+    def varied(self) -> tuple[float, ...]:
+        """What members differ in: the values of ``vary``, or the seeds; nothing for a single run."""
+        if self.ensemble.vary is not None:
+            return self.ensemble.vary.values
+        if self.ensemble.seeds is None:
+            return ()
+        first = Experiment(self.source, name=self.name).blocks.seed
+        return tuple(float(first + i) for i in range(self.ensemble.seeds))
+
+    def members(self, start: int = 0) -> Iterator[Experiment]:
+        """All members from a number on; a single run is the only member of itself."""
+        if self.single:
+            yield Experiment(self.source, name=self.name, text=self.text)
+        for value in self.varied[start:]:
+            source = self.source
+            for path, text in self._assignments(value):
+                source = set_path(source, f"{path}={text}")
+            yield Experiment(source, name=self.name, text=self.text)
+
+    def _assignments(self, value: float) -> list[tuple[str, str]]:
+        vary = self.ensemble.vary
+        if self.ensemble.seeds is not None:
+            return [("seed", str(int(value)))]
+        if vary is None:
+            return []
+        found = []
+        for path, expression in vary.set.items():
+            try:
+                found.append((path, repr(parse(expression, names=[vary.name]).number({vary.name: value}))))
+            except ExpressionError as error:
+                file, line = self.source.where(())
+                raise ConfigError(str(error), file=file, line=line, key=f"runs.{self.name}.vary.set.{path}") from error
+        return found
+
+
+@dataclass(frozen=True)
+class Study:
+    """A configuration file.
+
+    Attributes
+    ----------
+    name : str
+        The stem of the file.
+    title, reference : str
+    runs : mapping of str to Run
+        A file without ``runs:`` is one run called by its stem.
+    figures : mapping of str to Figure
+    claims : tuple of Claim
+    sentences : tuple of Sentence
+        What decides each claim.
+    """
+
+    name: str
+    source: Source
+    title: str
+    reference: str
+    runs: Mapping[str, Run]
+    figures: Mapping[str, Figure]
+    claims: tuple[Claim, ...]
+    sentences: tuple[Sentence, ...]
+
+    def runs_of(self, figure: str) -> list[str]:
+        """Names of the runs that a figure shows."""
+        names: dict[str, None] = {}
+        for panel in self.figures[figure].panels:
+            scaled = None if panel.scaling is None else panel.scaling.run or self._only_ensemble()
+            if panel.run or scaled:
+                names[str(panel.run or scaled)] = None
+            elif panel.observers is None:
+                names |= dict.fromkeys(n for n, run in self.runs.items() if run.single)
+            else:
+                for label in panel.observers:
+                    run, _, _ = label.rpartition("/")
+                    names |= dict.fromkeys([run] if run else [n for n, r in self.runs.items() if r.single])
+        return list(names)
+
+    def _only_ensemble(self) -> str:
+        return next(name for name, run in self.runs.items() if run.ensemble.vary is not None)
+
+    def scaled(self, figure: str) -> dict[int, tuple[str, list[Quantity]]]:
+        """For each scaling panel of a figure: its run, and the quantity of each observer shown."""
+        found = {}
+        for i, panel in enumerate(self.figures[figure].panels):
+            if panel.scaling is None:
+                continue
+            run = panel.scaling.run or self._only_ensemble()
+            labels = [label.rpartition("/")[2] for label in panel.observers or self.runs[run].source.data["observers"]]
+            found[i] = run, [Quantity(panel.scaling.of, ((run, label),), panel.scaling.state) for label in labels]
+        return found
+
+    def check(self) -> None:
+        """Refuse figures and claims that name what does not exist; nothing is run.
+
+        Raises
+        ------
+        ConfigError
+        """
+        try:
+            if self.figures:
+                from hgorun.study.names import check_figures
+
+                check_figures(self)
+            for i, sentence in enumerate(self.sentences):
+                for quantity in sentence.quantities:
+                    self._check_quantity(quantity, ("claims", i, "value"))
+        except Problem as problem:
+            file, line = self.source.where(problem.path)
+            raise ConfigError(problem.message, file=file, line=line, key=".".join(map(str, problem.path))) from problem
+
+    def _check_quantity(self, quantity: Quantity, path: tuple[str | int, ...]) -> None:
+        for run, label in quantity.of:
+            if run not in self.runs:
+                raise Problem(path, f"no run is called {run!r}.{nearest(run, self.runs)} Runs: {', '.join(self.runs)}")
+            experiment = self.runs[run].experiment
+            if label is not None and label not in experiment.observers:
+                known = ", ".join(experiment.observers)
+                raise Problem(
+                    path, f"run {run} has no observer {label!r}.{nearest(label, experiment.observers)} It has {known}"
+                )
+            states = experiment.plant.model.states
+            if quantity.state is not None and quantity.state not in states:
+                raise Problem(path, f"no state is called {quantity.state!r}. States: {', '.join(states)}")
+        if len({run for run, _ in quantity.of}) > 1 and not all(self.runs[run].single for run, _ in quantity.of):
+            raise Problem(path, f"{quantity}: members of different ensembles cannot be compared")
+
+
+def study_of(source: Source, name: str, text: str) -> Study:
+    """The study of a configuration; names in it are checked by :meth:`Study.check`."""
+    data: dict[str, Any] = source.data if isinstance(source.data, dict) else {}
+    of_file = ("title", "reference", *OF_THE_FILE)
+    blocks = validate(StudyBlocks, {key: data[key] for key in of_file if key in data}, source, ())
+    if "runs" in data:
+        runs = {
+            run: Run(run, own, text, validate(Ensemble, ensemble, source, ("runs", run)))
+            for run, (own, ensemble) in split(source).items()
+        }
+    else:
+        runs = {name: Run(name, source, text)}
+    sentences = []
+    for i, claim in enumerate(blocks.claims):
+        try:
+            sentences.append(read_sentence(claim.value, tuple(runs)))
+        except ExpressionError as error:
+            file, line = source.where(("claims", i, "value"))
+            raise ConfigError(str(error), file=file, line=line, key=f"claims.{i}.value") from error
+    seen: set[str] = set()
+    for i, claim in enumerate(blocks.claims):
+        if claim.id in seen:
+            file, line = source.where(("claims", i, "id"))
+            raise ConfigError(f"two claims are called {claim.id!r}", file=file, line=line, key=f"claims.{i}.id")
+        seen.add(claim.id)
+    return Study(name, source, blocks.title, blocks.reference, runs, blocks.figures, blocks.claims, tuple(sentences))
