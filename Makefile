@@ -13,7 +13,7 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 .PHONY: help figures test bench lint wheel clean
 
 help:
-	@echo "make figures   draw every figure of the publications into results/"
+	@echo "make figures   every figure and claim of the publications, and results/REPORT.md"
 	@echo "make test      run the tests"
 	@echo "make bench     measure the speed beside its bars"
 	@echo "make lint      ruff and mypy"
@@ -21,7 +21,7 @@ help:
 	@echo "make clean     remove .venv and everything built; results/ stays"
 
 figures: $(VENV)/.installed
-	$(BIN)/hgorun figures
+	$(BIN)/hgorun figures --report
 
 test: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest $(ARGS)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import inspect
 import json as json_text
-import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -13,10 +12,12 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from hgorun import registry
+from hgorun.config import yaml_source
 from hgorun.config.expressions import nearest
 from hgorun.config.models import File
 from hgorun.config.types import pole_text
 from hgorun.errors import ConfigError, HgorunError
+from hgorun.files import write_text
 from hgorun.plants.base import Plant
 from hgorun.plants.inline import InlinePlant
 from hgorun.shipped import experiments
@@ -34,8 +35,6 @@ def _classes(kind: str) -> dict[str, type[Any]]:
 
 
 def _titles() -> dict[str, str]:
-    from hgorun.config import yaml_source
-
     found = {}
     for name, path in experiments().items():
         _, source = yaml_source.read(path)
@@ -186,27 +185,25 @@ def init(name: str, folder: Path, *, force: bool) -> int:
         raise ConfigError(
             f"no experiment is called {name!r}.{nearest(name, [*shipped, *(Path(p).name for p in shipped)])}"
         )
-    files = list(_with_bases(matches[0]))
-    for file in files:
-        target = folder / file.name
-        if target.exists() and not force and target.read_bytes() != file.read_bytes():
+    copies = [(folder / file.name, text) for file, text in _with_bases(matches[0])]
+    for target, text in copies:
+        if target.exists() and not force and target.read_text(encoding="utf-8") != text:
             raise HgorunError(f"{target} exists and differs; --force overwrites it")
-    for file in files:
-        target = folder / file.name
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(file, target)
-        except OSError as error:
-            raise HgorunError(f"{target}: cannot be written: {error.strerror or error}") from error
+    for target, text in copies:
+        write_text(target, text)
         print(f"written: {target}")
     print(f"try: hgorun simulate {folder / matches[0].name}")
     return 0
 
 
-def _with_bases(file: Path) -> Iterator[Path]:
-    from hgorun.config import yaml_source
-
-    yield file
-    _, source = yaml_source.read(file)
-    if isinstance(source.data, dict) and isinstance(source.data.get("extends"), str):
-        yield from _with_bases(file.parent / source.data["extends"])
+def _with_bases(file: Path) -> Iterator[tuple[Path, str]]:
+    """A file and those that it extends, with texts in which all of them lie in one folder."""
+    text, source = yaml_source.read(file)
+    base = source.data.get("extends") if isinstance(source.data, dict) else None
+    if isinstance(base, str):
+        yield from _with_bases(file.parent / base)
+        lines = text.splitlines(keepends=True)
+        place = source.positions["extends",][1] - 1
+        lines[place] = lines[place].replace(base, Path(base).name)
+        text = "".join(lines)
+    yield file, text

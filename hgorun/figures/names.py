@@ -34,8 +34,7 @@ class Names:
 def names_of(results: Sequence[Result]) -> Names:
     """The names of one result, or of several together."""
     labels = [label for r in results for label in r.observers]
-    if len(results) > 1:
-        labels += [f"{r.name}/{label}" for r in results for label in r.observers]
+    labels += [f"{r.name}/{label}" for r in results for label in r.observers]
     ends = [(float(r.time[0]), float(r.time[-1])) for r in results if r.time.size]
     return Names(
         tuple(dict.fromkeys(name for r in results for name in r.states)),

@@ -1,13 +1,136 @@
-"""The report of a reproduction: figures, verdicts, errata, versions."""
+"""The report of a reproduction: verdicts, figures, errata, versions, as Markdown with small pictures."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import os
+import platform
+import re
+from collections.abc import Iterator, Sequence
+from importlib.metadata import version
 from pathlib import Path
 
+from hgorun import __version__
+from hgorun.files import write_text, written_whole
 from hgorun.reproduce.job import Folders, Outcome, Work
+from hgorun.reproduce.publications import Publication, publication
+from hgorun.reproduce.verdicts import verdicts_of
+from hgorun.shipped import folder as shipped_folder
+from hgorun.study.verdict import Verdict, number_text
+
+_PICTURE = 640  # pixels wide
+_COLOURS = 32
+_PACKAGES = ("numpy", "scipy", "casadi", "llvmlite", "matplotlib", "h5py")
+_HEAD = """# Reproduction report
+
+Every figure of the publications drawn anew, every claim of their texts measured, and the errors found in
+their print. Made by `make figures`, which runs
+
+    hgorun figures --report
+
+The parameters of each figure, and what the publications leave open, are in the experiment named under it. A claim
+is confirmed or refuted by an inequality on numbers that the runs give. Where the runs are random the number is the
+mean over so many seeds, with its 95 % confidence interval; a claim whose interval holds the threshold is undecided.
+"""
 
 
 def write_report(works: Sequence[Work], outcomes: Sequence[Outcome], folders: Folders) -> Path:
-    """Write REPORT.md into the folder of the results."""
-    raise NotImplementedError
+    """Write REPORT.md and its pictures.
+
+    Returns
+    -------
+    Path
+        Of REPORT.md.
+    """
+    groups: dict[str, list[tuple[Work, Outcome]]] = {}
+    for work, outcome in zip(works, outcomes, strict=True):
+        groups.setdefault(work.job.group, []).append((work, outcome))
+    known = {group: publication(shipped_folder() / group) for group in groups}
+    lines = [_HEAD, *_summary(groups, known)]
+    for group, made in groups.items():
+        lines += ["", f"## {known[group].short}", "", known[group].title, *_claims(made)]
+        lines += _figures(group, made, folders)
+        lines += _errata(known[group])
+    lines += ["", "## Versions", "", *_versions(), ""]
+    path = folders.report / "REPORT.md"
+    write_text(path, "\n".join(lines))
+    return path
+
+
+def _verdicts(made: Sequence[tuple[Work, Outcome]]) -> list[Verdict]:
+    """In the order of their numbers."""
+
+    def order(verdict: Verdict) -> tuple[int, str]:
+        number = re.match(r"\d+", verdict.claim.id)
+        return (int(number[0]) if number else 10**6, verdict.claim.id)
+
+    return sorted((v for work, outcome in made for v in verdicts_of(work, outcome)), key=order)
+
+
+def _summary(groups: dict[str, list[tuple[Work, Outcome]]], known: dict[str, Publication]) -> Iterator[str]:
+    yield "| publication | figures | claims | confirmed | refuted | undecided | errata |"
+    yield "|---|---|---|---|---|---|---|"
+    for group, made in groups.items():
+        verdicts = _verdicts(made)
+        counts = [sum(v.verdict == kind for v in verdicts) for kind in ("confirmed", "refuted", "undecided")]
+        figures = sum(len(outcome.figures) for _, outcome in made)
+        cells = [known[group].short, figures, len(verdicts), *counts, len(known[group].errata)]
+        yield "| " + " | ".join(map(str, cells)) + " |"
+
+
+def _claims(made: Sequence[tuple[Work, Outcome]]) -> Iterator[str]:
+    verdicts = _verdicts(made)
+    if not verdicts:
+        return
+    yield from ("", "### Claims", "", "| | claim | stated in | measured | verdict |", "|---|---|---|---|---|")
+    for v in verdicts:
+        note = f" *{v.claim.note}*" if v.claim.note else ""
+        number = f"{number_text(v)} `{v.claim.value}`"
+        verdict = f"**{v.verdict}**" + ("" if v.as_expected else f" (expected: {v.claim.expect})")
+        yield _row(v.claim.id, f"{v.claim.claim}{note}", v.claim.source, number, verdict)
+
+
+def _row(*cells: str) -> str:
+    return "| " + " | ".join(" ".join(cell.split()).replace("|", r"\|") for cell in cells) + " |"
+
+
+def _figures(group: str, made: Sequence[tuple[Work, Outcome]], folders: Folders) -> Iterator[str]:
+    if any(outcome.figures for _, outcome in made):
+        yield from ("", "### Figures")
+    for work, outcome in made:
+        for name, files in outcome.figures.items():
+            small = folders.report / "report" / group / f"{name}.png"
+            _picture(next(Path(file) for file in files if file.endswith(".png")), small)
+            title = " ".join((work.study.figures[name].title or "").split())
+            errors = [outcome.errors.get(run) for run in work.study.runs_of(name)]
+            known = [e for e in errors if e is not None]
+            error = f", integration error {max(known):.0e}" if known else ""
+            yield from ("", f"**{name}** {title}", "", f"![{name}]({small.relative_to(folders.report).as_posix()})")
+            told = [f"{v.claim.id} {v.verdict}" for v in verdicts_of(work, outcome) if v.claim.figure == name]
+            claims = f"; claims: {', '.join(told)}" if told else ""
+            yield from ("", f"`{work.job.place}`{error}{claims}")
+
+
+def _errata(known: Publication) -> Iterator[str]:
+    if known.errata:
+        yield from ("", "### Errata", "", "| place | printed | right | evidence |", "|---|---|---|---|")
+        yield from (_row(e.place, e.printed, e.right, e.evidence) for e in known.errata)
+
+
+def _versions() -> Iterator[str]:
+    packages = ", ".join(f"{name} {version(name)}" for name in _PACKAGES)
+    yield f"hgorun {__version__}, Python {platform.python_version()}, {packages}, {platform.machine()}."
+
+
+def _picture(large: Path, small: Path) -> None:
+    """A small copy, where there is none or it is older."""
+    if small.is_file() and os.path.getmtime(small) >= os.path.getmtime(large):
+        return
+    from PIL import Image
+
+    with Image.open(large) as image:
+        flat = Image.new("RGB", image.size, "white")
+        flat.paste(image.convert("RGB"))
+        height = round(flat.height * _PICTURE / flat.width)
+        reduced = flat.resize((_PICTURE, height), Image.Resampling.LANCZOS).quantize(_COLOURS)
+        with written_whole(small) as part:
+            reduced.save(part, format="PNG", optimize=True)

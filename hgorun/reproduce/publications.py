@@ -1,0 +1,42 @@
+"""What is known of a publication as a whole: its reference, and the errors found in its print."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pydantic import Field
+
+from hgorun.checking import validate
+from hgorun.config import yaml_source
+from hgorun.config.types import Block
+
+
+class Erratum(Block):
+    """One error of the print."""
+
+    place: str = Field(description="equation, figure or page")
+    printed: str
+    right: str
+    evidence: str = ""
+
+
+class Publication(Block):
+    """The file ``_publication.yaml`` of a folder of experiments."""
+
+    short: str = Field(description="authors and year")
+    title: str = Field(description="full reference")
+    errata: tuple[Erratum, ...] = ()
+
+
+def publication(folder: Path) -> Publication:
+    """The publication that a folder of experiments reproduces; the folder's name where nothing else is known.
+
+    Raises
+    ------
+    ConfigError
+    """
+    file = folder / "_publication.yaml"
+    if not file.is_file():
+        return Publication(short=folder.name, title=folder.name)
+    _, source = yaml_source.read(file)
+    return validate(Publication, source.data, source, ())

@@ -1,0 +1,159 @@
+"""Quantities of claims against the same computed from the trajectories with plain numpy."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import hgorun
+from hgorun.config.expressions import ExpressionError
+from hgorun.config.models import Claim
+from hgorun.study.measured import values_of
+from hgorun.study.quantities import exponent, measure_quantity, read_sentence
+from hgorun.study.verdict import judge
+
+CONFIG = """\
+time: {end: 6, output_step: 0.01}
+plant: {type: integrator_chain, n: 2, phi: -x1, initial: {x1: 1, x2: 0}}
+measurement: {noise: [{type: sinusoids, terms: [{amplitude: 1, omega: 30}]}]}
+observers: {A: {type: shgo, theta: 2}, B b: {type: fhgo2, theta: 2, r: 1}}
+runs:
+  noisy: {}
+  quiet: {measurement: {noise: [{type: sinusoids, terms: [{amplitude: 0, omega: 1}]}]}}
+"""
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory: pytest.TempPathFactory) -> dict[str, hgorun.Result]:
+    path = tmp_path_factory.mktemp("quantities") / "file.yaml"
+    path.write_text(CONFIG)
+    return {name: hgorun.simulate(hgorun.load(path, run=name)) for name in ("noisy", "quiet")}
+
+
+def error(result: hgorun.Result, label: str, state: int, window: tuple[float, float]) -> np.ndarray:
+    inside = (result.time >= window[0] - 1e-9) & (result.time <= window[1] + 1e-9)
+    return (result.observers[label].xhat[:, state] - result.x[:, state])[inside]
+
+
+STEADY = (2.0, 6.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("rmse('noisy/A', x2)", lambda r: np.sqrt(np.mean(error(r["noisy"], "A", 1, STEADY) ** 2))),
+        ("rmse('noisy/A', x2, 3, 5)", lambda r: np.sqrt(np.mean(error(r["noisy"], "A", 1, (3, 5)) ** 2))),
+        ("sup('noisy/B b', x1, 1, 6)", lambda r: np.abs(error(r["noisy"], "B b", 0, (1, 6))).max()),
+        ("std('noisy/B b', x1)", lambda r: np.std(error(r["noisy"], "B b", 0, STEADY))),
+        ("mean('noisy/A', x1, 0, 6)", lambda r: np.mean(error(r["noisy"], "A", 0, (0, 6)))),
+        ("amplitude('noisy/A', x1)", lambda r: np.ptp(error(r["noisy"], "A", 0, STEADY)) / 2),
+        ("integral('noisy/A', x1)", lambda r: np.trapezoid(np.abs(error(r["noisy"], "A", 0, (0, 6))), dx=0.01)),
+        ("largest('noisy', x1)", lambda r: np.abs(r["noisy"].x[:, 0]).max()),
+        (
+            "difference('noisy/A', 'quiet/A', x2)",
+            lambda r: np.abs(error(r["noisy"], "A", 1, STEADY) - error(r["quiet"], "A", 1, STEADY)).max(),
+        ),
+        (
+            "ni('noisy/A','quiet/A',x2)",
+            lambda r: np.sqrt(np.mean((error(r["noisy"], "A", 1, STEADY) - error(r["quiet"], "A", 1, STEADY)) ** 2)),
+        ),
+        (
+            "max(rmse('noisy/A', x1)/rmse('noisy/B b', x1), 2*sup('noisy/A', x2))",
+            lambda r: max(
+                np.sqrt(np.mean(error(r["noisy"], "A", 0, STEADY) ** 2))
+                / np.sqrt(np.mean(error(r["noisy"], "B b", 0, STEADY) ** 2)),
+                2 * np.abs(error(r["noisy"], "A", 1, STEADY)).max(),
+            ),
+        ),
+    ],
+)
+def test_values(results: dict[str, hgorun.Result], text: str, expected: object) -> None:
+    sentence = read_sentence(text, ("noisy", "quiet"))
+    value = sentence.value({str(q): measure_quantity(q, results) for q in sentence.quantities})
+    assert value == pytest.approx(expected(results), rel=1e-9)  # type: ignore[operator]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("rmse(A, x1)", "expected quantities"),
+        ("rms('noisy/A', x1)", "no quantity is called 'rms'"),
+        ("rmse('A', x1)", "several runs"),
+        ("rmse('noisy/A')", "needs a state"),
+        ("rmse('noisy/A', x1, 3)", "from and to"),
+        ("difference('noisy/A', x1)", "takes 2 name"),
+        ("largest('noisy/A', x1)", "name of a run"),
+        ("rmse('noisy/A', x1) + y", "y"),
+        ("__import__('noisy/A', x1)", "no quantity"),
+        ("rmse('noisy/A', x1)('noisy')", "outside"),
+    ],
+)
+def test_wrong_text_is_refused(text: str, words: str) -> None:
+    with pytest.raises(ExpressionError, match=None) as caught:
+        read_sentence(text, ("noisy", "quiet"))
+    assert words in str(caught.value)
+
+
+def test_exponent_is_the_slope_of_the_logarithms() -> None:
+    eps = np.array([1e-3, 1e-2, 1e-1, 1.0])
+    assert exponent(eps, 3 * eps**1.7, None) == pytest.approx(1.7)
+    bent = np.where(eps < 0.05, eps**2, 0.05**2)
+    assert exponent(eps, bent, (1e-3, 1e-2)) == pytest.approx(2)
+    assert np.isnan(exponent(eps, bent, (5, 6)))
+
+
+def claim(**threshold: object) -> Claim:
+    return Claim.model_validate({"id": "1", "claim": "so", "value": "rmse('A', x1)", **threshold})
+
+
+def test_verdicts_of_one_number() -> None:
+    assert judge(claim(below=1), [0.5]).verdict == "confirmed"
+    assert judge(claim(below=1), [1.5]).verdict == "refuted"
+    assert judge(claim(above=1), [1.5]).verdict == "confirmed"
+    assert judge(claim(between=[1, 2]), [1.5]).verdict == "confirmed"
+    assert judge(claim(between=[1, 2]), [2.5]).verdict == "refuted"
+    assert judge(claim(below=1), [float("nan")]).verdict == "undecided"
+    assert judge(claim(above=1), [float("inf")]).verdict == "confirmed"
+
+
+def test_interval_is_students() -> None:
+    from scipy import stats
+
+    values = np.random.default_rng(3).normal(2, 0.5, 12)
+    found = judge(claim(below=3), list(values))
+    expected = stats.t.interval(0.95, 11, loc=values.mean(), scale=stats.sem(values))
+    assert found.interval == pytest.approx(expected)
+    assert found.verdict == "confirmed"
+    low, high = expected
+    assert judge(claim(below=(low + high) / 2), list(values)).verdict == "undecided"
+    assert judge(claim(above=high + 1), list(values)).verdict == "refuted"
+    assert judge(claim(between=[low - 1, (low + high) / 2]), list(values)).verdict == "undecided"
+
+
+def test_a_claim_on_an_ensemble_has_a_value_a_seed(tmp_path: Path) -> None:
+    path = tmp_path / "file.yaml"
+    text = CONFIG + "  many: {seeds: 3, measurement: {noise: [{type: uniform, low: -1, high: 1, hold: 0.1}]}}\n"
+    text += "claims:\n  - {id: a, claim: so, value: \"sup('many/A', x1)/sup('noisy/A', x1)\", below: 9}\n"
+    path.write_text(text)
+    study = hgorun.load_study(path)
+    study.check()
+    noisy = hgorun.simulate(hgorun.load(path, run="noisy"))
+    members = [{"sup('many/A', x1)": v} for v in (1.0, 2.0, 3.0)]
+    values = values_of(study, 0, {"noisy": noisy}, {"many": members})
+    assert values == pytest.approx([v / noisy.metrics()["A"]["sup"]["x1"] for v in (1, 2, 3)])
+
+
+@pytest.mark.parametrize(
+    ("value", "words"),
+    [
+        ("rmse('nosy/A', x1)", "Did you mean"),
+        ("rmse('noisy/C', x1)", "has no observer"),
+        ("rmse('noisy/A', x3)", "no state is called"),
+    ],
+)
+def test_claims_that_name_nothing_are_refused(tmp_path: Path, value: str, words: str) -> None:
+    path = tmp_path / "file.yaml"
+    path.write_text(CONFIG + f'claims:\n  - {{id: a, claim: so, value: "{value}", below: 9}}\n')
+    with pytest.raises(hgorun.ConfigError, match=r"file.yaml:9: claims\.0\.value") as caught:
+        hgorun.load_study(path).check()
+    assert words in str(caught.value)

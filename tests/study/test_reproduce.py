@@ -1,0 +1,142 @@
+"""Figures and claims of many files: only what is stale is made, and nothing is lost by an interruption."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import h5py
+import pytest
+
+from hgorun.files import remove_leftovers, written_whole
+from hgorun.reproduce import pool
+from hgorun.reproduce.choice import choose
+from hgorun.reproduce.job import Folders
+from hgorun.reproduce.report import write_report
+
+FILE = """\
+title: {name}
+time: {{end: 3, output_step: 0.01}}
+plant: {{type: integrator_chain, n: 2, phi: -x1, initial: {{x1: 1, x2: 0}}}}
+measurement: {{noise: [{{type: uniform, low: -1, high: 1, hold: 0.05}}]}}
+observers: {{A: {{type: shgo, theta: 2}}}}
+solver: {{step: {step}}}
+runs:
+  one: {{}}
+  many: {{seeds: {seeds}}}
+figures:
+  first: {{panels: [{{state: x1, observers: [one/A]}}]}}
+  second: {{panels: [{{error: x2, observers: [one/A]}}]}}
+claims:
+  - {{id: "1", claim: The error is small | really., figure: first, value: "rmse('one/A', x1)", below: 1}}
+  - {{id: "2", claim: So is its mean., value: "rmse('many/A', x1)", below: 1e-3, expect: refuted}}
+"""
+
+
+def files(folder: Path) -> dict[str, bytes]:
+    """All files with their bytes; a result file by its data, since it carries a date."""
+
+    def content(path: Path) -> bytes:
+        if path.suffix != ".h5":
+            return path.read_bytes()
+        with h5py.File(path) as file:
+            attributes = {k: str(v) for k, v in file.attrs.items() if k != "created"}
+            return json.dumps(attributes, sort_keys=True).encode() + file["observers/A/xhat"][()].tobytes()
+
+    return {str(p.relative_to(folder)): content(p) for p in sorted(folder.rglob("*")) if p.is_file()}
+
+
+def studies(folder: Path, count: int = 2, seeds: int = 3, step: float = 0.01) -> list[str]:
+    paths = [folder / f"study{i}.yaml" for i in range(count)]
+    for path in paths:
+        path.write_text(FILE.format(name=path.stem, seeds=seeds, step=step))
+    return [str(p) for p in paths]
+
+
+def made(names: list[str], output: Path, workers: int = 1) -> list[str]:
+    """Make everything; what was stale."""
+    works = choose(names, Folders.below(output), figures=True, claims=True)
+    stale = [f"{w.study.name}/{part}" for w in works for part in (*w.stale_figures, *w.stale_claims)]
+    outcomes = pool.carry_out(works, workers=workers, show=False)
+    write_report(works, outcomes, Folders.below(output))
+    return stale
+
+
+def test_a_second_time_nothing_is_made(tmp_path: Path) -> None:
+    names, output = studies(tmp_path), tmp_path / "out"
+    assert len(made(names, output)) == 8
+    before = {p: p.stat().st_mtime_ns for p in output.rglob("*") if p.is_file() and p.name != "REPORT.md"}
+    assert made(names, output) == []
+    assert {p: p.stat().st_mtime_ns for p in before} == before
+
+
+def test_only_what_changed_is_made(tmp_path: Path) -> None:
+    (name,), output = studies(tmp_path, count=1), tmp_path / "out"
+    made([name], output)
+    path, original = Path(name), Path(name).read_text()
+    path.write_text(original.replace("error: x2", "error: x1"))
+    assert made([name], output) == ["study0/second"]
+    path.write_text(original.replace("below: 1}", "below: 0.5}").replace("error: x2", "error: x1"))
+    assert made([name], output) == []  # the threshold is compared anew, nothing has to run
+    path.write_text(original.replace("theta: 2", "theta: 3"))
+    assert len(made([name], output)) == 4
+    (output / "study0" / "first.pdf").unlink()
+    assert made([name], output) == ["study0/first"]
+
+
+def test_processes_give_the_same_files_as_one(tmp_path: Path) -> None:
+    names = studies(tmp_path, count=3)
+    made(names, tmp_path / "one", workers=1)
+    made(names, tmp_path / "two", workers=2)
+    assert files(tmp_path / "one") == files(tmp_path / "two")
+
+
+@pytest.mark.skipif(os.name != "posix", reason="sends signals")
+@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT])
+def test_killed_in_the_middle_and_started_again(tmp_path: Path, how: signal.Signals) -> None:
+    names = studies(tmp_path, count=2, seeds=40, step=2e-4)
+    made(names, tmp_path / "whole")
+    command = [sys.executable, "-m", "hgorun.cli", "figures", "--report", *names, "-o", str(tmp_path / "broken")]
+    process = subprocess.Popen(command, start_new_session=True, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
+    deadline = time.monotonic() + 60
+    while not list((tmp_path / "broken").rglob("many.json")) and time.monotonic() < deadline:
+        time.sleep(0.01)
+    os.killpg(process.pid, how)
+    process.communicate(timeout=30)
+    assert process.returncode == (130 if how == signal.SIGINT else -signal.SIGKILL)
+    assert not (tmp_path / "broken" / "REPORT.md").exists()
+    assert made(names, tmp_path / "broken") != []
+    assert files(tmp_path / "broken") == files(tmp_path / "whole")
+
+
+def test_the_report_says_what_was_measured(tmp_path: Path) -> None:
+    names, output = studies(tmp_path, count=1), tmp_path / "out"
+    made(names, output)
+    report = (output / "REPORT.md").read_text()
+    assert "| 1 | The error is small \\| really. |" in report
+    assert "**refuted**" in report
+    assert "claims: 1 confirmed" in report
+    assert (output / "report" / "study0" / "first.png").stat().st_size < 60_000
+
+
+def test_a_damaged_state_is_made_anew(tmp_path: Path) -> None:
+    names, output = studies(tmp_path, count=1), tmp_path / "out"
+    made(names, output)
+    state = output / "runs" / "study0" / "state.json"
+    state.write_text('{"runs": 3, "figures": {"first": [1]}}')
+    assert len(made(names, output)) == 4
+
+
+def test_leftovers_of_dead_processes_go_and_of_living_ones_stay(tmp_path: Path) -> None:
+    dead = subprocess.Popen([sys.executable, "-c", ""])
+    dead.wait()
+    (tmp_path / f".a.png-{dead.pid}-abc_d.part").touch()
+    (tmp_path / ".note.part").touch()
+    with written_whole(tmp_path / "b.png") as part:
+        remove_leftovers(tmp_path)
+        assert sorted(p.name for p in tmp_path.iterdir()) == sorted([".note.part", part.name])
+        part.write_text("b")
+    assert (tmp_path / "b.png").read_text() == "b"

@@ -1,0 +1,134 @@
+"""Files with several runs: what each run is, ensembles, and what is refused."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import hgorun
+from hgorun.study.measured import carry_out
+from hgorun.study.quantities import Quantity
+
+BASE = """\
+title: study
+time: {end: 4, output_step: 0.01}
+plant: {type: integrator_chain, n: 2, initial: {x1: 1, x2: 0}}
+measurement:
+  noise: [{type: uniform, low: -1, high: 1, hold: 0.02}]
+observers:
+  A: {type: shgo, theta: 2}
+runs:
+  one: {}
+  two:
+    title: second
+    observers: {A: {theta: 3}, B: {type: fhgo2, theta: 2, r: 1}}
+  random: {seeds: 4, seed: 7}
+  eps:
+    measurement: {noise: [{type: sinusoids, terms: [{amplitude: 1, omega: 10}]}]}
+    vary: {name: eps, values: [0.01, 0.02, 0.05], set: {measurement.noise.0.terms.0.omega: 1/eps}}
+"""
+
+
+def written(folder: Path, text: str) -> Path:
+    path = folder / "study.yaml"
+    path.write_text(text)
+    return path
+
+
+def test_a_run_is_the_file_with_its_changes_merged(tmp_path: Path) -> None:
+    path = written(tmp_path, BASE)
+    study = hgorun.load_study(path)
+    assert list(study.runs) == ["one", "two", "random", "eps"]
+    one, two = (hgorun.load(path, run=name) for name in ("one", "two"))
+    assert (one.blocks.title, two.blocks.title) == ("study", "second")
+    assert one.observers["A"].theta == 2
+    assert two.observers["A"].theta == 3
+    assert list(two.observers) == ["A", "B"]
+    assert two.name == "two"
+
+
+def test_a_run_gives_the_numbers_of_the_same_file_without_runs(tmp_path: Path) -> None:
+    path = written(tmp_path, BASE)
+    alone = tmp_path / "alone.yaml"
+    alone.write_text(BASE[: BASE.index("runs:")])
+    a, b = hgorun.simulate(hgorun.load(path, run="one")), hgorun.simulate(hgorun.load(alone))
+    np.testing.assert_array_equal(a.observers["A"].xhat, b.observers["A"].xhat)
+
+
+def test_members_of_an_ensemble_are_runs_with_their_seed(tmp_path: Path) -> None:
+    path = written(tmp_path, BASE)
+    run = hgorun.load_study(path).runs["random"]
+    asked = [Quantity("rmse", (("random", "A"),), "x2")]
+    found = [member[str(asked[0])] for member in carry_out(run, asked)]
+    alone = tmp_path / "alone.yaml"
+    alone.write_text(BASE[: BASE.index("runs:")])
+    expected = [hgorun.simulate(hgorun.load(alone, seed=seed)).metrics()["A"]["rmse"]["x2"] for seed in (7, 8, 9, 10)]
+    assert found == expected
+
+
+def test_an_interrupted_ensemble_goes_on_where_it_was(tmp_path: Path) -> None:
+    run = hgorun.load_study(written(tmp_path, BASE)).runs["random"]
+    asked = [Quantity("sup", (("random", "A"),), "x1")]
+    kept: list[int] = []
+    whole = carry_out(run, asked)
+    assert carry_out(run, asked, whole[:3], lambda found: kept.append(len(found))) == whole
+    assert kept == [4]
+
+
+def test_members_of_vary_differ_in_what_is_set(tmp_path: Path) -> None:
+    run = hgorun.load_study(written(tmp_path, BASE)).runs["eps"]
+    omegas = [member.blocks.measurement.noise[0].terms[0].omega for member in run.members()]
+    assert omegas == pytest.approx([100, 50, 20])
+
+
+def test_overrides_and_seed_reach_every_run(tmp_path: Path) -> None:
+    path = written(tmp_path, BASE)
+    study = hgorun.load_study(path, ["time.end=2", "runs.two.observers.B.r=2"], seed=5)
+    assert [run.experiment.blocks.time.end for run in study.runs.values()] == [2, 2, 2, 2]
+    assert study.runs["two"].experiment.observers["B"].r == 2
+    assert study.runs["one"].experiment.blocks.seed == 5
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line", "words"),
+    [
+        ("  one: {}", "  one: 3", 9, "expected a mapping"),
+        ("  one: {}", "  a/b: {}", 9, "a run's name"),
+        ("  one: {}", "  one: {claims: []}", 9, "belongs to the file"),
+        ("  one: {}", "  one: {extends: x.yaml}", 9, "belongs to the file"),
+        ("seeds: 4", "seeds: 1", 13, "greater than or equal to 2"),
+        (
+            "  random: {seeds: 4, seed: 7}",
+            "  random: {seeds: 4, vary: {name: a, values: [1], set: {}}}",
+            13,
+            "one of them",
+        ),
+        ("values: [0.01, 0.02, 0.05]", "values: []", 16, "at least one"),
+        ("theta: 3", "theta: -3", 12, "greater than 0"),
+    ],
+)
+def test_wrong_runs_are_refused_with_their_line(tmp_path: Path, old: str, new: str, line: int, words: str) -> None:
+    assert old in BASE
+    path = written(tmp_path, BASE.replace(old, new))
+    with pytest.raises(hgorun.ConfigError) as caught:
+        _ = [list(run.members()) for run in hgorun.load_study(path).runs.values()]
+    assert words in str(caught.value)
+    assert f"study.yaml:{line}" in str(caught.value)
+
+
+def test_a_wrong_expression_of_vary_is_refused(tmp_path: Path) -> None:
+    run = hgorun.load_study(written(tmp_path, BASE.replace("1/eps", "1/epsilon"))).runs["eps"]
+    with pytest.raises(hgorun.ConfigError, match="epsilon"):
+        list(run.members())
+
+
+def test_a_file_with_runs_needs_the_name_of_one(tmp_path: Path) -> None:
+    path = written(tmp_path, BASE)
+    with pytest.raises(hgorun.ConfigError, match="one, two, random, eps"):
+        hgorun.load(path)
+    with pytest.raises(hgorun.ConfigError, match="Did you mean"):
+        hgorun.load(path, run="ones")
+    alone = tmp_path / "alone.yaml"
+    alone.write_text(BASE[: BASE.index("runs:")])
+    with pytest.raises(hgorun.ConfigError, match="has no runs"):
+        hgorun.load(alone, run="one")
