@@ -82,7 +82,7 @@ def check(figures: Mapping[str, Figure], names: Names) -> None:
         for i, panel in enumerate(figure.panels):
             _check_panel(panel, names, (*path, "panels", i))
         for label in figure.labels:
-            _require(label, "observer", _observers(names), (*path, "labels", label))
+            _require_observer(label, names, (*path, "labels", label))
 
 
 def varied_run(panel: Panel, names: Names) -> str | None:
@@ -96,7 +96,7 @@ def _check_panel(panel: Panel, names: Names, path: Path) -> None:
     shown = _scaling_run(panel, names, path) if panel.scaling is not None else _shown_runs(panel, names, path)
     where = f" in run {next(iter(shown))!r}" if len(shown) == 1 < len(names) else ""
     for label in panel.observers or ():
-        _require(label, "observer", _observers(shown), (*path, "observers"), where)
+        _require_observer(label, shown, (*path, "observers"), where)
     picked = {
         run: n
         for run, n in shown.items()
@@ -213,10 +213,12 @@ def _require(found: str | None, kind: str, allowed: Sequence[str], path: Path, w
         raise Problem(path, f"no {kind}{where} is called {found!r}.{hint} Known: {known}")
 
 
-def _observers(names: Names) -> list[str]:
-    """Labels, which mean that observer in every run, and ``run/label``."""
+def _require_observer(found: str, names: Names, path: Path, where: str = "") -> None:
+    """A label, which means that observer in every run, or ``run/label``."""
     labels = _together(n.observers for n in names.values())
-    return labels + [f"{run}/{label}" for run, n in names.items() for label in n.observers]
+    with_run = [f"{run}/{label}" for run, n in names.items() for label in n.observers]
+    if found not in with_run:
+        _require(found, "observer", labels + (with_run if len(names) > 1 else []), path, where)
 
 
 def _together(groups: Iterable[Iterable[str]]) -> list[str]:

@@ -62,8 +62,9 @@ POINTS: dict[str, Any] = {
     "label": "measured",
     "linestyle": "none",
     "marker": "o",
-    "markersize": 4.0,
-    "markeredgewidth": 0,
+    "markersize": 4.4,
+    "markeredgecolor": "white",  # points on each other are seen as several
+    "markeredgewidth": 0.4,
 }
 THEORY: dict[str, Any] = {"color": "0.3", "linestyle": "solid", "linewidth": 0.7, "zorder": 3, "label": "theory"}
 # Ticks of an inset, and what shows where it is taken from.
