@@ -2,7 +2,7 @@
 
 from hgorun.figures.drawing import comparison, draw
 from hgorun.figures.files import save, thumbnail
-from hgorun.figures.names import Names, RunNames, check
+from hgorun.figures.names import Names, RunNames, check, varied_run
 from hgorun.figures.scaling import ScaledObserver, ScalingData
 
 __all__ = [
@@ -15,4 +15,5 @@ __all__ = [
     "draw",
     "save",
     "thumbnail",
+    "varied_run",
 ]

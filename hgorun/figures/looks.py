@@ -12,33 +12,33 @@ from typing import Any, Protocol
 
 from hgorun.figures.style import DASHES, MARKERS, PALETTE
 
-BLUE, ORANGE, GREEN, VERMILLION, SKY, PINK, OLIVE, INDIGO, BRICK, WINE = PALETTE
+BLUE, ORANGE, GREEN, VERMILLION, SKY, PINK, OLIVE, VIOLET, BRICK, WINE = PALETTE
 _STANDARD = ORANGE
 # For observers without a colour of their own and for a second one of a family: those rare in publications first.
-_SPARE = (PINK, OLIVE, SKY, WINE, GREEN, BRICK, INDIGO, VERMILLION, BLUE, ORANGE)
+_SPARE = (PINK, OLIVE, SKY, WINE, GREEN, BRICK, VIOLET, VERMILLION, BLUE, ORANGE)
 # Families that are compared with each other differ in colour and nearly all in luminance. The standard
-# observer, which is the noisy one of most comparisons, is light: the truth shows on it.
+# observer, which is the noisy one of most comparisons, is light, and none is dark: the truth shows on them.
 _FAMILIES = {
     "shgo": _STANDARD,
     "shgo_riccati": _STANDARD,
     "fhgo1": BLUE,
     "treangle": PINK,
     "low_power": SKY,
-    "integral": BLUE,
+    "integral": VERMILLION,
     "hgo_fd": VERMILLION,
-    "hgo_sa": INDIGO,
+    "hgo_sa": VIOLET,
     "direct": GREEN,
     "dynamic_gain": VERMILLION,
-    "direct_dynamic": INDIGO,
+    "direct_dynamic": VIOLET,
     "levant": SKY,
     "reduced_sampled": BLUE,
     "deadbeat": VERMILLION,
 }
 # By filter order; without a filter these are the standard observer.
 _FILTERED = {
-    "fhgo2": (_STANDARD, BRICK, GREEN, INDIGO),
-    "fhgo2_nuos": (_STANDARD, BRICK, GREEN, INDIGO),
-    "lowpass": (_STANDARD, OLIVE, VERMILLION, WINE),
+    "fhgo2": (_STANDARD, BRICK, GREEN, VIOLET),
+    "fhgo2_nuos": (_STANDARD, BRICK, GREEN, VIOLET),
+    "lowpass": (_STANDARD, OLIVE, BLUE, WINE),
 }
 
 

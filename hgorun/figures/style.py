@@ -18,8 +18,8 @@ PALETTE = (
     "#56B4E9",
     "#CC79A7",
     "#8A7F00",
-    "#332288",
-    "#B84000",
+    "#5A46B4",
+    "#C44601",
     "#882255",
 )
 # Solid, then long strokes: noisy lines keep their shape. None is the truth's (4, 2).
