@@ -58,6 +58,12 @@ class ObserverResult:
     metrics: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     @property
+    def filter_order(self) -> int | None:
+        """Order of the filter with state eta; None where the observer has none."""
+        eta = self.internal.get("eta")
+        return None if eta is None else int(np.prod(eta.shape[1:2]))
+
+    @property
     def status(self) -> str:
         """``ok``, or when it diverged."""
         return "ok" if self.diverged_at is None else f"diverged at t={self.diverged_at:.6g}"

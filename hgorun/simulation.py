@@ -59,11 +59,11 @@ def prepare(experiment: Experiment) -> Run:
 
 def _check_figures(experiment: Experiment) -> None:
     if experiment.blocks.figures:
-        from hgorun.figures import check
+        from hgorun.figures import RunNames, check
 
         model, time = experiment.plant.model, experiment.blocks.time
-        labels = tuple(experiment.observers)
-        check(experiment.blocks.figures, model.states, model.outputs, labels, (time.start, time.end))
+        names = RunNames(model.states, model.outputs, tuple(experiment.observers), (time.start, time.end))
+        check(experiment.blocks.figures, {experiment.name: names})
 
 
 def perform(run: Run, *, check_step: bool = False, progress: Callable[[float], None] | None = None) -> Result:

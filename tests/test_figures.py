@@ -21,9 +21,11 @@ from matplotlib.colors import to_rgb
 from hgorun import ConfigError, HgorunError, Result
 from hgorun.config.models import Figure
 from hgorun.errors import Problem
-from hgorun.figures import check, comparison, draw, save
+from hgorun.figures import RunNames, check, comparison, draw, save
+from hgorun.figures.actors import Actor
 from hgorun.figures.data import Curve, moving_maximum, state_limits, thinned
-from hgorun.figures.style import DASHES, PALETTE, TRUTH, colour, dashes
+from hgorun.figures.looks import Look, family_colour, looks
+from hgorun.figures.style import DASHES, PALETTE, TRUTH
 from hgorun.figures.typeset import latex_words, paragraph, shortened, symbol, unit, words
 from hgorun.result import Measurements, ObserverResult
 
@@ -125,7 +127,9 @@ def test_labels_of_several_results_say_which(result: Result) -> None:
     }
     assert sum(line.get_label() == "true" for line in ax.lines) == 1  # the same truth is drawn once
     picked = draw([result, other], block({"state": "x1", "observers": ["other/SHGO", "FHGO r=2"]})).axes[0]
-    assert set(lines(picked)) == {"true", "other: SHGO", "experiment: FHGO r=2"}
+    assert set(lines(picked)) == {"true", "SHGO", "FHGO r=2"}  # each of one run only
+    both = draw([result, other], block({"state": "x1", "observers": ["SHGO"]}, {"state": "x2"})).axes[0]
+    assert set(lines(both)) == {"true", "experiment: SHGO", "other: SHGO"}
 
 
 def test_samples_are_dots_and_continuous_measurements_lines(result: Result) -> None:
@@ -203,30 +207,100 @@ def luminance(shade: str) -> float:
     return float(np.dot([0.2126, 0.7152, 0.0722], linear))
 
 
+def actors(*families: tuple[str, int | None]) -> list[Actor]:
+    return [Actor(i, "run", f"{i}", kind, r) for i, (kind, r) in enumerate(families)]
+
+
+def looks_of(*panels: list[Actor]) -> dict[int, Look]:
+    return looks(panels, {a.order: a.label for panel in panels for a in panel})
+
+
+FAMILIES: list[tuple[str, int | None]] = [
+    ("shgo", None),
+    ("fhgo1", 3),
+    ("fhgo2", 1),
+    ("fhgo2", 2),
+    ("fhgo2_nuos", 2),
+    ("lowpass", 2),
+    ("mine", None),
+]
+
+
 def test_observers_differ_in_greyscale() -> None:
     """By line style or by luminance, in one panel of up to seven; all are dark enough for white paper."""
-    styles = dashes([range(7)])
-    for a, b in combinations(range(7), 2):
-        assert styles[a] != styles[b] or abs(luminance(colour(a)) - luminance(colour(b))) > 0.1
+    for families in (FAMILIES, [("shgo", None)] * 7, [("mine", None)] * 7):
+        for a, b in combinations(looks_of(actors(*families)).values(), 2):
+            assert a.dashes != b.dashes or abs(luminance(a.colour) - luminance(b.colour)) > 0.1
     for shade in PALETTE:
         assert 1.05 / (luminance(shade) + 0.05) > 2.1
     assert TRUTH["linestyle"] not in DASHES
 
 
-@given(st.lists(st.sets(st.integers(0, 34), max_size=35), min_size=1, max_size=4))
-def test_looks_in_a_panel_are_different(panels: list[set[int]]) -> None:
-    styles = dashes([sorted(panel) for panel in panels])
-    if len(panels) == 1:
-        looks = [(colour(i), styles[i]) for i in panels[0]]
-        assert len(set(looks)) == len(looks) or max(panels[0]) - min(panels[0]) >= len(panels[0])
-    if len(set().union(*panels)) <= len(DASHES):
-        for panel in panels:
-            assert len({styles[i] for i in panel}) == len(panel)
+@given(st.lists(st.lists(st.sampled_from(FAMILIES), max_size=12), min_size=1, max_size=4), st.randoms())
+def test_looks_in_a_panel_are_different(panels: list[list[tuple[str, int | None]]], random: Any) -> None:
+    everybody = actors(*(family for panel in panels for family in panel))
+    shown = [random.sample(everybody, min(len(everybody), len(panel))) for panel in panels]
+    found = looks_of(*shown)
+    for panel in shown:
+        own = [found[a.order] for a in panel]
+        assert len({(look.colour, look.dashes) for look in own}) == len(own) or len(found) > len(PALETTE)
+        if len(panel) <= len(PALETTE) and len(found) <= len(PALETTE):
+            assert len({look.colour for look in own}) == len(own)
+    if len(found) <= len(DASHES):
+        for panel in shown:
+            assert len({found[a.order].dashes for a in panel}) == len(panel)
 
 
 def test_35_observers_side_by_side_look_different() -> None:
-    styles = dashes([range(35)])
-    assert len({(colour(i), styles[i]) for i in range(35)}) == 35
+    for families in ([("shgo", None)] * 35, FAMILIES * 5):
+        found = looks_of(actors(*families))
+        assert len({(look.colour, look.dashes) for look in found.values()}) == 35
+
+
+def test_a_family_has_its_colour_in_every_figure() -> None:
+    """Whoever else is shown, unless two of it meet in one panel; then the first keeps it."""
+    assert family_colour("shgo", None) == family_colour("shgo_riccati", None) == family_colour("fhgo2", 0)
+    assert family_colour("fhgo2", 2) == family_colour("fhgo2_nuos", 2)
+    assert len({family_colour("fhgo2", r) for r in range(4)}) == 4
+    assert family_colour("fhgo2", 9) is None
+    for order in (FAMILIES, FAMILIES[::-1]):
+        alone = [a for a in actors(*order) if (a.type, a.filter_order) != ("fhgo2_nuos", 2)]
+        for actor in alone:
+            if actor.type != "mine":
+                assert looks_of(alone)[actor.order].colour == family_colour(actor.type, actor.filter_order)
+    two = actors(("shgo", None), ("fhgo1", 3), ("shgo_riccati", None))
+    meeting, apart = looks_of(two), looks_of(two[:2], two[2:])
+    assert meeting[0].colour == apart[0].colour == apart[2].colour == family_colour("shgo", None)
+    assert meeting[2].colour not in (meeting[0].colour, meeting[1].colour)
+    assert apart[0].dashes != apart[2].dashes  # their texts differ, and the legend is one
+
+
+def test_families_that_are_compared_differ() -> None:
+    """In colour, and of the many in the thesis also in luminance."""
+    for group in (
+        [("shgo", None), ("fhgo2", 1), ("fhgo2", 2), ("fhgo2", 3)],
+        [("shgo", None), ("direct", None), ("dynamic_gain", None), ("direct_dynamic", None), ("levant", None)],
+        [("hgo_fd", None), ("hgo_sa", None)],
+        [("reduced_sampled", None), ("deadbeat", None)],
+        [
+            ("shgo", None),
+            ("treangle", None),
+            ("low_power", None),
+            *((t, r) for t in ("lowpass", "fhgo2") for r in (1, 2, 3)),
+        ],
+    ):
+        colours = [family_colour(*family) for family in group]
+        assert None not in colours
+        assert len(set(colours)) == len(group)
+    shades = [luminance(str(family_colour(*f))) for f in [("shgo", None), ("fhgo2", 1), ("fhgo2", 2), ("fhgo2", 3)]]
+    assert min(abs(a - b) for a, b in combinations(shades, 2)) > 0.09
+
+
+def test_the_filter_order_of_a_run_decides_the_colour(result: Result) -> None:
+    assert [o.filter_order for o in result.observers.values()] == [None, 1, 2]
+    shown = lines(draw(result, block({"state": "x1"})).axes[0])
+    assert shown["FHGO r=1"].get_color() == family_colour("fhgo2", 1)
+    assert shown["FHGO r=2"].get_color() == family_colour("fhgo2", 2)
 
 
 def test_an_observer_keeps_its_colour(result: Result, compared: Any) -> None:
@@ -400,9 +474,10 @@ def test_odd_labels_reach_the_legend(result: Result, label: str) -> None:
     ],
 )
 def test_wrong_panels_are_refused(result: Result, panel: dict[str, Any], key: str, message: str) -> None:
+    names = RunNames(result.states, result.outputs, tuple(result.observers), (0, 6))
     wrong = {"good": block({"state": "x1"}), "3.9": block({"state": "x1"}, panel)}
     with pytest.raises(Problem) as caught:
-        check(wrong, result.states, result.outputs, tuple(result.observers), (0, 6))
+        check(wrong, {"experiment": names})
     assert caught.value.path == ("figures", "3.9", "panels", 1, key)
     assert message in caught.value.message
     with pytest.raises(Problem) as caught:
@@ -413,13 +488,13 @@ def test_wrong_panels_are_refused(result: Result, panel: dict[str, Any], key: st
 @pytest.mark.parametrize("name", ["", "../x", "a/b", "a\\b", ".hidden", "a\nb"])
 def test_names_that_are_no_files_are_refused(name: str) -> None:
     with pytest.raises(Problem, match="name of its file"):
-        check({name: block({"state": "x1"})}, ["x1"], [], [])
+        check({name: block({"state": "x1"})}, {"run": RunNames(("x1",), (), ())})
 
 
 @pytest.mark.parametrize("size", [{"width": 600}, {"width": 0.1}, {"height": 0.5}, {"height": 1000}])
 def test_sizes_that_cannot_be_drawn_are_refused(size: dict[str, float]) -> None:
     with pytest.raises(Problem, match="inches") as caught:
-        check({"a": block({"state": "x1"}, **size)}, ["x1"], [], [])
+        check({"a": block({"state": "x1"}, **size)}, {"run": RunNames(("x1",), (), ())})
     assert caught.value.path == ("figures", "a", *size)
 
 

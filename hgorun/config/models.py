@@ -321,6 +321,11 @@ class Ensemble(Block):
     )
     vary: Vary | None = Field(default=None, description="carried out for each value of a name")
 
+    @property
+    def kind(self) -> Literal["seeds", "vary"] | None:
+        """What members differ in; None for a single run."""
+        return "seeds" if self.seeds is not None else "vary" if self.vary is not None else None
+
     @model_validator(mode="after")
     def _one(self) -> Ensemble:
         if self.seeds is not None and self.vary is not None:

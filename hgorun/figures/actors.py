@@ -1,63 +1,100 @@
-"""Who appears in a figure: every observer of every result with its label and its look."""
+"""Who appears in a figure: the observers of all runs, and what legends call them."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from hgorun.figures.style import colour
+from hgorun.figures.scaling import ScalingData
 from hgorun.figures.typeset import words
 from hgorun.result import ObserverResult, Result
 
 
 @dataclass(frozen=True)
 class Actor:
-    """One observer of one result.
+    """One observer of one run.
 
     Attributes
     ----------
     order : int
-        Place among all observers of all results.
-    run : int
-        Which result.
-    label : str
-        Its key in the result.
-    text : str
-        What legends call it.
+        Place among all observers of all runs.
+    run, label : str
+        Whose it is, and its key there.
+    type : str
+    filter_order : int or None
+        Order of its filter, where it has one.
     """
 
     order: int
-    run: int
+    run: str
     label: str
-    text: str
-    result: Result
-    observer: ObserverResult
-
-    @property
-    def colour(self) -> str:
-        """The same in all figures of these results."""
-        return colour(self.order)
+    type: str
+    filter_order: int | None
 
     def among(self, names: Sequence[str] | None) -> bool:
         """Whether names, ``label`` or ``run/label``, include this observer; None includes all."""
-        return names is None or self.label in names or f"{self.result.name}/{self.label}" in names
+        return names is None or self.label in names or f"{self.run}/{self.label}" in names
 
 
-def cast(results: Sequence[Result]) -> list[Actor]:
-    """All observers; with several results labels say which."""
+@dataclass(frozen=True)
+class Simulated(Actor):
+    """An observer with trajectories."""
+
+    result: Result
+    observer: ObserverResult
+
+
+def cast(results: Sequence[Result]) -> list[Simulated]:
+    """All observers of all results."""
     return list(_cast(results))
 
 
-def _cast(results: Sequence[Result]) -> Iterator[Actor]:
+def _cast(results: Sequence[Result]) -> Iterator[Simulated]:
     order = 0
-    for run, (result, name) in enumerate(zip(results, run_names(results), strict=True)):
+    for result, run in zip(results, run_names(results), strict=True):
         for label, observer in result.observers.items():
-            text = words(f"{name}: {label}" if len(results) > 1 else label)
-            text = f" {text}" if text.startswith("_") else text  # matplotlib would leave it out of legends
-            if observer.diverged_at is not None:
-                text += " (diverged)"
-            yield Actor(order, run, label, text, result, observer)
+            yield Simulated(order, run, label, observer.type, observer.filter_order, result, observer)
             order += 1
+
+
+def cast_scalings(scalings: Mapping[int, ScalingData], first: int) -> dict[int, list[Actor]]:
+    """The observers of every scaling panel, the same one where two panels are of one run; places from ``first``."""
+    known: dict[tuple[str, str], Actor] = {}
+    for scaling in scalings.values():
+        for label, observer in scaling.observers.items():
+            order = first + len(known)
+            known.setdefault(
+                (scaling.run, label), Actor(order, scaling.run, label, observer.type, observer.filter_order)
+            )
+    return {i: [known[scaling.run, label] for label in scaling.observers] for i, scaling in scalings.items()}
+
+
+def texts(actors: Sequence[Actor], labels: Mapping[str, str], *, with_run: bool = False) -> dict[int, str]:
+    """What legends call the observers that a figure shows, by their places.
+
+    Parameters
+    ----------
+    actors : sequence of Actor
+    labels : mapping of str to str
+        Texts by ``run/label`` or ``label``; others are called by their label, and by ``run: label`` where
+        the figure shows that label of several runs.
+    with_run : bool
+        ``run: label`` for all.
+    """
+    runs: dict[str, set[str]] = {}
+    for actor in actors:
+        runs.setdefault(actor.label, set()).add(actor.run)
+    found = {}
+    for actor in actors:
+        own = labels.get(f"{actor.run}/{actor.label}", labels.get(actor.label))
+        if own is None:
+            own = f"{actor.run}: {actor.label}" if with_run or len(runs[actor.label]) > 1 else actor.label
+        text = words(own)
+        text = f" {text}" if text.startswith("_") else text  # matplotlib would leave it out of legends
+        if isinstance(actor, Simulated) and actor.observer.diverged_at is not None:
+            text += " (diverged)"
+        found[actor.order] = text
+    return found
 
 
 def run_names(results: Sequence[Result]) -> list[str]:

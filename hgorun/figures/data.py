@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-MOST_POINTS = 20_000
+MOST_POINTS = 8_000  # two for every half a pixel of the widest panel
 # How far, in units of the truth's range, an estimate widens a panel: alone, beside others, diverged.
 _ALONE, _BESIDE, _DIVERGED = 3.0, 1.5, 0.25
 _ERROR_BESIDE = 10.0  # the same for errors, in units of the median observer's largest error

@@ -2,25 +2,46 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from hgorun.config.models import Figure as FigureBlock
-from hgorun.config.models import Panel
-from hgorun.figures.actors import Actor, cast
+from hgorun.config.models import Inset, Panel
+from hgorun.figures.actors import Actor, Simulated, cast, cast_scalings, run_names, texts
+from hgorun.figures.layout import TOP, finished, grid
+from hgorun.figures.looks import Look, looks
 from hgorun.figures.names import check, names_of
 from hgorun.figures.panels import Scene, draw_error, draw_magnitude, draw_output, draw_state, moving_window
-from hgorun.figures.style import DOTS, DPI, LARGEST, TRUTH, dashes, styled
+from hgorun.figures.scaling import ScalingData, draw_scaling
+from hgorun.figures.style import INSET, INSET_FRAME, styled
+from hgorun.figures.truths import truth_looks
 from hgorun.figures.typeset import paragraph, unit, words
 from hgorun.result import Result
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from matplotlib.legend import Legend
 
-# Inches: width of a comparison, height of its rows, of a figure's panels, of title and legend.
-_WIDTH, _ROW, _PANEL, _TOP = 7.2, 1.8, 2.2, 0.6
+# Inches: width of a comparison, height of its rows, of a figure's panels.
+_WIDTH, _ROW, _PANEL = 7.2, 1.8, 2.2
+
+
+@dataclass(frozen=True)
+class _Stage:
+    """A panel of a figure's block with what it shows."""
+
+    panel: Panel
+    actors: Sequence[Actor]
+    results: Mapping[str, Result]
+    scaling: ScalingData | None
+
+    @property
+    def span(self) -> tuple[float, float] | None:
+        """The time shown."""
+        if self.panel.window is not None or self.scaling is not None:
+            return self.panel.window
+        return _span(list(self.results.values()))
 
 
 def comparison(results: Result | Sequence[Result]) -> Figure:
@@ -38,22 +59,30 @@ def comparison(results: Result | Sequence[Result]) -> Figure:
     -------
     matplotlib.figure.Figure
     """
-    several = _several(results)
-    actors = cast(several)
+    runs = _runs(results)
+    several, actors = list(runs.values()), cast(_several(results))
     states = list(dict.fromkeys(name for r in several for name in r.states))
-    scene = Scene(several, actors, dashes([[a.order for a in actors]]))
+    look = looks([actors], texts(actors, {}, with_run=len(runs) > 1))
+    scene = Scene(runs, actors, look, truth_looks([list(runs)], runs))
     with styled():
-        figure, axes = _grid(len(states), 2, _WIDTH, _ROW * len(states) + _TOP, share=True)
-        for (left, right), name in zip(axes, states, strict=True):
+        figure, axes = grid(2 * len(states), 2, _WIDTH, _ROW * len(states) + TOP, share=True)
+        for left, right, name in zip(axes[::2], axes[1::2], states, strict=True):
             draw_state(left, scene, name)
             draw_magnitude(right, scene, name)
-        axes[0][0].set_title("states and estimates")
-        axes[0][1].set_title(_magnitude_title(several))
-        title = several[0].title if len(several) == 1 else None
-        return _finished(figure, axes, several, title, grow=True)
+            for ax in (left, right):
+                _time_axis(ax, several, _span(several))
+        axes[0].set_title("states and estimates")
+        axes[1].set_title(_magnitude_title(several))
+        return finished(figure, axes, 2, several[0].title if len(several) == 1 else None, grow=True)
 
 
-def draw(results: Result | Sequence[Result], figure: FigureBlock, name: str = "figure") -> Figure:
+def draw(
+    results: Result | Sequence[Result],
+    figure: FigureBlock,
+    name: str = "figure",
+    *,
+    scalings: Mapping[int, ScalingData] | None = None,
+) -> Figure:
     """A figure of the configuration's ``figures`` block.
 
     Panels that show the same state in the same window have the same vertical axis. Measurements stand at the
@@ -62,10 +91,12 @@ def draw(results: Result | Sequence[Result], figure: FigureBlock, name: str = "f
     Parameters
     ----------
     results : Result or sequence of Result
-        With several, panels show all of them; observers may be picked as ``run/label``.
+        The runs of a file; ``Result.name`` is the run's name.
     figure : hgorun.config.models.Figure
     name : str
         Its key, for messages.
+    scalings : mapping of int to ScalingData, optional
+        What scaling panels show, by the panel's place.
 
     Returns
     -------
@@ -76,22 +107,28 @@ def draw(results: Result | Sequence[Result], figure: FigureBlock, name: str = "f
     Problem
         When a panel names what does not exist; see :func:`hgorun.figures.check`.
     """
-    several, panels = _several(results), figure.panels
-    known = names_of(several)
-    check({name: figure}, known.states, known.outputs, known.observers, known.span)
-    actors = cast(several)
-    shown = [[a for a in actors if panel.output is None and a.among(panel.observers)] for panel in panels]
-    styles = dashes([[a.order for a in group] for group in shown])
+    scalings = scalings or {}
+    runs = _runs(results) if results or not scalings else {}
+    check({name: figure}, names_of(list(runs.values()), scalings.values()))
+    stages = _stages(figure.panels, runs, scalings)
+    shown = [stage.actors for stage in stages]
+    look = looks(shown, texts([a for group in shown for a in group], figure.labels))
+    truths = truth_looks([list(stage.results) for stage in stages], runs)
     with styled():
-        height = figure.height or _PANEL * len(panels)
-        made, axes = _grid(len(panels), 1, figure.width, height, share=len({p.window for p in panels}) == 1)
-        for (ax,), panel, group in zip(axes, panels, shown, strict=True):
-            _draw_panel(ax, Scene(_runs(several, group, panel), group, styles, panel.window), panel)
-        _level(axes, panels)
-        for (ax,), title in zip(axes, _titles(panels, shown), strict=True):
+        rows = -(-len(stages) // figure.columns)
+        spans = [stage.span for stage in stages]
+        share = len(set(spans)) == 1 and not scalings
+        height = figure.height or _PANEL * rows
+        made, axes = grid(len(stages), figure.columns, figure.width, height, share=share)
+        scenes = [_draw_panel(ax, stage, look, truths) for ax, stage in zip(axes, stages, strict=True)]
+        _level(axes, figure.panels)
+        for ax, title in zip(axes, _titles(stages, look), strict=True):
             if title:
-                ax.set_title(paragraph(title, figure.width))
-        return _finished(made, axes, several, figure.title, grow=figure.height is None)
+                ax.set_title(paragraph(title, figure.width / figure.columns))
+        for ax, scene, panel in zip(axes, scenes, figure.panels, strict=True):
+            if panel.inset is not None and scene is not None:
+                _draw_inset(ax, scene, panel, panel.inset)
+        return finished(made, axes, figure.columns, figure.title, grow=figure.height is None)
 
 
 def _several(results: Result | Sequence[Result]) -> list[Result]:
@@ -101,120 +138,106 @@ def _several(results: Result | Sequence[Result]) -> list[Result]:
     return several
 
 
+def _runs(results: Result | Sequence[Result]) -> dict[str, Result]:
+    several = _several(results)
+    return dict(zip(run_names(several), several, strict=True))
+
+
+def _stages(panels: Sequence[Panel], runs: Mapping[str, Result], scalings: Mapping[int, ScalingData]) -> list[_Stage]:
+    everybody = cast(list(runs.values()))
+    scaled = cast_scalings(scalings, len(everybody))
+    stages = []
+    for i, panel in enumerate(panels):
+        if panel.scaling is not None:
+            if i not in scalings:
+                raise ValueError(f"panel {i} shows scaling, and no data were given for it")
+            stages.append(_Stage(panel, [a for a in scaled[i] if a.among(panel.observers)], {}, scalings[i]))
+            continue
+        own = {run: r for run, r in runs.items() if panel.run in (None, run)}
+        actors = [a for a in everybody if panel.output is None and a.run in own and a.among(panel.observers)]
+        if panel.observers and actors:  # the truth of those picked, or everybody's
+            own = {run: r for run, r in own.items() if any(a.run == run for a in actors)}
+        stages.append(_Stage(panel, actors, own, None))
+    return stages
+
+
 def _magnitude_title(results: Sequence[Result]) -> str:
     windows = {f"{moving_window(r):.4g} {words(r.units.get('time', ''))}".rstrip() for r in results}
     return "largest error in a moving window" + (f" of {windows.pop()}" if len(windows) == 1 else "")
 
 
-def _runs(results: Sequence[Result], group: Sequence[Actor], panel: Panel) -> list[Result]:
-    """Whose truth a panel shows: that of the observers picked, or everybody's."""
-    if panel.observers is None or not group:
-        return list(results)
-    return [r for i, r in enumerate(results) if any(a.run == i for a in group)]
+def _titles(stages: Sequence[_Stage], look: Mapping[int, Look]) -> list[str | None]:
+    differ = len({tuple(a.order for a in stage.actors) for stage in stages if stage.actors}) > 1
+    titles: list[str | None] = []
+    said = False
+    for stage in stages:
+        title = stage.panel.title
+        if title is None and differ and len(stage.actors) == 1:
+            title = look[stage.actors[0].order].text
+        if title is None and stage.panel.magnitude is not None and not said:
+            title, said = _magnitude_title(list(stage.results.values())), True
+        titles.append(title)
+    return titles
 
 
-def _titles(panels: Sequence[Panel], shown: Sequence[Sequence[Actor]]) -> list[str | None]:
-    differ = len({tuple(a.order for a in group) for group in shown if group}) > 1
-    return [
-        panel.title if panel.title is not None or not differ or len(group) != 1 else group[0].text
-        for panel, group in zip(panels, shown, strict=True)
-    ]
+def _draw_panel(
+    ax: Axes, stage: _Stage, look: Mapping[int, Look], truths: Mapping[str, Mapping[str, Any]]
+) -> Scene | None:
+    """Draw a panel; the scene that an inset is drawn from, too."""
+    panel, scene = stage.panel, None
+    if panel.scaling is not None and stage.scaling is not None:
+        draw_scaling(ax, stage.scaling, {a.label: a.order for a in stage.actors}, look, panel.scaling.of)
+    else:
+        actors = [a for a in stage.actors if isinstance(a, Simulated)]
+        scene = Scene(stage.results, actors, look, truths, panel.window)
+        _draw_subject(ax, scene, panel)
+        _time_axis(ax, list(stage.results.values()), stage.span)
+    if panel.limits is not None:
+        ax.set_ylim(panel.limits)
+    return scene
 
 
-def _draw_panel(ax: Axes, scene: Scene, panel: Panel) -> None:
+def _draw_subject(ax: Axes, scene: Scene, panel: Panel) -> None:
     if panel.error is not None:
         draw_error(ax, scene, panel.error)
+    elif panel.magnitude is not None:
+        draw_magnitude(ax, scene, panel.magnitude)
     elif panel.state is not None:
         draw_state(ax, scene, panel.state, samples=panel.measurements)
     elif panel.output is not None:
         draw_output(ax, scene, panel.output)
-    if panel.window is not None:
-        ax.set_xlim(panel.window)
-    if panel.limits is not None:
-        ax.set_ylim(panel.limits)
 
 
-def _level(axes: list[list[Axes]], panels: Sequence[Panel]) -> None:
+def _draw_inset(ax: Axes, scene: Scene, panel: Panel, inset: Inset) -> None:
+    """The panel's lines once more, in the inset's window."""
+    inner = ax.inset_axes(inset.place, zorder=7)
+    _draw_subject(inner, replace(scene, window=inset.window), panel)
+    inner.set_ylabel("")
+    inner.set_xlim(inset.window)
+    if inset.limits is not None:
+        inner.set_ylim(inset.limits)
+    inner.tick_params(which="both", **INSET)
+    ax.indicate_inset_zoom(inner, **INSET_FRAME)
+
+
+def _time_axis(ax: Axes, results: Sequence[Result], span: tuple[float, float] | None) -> None:
+    if span is not None and span[1] > span[0]:
+        ax.set_xlim(span)
+    ax.set_xlabel("time" + unit(next((r.units["time"] for r in results if r.units.get("time")), "")))
+
+
+def _span(results: Sequence[Result]) -> tuple[float, float] | None:
+    ends = [(float(r.time[0]), float(r.time[-1])) for r in results if r.time.size]
+    return (min(a for a, _ in ends), max(b for _, b in ends)) if ends else None
+
+
+def _level(axes: Sequence[Axes], panels: Sequence[Panel]) -> None:
     """The same range for panels that show the same state, so that they can be compared."""
     groups: dict[Any, list[Axes]] = {}
-    for (ax,), panel in zip(axes, panels, strict=True):
+    for ax, panel in zip(axes, panels, strict=True):
         if panel.state is not None and panel.limits is None:
             groups.setdefault((panel.state, panel.window, panel.measurements), []).append(ax)
     for group in groups.values():
         ranges = [ax.get_ylim() for ax in group]
         for ax in group:
             ax.set_ylim(min(low for low, _ in ranges), max(high for _, high in ranges))
-
-
-def _grid(rows: int, columns: int, width: float, height: float, *, share: bool) -> tuple[Figure, list[list[Axes]]]:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(width, height), dpi=DPI, layout="constrained")
-    FigureCanvasAgg(figure)
-    axes = figure.subplots(rows, columns, squeeze=False, sharex=share)
-    return figure, [list(row) for row in axes]
-
-
-def _finished(
-    figure: Figure, axes: list[list[Axes]], results: Sequence[Result], title: str | None, *, grow: bool
-) -> Figure:
-    """Ticks, time axes and legend, which need to know all panels; a figure may grow for a long legend."""
-    start, end = min(float(r.time[0]) for r in results), max(float(r.time[-1]) for r in results)
-    label = "time" + unit(next((r.units["time"] for r in results if r.units.get("time")), ""))
-    for i, row in enumerate(axes):
-        for ax in row:
-            if ax.get_autoscalex_on() and end > start:
-                ax.set_xlim(start, end)
-            _tick(ax)
-            if i == len(axes) - 1 or not ax.get_shared_x_axes().joined(ax, axes[-1][0]):
-                ax.set_xlabel(label)
-    figure.align_ylabels([ax for row in axes for ax in row])
-    legend = _legend(figure, axes, paragraph(title, figure.get_figwidth()) if title else None)
-    if grow:
-        taller = max(legend.get_window_extent().height / figure.dpi - _TOP, 0)
-        figure.set_figheight(min(figure.get_figheight() + taller, LARGEST))
-    figure.draw_without_rendering()  # makes the ticks now, in our style, not when somebody saves
-    figure.set_layout_engine("none")  # every format gets this layout
-    return figure
-
-
-def _tick(ax: Axes) -> None:
-    from matplotlib.ticker import AutoMinorLocator, LogLocator, MaxNLocator, NullFormatter
-
-    for axis, scale in ((ax.xaxis, ax.get_xscale()), (ax.yaxis, ax.get_yscale())):
-        if scale == "log":
-            axis.set_major_locator(LogLocator(numticks=6))
-            axis.set_minor_formatter(NullFormatter())
-        else:
-            axis.set_major_locator(MaxNLocator(nbins="auto", steps=[1, 2, 5, 10]))
-            axis.set_minor_locator(AutoMinorLocator())
-
-
-def _legend(figure: Figure, axes: list[list[Axes]], title: str | None) -> Legend:
-    """One legend above all panels, in as many columns as fit; the figure's title is its title."""
-    handles: dict[tuple[str, Any], Any] = {}
-    for row in axes:
-        for ax in row:
-            for line in ax.lines:
-                text = str(line.get_label())
-                if not text.startswith("_"):  # matplotlib's own names for what has none
-                    handles.setdefault((text, line.get_color()), line)
-    order = {TRUTH["label"]: 0, DOTS["label"]: 1}
-    entries = sorted(handles, key=lambda entry: order.get(entry[0], 2))
-    texts = [text for text, _ in entries]
-    room = figure.get_figwidth() * figure.dpi
-    columns = max(len(texts), 1)
-    while True:
-        legend = figure.legend(
-            [handles[entry] for entry in entries],
-            texts,
-            ncols=columns,
-            title=title,
-            loc="outside upper center",
-        )
-        legend.get_title().set_multialignment("center")
-        if columns == 1 or legend.get_window_extent().width <= room:
-            return legend
-        legend.remove()
-        columns -= 1

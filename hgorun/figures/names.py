@@ -2,116 +2,224 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
 
 from hgorun.config.expressions import nearest
-from hgorun.config.models import Figure, Panel
+from hgorun.config.models import Figure, Inset, Panel
 from hgorun.errors import Problem
+from hgorun.figures.actors import run_names
+from hgorun.figures.scaling import QUANTITIES, ScalingData
 from hgorun.figures.style import LARGEST, LOWEST, NARROWEST
 from hgorun.result import Result
 
+Path = tuple[str | int, ...]
+
 
 @dataclass(frozen=True)
-class Names:
-    """What the panels of a figure can refer to; known before a simulation.
+class RunNames:
+    """What the panels of a figure can refer to in one run; known before a simulation.
 
     Attributes
     ----------
     states, outputs : tuple of str
     observers : tuple of str
-        Labels; with several runs ``run/label``, and a label alone means that observer in every run.
+        Labels.
     span : (start, end), optional
         The time of the run; without it windows are not checked against it.
+    ensemble : {"seeds", "vary"}, optional
+        Of an ensemble only numbers are kept; one with ``vary`` can be shown in scaling panels.
     """
 
     states: tuple[str, ...]
     outputs: tuple[str, ...]
     observers: tuple[str, ...]
     span: tuple[float, float] | None = None
+    ensemble: Literal["seeds", "vary"] | None = None
 
 
-def names_of(results: Sequence[Result]) -> Names:
-    """The names of one result, or of several together."""
-    labels = [label for r in results for label in r.observers]
-    labels += [f"{r.name}/{label}" for r in results for label in r.observers]
-    ends = [(float(r.time[0]), float(r.time[-1])) for r in results if r.time.size]
-    return Names(
-        tuple(dict.fromkeys(name for r in results for name in r.states)),
-        tuple(dict.fromkeys(name for r in results for name in r.outputs)),
-        tuple(dict.fromkeys(labels)),
-        (min(a for a, _ in ends), max(b for _, b in ends)) if ends else None,
-    )
+# By the name of the run. A file without ``runs`` has one, called by its stem.
+Names = Mapping[str, RunNames]
 
 
-def check(
-    figures: Mapping[str, Figure],
-    states: Sequence[str],
-    outputs: Sequence[str],
-    observers: Sequence[str],
-    span: tuple[float, float] | None = None,
-) -> None:
+def names_of(results: Sequence[Result], scalings: Iterable[ScalingData] = ()) -> dict[str, RunNames]:
+    """The names of finished runs."""
+    found = {}
+    for run, r in zip(run_names(results), results, strict=True):
+        span = (float(r.time[0]), float(r.time[-1])) if r.time.size else None
+        found[run] = RunNames(r.states, r.outputs, tuple(r.observers), span)
+    for s in scalings:
+        known = found.get(s.run, RunNames((), (), ()))
+        states, observers = dict.fromkeys((*known.states, s.state)), dict.fromkeys((*known.observers, *s.observers))
+        found[s.run] = replace(known, states=tuple(states), observers=tuple(observers), ensemble="vary")
+    return found
+
+
+def check(figures: Mapping[str, Figure], names: Names) -> None:
     """Refuse figures that cannot be drawn; needs names only, no simulation.
 
     Parameters
     ----------
     figures : mapping of str to hgorun.config.models.Figure
-    states, outputs : sequence of str
-    observers : sequence of str
-        Labels that panels may use.
-    span : (start, end), optional
-        The time of the run; without it windows are not checked against it.
+    names : mapping of str to RunNames
+        The runs that the figures can show.
 
     Raises
     ------
     Problem
         At ("figures", name, "panels", i, key), with the nearest name where one is unknown.
     """
-    known = Names(tuple(states), tuple(outputs), tuple(observers), span)
     for name, figure in figures.items():
         path = ("figures", name)
         if not name or name.startswith(".") or any(c in "/\\" or not c.isprintable() for c in name):
             raise Problem(path, "a figure's name is the name of its file: no leading `.`, no / or \\")
-        smallest = {"width": NARROWEST, "height": LOWEST[0] + LOWEST[1] * len(figure.panels)}
+        rows = -(-len(figure.panels) // figure.columns)
+        smallest = {"width": NARROWEST * figure.columns, "height": LOWEST[0] + LOWEST[1] * rows}
         for key, inches in (("width", figure.width), ("height", figure.height)):
             if inches is not None and not smallest[key] <= inches <= LARGEST:
                 raise Problem((*path, key), f"expected {smallest[key]:g} to {LARGEST:g} inches, found {inches:g}")
         for i, panel in enumerate(figure.panels):
-            _check_panel(panel, known, (*path, "panels", i))
+            _check_panel(panel, names, (*path, "panels", i))
+        for label in figure.labels:
+            _require_observer(label, names, (*path, "labels", label))
 
 
-def _check_panel(panel: Panel, known: Names, path: tuple[str | int, ...]) -> None:
-    for key, kind, found, allowed in (
-        ("state", "state", panel.state, known.states),
-        ("error", "state", panel.error, known.states),
-        ("output", "output", panel.output, known.outputs),
-        *(("observers", "observer", label, known.observers) for label in panel.observers or ()),
-    ):
-        if found is not None and found not in allowed:
-            hint = nearest(found, allowed)
-            raise Problem((*path, key), f"no {kind} is called {found!r}.{hint} Known: {', '.join(allowed) or 'none'}")
+def varied_run(panel: Panel, names: Names) -> str | None:
+    """The run that a scaling panel shows: the one it names, or the only one with ``vary``."""
+    varied = [run for run, n in names.items() if n.ensemble == "vary"]
+    named = panel.scaling.run if panel.scaling else None
+    return named or (varied[0] if len(varied) == 1 else None)
+
+
+def _check_panel(panel: Panel, names: Names, path: Path) -> None:
+    shown = _scaling_run(panel, names, path) if panel.scaling is not None else _shown_runs(panel, names, path)
+    where = f" in run {next(iter(shown))!r}" if len(shown) == 1 < len(names) else ""
+    for label in panel.observers or ():
+        _require_observer(label, shown, (*path, "observers"), where)
+    picked = {
+        run: n
+        for run, n in shown.items()
+        if not panel.observers or any(o in panel.observers for label in n.observers for o in (label, f"{run}/{label}"))
+    }
+    states = _together(n.states for n in picked.values())
+    outputs = _together(n.outputs for n in picked.values())
+    for key in ("state", "error", "magnitude"):
+        _require(getattr(panel, key), "state", states, (*path, key), where)
+    _require(panel.output, "output", outputs, (*path, "output"), where)
+    if panel.scaling is not None:
+        _require(panel.scaling.state, "state", states, (*path, "scaling", "state"), where)
+        _require(panel.scaling.of, "quantity", list(QUANTITIES), (*path, "scaling", "of"))
+    _check_fit(panel, outputs, path)
+    _check_ranges(panel, [n.span for n in picked.values() if n.span is not None], path)
+
+
+def _scaling_run(panel: Panel, names: Names, path: Path) -> Names:
+    """The run of a scaling panel."""
+    assert panel.scaling is not None
+    varied = [run for run, n in names.items() if n.ensemble == "vary"]
+    key = (*path, "scaling", "run")
+    if panel.run is not None:
+        raise Problem((*path, "run"), "a scaling panel names its run inside scaling: {state: ..., run: ...}")
+    if panel.scaling.run is not None:
+        _require(panel.scaling.run, "run", list(names), key)
+    if not varied:
+        raise Problem(key if panel.scaling.run else (*path, "scaling"), "no run has vary, which scaling shows")
+    run = varied_run(panel, names)
+    if run is None:
+        raise Problem((*path, "scaling"), f"several runs have vary: {', '.join(varied)}; say which with run")
+    if run not in varied:
+        raise Problem(key, f"run {run!r} has no vary, which scaling shows. Runs with vary: {', '.join(varied)}")
+    return {run: names[run]}
+
+
+def _shown_runs(panel: Panel, names: Names, path: Path) -> Names:
+    """The runs whose trajectories a panel may show."""
+    single = {run: n for run, n in names.items() if n.ensemble is None}
+    if panel.run is None:
+        return single
+    _require(panel.run, "run", list(names), (*path, "run"))
+    if panel.run not in single:
+        raise Problem((*path, "run"), f"run {panel.run!r} is an ensemble, of which numbers are kept, no trajectories")
+    return {panel.run: single[panel.run]}
+
+
+def _check_fit(panel: Panel, outputs: Sequence[str], path: Path) -> None:
+    """Keys that do not go with the panel's subject."""
     if panel.output is not None and panel.observers is not None:
         raise Problem(
             (*path, "observers"),
             "an output panel shows measurements and the noise-free output, no observers; "
             "for estimates write state instead of output, with measurements: true",
         )
-    if panel.measurements and panel.error is not None:
-        raise Problem((*path, "measurements"), "measurements go with state or output, not with error")
-    if panel.measurements and panel.state is not None and panel.state not in known.outputs:
+    if panel.measurements and panel.subject not in ("state", "output"):
+        raise Problem((*path, "measurements"), f"measurements go with state or output, not with {panel.subject}")
+    if panel.measurements and panel.state is not None and panel.state not in outputs:
         raise Problem(
             (*path, "measurements"),
             f"state {panel.state!r} is not an output, so it has no measurements. "
-            f"Outputs: {', '.join(known.outputs) or 'none'}",
+            f"Outputs: {', '.join(outputs) or 'none'}",
         )
-    for key, interval in (("window", panel.window), ("limits", panel.limits)):
-        if interval is not None and not interval[0] < interval[1]:
-            raise Problem((*path, key), f"expected [from, to] with from < to, found [{interval[0]:g}, {interval[1]:g}]")
-    if panel.window is not None and known.span is not None:
-        start, end = known.span
-        if panel.window[1] <= start or panel.window[0] >= end:
-            raise Problem(
-                (*path, "window"),
-                f"the run lasts from {start:g} to {end:g}; "
-                f"nothing of it lies in [{panel.window[0]:g}, {panel.window[1]:g}]",
-            )
+    for key in ("window", "inset"):
+        if panel.scaling is not None and getattr(panel, key) is not None:
+            raise Problem((*path, key), f"{key} is a stretch of time, which a scaling panel does not have")
+
+
+def _check_ranges(panel: Panel, spans: Sequence[tuple[float, float]], path: Path) -> None:
+    logarithmic = panel.magnitude is not None or panel.scaling is not None
+    span = (min(a for a, _ in spans), max(b for _, b in spans)) if spans else None
+    _check_range(panel.limits, (*path, "limits"), positive=logarithmic)
+    _check_range(panel.window, (*path, "window"))
+    _check_overlap(panel.window, span, "the run lasts", (*path, "window"))
+    if panel.inset is not None:
+        inside = (*path, "inset")
+        _check_range(panel.inset.limits, (*inside, "limits"), positive=logarithmic)
+        _check_range(panel.inset.window, (*inside, "window"))
+        _check_overlap(panel.inset.window, span, "the run lasts", (*inside, "window"))
+        _check_overlap(panel.inset.window, panel.window, "the panel shows", (*inside, "window"))
+        _check_place(panel.inset, (*inside, "place"))
+
+
+def _check_range(interval: tuple[float, float] | None, path: Path, *, positive: bool = False) -> None:
+    if interval is not None and not interval[0] < interval[1]:
+        raise Problem(path, f"expected [from, to] with from < to, found [{interval[0]:g}, {interval[1]:g}]")
+    if interval is not None and positive and not interval[0] > 0:
+        raise Problem(path, f"a logarithmic axis needs numbers > 0, found [{interval[0]:g}, {interval[1]:g}]")
+
+
+def _check_overlap(window: tuple[float, float] | None, span: tuple[float, float] | None, what: str, path: Path) -> None:
+    if window is not None and span is not None and (window[1] <= span[0] or window[0] >= span[1]):
+        raise Problem(
+            path,
+            f"{what} from {span[0]:g} to {span[1]:g}; nothing of it lies in [{window[0]:g}, {window[1]:g}]",
+        )
+
+
+def _check_place(inset: Inset, path: Path) -> None:
+    left, bottom, width, height = inset.place
+    within = min(left, bottom) >= 0 and max(left + width, bottom + height) <= 1 + 1e-9
+    if not (within and min(width, height) >= 0.1):
+        raise Problem(
+            path,
+            "expected [left, bottom, width, height] in parts of the panel: inside it, at least 0.1 wide and high; "
+            f"found [{', '.join(f'{part:g}' for part in inset.place)}]",
+        )
+
+
+def _require(found: str | None, kind: str, allowed: Sequence[str], path: Path, where: str = "") -> None:
+    if found is not None and found not in allowed:
+        hint = nearest(found, allowed)
+        known = ", ".join(allowed) or "none"
+        raise Problem(path, f"no {kind}{where} is called {found!r}.{hint} Known: {known}")
+
+
+def _require_observer(found: str, names: Names, path: Path, where: str = "") -> None:
+    """A label, which means that observer in every run, or ``run/label``."""
+    labels = _together(n.observers for n in names.values())
+    with_run = [f"{run}/{label}" for run, n in names.items() for label in n.observers]
+    if found not in with_run:
+        _require(found, "observer", labels + (with_run if len(names) > 1 else []), path, where)
+
+
+def _together(groups: Iterable[Iterable[str]]) -> list[str]:
+    return list(dict.fromkeys(name for group in groups for name in group))

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hgorun.figures import data
-from hgorun.figures.actors import Actor
+from hgorun.figures.actors import Simulated
 from hgorun.figures.data import Curve
-from hgorun.figures.style import DOTS, TRACE, TRUTH
-from hgorun.figures.typeset import symbol, unit
+from hgorun.figures.looks import Look
+from hgorun.figures.style import DOTS, OTHER_MEASUREMENTS, TRACE
+from hgorun.figures.typeset import symbol, unit, words
 from hgorun.result import Result
 
 if TYPE_CHECKING:
@@ -27,29 +28,31 @@ class Scene:
 
     Attributes
     ----------
-    results : sequence of Result
-        Whose truth and measurements are shown.
-    actors : sequence of Actor
+    results : mapping of str to Result
+        Whose truth and measurements are shown, by the name of the run.
+    actors : sequence of Simulated
         The observers shown.
-    dashes : mapping of int to linestyle
+    looks : mapping of int to Look
         By the observers' place.
+    truths : mapping of str to mapping
+        How the truth of each run is drawn: equal where the truths are.
     window : (from, to) or None
     """
 
-    results: Sequence[Result]
-    actors: Sequence[Actor]
-    dashes: Mapping[int, Any]
+    results: Mapping[str, Result]
+    actors: Sequence[Simulated]
+    looks: Mapping[int, Look]
+    truths: Mapping[str, Mapping[str, Any]]
     window: Window = None
 
 
 def draw_state(ax: Axes, scene: Scene, name: str, *, samples: bool = False) -> None:
     """A state, true and estimated."""
-    own = [r for r in scene.results if name in r.states]
-    truths = _distinct([data.inside(Curve(r.time, r.x[:, r.states.index(name)]), scene.window) for r in own])
+    own = {run: r for run, r in scene.results.items() if name in r.states}
+    truths = _truths(ax, scene, {run: Curve(r.time, r.x[:, r.states.index(name)]) for run, r in own.items()})
     measured = _samples(ax, scene, name) if samples else []
     healthy, lost = _estimates(ax, scene, name, lambda xhat, x: xhat)
-    _truth(ax, truths)
-    _limit(ax, data.state_limits([c.v for c in truths] + measured, healthy, lost))
+    _limit(ax, data.state_limits(truths + measured, healthy, lost))
     both = rf"${symbol(name)},\ {symbol(name, hat=True)}$" if scene.actors else f"${symbol(name)}$"
     ax.set_ylabel(both + _unit(scene, name))
 
@@ -72,12 +75,11 @@ def draw_magnitude(ax: Axes, scene: Scene, name: str) -> None:
 
 def draw_output(ax: Axes, scene: Scene, name: str) -> None:
     """An output, measured and free of noise."""
-    own = [r for r in scene.results if name in r.outputs]
+    own = {run: r for run, r in scene.results.items() if name in r.outputs}
     measured = _samples(ax, scene, name)
-    truths = _distinct([data.inside(Curve(r.time, r.y[:, r.outputs.index(name)]), scene.window) for r in own])
-    _truth(ax, truths)
-    _limit(ax, data.state_limits([c.v for c in truths] + measured, [], []))
-    is_state = any(name in r.states for r in own)
+    truths = _truths(ax, scene, {run: Curve(r.time, r.y[:, r.outputs.index(name)]) for run, r in own.items()})
+    _limit(ax, data.state_limits(truths + measured, [], []))
+    is_state = any(name in r.states for r in own.values())
     ax.set_ylabel((f"$y = {symbol(name)}$" if is_state else f"${symbol(name)}$") + _unit(scene, name))
 
 
@@ -102,7 +104,7 @@ def _estimates(
     tuple of list of ndarray
         The values drawn of sound and of diverged observers.
     """
-    drawn: list[tuple[float, Actor, Curve]] = []
+    drawn: list[tuple[float, Simulated, Curve]] = []
     for actor in scene.actors:
         result = actor.result
         if name not in result.states:
@@ -116,12 +118,13 @@ def _estimates(
         drawn.append((float(np.abs(np.diff(curve.v)).sum()), actor, curve))
     ranks = {id(actor): rank for rank, (_, actor, _) in enumerate(sorted(drawn, key=lambda d: -d[0]))}
     for _, actor, curve in drawn:
+        look = scene.looks[actor.order]
         _line(
             ax,
             curve,
-            color=actor.colour,
-            linestyle=scene.dashes[actor.order],
-            label=actor.text,
+            color=look.colour,
+            linestyle=look.dashes,
+            label=look.text,
             zorder=3 + ranks[id(actor)] / (len(drawn) + 1),
         )
     healthy = [c.v for _, actor, c in drawn if actor.observer.diverged_at is None]
@@ -130,23 +133,26 @@ def _estimates(
 
 def _samples(ax: Axes, scene: Scene, name: str) -> list[np.ndarray]:
     """Measurements at their arrival: dots, or a line where there is one at every point of the output grid."""
-    drawn = []
-    for result in scene.results:
+    own: dict[str, tuple[Curve, np.ndarray]] = {}
+    for run, result in scene.results.items():
         if name not in result.outputs:
             continue
         t, y = result.measurements.time, result.measurements.y[:, result.outputs.index(name)]
         known = np.isfinite(y)
         if scene.window is not None:
             known &= (t >= scene.window[0]) & (t <= scene.window[1])
-        t, y = t[known], y[known]
-        dense = _dense(t, result.time)
-        for piece in np.split(np.arange(t.size), np.flatnonzero(np.diff(dense)) + 1):
+        curve = Curve(t[known], y[known])
+        if not any(np.array_equal(curve.t, c.t) and np.array_equal(curve.v, c.v) for c, _ in own.values()):
+            own[run] = curve, _dense(curve.t, result.time)
+    for i, (run, (curve, dense)) in enumerate(own.items()):
+        light, dark, marker = OTHER_MEASUREMENTS[i % len(OTHER_MEASUREMENTS)]
+        text: dict[str, Any] = {"label": f"{words(run)}: measured"} if len(own) > 1 else {}
+        for piece in np.split(np.arange(curve.t.size), np.flatnonzero(np.diff(dense)) + 1):
             if piece.size and dense[piece[0]]:
-                _line(ax, Curve(t[piece], y[piece]), **TRACE)
+                _line(ax, Curve(curve.t[piece], curve.v[piece]), **{**TRACE, "color": light, **text})
         if not np.all(dense):
-            ax.plot(t[~dense], y[~dense], **DOTS)
-        drawn.append(y)
-    return drawn
+            ax.plot(curve.t[~dense], curve.v[~dense], **{**DOTS, "color": dark, "marker": marker, **text})
+    return [curve.v for curve, _ in own.values()]
 
 
 def _dense(t: np.ndarray, grid: np.ndarray) -> np.ndarray:
@@ -157,18 +163,16 @@ def _dense(t: np.ndarray, grid: np.ndarray) -> np.ndarray:
     return np.asarray(np.concatenate([close[:1], close]) | np.concatenate([close, close[-1:]]))
 
 
-def _distinct(curves: Sequence[Curve]) -> list[Curve]:
-    """Truths of several runs, the same one once."""
-    found: list[Curve] = []
-    for curve in curves:
-        if not any(np.array_equal(curve.t, c.t) and np.array_equal(curve.v, c.v) for c in found):
-            found.append(curve)
-    return found
-
-
-def _truth(ax: Axes, curves: Sequence[Curve]) -> None:
-    for curve in curves:
-        _line(ax, curve, **TRUTH)
+def _truths(ax: Axes, scene: Scene, curves: Mapping[str, Curve]) -> list[np.ndarray]:
+    """Draw the truths of the runs, of equal ones the longest; the values drawn."""
+    longest: dict[str, tuple[str, Curve]] = {}
+    for run, curve in curves.items():
+        text = str(scene.truths[run]["label"])
+        if text not in longest or np.ptp(curve.t) > np.ptp(longest[text][1].t):
+            longest[text] = run, data.inside(curve, scene.window)
+    for run, curve in longest.values():
+        _line(ax, curve, **scene.truths[run])
+    return [curve.v for _, curve in longest.values()]
 
 
 def _line(ax: Axes, curve: Curve, **how: Any) -> None:
@@ -181,4 +185,4 @@ def _limit(ax: Axes, limits: tuple[float, float] | None) -> None:
 
 
 def _unit(scene: Scene, name: str) -> str:
-    return unit(next((r.units[name] for r in scene.results if r.units.get(name)), ""))
+    return unit(next((r.units[name] for r in scene.results.values() if r.units.get(name)), ""))

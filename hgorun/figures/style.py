@@ -3,14 +3,25 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
 # Okabe and Ito's colours, which colour-blind readers tell apart; black is the truth's. The yellow is
-# darkened: theirs is invisible on white. Their order gives neighbours, and those that share a line
-# style, different luminances.
-PALETTE = ("#0072B2", "#E69F00", "#009E73", "#D55E00", "#56B4E9", "#CC79A7", "#8A7F00")
+# darkened: theirs is invisible on white. Three darker ones follow. Their order gives neighbours, and those
+# that share a line style, different luminances.
+PALETTE = (
+    "#0072B2",
+    "#E69F00",
+    "#009E73",
+    "#D55E00",
+    "#56B4E9",
+    "#CC79A7",
+    "#8A7F00",
+    "#332288",
+    "#B84000",
+    "#882255",
+)
 # Solid, then long strokes: noisy lines keep their shape. None is the truth's (4, 2).
 DASHES: tuple[Any, ...] = (
     "solid",
@@ -26,6 +37,12 @@ TRUTH: dict[str, Any] = {
     "zorder": 5,
     "label": "true",
 }
+# Where one panel shows runs whose truths differ.
+OTHER_TRUTHS: tuple[dict[str, Any], ...] = (
+    TRUTH,
+    {**TRUTH, "color": "0.35", "linestyle": (0, (1.6, 1.4))},
+    {**TRUTH, "color": "0.5", "linestyle": (0, (5, 1.5, 1.2, 1.5))},
+)
 TRACE: dict[str, Any] = {"color": "0.62", "linewidth": 0.5, "zorder": 1.5, "label": "measured"}
 DOTS: dict[str, Any] = {
     "color": "0.45",
@@ -36,6 +53,23 @@ DOTS: dict[str, Any] = {
     "markersize": 2.2,
     "markeredgewidth": 0,
 }
+# Greys and markers where one panel shows the measurements of several runs.
+OTHER_MEASUREMENTS = (("0.62", "0.45", "o"), ("0.8", "0.7", "s"), ("0.5", "0.25", "^"))
+MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "h")
+POINTS: dict[str, Any] = {
+    "color": "0.3",
+    "zorder": 4,
+    "label": "measured",
+    "linestyle": "none",
+    "marker": "o",
+    "markersize": 4.4,
+    "markeredgecolor": "white",  # points on each other are seen as several
+    "markeredgewidth": 0.4,
+}
+THEORY: dict[str, Any] = {"color": "0.3", "linestyle": "solid", "linewidth": 0.7, "zorder": 3, "label": "theory"}
+# Ticks of an inset, and what shows where it is taken from.
+INSET: dict[str, Any] = {"labelsize": 7.0, "pad": 1.8, "length": 2.0}
+INSET_FRAME: dict[str, Any] = {"edgecolor": "0.6", "alpha": 1.0, "linewidth": 0.5, "zorder": 4.9}
 DPI = 300
 # Sides in inches: least width; least height of a figure without panels and of each panel; largest of both.
 NARROWEST, LOWEST, LARGEST = 2.0, (0.6, 0.6), 100.0
@@ -94,32 +128,6 @@ _RC: dict[str, Any] = {
     "svg.hashsalt": "hgorun",
     "figure.constrained_layout.use": False,
 }
-
-
-def colour(order: int) -> str:
-    """The colour of the observer at a place among all observers."""
-    return PALETTE[order % len(PALETTE)]
-
-
-def dashes(panels: Sequence[Sequence[int]]) -> dict[int, Any]:
-    """Line styles for a figure: different for observers that share a panel, solid as often as that allows.
-
-    Parameters
-    ----------
-    panels : sequence of sequence of int
-        Places of the observers that each panel shows.
-
-    Returns
-    -------
-    dict of int to linestyle
-        In a panel of up to five observers all differ; up to 35 differ in line style or colour.
-    """
-    chosen: dict[int, int] = {}
-    for order in sorted({order for panel in panels for order in panel}):
-        beside = {other for panel in panels if order in panel for other in panel if other in chosen}
-        uses = [sum(chosen[other] == style for other in beside) for style in range(len(DASHES))]
-        chosen[order] = uses.index(min(uses))
-    return {order: DASHES[style] for order, style in chosen.items()}
 
 
 @contextmanager

@@ -9,7 +9,7 @@ import unicodedata
 # Letters that have a LaTeX command, as a regular expression.
 GREEK = (
     "alpha|beta|gamma|delta|epsilon|zeta|eta|theta|iota|kappa|lambda|mu|nu|xi|pi|rho|sigma|tau|upsilon|phi|chi|psi"
-    "|omega|Gamma|Delta|Theta|Lambda|Xi|Pi|Sigma|Upsilon|Phi|Psi|Omega"
+    "|omega|varepsilon|Gamma|Delta|Theta|Lambda|Xi|Pi|Sigma|Upsilon|Phi|Psi|Omega"
 )
 _SPECIAL = {
     **{char: f"\\{char}" for char in "{}$&%#_"},
@@ -35,10 +35,10 @@ def symbol(name: str, *, hat: bool = False) -> str:
         base, indices = re.sub("[^A-Za-z0-9_]", "?", name), []
     else:
         base, indices = found[1], [part for part in (found[2], *found[3].split("_")) if part]
-    wide = len(base) > 1 and not re.fullmatch(GREEK, base)
+    wide = len(base) > 1 and not re.fullmatch(f"{GREEK}|eps", base)
     letter = rf"\mathrm{{{_escaped(base)}}}" if wide else base
     if len(base) > 1 and not wide:
-        letter = rf"\{base}"
+        letter = r"\varepsilon" if base == "eps" else rf"\{base}"
     if hat:
         letter = rf"\widehat{{{letter}}}" if wide else rf"\hat{{{letter}}}"
     below = ",".join(part if part.isdigit() or len(part) == 1 else rf"\mathrm{{{part}}}" for part in indices)

@@ -73,6 +73,8 @@ class Outcome:
     ----------
     figures : dict of str to list of str
         Files of each figure.
+    small : dict of str to str
+        A small picture of each, for the report.
     values : dict of str to list of float
         Of each claim, by its id: one value, or one for each member of an ensemble.
     errors : dict of str to float or None
@@ -82,6 +84,7 @@ class Outcome:
     """
 
     figures: dict[str, list[str]] = field(default_factory=dict)
+    small: dict[str, str] = field(default_factory=dict)
     values: dict[str, list[float]] = field(default_factory=dict)
     errors: dict[str, float | None] = field(default_factory=dict)
     diverged: dict[str, list[str]] = field(default_factory=dict)
@@ -125,7 +128,8 @@ class Work:
         """What there is, once everything is done."""
         data, found = self.state.data, Outcome()
         for name in self.job.figures:
-            found.figures[name] = [os.path.normpath(self.state.folder / f) for f in data["figures"][name]["files"]]
+            files = [os.path.normpath(self.state.folder / f) for f in data["figures"][name]["files"]]
+            found.figures[name], found.small[name] = files[:-1], files[-1]
         for i in self._numbers:
             claim = self.study.claims[i]
             found.values[claim.id] = [float(v) for v in data["claims"][claim.id]["values"]]
@@ -148,7 +152,7 @@ class Work:
         report : callable
             Told which part of the job is done, 0 to 1, and what is being done.
         """
-        for folder in (self.state.folder, self._figure_folder):
+        for folder in (self.state.folder, self.state.folder / "small", self._figure_folder):
             remove_leftovers(folder)
         self.study.check()
         runs = self._runs(self.stale_figures, self.stale_claims)
@@ -214,11 +218,14 @@ class Work:
         return self.job.folders.figures / self.job.group
 
     def _draw(self, name: str, results: Mapping[str, Result], ensembles: Mapping[str, Any]) -> None:
-        from hgorun.figures import draw, save
+        from hgorun.figures import draw, save, thumbnail
+        from hgorun.study.scaling import scaling_data
 
         shown = [results[run] for run in self.study.runs_of(name) if run in results]
-        figure = draw(shown, self.study.figures[name], name)
+        scalings = scaling_data(self.study, name, ensembles)
+        figure = draw(shown, self.study.figures[name], name, scalings=scalings)
         written = save(figure, self._figure_folder / name)
+        written.append(thumbnail(figure, self.state.folder / "small" / f"{name}.png"))
         files = [relative(path, self.state.folder) for path in written]
         self.state.note("figures", name, figure_key(self.study, name), files=files)
 

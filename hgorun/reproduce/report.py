@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import platform
 import re
 from collections.abc import Iterator, Sequence
@@ -17,8 +16,6 @@ from hgorun.reproduce.verdicts import verdicts_of
 from hgorun.shipped import folder as shipped_folder
 from hgorun.study.verdict import Verdict, number_text
 
-_PICTURE = 640  # pixels wide
-_COLOURS = 32
 _PACKAGES = ("numpy", "scipy", "casadi", "llvmlite", "matplotlib", "h5py")
 _HEAD = """# Reproduction report
 
@@ -97,9 +94,9 @@ def _figures(group: str, made: Sequence[tuple[Work, Outcome]], folders: Folders)
     if any(outcome.figures for _, outcome in made):
         yield from ("", "### Figures")
     for work, outcome in made:
-        for name, files in outcome.figures.items():
+        for name in outcome.figures:
             small = folders.report / "report" / group / f"{name}.png"
-            _picture(next(Path(file) for file in files if file.endswith(".png")), small)
+            _copy(Path(outcome.small[name]), small)
             title = " ".join((work.study.figures[name].title or "").split())
             errors = [outcome.errors.get(run) for run in work.study.runs_of(name)]
             known = [e for e in errors if e is not None]
@@ -121,16 +118,9 @@ def _versions() -> Iterator[str]:
     yield f"hgorun {__version__}, Python {platform.python_version()}, {packages}, {platform.machine()}."
 
 
-def _picture(large: Path, small: Path) -> None:
-    """A small copy, where there is none or it is older."""
-    if small.is_file() and os.path.getmtime(small) >= os.path.getmtime(large):
-        return
-    from PIL import Image
-
-    with Image.open(large) as image:
-        flat = Image.new("RGB", image.size, "white")
-        flat.paste(image.convert("RGB"))
-        height = round(flat.height * _PICTURE / flat.width)
-        reduced = flat.resize((_PICTURE, height), Image.Resampling.LANCZOS).quantize(_COLOURS)
-        with written_whole(small) as part:
-            reduced.save(part, format="PNG", optimize=True)
+def _copy(source: Path, target: Path) -> None:
+    """A copy of a picture, where there is none or another one."""
+    content = source.read_bytes()
+    if not target.is_file() or target.read_bytes() != content:
+        with written_whole(target) as part:
+            part.write_bytes(content)

@@ -12,17 +12,11 @@ def check_figures(study: Study) -> None:
     ------
     Problem
     """
-    from hgorun.figures import check
+    from hgorun.figures import RunNames, check
 
-    experiments = {name: run.experiment for name, run in study.runs.items()}
-    labels = [label for e in experiments.values() for label in e.observers]
-    labels += [f"{name}/{label}" for name, e in experiments.items() for label in e.observers]
-    models = [e.plant.model for e in experiments.values()]
-    times = [e.blocks.time for e in experiments.values()]
-    check(
-        study.figures,
-        tuple(dict.fromkeys(s for m in models for s in m.states)),
-        tuple(dict.fromkeys(s for m in models for s in m.outputs)),
-        tuple(dict.fromkeys(labels)),
-        (min(t.start for t in times), max(t.end for t in times)),
-    )
+    names = {}
+    for run in study.runs.values():
+        model, time = run.experiment.plant.model, run.experiment.blocks.time
+        span, labels = (time.start, time.end), tuple(run.experiment.observers)
+        names[run.name] = RunNames(model.states, model.outputs, labels, span, run.ensemble.kind)
+    check(study.figures, names)

@@ -41,7 +41,7 @@ class Run:
     @property
     def single(self) -> bool:
         """Whether it is one run, whose trajectories are kept."""
-        return self.ensemble.seeds is None and self.ensemble.vary is None
+        return self.ensemble.kind is None
 
     @cached_property
     def experiment(self) -> Experiment:

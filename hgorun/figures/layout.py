@@ -1,0 +1,106 @@
+"""Axes side by side, their ticks and the legend above them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from hgorun.figures.style import DOTS, DPI, LARGEST, THEORY, TRUTH
+from hgorun.figures.typeset import paragraph
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
+    from matplotlib.figure import Figure
+    from matplotlib.legend import Legend
+
+TOP = 0.6  # inches for title and legend
+
+
+def grid(count: int, columns: int, width: float, height: float, *, share: bool) -> tuple[Figure, list[Axes]]:
+    """A figure with so many panels, filled row after row; with ``share`` they have one horizontal axis."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width, height), dpi=DPI, layout="constrained")
+    FigureCanvasAgg(figure)
+    rows = -(-count // columns)
+    axes = list(figure.subplots(rows, columns, squeeze=False, sharex=share).flat)
+    for ax in axes[count:]:
+        ax.remove()
+    for ax in axes[max(count - columns, 0) : count]:  # the lowest of each column
+        ax.tick_params(axis="x", which="both", labelbottom=True)
+    return figure, axes[:count]
+
+
+def finished(figure: Figure, axes: Sequence[Axes], columns: int, title: str | None, *, grow: bool) -> Figure:
+    """Ticks and legend, which need to know all panels; a figure may grow for a long legend."""
+    from hgorun.figures.ticks import tick
+
+    for i, ax in enumerate(axes):
+        tick(ax)
+        lower = axes[i + columns] if i + columns < len(axes) else None
+        if lower is not None and ax.get_shared_x_axes().joined(ax, lower):
+            ax.set_xlabel("")
+        for inset in _insets(ax):
+            tick(inset, most=3)
+    figure.align_ylabels(axes)
+    legend = _legend(figure, axes, paragraph(title, figure.get_figwidth()) if title else None)
+    if grow:
+        taller = max(legend.get_window_extent().height / figure.dpi - TOP, 0)
+        figure.set_figheight(min(figure.get_figheight() + taller, LARGEST))
+    figure.draw_without_rendering()  # makes the ticks now, in our style, not when somebody saves
+    figure.set_layout_engine("none")  # every format gets this layout
+    for ax in axes:
+        for axis in (ax.xaxis, ax.yaxis):
+            _freeze_label(ax, axis)
+    for ax in axes:
+        for inset in _insets(ax):
+            for label in (*inset.get_xticklabels(), *inset.get_yticklabels()):  # they stand on the panel's lines
+                label.set_bbox({"facecolor": "white", "edgecolor": "none", "alpha": 0.9, "pad": 0.5})
+    return figure
+
+
+def _freeze_label(ax: Axes, axis: Axis) -> None:
+    """Keep a label where the layout has put it: finding its place anew among aligned ones takes a third of saving."""
+    x, y = axis.label.get_transform().transform(axis.label.get_position())
+    axis.set_label_coords(*ax.transAxes.inverted().transform((x, y)))
+
+
+def _insets(ax: Axes) -> list[Axes]:
+    from matplotlib.axes import Axes
+
+    return [child for child in ax.child_axes if isinstance(child, Axes)]
+
+
+def _legend(figure: Figure, axes: Sequence[Axes], title: str | None) -> Legend:
+    """One legend above all panels, in as many columns as fit; the figure's title is its title."""
+    handles: dict[tuple[str, Any], Any] = {}
+    for ax in axes:
+        for line in ax.lines:
+            text = str(line.get_label())
+            if not text.startswith("_"):  # matplotlib's own names for what has none
+                handles.setdefault((text, line.get_color()), line)
+    entries = sorted(handles, key=lambda entry: _rank(entry[0]))
+    texts = [text for text, _ in entries]
+    room = figure.get_figwidth() * figure.dpi
+    columns = max(len(texts), 1)
+    while True:
+        legend = figure.legend(
+            [handles[entry] for entry in entries],
+            texts,
+            ncols=columns,
+            title=title,
+            loc="outside upper center",
+        )
+        legend.get_title().set_multialignment("center")
+        if columns == 1 or legend.get_window_extent().width <= room:
+            return legend
+        legend.remove()
+        columns -= 1
+
+
+def _rank(text: str) -> int:
+    """Truth, measurements and theory stand before the observers."""
+    kinds = [str(kind["label"]) for kind in (TRUTH, DOTS, THEORY)]
+    return next((i for i, kind in enumerate(kinds) if text == kind or text.endswith(f": {kind}")), len(kinds))

@@ -1,0 +1,122 @@
+"""The size of estimation errors against what a run varies: simulated points on the lines of theory."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hgorun.figures.looks import Look
+from hgorun.figures.style import POINTS, THEORY
+from hgorun.figures.typeset import symbol, unit
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+# What can be shown, and how the vertical axis calls it; {} is the error.
+QUANTITIES = {
+    "amplitude": "amplitude of ${}$",
+    "rmse": "rms of ${}$",
+    "sup": "largest $|{}|$",
+    "peak": "peak of $|{}|$",
+    "std": "standard deviation of ${}$",
+    "hf": "high-frequency part of ${}$",
+    "tv": "relative total variation of ${}$",
+    "settling": "settling time of ${}$",
+}
+
+
+@dataclass(frozen=True)
+class ScaledObserver:
+    """One observer's errors.
+
+    Attributes
+    ----------
+    type : str
+    filter_order : int or None
+        Order of its filter, where it has one.
+    measured : ndarray, shape (m,)
+        From simulation; points that are not positive and finite are left out.
+    theory : ndarray, shape (m,), or None
+    """
+
+    type: str
+    filter_order: int | None
+    measured: np.ndarray
+    theory: np.ndarray | None = None
+
+
+@dataclass(frozen=True)
+class ScalingData:
+    """What a scaling panel shows.
+
+    Attributes
+    ----------
+    run, state : str
+        The run with ``vary``, and the state whose error is measured.
+    name : str
+        What is varied.
+    values : ndarray, shape (m,)
+    observers : mapping of str to ScaledObserver
+        By label.
+    unit : str
+        Of the vertical axis.
+    """
+
+    run: str
+    state: str
+    name: str
+    values: np.ndarray
+    observers: Mapping[str, ScaledObserver]
+    unit: str = ""
+
+
+def draw_scaling(
+    ax: Axes, data: ScalingData, labels: Mapping[str, int], looks: Mapping[int, Look], quantity: str
+) -> None:
+    """Points and lines on logarithmic axes.
+
+    Parameters
+    ----------
+    labels : mapping of str to int
+        The observers shown: their places, keys of ``looks``.
+    quantity : str
+        One of QUANTITIES.
+    """
+    ax.set_xscale("log")
+    ax.set_yscale("log")
+    drawn: list[np.ndarray] = []
+    for label, order in labels.items():
+        observer, look = data.observers[label], looks[order]
+        if observer.theory is not None:
+            drawn.append(_plot(ax, data.values, observer.theory, **{**THEORY, **_line(look)}))
+        points = {**POINTS, "color": look.colour, "marker": look.marker, "label": look.text}
+        drawn.append(_plot(ax, data.values, observer.measured, **points))
+    if any(data.observers[label].theory is not None for label in labels):
+        ax.plot([], [], **THEORY)
+        ax.plot([], [], **POINTS)
+    _limit(ax, data.values, drawn)
+    error = f"{symbol(data.state, hat=True)} - {symbol(data.state)}"
+    ax.set_ylabel(QUANTITIES[quantity].format(error) + unit(data.unit))
+    ax.set_xlabel(f"${symbol(data.name)}$")
+
+
+def _line(look: Look) -> dict[str, object]:
+    return {"color": look.colour, "linestyle": look.dashes, "label": "_theory"}
+
+
+def _plot(ax: Axes, x: np.ndarray, v: np.ndarray, **how: object) -> np.ndarray:
+    """Draw what logarithmic axes can show, in the order of x; the values drawn."""
+    shown = np.isfinite(x) & np.isfinite(v) & (x > 0) & (v > 0)
+    order = np.argsort(x[shown], kind="stable")
+    ax.plot(x[shown][order], v[shown][order], **how)  # type: ignore[arg-type]  # matplotlib wants each one's type
+    return np.asarray(v[shown])
+
+
+def _limit(ax: Axes, values: np.ndarray, drawn: Sequence[np.ndarray]) -> None:
+    for axis, found in (("x", values[values > 0]), ("y", np.concatenate([*drawn, np.empty(0)]))):
+        low, high = (float(found.min()), float(found.max())) if found.size else (0.1, 1.0)
+        margin = 1.6 if low == high else (high / low) ** 0.06
+        (ax.set_xlim if axis == "x" else ax.set_ylim)(low / margin, high * margin)

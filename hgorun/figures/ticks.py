@@ -1,0 +1,29 @@
+"""Ticks and their labels. This module imports matplotlib; import it where it is used."""
+
+from __future__ import annotations
+
+from matplotlib.axes import Axes
+from matplotlib.ticker import AutoMinorLocator, LogLocator, MaxNLocator, NullFormatter, ScalarFormatter
+
+
+class PlainFormatter(ScalarFormatter):
+    """Tick labels as plain text: in these fonts they look the same as mathematics, which takes long to set.
+
+    A power of ten that they share is still set as mathematics.
+    """
+
+    def __call__(self, x: float, pos: int | None = None) -> str:
+        """The label of a tick."""
+        return super().__call__(x, pos).removeprefix(r"$\mathdefault{").removesuffix("}$")
+
+
+def tick(ax: Axes, most: int | None = None) -> None:
+    """Ticks at round numbers, one small one between them; on either axis at most so many."""
+    for axis, scale in ((ax.xaxis, ax.get_xscale()), (ax.yaxis, ax.get_yscale())):
+        if scale == "log":
+            axis.set_major_locator(LogLocator(numticks=most or 6))
+            axis.set_minor_formatter(NullFormatter())
+        else:
+            axis.set_major_locator(MaxNLocator(nbins=most or "auto", steps=[1, 2, 5, 10]))
+            axis.set_minor_locator(AutoMinorLocator(2))
+            axis.set_major_formatter(PlainFormatter())
