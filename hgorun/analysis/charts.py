@@ -1,0 +1,134 @@
+"""The coordinates in which an observer's theory is written, and the plant's slopes there.
+
+A constant-gain observer's are z = Phi(x), the chains; a time-varying one's those where its plant is triangular.
+In them f = F z + phi: what is not on the chains' links is phi.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from hgorun.analysis.gains import NotApplicableError
+from hgorun.plants.build import BuiltPlant
+from hgorun.symbolic.canonical import CanonicalForm
+from hgorun.symbolic.forms import Form
+from hgorun.symbolic.triangular import TriangularForm
+
+
+@dataclass(frozen=True)
+class Chart:
+    """Coordinates z of a plant, and phi's slopes.
+
+    Attributes
+    ----------
+    names : tuple of str
+        The plant's states where z is x, else z1..zn.
+    positions : ndarray of int, shape (n,)
+        Place of each coordinate in its chain, from 0: zbar_i = theta^(-position) z_i.
+    t, x, z, u, p : casadi.SX
+        Symbols.
+    field : casadi.SX, shape (n,)
+        The plant's dynamics, of x.
+    slopes : casadi.SX, shape (n, n)
+        d phi/dz as functions of z, where z can be inverted.
+    slopes_in_x : casadi.SX, shape (n, n)
+        The same as functions of x.
+    directions : casadi.SX, shape (n, n)
+        dz/dx, of x.
+    invertible : bool
+        Whether x is known as a function of z.
+    """
+
+    names: tuple[str, ...]
+    positions: np.ndarray
+    t: ca.SX
+    x: ca.SX
+    z: ca.SX
+    u: ca.SX
+    p: ca.SX
+    field: ca.SX
+    slopes: ca.SX
+    slopes_in_x: ca.SX
+    map: ca.SX
+    parameters: np.ndarray
+    invertible: bool
+
+    @property
+    def directions(self) -> ca.SX:
+        """dz/dx."""
+        return ca.jacobian(self.map, self.x)
+
+    def image(self, x: np.ndarray) -> np.ndarray:
+        """z at many points, shape (Nt, n)."""
+        f = ca.Function("z", [self.x, self.p], [ca.densify(self.map)])
+        return np.asarray(f(ca.DM(x.T), ca.DM(self.parameters)).full()).T
+
+
+def chart_of(form: Form, plant: BuiltPlant) -> Chart:
+    """The chart of a plant in an observer's form.
+
+    Raises
+    ------
+    NotApplicableError
+        For forms whose theory is another.
+    """
+    if isinstance(form, CanonicalForm):
+        return _of_chains(form, plant)
+    if isinstance(form, TriangularForm):
+        return _of_triangle(form, plant)
+    raise NotApplicableError("the theory of high-gain observers with a Lipschitz constant is not that of this observer")
+
+
+def _of_chains(form: CanonicalForm, plant: BuiltPlant) -> Chart:
+    m = form.plant
+    positions = np.array([k for length in form.chains for k in range(length)], dtype=int)
+    z = m.x if form.identity else ca.vertcat(*[ca.SX.sym(f"z{i + 1}") for i in range(m.n)])
+    names = m.states if form.identity else tuple(f"z{i + 1}" for i in range(m.n))
+    moving = form.jacobian @ m.dynamics  # z'
+    slopes_in_x = ca.jacobian(moving, m.x)
+    if not form.identity:
+        slopes_in_x = ca.solve(form.jacobian.T, slopes_in_x.T).T
+    slopes_in_x = slopes_in_x - form.shift
+    back = z if form.identity else _inverse(form, z)
+    slopes = slopes_in_x
+    if back is not None and not form.identity:
+        in_z = ca.substitute(ca.cse(moving), m.x, back)
+        slopes = ca.jacobian(in_z, z) - form.shift
+    return Chart(
+        names, positions, m.t, m.x, z, m.u, m.p, m.dynamics, ca.SX(slopes), ca.SX(slopes_in_x), form.phi_map,
+        plant.parameters, back is not None,
+    )  # fmt: skip
+
+
+def _inverse(form: CanonicalForm, z: ca.SX) -> ca.SX | None:
+    """x of z: the plant's own, or that of a linear map."""
+    m = form.plant
+    if m.inverse is not None:
+        return m.inverse(z, m.p)
+    if not ca.depends_on(form.jacobian, m.x):
+        offset = ca.substitute(form.phi_map, m.x, ca.SX.zeros(m.n))
+        return ca.solve(form.jacobian, z - offset)
+    return None
+
+
+def _of_triangle(form: TriangularForm, plant: BuiltPlant) -> Chart:
+    m, outer = form.model, form.plant
+    positions = np.array(form.block, dtype=int)
+    links = positions[None, :] == positions[:, None] + 1
+    jacobian = ca.jacobian(m.dynamics, m.x)
+    for i, j in zip(*np.nonzero(links), strict=True):
+        if any(ca.depends_on(jacobian[int(i), int(j)], m.x[int(k)]) for k in np.flatnonzero(links[i])):
+            raise NotApplicableError(
+                f"the derivative of {m.states[i]} is not affine in {m.states[j]}: F(u, xhat) x + phi(u, x) of the "
+                "theorem is not the plant"
+            )
+    slopes = jacobian * ca.DM(~links)
+    there = outer.x if outer.transform is None else outer.transform(outer.x, outer.p)
+    in_x = ca.substitute(slopes, m.x, there)
+    return Chart(
+        m.states, positions, m.t, outer.x, m.x, m.u, m.p, outer.dynamics, slopes, ca.SX(in_x), there,
+        plant.parameters, True,
+    )  # fmt: skip
