@@ -36,8 +36,8 @@ class Chart:
         d phi/dz as functions of z, where z can be inverted.
     slopes_in_x : casadi.SX, shape (n, n)
         The same as functions of x.
-    directions : casadi.SX, shape (n, n)
-        dz/dx, of x.
+    map : casadi.SX, shape (n,)
+        z, of x.
     invertible : bool
         Whether x is known as a function of z.
     """
@@ -55,6 +55,11 @@ class Chart:
     map: ca.SX
     parameters: np.ndarray
     invertible: bool
+
+    @property
+    def own(self) -> bool:
+        """Whether z is x."""
+        return bool(ca.is_equal(self.map, self.x))
 
     @property
     def directions(self) -> ca.SX:

@@ -29,7 +29,7 @@ from hgorun.symbolic.triangular import TriangularForm
 from hgorun.system.block import ObserverBlock
 
 _ELSEWHERE = 2.0  # another theta, whose powers are read off
-_GAINS = ("P", "S", "U")  # matrices that are integrated, and settle
+GAINS = ("P", "S", "U")  # matrices that are integrated, and settle
 MU = 1.0  # of P A~ + A~^T P = -2 mu I
 
 
@@ -231,8 +231,8 @@ def _linear(observer: Observer, chains: tuple[int, ...], theta: float) -> tuple[
     copy = block.copy(model.t, model.u, model.p)
     s = block.symbols(z)
     flow = plain.equations(copy, s, e, block.k)
-    moving = [block.states[name] for name in block.states if name not in _GAINS]
-    names = [name for name in block.states if name not in _GAINS]
+    moving = [block.states[name] for name in block.states if name not in GAINS]
+    names = [name for name in block.states if name not in GAINS]
     rate = ca.vertcat(*[state.flat(flow.derivatives[name]) for name, state in zip(names, moving, strict=True)])
     xi = ca.vertcat(*[z[state.start : state.start + state.size] for state in moving])
     H = ca.jacobian(copy.output(s.xhat), xi)
