@@ -109,6 +109,22 @@ def compare(
 
 
 @app.command()
+def analyze(
+    config: Annotated[Path, typer.Argument(metavar="CONFIG", help="A YAML configuration.")],
+    output: Output = None,
+    overrides: Overrides = None,
+    seed: Seed = None,
+    quiet: Quiet = False,
+    json: Json = False,
+    plots: Annotated[bool, typer.Option("--plots/--no-plots", help="Draw errors and their bounds (PNG, PDF).")] = True,
+) -> None:
+    """Gains, bounds and predicted noise: theory beside simulation."""
+    from hgorun.commands.analyze import analyze
+
+    raise typer.Exit(analyze(config, output, overrides or [], seed, quiet=quiet, json=json, plots=plots))
+
+
+@app.command()
 def figures(
     names: Annotated[
         Optional[list[str]],  # noqa: UP045

@@ -120,15 +120,15 @@ def text(results: Sequence[Result]) -> str:
     rows, runs = _rows(results), run_names(results)
     lines = []
     for run, result in zip(runs, results, strict=True):
-        lines += _wrapped(": ".join(part for part in (printable(run), printable(result.title)) if part))
-        lines += _wrapped(_windows(result), "  ")
+        lines += wrapped(": ".join(part for part in (printable(run), printable(result.title)) if part))
+        lines += wrapped(_windows(result), "  ")
     for block in _blocks(rows, _states(results)) if rows else [["no observers"]]:
         lines += ["", *block]
     for run, result in zip(runs, results, strict=True):
         if result.integration_error is not None:
             start = f"{printable(run)}: " if len(runs) > 1 else ""
             errors = ", ".join(f"{printable(k)} {v:.1e}" for k, v in result.integration_error.items())
-            lines += ["", *_wrapped(f"{start}integration error: {errors}")]
+            lines += ["", *wrapped(f"{start}integration error: {errors}")]
     return "\n".join(lines)
 
 
@@ -149,22 +149,36 @@ def _windows(result: Result) -> str:
 
 def _blocks(rows: Sequence[_Row], states: Sequence[str]) -> list[list[str]]:
     """The lines of each part of the table; a metric's states stay together where they fit."""
-    labels = ["", *(shortened(printable(row.text), _LABEL) for row in rows)]
+    groups = [
+        [[f"{metric} {s}", *(number(row.value(metric, s)) for row in rows)] for s in states]
+        for metric in _metrics(rows)
+    ]
+    return packed([row.text for row in rows], [*groups, [["status", *(row.status for row in rows)]]])
+
+
+def packed(texts: Sequence[str], groups: Sequence[Sequence[Sequence[str]]]) -> list[list[str]]:
+    """Lines of tables with as many columns side by side as a terminal has room for.
+
+    Parameters
+    ----------
+    texts : sequence of str
+        What the rows are called.
+    groups : sequence of sequence of columns
+        Columns that stay together where they fit. A column is its head and a cell a row.
+    """
+    labels = ["", *(shortened(printable(text), _LABEL) for text in texts)]
     room = _WIDTH - _width(labels)
-    groups: list[list[list[str]]] = []
-    for metric in _metrics(rows):
-        group = [[f"{metric} {s}", *(_number(row.value(metric, s)) for row in rows)] for s in states]
-        groups += [group] if sum(2 + _width(c) for c in group) <= room else [[column] for column in group]
-    groups.append([["status", *(row.status for row in rows)]])
-    blocks: list[list[list[str]]] = [[]]
+    blocks: list[list[Sequence[str]]] = [[]]
     for group in groups:
-        if blocks[-1] and sum(2 + _width(column) for column in blocks[-1] + group) > room:
-            blocks.append([])
-        blocks[-1] += group
-    return [_aligned(labels, block) for block in blocks]
+        fits = sum(2 + _width(c) for c in group) <= room
+        for part in [list(group)] if fits else [[column] for column in group]:
+            if blocks[-1] and sum(2 + _width(column) for column in blocks[-1] + part) > room:
+                blocks.append([])
+            blocks[-1] += part
+    return [aligned(labels, block) for block in blocks]
 
 
-def _aligned(labels: Sequence[str], block: Sequence[Sequence[str]]) -> list[str]:
+def aligned(labels: Sequence[str], block: Sequence[Sequence[str]]) -> list[str]:
     """Lines with labels and status flush left, numbers flush right."""
     lines = [cell + " " * (_width(labels) - _width([cell])) for cell in labels]
     for column in block:
@@ -173,7 +187,7 @@ def _aligned(labels: Sequence[str], block: Sequence[Sequence[str]]) -> list[str]
     return [line.rstrip() for line in lines]
 
 
-def _number(value: float | None) -> str:
+def number(value: float | None) -> str:
     """Four significant digits; a dash where there is none."""
     if value is None:
         return "-"
@@ -184,7 +198,7 @@ def _width(cells: Sequence[str]) -> int:
     return max(map(columns, cells))
 
 
-def _wrapped(words: str, indent: str = "") -> list[str]:
+def wrapped(words: str, indent: str = "") -> list[str]:
     return textwrap.wrap(words, _WIDTH, initial_indent=indent, subsequent_indent=indent or "  ")
 
 
@@ -237,9 +251,9 @@ def _latex_head(metrics: Sequence[str], states: Sequence[str], padding: Sequence
 def _best(metric: str, values: Sequence[float | None]) -> str | None:
     """The best number as printed; None where nothing is compared."""
     finite = [value for value in values if value is not None and math.isfinite(value)]
-    if not finite or len(set(map(_number, values))) < 2:
+    if not finite or len(set(map(number, values))) < 2:
         return None
-    return _number(min(finite, key=lambda v: abs(math.log(v)) if metric == "tv" and v > 0 else v))
+    return number(min(finite, key=lambda v: abs(math.log(v)) if metric == "tv" and v > 0 else v))
 
 
 def _latex_number(value: float | None, best: str | None) -> str:
@@ -247,5 +261,5 @@ def _latex_number(value: float | None, best: str | None) -> str:
         return "--"
     if math.isinf(value):
         return r"$\infty$" if value > 0 else r"$-\infty$"
-    number = re.sub(r"e([-+])0*(\d+)", lambda m: rf" \times 10^{{{m[1].strip('+')}{m[2]}}}", _number(value))
-    return rf"$\mathbf{{{number}}}$" if _number(value) == best else f"${number}$"
+    shown = re.sub(r"e([-+])0*(\d+)", lambda m: rf" \times 10^{{{m[1].strip('+')}{m[2]}}}", number(value))
+    return rf"$\mathbf{{{shown}}}$" if number(value) == best else f"${shown}$"

@@ -226,7 +226,7 @@ def _lacking(s: _Setting, limit: float, delay: Halanay) -> list[str]:
     """What the theorem assumes and the run does not meet."""
     run, result, a, observer = s.context.run, s.context.result, s.amplitudes, s.block.observer
     found = []
-    if s.theta < limit:
+    if s.theta < limit * (1 - 1e-9):
         found.append(f"theta = {s.theta:.4g} is below theta_bound = {limit:.4g}")
     if not a.delay < delay.longest and a.delay > 0:
         found.append(f"d_M = {a.delay:.4g} is not below delay_bound = {delay.longest:.4g}")

@@ -43,14 +43,14 @@ def comparison(results: Result | Sequence[Result]) -> Figure:
     states = list(dict.fromkeys(name for r in several for name in r.states))
     scene = Scene(several, actors, dashes([[a.order for a in actors]]))
     with styled():
-        figure, axes = _grid(len(states), 2, _WIDTH, _ROW * len(states) + _TOP, share=True)
+        figure, axes = grid(len(states), 2, _WIDTH, _ROW * len(states) + _TOP, share=True)
         for (left, right), name in zip(axes, states, strict=True):
             draw_state(left, scene, name)
             draw_magnitude(right, scene, name)
         axes[0][0].set_title("states and estimates")
         axes[0][1].set_title(_magnitude_title(several))
         title = several[0].title if len(several) == 1 else None
-        return _finished(figure, axes, several, title, grow=True)
+        return finished(figure, axes, several, title, grow=True)
 
 
 def draw(results: Result | Sequence[Result], figure: FigureBlock, name: str = "figure") -> Figure:
@@ -84,14 +84,14 @@ def draw(results: Result | Sequence[Result], figure: FigureBlock, name: str = "f
     styles = dashes([[a.order for a in group] for group in shown])
     with styled():
         height = figure.height or _PANEL * len(panels)
-        made, axes = _grid(len(panels), 1, figure.width, height, share=len({p.window for p in panels}) == 1)
+        made, axes = grid(len(panels), 1, figure.width, height, share=len({p.window for p in panels}) == 1)
         for (ax,), panel, group in zip(axes, panels, shown, strict=True):
             _draw_panel(ax, Scene(_runs(several, group, panel), group, styles, panel.window), panel)
         _level(axes, panels)
         for (ax,), title in zip(axes, _titles(panels, shown), strict=True):
             if title:
                 ax.set_title(paragraph(title, figure.width))
-        return _finished(made, axes, several, figure.title, grow=figure.height is None)
+        return finished(made, axes, several, figure.title, grow=figure.height is None)
 
 
 def _several(results: Result | Sequence[Result]) -> list[Result]:
@@ -146,7 +146,8 @@ def _level(axes: list[list[Axes]], panels: Sequence[Panel]) -> None:
             ax.set_ylim(min(low for low, _ in ranges), max(high for _, high in ranges))
 
 
-def _grid(rows: int, columns: int, width: float, height: float, *, share: bool) -> tuple[Figure, list[list[Axes]]]:
+def grid(rows: int, columns: int, width: float, height: float, *, share: bool) -> tuple[Figure, list[list[Axes]]]:
+    """An empty figure and its axes, row by row; sizes in inches."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -156,7 +157,7 @@ def _grid(rows: int, columns: int, width: float, height: float, *, share: bool) 
     return figure, [list(row) for row in axes]
 
 
-def _finished(
+def finished(
     figure: Figure, axes: list[list[Axes]], results: Sequence[Result], title: str | None, *, grow: bool
 ) -> Figure:
     """Ticks, time axes and legend, which need to know all panels; a figure may grow for a long legend."""
