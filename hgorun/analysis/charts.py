@@ -38,6 +38,10 @@ class Chart:
         The same as functions of x.
     map : casadi.SX, shape (n,)
         z, of x.
+    variables, raw : casadi.SX
+        d phi/d(variables), shape (n, n), of the variables: x, or z where phi is written in it.
+    straight : bool
+        Whether the variables are z.
     invertible : bool
         Whether x is known as a function of z.
     """
@@ -53,8 +57,14 @@ class Chart:
     slopes: ca.SX
     slopes_in_x: ca.SX
     map: ca.SX
+    variables: ca.SX
+    raw: ca.SX
     parameters: np.ndarray
     invertible: bool
+
+    @property
+    def straight(self) -> bool:
+        return self.own or not ca.is_equal(self.variables, self.x)
 
     @property
     def own(self) -> bool:
@@ -93,10 +103,8 @@ def _of_chains(form: CanonicalForm, plant: BuiltPlant) -> Chart:
     z = m.x if form.identity else ca.vertcat(*[ca.SX.sym(f"z{i + 1}") for i in range(m.n)])
     names = m.states if form.identity else tuple(f"z{i + 1}" for i in range(m.n))
     moving = form.jacobian @ m.dynamics  # z'
-    slopes_in_x = ca.jacobian(moving, m.x)
-    if not form.identity:
-        slopes_in_x = ca.solve(form.jacobian.T, slopes_in_x.T).T
-    slopes_in_x = slopes_in_x - form.shift
+    raw = ca.jacobian(moving, m.x) - form.shift @ form.jacobian
+    slopes_in_x = raw if form.identity else ca.solve(form.jacobian.T, raw.T).T
     back = z if form.identity else _inverse(form, z)
     slopes = slopes_in_x
     if back is not None and not form.identity:
@@ -104,7 +112,7 @@ def _of_chains(form: CanonicalForm, plant: BuiltPlant) -> Chart:
         slopes = ca.jacobian(in_z, z) - form.shift
     return Chart(
         names, positions, m.t, m.x, z, m.u, m.p, m.dynamics, ca.SX(slopes), ca.SX(slopes_in_x), form.phi_map,
-        plant.parameters, back is not None,
+        m.x, ca.SX(raw), plant.parameters, back is not None,
     )  # fmt: skip
 
 
@@ -135,5 +143,5 @@ def _of_triangle(form: TriangularForm, plant: BuiltPlant) -> Chart:
     in_x = ca.substitute(slopes, m.x, there)
     return Chart(
         m.states, positions, m.t, outer.x, m.x, m.u, m.p, outer.dynamics, slopes, ca.SX(in_x), there,
-        plant.parameters, True,
+        m.x, slopes, plant.parameters, True,
     )  # fmt: skip

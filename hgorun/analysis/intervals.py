@@ -208,25 +208,26 @@ _LIBRARY: dict[int, Operation] = {
 
 @dataclass(frozen=True)
 class Enclosure:
-    """A scalar function of a vector, evaluated on boxes.
+    """A function of a vector, evaluated on boxes.
 
     Parameters
     ----------
     function : casadi.Function
-        One vector in, one number out, made of SX.
+        One vector in, one dense column of numbers out, made of SX.
     """
 
     function: ca.Function
 
-    def __call__(self, low: np.ndarray, high: np.ndarray) -> Bounds:
-        """Bounds (M,) of the values on M boxes with corners low and high, shapes (M, d)."""
+    def each(self, low: np.ndarray, high: np.ndarray) -> Bounds:
+        """Bounds (M, m) of the m values on M boxes with corners low and high, shapes (M, d)."""
         many = low.shape[0]
         values: dict[int, Bounds] = {}
-        found: Bounds = (np.zeros(many), np.zeros(many))  # a function without output entries is zero
+        found = tuple(np.zeros((many, self.function.numel_out(0))) for _ in range(2))
         whole = np.full(many, -np.inf), np.full(many, np.inf)
         for i in read(self.function):
             if i.op == ca.OP_OUTPUT:
-                found = values[i.arguments[0]]
+                for side, value in zip(found, values[i.arguments[0]], strict=True):
+                    side[:, i.place[1]] = value
             elif i.op == ca.OP_INPUT:
                 column = i.place[1]
                 values[i.value] = low[:, column], high[:, column]
@@ -237,7 +238,12 @@ class Enclosure:
                 arguments = [values[a] for a in i.arguments]
                 with np.errstate(all="ignore"):
                     values[i.value] = operation(*arguments) if operation else whole
-        return found
+        return found[0], found[1]
+
+    def __call__(self, low: np.ndarray, high: np.ndarray) -> Bounds:
+        """Bounds (M,) of the only value."""
+        least, most = self.each(low, high)
+        return least[:, 0], most[:, 0]
 
     def at(self, points: np.ndarray) -> np.ndarray:
         """The values (M,) at M points (M, d)."""

@@ -14,6 +14,7 @@ import numpy as np
 
 from hgorun.analysis.charts import Chart
 from hgorun.analysis.intervals import Enclosure, largest
+from hgorun.analysis.segments import along
 from hgorun.result import Result
 from hgorun.run import Run
 
@@ -30,10 +31,11 @@ class Lipschitz:
     Attributes
     ----------
     slopes, reached : ndarray, shape (n, n)
-        M: no slope is larger where ``kind`` is ``interval over box``; and the largest that was met.
+        M: no slope is larger where ``kind`` is an interval's; and the largest that was met.
     kind : str
-        ``interval over box``: bounds by interval arithmetic. ``trajectory``: the largest slopes met along the
-        simulated truth and estimate, no bounds.
+        ``interval over box``: bounds by interval arithmetic. ``interval along run``: the same on the segments
+        between simulated truth and estimate, where the box has points that are no states. ``trajectory``: the
+        largest slopes met along truth and estimate, no bounds.
     region : str
         Where the box comes from.
     box : mapping of str to (low, high)
@@ -114,6 +116,10 @@ def lipschitz(
         bounds, met = _over_box(run, chart, low, high)
         if np.all(np.isfinite(bounds)):
             slopes, reached, kind = bounds, np.maximum(met, reached), "interval over box"
+    if kind == "trajectory":
+        bounds = along(run, chart, result, label)
+        if np.all(np.isfinite(bounds)):
+            slopes, kind, region = bounds, "interval along run", "between simulated truth and estimate"
     above_ = chart.positions[None, :] > chart.positions[:, None]
     stray = float(np.max(reached, where=above_, initial=0.0))
     if stray > 1e-7 * (1 + np.max(reached, initial=0.0)):
