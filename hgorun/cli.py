@@ -89,6 +89,7 @@ def compare(
     format: Annotated[str, typer.Option("--format", help="Of the table: text, csv or latex.")] = "text",
     plots: Annotated[bool, typer.Option("--plots/--no-plots", help="Draw comparison plots (PNG and PDF).")] = True,
     strict: Strict = False,
+    analyze: Annotated[bool, typer.Option("--analyze", help="Add what theory predicts for configurations.")] = False,
 ) -> None:
     """Metrics side by side, and comparison plots."""
     from hgorun.commands.run import compare
@@ -104,6 +105,7 @@ def compare(
             style=format,
             plots=plots,
             strict=strict,
+            analyze=analyze,
         )
     )
 
@@ -117,11 +119,12 @@ def analyze(
     quiet: Quiet = False,
     json: Json = False,
     plots: Annotated[bool, typer.Option("--plots/--no-plots", help="Draw errors and their bounds (PNG, PDF).")] = True,
+    search: Annotated[bool, typer.Option("--search", help="Find the smallest theta that works, by trying.")] = False,
 ) -> None:
     """Gains, bounds and predicted noise: theory beside simulation."""
     from hgorun.commands.analyze import analyze
 
-    raise typer.Exit(analyze(config, output, overrides or [], seed, quiet=quiet, json=json, plots=plots))
+    raise typer.Exit(analyze(config, output, overrides or [], seed, quiet=quiet, json=json, plots=plots, search=search))
 
 
 @app.command()

@@ -21,6 +21,10 @@ _LABEL = 40  # of them for a label, at most
 _PAGE = 6  # numbers side by side on a page
 
 
+# what theory says of a result's observers: {label: {column: number}}
+Predicted = Mapping[str, Mapping[str, float]]
+
+
 @dataclass(frozen=True)
 class _Row:
     """One observer of one result."""
@@ -61,7 +65,7 @@ def _states(results: Sequence[Result]) -> list[str]:
     return list(dict.fromkeys(state for result in results for state in result.states))
 
 
-def as_json(result: Result, file: str | None = None) -> dict[str, Any]:
+def as_json(result: Result, file: str | None = None, predicted: Predicted | None = None) -> dict[str, Any]:
     """A result's metrics as JSON holds them.
 
     Parameters
@@ -69,6 +73,8 @@ def as_json(result: Result, file: str | None = None) -> dict[str, Any]:
     result : Result
     file : str, optional
         Where it is stored.
+    predicted : mapping, optional
+        What theory says of the observers: they have a key ``predicted`` then.
 
     Returns
     -------
@@ -76,11 +82,13 @@ def as_json(result: Result, file: str | None = None) -> dict[str, Any]:
         ``{"name", "file", "status", "observers": {label: {"status", metric: {state: number}}}}``, and
         ``integration_error`` where it is known. Numbers that are not finite are text.
     """
-    observers = {
+    observers: dict[str, dict[str, Any]] = {
         label: {"status": result.observers[label].status}
         | {metric: _finite(values) for metric, values in metrics.items()}
         for label, metrics in result.metrics().items()
     }
+    for label, values in (predicted or {}).items():
+        observers[label]["predicted"] = _finite(values)
     found: dict[str, Any] = {
         "name": result.name,
         "file": file,
@@ -96,10 +104,11 @@ def _finite(values: Mapping[str, float]) -> dict[str, float | str]:
     return {key: float(value) if math.isfinite(value) else str(float(value)) for key, value in values.items()}
 
 
-def csv(results: Sequence[Result]) -> str:
+def csv(results: Sequence[Result], predicted: Sequence[Predicted] = ()) -> str:
     """One number a line: name, observer, status, state, metric, value.
 
-    Values have all their digits; what is not finite is ``inf`` or ``nan``.
+    Values have all their digits; what is not finite is ``inf`` or ``nan``. What theory predicts, where it is given
+    for each result, follows an observer's metrics, without a state.
     """
     buffer = io.StringIO()
     writer = csv_module.writer(buffer, lineterminator="\n")
@@ -108,21 +117,26 @@ def csv(results: Sequence[Result]) -> str:
         for metric, values in row.observer.metrics.items():
             for state, value in zip(row.result.states, values, strict=True):
                 writer.writerow([row.run, row.label, row.observer.status, state, metric, repr(float(value))])
+        for key, prediction in _theory(row, results, predicted).items():
+            writer.writerow([row.run, row.label, row.observer.status, "", key, repr(float(prediction))])
     return buffer.getvalue()
 
 
-def text(results: Sequence[Result]) -> str:
+def text(results: Sequence[Result], predicted: Sequence[Predicted] = ()) -> str:
     """An aligned table for a terminal, at most 100 columns wide.
 
     Above it stand the windows that the numbers are from, below it the integration error where it is known.
-    Metrics that do not fit side by side follow below each other.
+    Metrics that do not fit side by side follow below each other, and after them what theory predicts, where it
+    is given for each result.
     """
     rows, runs = _rows(results), run_names(results)
     lines = []
     for run, result in zip(runs, results, strict=True):
         lines += wrapped(": ".join(part for part in (printable(run), printable(result.title)) if part))
         lines += wrapped(_windows(result), "  ")
-    for block in _blocks(rows, _states(results)) if rows else [["no observers"]]:
+    for block in (
+        _blocks(rows, _states(results), _predictions(rows, results, predicted)) if rows else [["no observers"]]
+    ):
         lines += ["", *block]
     for run, result in zip(runs, results, strict=True):
         if result.integration_error is not None:
@@ -147,13 +161,27 @@ def _windows(result: Result) -> str:
     return "; ".join(parts)
 
 
-def _blocks(rows: Sequence[_Row], states: Sequence[str]) -> list[list[str]]:
+def _theory(row: _Row, results: Sequence[Result], predicted: Sequence[Predicted]) -> Mapping[str, float]:
+    """What is predicted for a row."""
+    found = [p for result, p in zip(results, predicted, strict=False) if result is row.result]
+    return found[0].get(row.label, {}) if found else {}
+
+
+def _predictions(rows: Sequence[_Row], results: Sequence[Result], predicted: Sequence[Predicted]) -> list[list[str]]:
+    """Columns of what is predicted."""
+    values = [_theory(row, results, predicted) for row in rows]
+    keys = dict.fromkeys(key for row in values for key in row)
+    return [[key, *(number(row.get(key)) for row in values)] for key in keys]
+
+
+def _blocks(rows: Sequence[_Row], states: Sequence[str], more: Sequence[Sequence[str]]) -> list[list[str]]:
     """The lines of each part of the table; a metric's states stay together where they fit."""
     groups = [
         [[f"{metric} {s}", *(number(row.value(metric, s)) for row in rows)] for s in states]
         for metric in _metrics(rows)
     ]
-    return packed([row.text for row in rows], [*groups, [["status", *(row.status for row in rows)]]])
+    status = ["status", *(row.status for row in rows)]
+    return packed([row.text for row in rows], [*groups, [status], *([column] for column in more)])
 
 
 def packed(texts: Sequence[str], groups: Sequence[Sequence[Sequence[str]]]) -> list[list[str]]:

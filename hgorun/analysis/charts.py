@@ -17,6 +17,8 @@ from hgorun.symbolic.canonical import CanonicalForm
 from hgorun.symbolic.forms import Form
 from hgorun.symbolic.triangular import TriangularForm
 
+_CURVED = 1e-8  # rounding of a second derivative that is zero
+
 
 @dataclass(frozen=True)
 class Chart:
@@ -132,16 +134,37 @@ def _of_triangle(form: TriangularForm, plant: BuiltPlant) -> Chart:
     positions = np.array(form.block, dtype=int)
     links = positions[None, :] == positions[:, None] + 1
     jacobian = ca.jacobian(m.dynamics, m.x)
-    for i, j in zip(*np.nonzero(links), strict=True):
-        if any(ca.depends_on(jacobian[int(i), int(j)], m.x[int(k)]) for k in np.flatnonzero(links[i])):
-            raise NotApplicableError(
-                f"the derivative of {m.states[i]} is not affine in {m.states[j]}: F(u, xhat) x + phi(u, x) of the "
-                "theorem is not the plant"
-            )
+    _require_affine(form, plant, [(int(i), int(j)) for i, j in zip(*np.nonzero(links), strict=True)])
     slopes = jacobian * ca.DM(~links)
-    there = outer.x if outer.transform is None else outer.transform(outer.x, outer.p)
+    there = _there(form)
     in_x = ca.substitute(slopes, m.x, there)
     return Chart(
         m.states, positions, m.t, outer.x, m.x, m.u, m.p, outer.dynamics, slopes, ca.SX(in_x), there,
         m.x, slopes, plant.parameters, True,
     )  # fmt: skip
+
+
+def _there(form: TriangularForm) -> ca.SX:
+    """The coordinates where the plant is triangular, as functions of its own."""
+    plant = form.plant
+    return plant.x if plant.transform is None else plant.transform(plant.x, plant.p)
+
+
+def _require_affine(form: TriangularForm, plant: BuiltPlant, links: list[tuple[int, int]]) -> None:
+    """f^(k) = F_k(u, x^(1)..x^(k)) x^(k+1) + phi^(k): decided at random points, since symbols may hide it."""
+    m, block = form.model, form.block
+    z = ca.Function("z", [form.plant.x, form.plant.p], [_there(form)])(plant.initial, plant.parameters)
+    start, random = np.asarray(z.full()).ravel(), np.random.default_rng(0)
+    points = [start * (1 + 0.2 * random.uniform(-1, 1, m.n)) + 0.05 * random.uniform(-1, 1, m.n) for _ in range(5)]
+    for i, j in links:
+        slope = ca.jacobian(m.dynamics[i], m.x[j])
+        following = ca.vertcat(*[m.x[k] for k in range(m.n) if block[k] == block[j]])
+        curvature = ca.Function("c", [m.t, m.x, m.u, m.p], [slope, ca.densify(ca.jacobian(slope, following))])
+        for point in points:
+            first, second = curvature(random.uniform(), point, random.uniform(-1, 1, m.u.numel()), plant.parameters)
+            size = float(np.max(np.abs(np.asarray(second.full())))) * (1 + float(np.max(np.abs(point))))
+            if size > _CURVED * (1 + abs(float(first))):
+                raise NotApplicableError(
+                    f"the derivative of {m.states[i]} is not affine in {m.states[j]}: F(u, xhat) x + phi(u, x) of "
+                    "the theorem is not the plant"
+                )

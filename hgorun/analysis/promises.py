@@ -176,7 +176,10 @@ def _filter(found: Findings, s: _Setting, S: time_varying.Gramian, links: tuple[
     delta = float(s.block.observer.delta)  # type: ignore[attr-defined]
     blocks = int(np.max(s.chart.positions)) + 1
     theorem = time_varying.filter_theorem(S, blocks, delta, links, s.lipschitz, s.theta)
-    found.give(peaking=_measured(s)[0])
+    peaks, error = _measured(s)
+    found.give(peaking=peaks)
+    nothing = np.full_like(error, np.inf)
+    found.transient = Transient(s.chart.names, s.context.result.time, error, nothing, nothing, False)
     other = "theorems 2.3.1 and 2.4.1 are of a period, not of a delay, and name no smallest theta"
     found.withhold(other, "theta_bound", "delay_bound", "eta_theta", "peaking_bound")
     if theorem.tau > 0:

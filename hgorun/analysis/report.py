@@ -38,6 +38,11 @@ KEYS = (
     "excitation",
 )
 
+_ABSENT = {
+    "theta_critical": "found by simulating again and again: asked for with --search",
+    "tau_bound": "theorem 2.4.1 is for fhgo1",
+}
+
 
 @dataclass(frozen=True)
 class Analysis:
@@ -59,6 +64,10 @@ class Analysis:
     def transients(self) -> dict[str, Transient]:
         """Errors and their bounds over time, of the observers that have some."""
         return {label: f.transient for label, f in self.observers.items() if f.transient is not None}
+
+    def predicted(self) -> dict[str, dict[str, float]]:
+        """The numbers that stand beside metrics in a comparison: {label: {column: number}}."""
+        return {label: _predicted(found) for label, found in self.observers.items()}
 
     def as_json(self, file: str | None = None) -> dict[str, Any]:
         """``{"name", "file", "observers": {label: {key: value, "reasons": {key: text}, "remarks": [text]}}}``.
@@ -102,9 +111,21 @@ def analysis_of(run: Run, result: Result, contributors: Sequence[Contributor] = 
     for found in gathered.values():
         for key in KEYS:
             if key not in found.values:
-                found.withhold("not computed for this observer", key)
+                found.withhold(_ABSENT.get(key, "not computed for this observer"), key)
         found.values = {key: found.values[key] for key in dict.fromkeys([*KEYS, *found.values])}
     return Analysis(run.experiment.name, gathered, result)
+
+
+def _predicted(found: Findings) -> dict[str, float]:
+    values = found.values
+    columns: dict[str, Any] = {}
+    if values.get("beta") is not None and values.get("theta") is not None:
+        columns["beta theta"] = values["beta"] * values["theta"]
+    for key in ("delay_bound", "delay_critical", "period_critical"):
+        columns[key] = values.get(key)
+    for state, value in (values.get("noise_rms_predicted") or {}).items():
+        columns[f"noise_rms_predicted {state}"] = value
+    return {key: float(value) for key, value in columns.items() if value is not None}
 
 
 def plain(value: Any) -> Any:

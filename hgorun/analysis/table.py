@@ -16,7 +16,7 @@ from hgorun.tables import number, packed, wrapped
 # Columns that stay together; keys that others contribute follow, one by one.
 _GROUPS = (
     ("poles",),
-    ("beta", "chi", "lipschitz"),
+    ("beta", "chi", "lipschitz", "lipschitz_reached"),
     ("theta", "theta_bound", "theta_critical"),
     ("delay_max", "delay_bound", "delay_critical"),
     ("period_critical", "tau_bound"),
@@ -26,7 +26,7 @@ _GROUPS = (
     ("excitation",),
 )
 # in JSON only
-_HIDDEN = {"mu", "P", "theta_bound_printed", "delay_bound_sharp", "lipschitz_reached", "lipschitz_box"}
+_HIDDEN = {"mu", "P", "theta_bound_printed", "delay_bound_sharp", "lipschitz_box"}
 _CAUTION = (
     "theta_bound, delay_bound and tau_bound are sufficient: what the proofs ask for, usually 1e2 to 1e6 times more "
     "than is needed. delay_critical and period_critical are the limits of the linear error."

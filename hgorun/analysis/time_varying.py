@@ -159,7 +159,7 @@ def filter_theorem(
     mu = 1 - 2 * c * np.sqrt(S.chi) / theta
     kappa = 2 - 2 * np.cos(np.pi / (blocks + 1))
     c_1 = 2 * K * np.sqrt(most)
-    c_2 = 2 * U * (c + whole + K) / np.sqrt(least)
+    c_2 = 2 * U * (c / theta + whole + K) / np.sqrt(least)
     if mu <= 0 or delta * kappa <= 4 * U * K:  # the step after (2.59) needs half of the filter's decay
         return FilterTheorem(float(mu), -np.inf, 0.0)
     nu = 1 - np.sqrt(2 / (kappa * mu * delta)) * (c_1 + c_2)

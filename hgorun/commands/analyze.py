@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from hgorun.analysis import table
-from hgorun.analysis.report import analysis_of
+from hgorun.analysis.report import CONTRIBUTORS, analysis_of
+from hgorun.analysis.search import critical_theta
 from hgorun.commands.run import RESULTS, execute, warn
 from hgorun.errors import ConfigError
 from hgorun.loading import load
@@ -25,13 +26,14 @@ def analyze(
     quiet: bool,
     json: bool,
     plots: bool,
+    search: bool,
 ) -> int:
     """Say what theory promises for a configuration, and draw the transients that it bounds."""
     target = _target(config, output)
     run = prepare(load(config, overrides, seed=seed))
     result = execute(run, quiet or json, check_step=False)
     warn(result)
-    analysis = analysis_of(run, result)
+    analysis = analysis_of(run, result, (*CONTRIBUTORS, critical_theta) if search else CONTRIBUTORS)
     written: list[Path] = []
     if plots and analysis.transients:
         from hgorun.figures import save
