@@ -97,6 +97,7 @@ def compare(
     plots: Annotated[bool, typer.Option("--plots/--no-plots", help="Draw comparison plots (PNG and PDF).")] = True,
     strict: Strict = False,
     run: RunName = None,
+    analyze: Annotated[bool, typer.Option("--analyze", help="Add what theory predicts for configurations.")] = False,
 ) -> None:
     """Metrics side by side, and comparison plots."""
     from hgorun.commands.run import compare
@@ -113,6 +114,7 @@ def compare(
             plots=plots,
             strict=strict,
             run=run,
+            analyze=analyze,
         )
     )
 
@@ -121,6 +123,26 @@ Names = Annotated[
     Optional[list[str]],  # noqa: UP045
     typer.Argument(metavar="[NAME...]", help="Figures, experiments or folders of them, or YAML files."),
 ]
+
+
+@app.command()
+def analyze(
+    config: Annotated[Path, typer.Argument(metavar="CONFIG", help="A YAML configuration.")],
+    output: Output = None,
+    overrides: Overrides = None,
+    seed: Seed = None,
+    quiet: Quiet = False,
+    json: Json = False,
+    plots: Annotated[bool, typer.Option("--plots/--no-plots", help="Draw errors and their bounds (PNG, PDF).")] = True,
+    search: Annotated[bool, typer.Option("--search", help="Find the smallest theta that works, by trying.")] = False,
+    run: RunName = None,
+) -> None:
+    """Gains, bounds and predicted noise: theory beside simulation."""
+    from hgorun.commands.analyze import analyze
+
+    raise typer.Exit(
+        analyze(config, output, overrides or [], seed, quiet=quiet, json=json, plots=plots, search=search, run_name=run)
+    )
 
 
 @app.command()

@@ -21,6 +21,10 @@ _LABEL = 40  # of them for a label, at most
 _PAGE = 6  # numbers side by side on a page
 
 
+# what theory says of a result's observers: {label: {column: number}}
+Predicted = Mapping[str, Mapping[str, float]]
+
+
 @dataclass(frozen=True)
 class _Row:
     """One observer of one result."""
@@ -61,7 +65,7 @@ def _states(results: Sequence[Result]) -> list[str]:
     return list(dict.fromkeys(state for result in results for state in result.states))
 
 
-def as_json(result: Result, file: str | None = None) -> dict[str, Any]:
+def as_json(result: Result, file: str | None = None, predicted: Predicted | None = None) -> dict[str, Any]:
     """A result's metrics as JSON holds them.
 
     Parameters
@@ -69,6 +73,8 @@ def as_json(result: Result, file: str | None = None) -> dict[str, Any]:
     result : Result
     file : str, optional
         Where it is stored.
+    predicted : mapping, optional
+        What theory says of the observers: they have a key ``predicted`` then.
 
     Returns
     -------
@@ -76,11 +82,13 @@ def as_json(result: Result, file: str | None = None) -> dict[str, Any]:
         ``{"name", "file", "status", "observers": {label: {"status", metric: {state: number}}}}``, and
         ``integration_error`` where it is known. Numbers that are not finite are text.
     """
-    observers = {
+    observers: dict[str, dict[str, Any]] = {
         label: {"status": result.observers[label].status}
         | {metric: _finite(values) for metric, values in metrics.items()}
         for label, metrics in result.metrics().items()
     }
+    for label, values in (predicted or {}).items():
+        observers[label]["predicted"] = _finite(values)
     found: dict[str, Any] = {
         "name": result.name,
         "file": file,
@@ -96,10 +104,11 @@ def _finite(values: Mapping[str, float]) -> dict[str, float | str]:
     return {key: float(value) if math.isfinite(value) else str(float(value)) for key, value in values.items()}
 
 
-def csv(results: Sequence[Result]) -> str:
+def csv(results: Sequence[Result], predicted: Sequence[Predicted] = ()) -> str:
     """One number a line: name, observer, status, state, metric, value.
 
-    Values have all their digits; what is not finite is ``inf`` or ``nan``.
+    Values have all their digits; what is not finite is ``inf`` or ``nan``. What theory predicts, where it is given
+    for each result, follows an observer's metrics, without a state.
     """
     buffer = io.StringIO()
     writer = csv_module.writer(buffer, lineterminator="\n")
@@ -108,27 +117,32 @@ def csv(results: Sequence[Result]) -> str:
         for metric, values in row.observer.metrics.items():
             for state, value in zip(row.result.states, values, strict=True):
                 writer.writerow([row.run, row.label, row.observer.status, state, metric, repr(float(value))])
+        for key, prediction in _theory(row, results, predicted).items():
+            writer.writerow([row.run, row.label, row.observer.status, "", key, repr(float(prediction))])
     return buffer.getvalue()
 
 
-def text(results: Sequence[Result]) -> str:
+def text(results: Sequence[Result], predicted: Sequence[Predicted] = ()) -> str:
     """An aligned table for a terminal, at most 100 columns wide.
 
     Above it stand the windows that the numbers are from, below it the integration error where it is known.
-    Metrics that do not fit side by side follow below each other.
+    Metrics that do not fit side by side follow below each other, and after them what theory predicts, where it
+    is given for each result.
     """
     rows, runs = _rows(results), run_names(results)
     lines = []
     for run, result in zip(runs, results, strict=True):
-        lines += _wrapped(": ".join(part for part in (printable(run), printable(result.title)) if part))
-        lines += _wrapped(_windows(result), "  ")
-    for block in _blocks(rows, _states(results)) if rows else [["no observers"]]:
+        lines += wrapped(": ".join(part for part in (printable(run), printable(result.title)) if part))
+        lines += wrapped(_windows(result), "  ")
+    for block in (
+        _blocks(rows, _states(results), _predictions(rows, results, predicted)) if rows else [["no observers"]]
+    ):
         lines += ["", *block]
     for run, result in zip(runs, results, strict=True):
         if result.integration_error is not None:
             start = f"{printable(run)}: " if len(runs) > 1 else ""
             errors = ", ".join(f"{printable(k)} {v:.1e}" for k, v in result.integration_error.items())
-            lines += ["", *_wrapped(f"{start}integration error: {errors}")]
+            lines += ["", *wrapped(f"{start}integration error: {errors}")]
     return "\n".join(lines)
 
 
@@ -147,24 +161,52 @@ def _windows(result: Result) -> str:
     return "; ".join(parts)
 
 
-def _blocks(rows: Sequence[_Row], states: Sequence[str]) -> list[list[str]]:
+def _theory(row: _Row, results: Sequence[Result], predicted: Sequence[Predicted]) -> Mapping[str, float]:
+    """What is predicted for a row."""
+    found = [p for result, p in zip(results, predicted, strict=False) if result is row.result]
+    return found[0].get(row.label, {}) if found else {}
+
+
+def _predictions(rows: Sequence[_Row], results: Sequence[Result], predicted: Sequence[Predicted]) -> list[list[str]]:
+    """Columns of what is predicted."""
+    values = [_theory(row, results, predicted) for row in rows]
+    keys = dict.fromkeys(key for row in values for key in row)
+    return [[key, *(number(row.get(key)) for row in values)] for key in keys]
+
+
+def _blocks(rows: Sequence[_Row], states: Sequence[str], more: Sequence[Sequence[str]]) -> list[list[str]]:
     """The lines of each part of the table; a metric's states stay together where they fit."""
-    labels = ["", *(shortened(printable(row.text), _LABEL) for row in rows)]
+    groups = [
+        [[f"{metric} {s}", *(number(row.value(metric, s)) for row in rows)] for s in states]
+        for metric in _metrics(rows)
+    ]
+    status = ["status", *(row.status for row in rows)]
+    return packed([row.text for row in rows], [*groups, [status], *([column] for column in more)])
+
+
+def packed(texts: Sequence[str], groups: Sequence[Sequence[Sequence[str]]]) -> list[list[str]]:
+    """Lines of tables with as many columns side by side as a terminal has room for.
+
+    Parameters
+    ----------
+    texts : sequence of str
+        What the rows are called.
+    groups : sequence of sequence of columns
+        Columns that stay together where they fit. A column is its head and a cell a row.
+    """
+    labels = ["", *(shortened(printable(text), _LABEL) for text in texts)]
     room = _WIDTH - _width(labels)
-    groups: list[list[list[str]]] = []
-    for metric in _metrics(rows):
-        group = [[f"{metric} {s}", *(_number(row.value(metric, s)) for row in rows)] for s in states]
-        groups += [group] if sum(2 + _width(c) for c in group) <= room else [[column] for column in group]
-    groups.append([["status", *(row.status for row in rows)]])
-    blocks: list[list[list[str]]] = [[]]
+    blocks: list[list[Sequence[str]]] = [[]]
     for group in groups:
-        if blocks[-1] and sum(2 + _width(column) for column in blocks[-1] + group) > room:
-            blocks.append([])
-        blocks[-1] += group
-    return [_aligned(labels, block) for block in blocks]
+        fits = sum(2 + _width(c) for c in group) <= room
+        for part in [list(group)] if fits else [[column] for column in group]:
+            if blocks[-1] and sum(2 + _width(column) for column in blocks[-1] + part) > room:
+                blocks.append([])
+            blocks[-1] += part
+    return [aligned(labels, block) for block in blocks]
 
 
-def _aligned(labels: Sequence[str], block: Sequence[Sequence[str]]) -> list[str]:
+def aligned(labels: Sequence[str], block: Sequence[Sequence[str]]) -> list[str]:
     """Lines with labels and status flush left, numbers flush right."""
     lines = [cell + " " * (_width(labels) - _width([cell])) for cell in labels]
     for column in block:
@@ -173,7 +215,7 @@ def _aligned(labels: Sequence[str], block: Sequence[Sequence[str]]) -> list[str]
     return [line.rstrip() for line in lines]
 
 
-def _number(value: float | None) -> str:
+def number(value: float | None) -> str:
     """Four significant digits; a dash where there is none."""
     if value is None:
         return "-"
@@ -184,7 +226,7 @@ def _width(cells: Sequence[str]) -> int:
     return max(map(columns, cells))
 
 
-def _wrapped(words: str, indent: str = "") -> list[str]:
+def wrapped(words: str, indent: str = "") -> list[str]:
     return textwrap.wrap(words, _WIDTH, initial_indent=indent, subsequent_indent=indent or "  ")
 
 
@@ -237,9 +279,9 @@ def _latex_head(metrics: Sequence[str], states: Sequence[str], padding: Sequence
 def _best(metric: str, values: Sequence[float | None]) -> str | None:
     """The best number as printed; None where nothing is compared."""
     finite = [value for value in values if value is not None and math.isfinite(value)]
-    if not finite or len(set(map(_number, values))) < 2:
+    if not finite or len(set(map(number, values))) < 2:
         return None
-    return _number(min(finite, key=lambda v: abs(math.log(v)) if metric == "tv" and v > 0 else v))
+    return number(min(finite, key=lambda v: abs(math.log(v)) if metric == "tv" and v > 0 else v))
 
 
 def _latex_number(value: float | None, best: str | None) -> str:
@@ -247,5 +289,5 @@ def _latex_number(value: float | None, best: str | None) -> str:
         return "--"
     if math.isinf(value):
         return r"$\infty$" if value > 0 else r"$-\infty$"
-    number = re.sub(r"e([-+])0*(\d+)", lambda m: rf" \times 10^{{{m[1].strip('+')}{m[2]}}}", _number(value))
-    return rf"$\mathbf{{{number}}}$" if _number(value) == best else f"${number}$"
+    shown = re.sub(r"e([-+])0*(\d+)", lambda m: rf" \times 10^{{{m[1].strip('+')}{m[2]}}}", number(value))
+    return rf"$\mathbf{{{shown}}}$" if number(value) == best else f"${shown}$"

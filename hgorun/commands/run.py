@@ -61,15 +61,18 @@ def compare(
     plots: bool,
     strict: bool,
     run: str | None = None,
+    analyze: bool = False,
 ) -> int:
     """Metrics of configurations and result files side by side, and plots of them."""
-    styles: dict[str, Callable[[Sequence[Result]], str]] = {
+    styles: dict[str, Callable[[Sequence[Result], Sequence[tables.Predicted]], str]] = {
         "text": tables.text,
         "csv": tables.csv,
-        "latex": tables.latex,
+        "latex": lambda results, _: tables.latex(results),
     }
     if style not in styles:
         raise ConfigError(f"--format: expected one of {', '.join(styles)}, found {style!r}")
+    if analyze and style == "latex":
+        raise ConfigError("--analyze adds columns to text, csv and JSON; the LaTeX table has metrics only")
     if (overrides or seed is not None) and all(path.suffix.lower() in _RESULT_SUFFIXES for path in sources):
         raise ConfigError("--set and --seed change configurations; a result file stays as it is")
     loaded: list[Result | Run] = []
@@ -79,15 +82,16 @@ def compare(
         else:
             loaded += [prepare(experiment) for experiment in _experiments(path, overrides, seed, run)]
     results = [s if isinstance(s, Result) else execute(s, quiet or json, check_step=False) for s in loaded]
+    predicted = _predicted(loaded, results) if analyze else []
     units = {result.units.get("time", "") for result in results}
     if len(units) > 1:
         raise ConfigError(f"the sources count time in different units: {', '.join(sorted(units))}")
     for result in results:
         warn(result)
     if json:
-        _print_json(results, [str(p) for p in sources])
+        _print_json(results, [str(p) for p in sources], predicted)
     elif not quiet:
-        print(styles[style](results))
+        print(styles[style](results, predicted))
     if plots:
         from hgorun.figures import comparison, save
 
@@ -155,7 +159,18 @@ def warn(result: Result) -> None:
             print(f"hgorun: {result.name}: observer {label} {observer.status}", file=sys.stderr)
 
 
-def _print_json(results: Sequence[Result], files: Sequence[str]) -> None:
+def _predicted(sources: Sequence[Run | Result], results: Sequence[Result]) -> list[tables.Predicted]:
+    """What theory says of configurations; nothing of result files, which hold no equations."""
+    from hgorun.analysis.report import analysis_of
+
+    return [
+        {} if isinstance(source, Result) else analysis_of(source, result).predicted()
+        for source, result in zip(sources, results, strict=True)
+    ]
+
+
+def _print_json(results: Sequence[Result], files: Sequence[str], predicted: Sequence[tables.Predicted] = ()) -> None:
     """One object for one result, a list for several."""
-    found = [tables.as_json(result, file) for result, file in zip(results, files, strict=True)]
+    theory = list(predicted) or [{} for _ in results]
+    found = [tables.as_json(*each) for each in zip(results, files, theory, strict=True)]
     print(json_text.dumps(found[0] if len(found) == 1 else found, indent=2, allow_nan=False))

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any
 from hgorun.config.models import Figure as FigureBlock
 from hgorun.config.models import Inset, Panel
 from hgorun.figures.actors import Actor, Simulated, cast, cast_scalings, run_names, texts
-from hgorun.figures.layout import TOP, finished, grid
+from hgorun.figures.layout import TOP, finished, grid, time_axis
 from hgorun.figures.looks import Look, looks
 from hgorun.figures.names import check, names_of
 from hgorun.figures.panels import Scene, draw_error, draw_magnitude, draw_output, draw_state, moving_window
 from hgorun.figures.scaling import ScalingData, draw_scaling
 from hgorun.figures.style import INSET, INSET_FRAME, styled
 from hgorun.figures.truths import truth_looks
-from hgorun.figures.typeset import paragraph, unit, words
+from hgorun.figures.typeset import paragraph, words
 from hgorun.result import Result
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ def comparison(results: Result | Sequence[Result]) -> Figure:
             draw_state(left, scene, name)
             draw_magnitude(right, scene, name)
             for ax in (left, right):
-                _time_axis(ax, several, _span(several))
+                time_axis(ax, several, _span(several))
         axes[0].set_title("states and estimates")
         axes[1].set_title(_magnitude_title(several))
         return finished(figure, axes, 2, several[0].title if len(several) == 1 else None, grow=True)
@@ -191,7 +191,7 @@ def _draw_panel(
         actors = [a for a in stage.actors if isinstance(a, Simulated)]
         scene = Scene(stage.results, actors, look, truths, panel.window)
         _draw_subject(ax, scene, panel)
-        _time_axis(ax, list(stage.results.values()), stage.span)
+        time_axis(ax, list(stage.results.values()), stage.span)
     if panel.limits is not None:
         ax.set_ylim(panel.limits)
     return scene
@@ -218,12 +218,6 @@ def _draw_inset(ax: Axes, scene: Scene, panel: Panel, inset: Inset) -> None:
         inner.set_ylim(inset.limits)
     inner.tick_params(which="both", **INSET)
     ax.indicate_inset_zoom(inner, **INSET_FRAME)
-
-
-def _time_axis(ax: Axes, results: Sequence[Result], span: tuple[float, float] | None) -> None:
-    if span is not None and span[1] > span[0]:
-        ax.set_xlim(span)
-    ax.set_xlabel("time" + unit(next((r.units["time"] for r in results if r.units.get("time")), "")))
 
 
 def _span(results: Sequence[Result]) -> tuple[float, float] | None:

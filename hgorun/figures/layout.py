@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from hgorun.figures.style import DOTS, DPI, LARGEST, THEORY, TRUTH
-from hgorun.figures.typeset import paragraph
+from hgorun.figures.typeset import paragraph, unit
+from hgorun.result import Result
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -31,6 +32,13 @@ def grid(count: int, columns: int, width: float, height: float, *, share: bool) 
     for ax in axes[max(count - columns, 0) : count]:  # the lowest of each column
         ax.tick_params(axis="x", which="both", labelbottom=True)
     return figure, axes[:count]
+
+
+def time_axis(ax: Axes, results: Sequence[Result], span: tuple[float, float] | None) -> None:
+    """The horizontal axis of a panel that shows these results."""
+    if span is not None and span[1] > span[0]:
+        ax.set_xlim(span)
+    ax.set_xlabel("time" + unit(next((r.units["time"] for r in results if r.units.get("time")), "")))
 
 
 def finished(figure: Figure, axes: Sequence[Axes], columns: int, title: str | None, *, grow: bool) -> Figure:

@@ -1,0 +1,94 @@
+"""The smallest theta with which an observer finds the state in simulation, found by trying."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from hgorun.analysis.findings import Context, Findings
+from hgorun.errors import HgorunError
+from hgorun.experiment import Experiment
+from hgorun.simulation import simulate
+
+_LEFT = 0.01  # of the error at the start: what may be left in the last tenth of the run
+_DOUBLINGS = 10  # up or down from the configured theta
+_PRECISION = 0.02  # relatively
+
+
+def critical_theta(context: Context) -> Mapping[str, Findings]:
+    """theta_critical of every observer that has a theta.
+
+    Without noise and disturbance, in the configured run: an observer works when its error in the last tenth of
+    the run is at most 1 % of that at the start, in every state. The search halves theta until that fails, or
+    doubles it until it succeeds, and then bisects to 2 %: it finds a border, not necessarily the only one. Where
+    outputs are sampled or late, too large a theta fails, too.
+    """
+    found = {}
+    for label, block in context.blocks.items():
+        found[label] = Findings()
+        if not hasattr(block.observer, "theta"):
+            found[label].withhold(f"{block.observer.type} has no constant theta", "theta_critical")
+            continue
+        config = _quiet(context.run.experiment, label)
+        limit = smallest(partial(works, config, label), float(block.observer.theta))
+        if isinstance(limit, str):
+            found[label].withhold(limit, "theta_critical")
+        else:
+            found[label].give(theta_critical=limit)
+    return found
+
+
+def smallest(works: Callable[[float], bool], theta: float) -> float | str:
+    """The border above which ``works``, near theta; or why there is none."""
+    step = 0.5 if works(theta) else 2.0
+    good, bad = (theta, None) if step < 1 else (None, theta)
+    for _ in range(_DOUBLINGS):
+        theta *= step
+        if works(theta) == (step < 1):
+            good, bad = (theta, bad) if step < 1 else (good, theta)
+        else:
+            good, bad = (good, theta) if step < 1 else (theta, bad)
+            break
+    if good is None:
+        return f"the error has not come down to 1 % at the end of the run with any theta tried up to {theta:.4g}"
+    if bad is None:
+        return f"the error comes down to 1 % by itself: with every theta tried down to {theta:.4g}"
+    while good > (1 + _PRECISION) * bad:
+        middle = float(np.sqrt(good * bad))
+        good, bad = (middle, bad) if works(middle) else (good, middle)
+    return good
+
+
+def works(config: dict[str, Any], label: str, theta: float) -> bool:
+    """Whether the observer finds the state in a run of its own."""
+    observer = config["observers"][label] | {"theta": theta}
+    try:
+        result = simulate(Experiment(config | {"observers": {label: observer}}))
+    except HgorunError:  # a run that would take forever, or a gain beyond double precision
+        return False
+    error = np.abs(result.observers[label].xhat - result.x)
+    if result.observers[label].diverged_at is not None:
+        return False
+    last = error[-max(len(error) // 10, 1) :]
+    return bool(np.all(np.max(last, axis=0) <= _LEFT * np.linalg.norm(error[0])))
+
+
+def _quiet(experiment: Experiment, label: str) -> dict[str, Any]:
+    """The configuration without noise and disturbance, with one observer."""
+    config = experiment.resolved()
+    plant = {key: value for key, value in config["plant"].items() if key != "disturbance"}
+    kept = ("time", "solver", "seed")
+    return {key: config[key] for key in kept if key in config} | {
+        "plant": plant,
+        "measurement": _without_noise(config.get("measurement", {})),
+        "observers": {label: config["observers"][label]},
+    }
+
+
+def _without_noise(block: Any) -> Any:
+    if isinstance(block, Mapping):
+        return {key: _without_noise(value) for key, value in block.items() if key != "noise"}
+    return [_without_noise(part) for part in block] if isinstance(block, list) else block

@@ -1,0 +1,59 @@
+"""``analyze``: theory beside simulation."""
+
+from __future__ import annotations
+
+import json as json_text
+from collections.abc import Sequence
+from pathlib import Path
+
+from hgorun.analysis import table
+from hgorun.analysis.report import CONTRIBUTORS, analysis_of
+from hgorun.analysis.search import critical_theta
+from hgorun.commands.run import RESULTS, execute, warn
+from hgorun.errors import ConfigError
+from hgorun.loading import load
+from hgorun.simulation import prepare
+
+_FIGURES = {".png", ".pdf"}
+
+
+def analyze(
+    config: Path,
+    output: Path | None,
+    overrides: Sequence[str],
+    seed: int | None,
+    *,
+    quiet: bool,
+    json: bool,
+    plots: bool,
+    search: bool,
+    run_name: str | None = None,
+) -> int:
+    """Say what theory promises for a configuration, and draw the transients that it bounds."""
+    target = _target(config.stem if run_name is None else f"{config.stem}-{run_name}", output)
+    run = prepare(load(config, overrides, seed=seed, run=run_name))
+    result = execute(run, quiet or json, check_step=False)
+    warn(result)
+    analysis = analysis_of(run, result, (*CONTRIBUTORS, critical_theta) if search else CONTRIBUTORS)
+    written: list[Path] = []
+    if plots and analysis.transients:
+        from hgorun.figures import save
+        from hgorun.figures.peaking import peaking
+
+        written = save(peaking(analysis), target)
+    if json:
+        print(json_text.dumps(analysis.as_json(str(config)), indent=2, allow_nan=False))
+    elif not quiet:
+        print(table.text(analysis))
+        if written:
+            print("written: " + ", ".join(map(str, written)))
+    return 0
+
+
+def _target(name: str, output: Path | None) -> Path:
+    """Where the figure goes, without a suffix."""
+    if output is not None and output.suffix.lower() in _FIGURES:
+        return output.with_suffix("")
+    if output is not None and output.is_file():
+        raise ConfigError(f"--output: {output} is a file; name a folder, or a figure with .png or .pdf")
+    return (output or RESULTS) / f"{name}-analysis"

@@ -1,0 +1,73 @@
+"""The transient of every observer beside the one that theory bounds."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hgorun.analysis.report import Analysis
+from hgorun.figures.actors import cast, texts
+from hgorun.figures.data import Curve, thinned
+from hgorun.figures.layout import TOP, finished, grid, time_axis
+from hgorun.figures.looks import looks
+from hgorun.figures.style import styled
+from hgorun.figures.typeset import symbol
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_WIDTH, _ROW = 7.2, 1.8
+_BOUND = (0, (3, 2))
+_DECADES = 12  # that an axis shows at most
+
+
+def peaking(analysis: Analysis) -> Figure:
+    """|zhat - z| on a logarithmic axis, one row a coordinate, and the theorem's bound dashed.
+
+    Where the run does not meet what the theorem assumes there is no bound to draw. Observers that compute in
+    other coordinates have rows of their own.
+
+    Parameters
+    ----------
+    analysis : Analysis
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    actors = [a for a in cast([analysis.result]) if a.label in analysis.transients]
+    names = list(dict.fromkeys(name for a in actors for name in analysis.transients[a.label].names))
+    result = analysis.result
+    look = looks([actors], texts(actors, {}))
+    with styled():
+        figure, axes = grid(max(len(names), 1), 1, _WIDTH, _ROW * max(len(names), 1) + TOP, share=True)
+        for ax, name in zip(axes, names, strict=False):
+            ax.set_yscale("log")
+            drawn: list[np.ndarray] = []
+            for actor in actors:
+                transient = analysis.transients[actor.label]
+                if name not in transient.names:
+                    continue
+                i = transient.names.index(name)
+                own = look[actor.order]
+                curves = [(transient.error[:, i], own.dashes, own.text, 1.0)]
+                if transient.holds:
+                    curves.append((transient.bound[:, i], _BOUND, f"{own.text}: bound", 0.8))
+                for values, line, text, width in curves:
+                    kept = np.isfinite(values) & (values > 0)
+                    curve = Curve(transient.time[kept], values[kept])
+                    ax.plot(*thinned(curve), color=own.colour, linestyle=line, label=text, linewidth=width)
+                    drawn.append(curve.v)
+            ax.set_ylim(*_limits(drawn))
+            time_axis(ax, [result], (float(result.time[0]), float(result.time[-1])))
+            ax.set_ylabel(rf"$|{symbol(name, hat=True)} - {symbol(name)}|$")
+        return finished(figure, axes, 1, "errors, and bounds where the theorems hold", grow=True)
+
+
+def _limits(drawn: list[np.ndarray]) -> tuple[float, float]:
+    """From what is seen of the smallest to the largest."""
+    values = np.concatenate([v for v in drawn if v.size] or [np.array([1.0])])
+    high = float(np.max(values))
+    low = max(float(np.percentile(values, 1)), high * 10.0**-_DECADES)
+    return low / 2, high * 2
