@@ -4,9 +4,20 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
 
-from hgorun.config.types import Block, ExpressionText, Name, NonEmpty, NonNegative, Number, Positive, describe, number
+from hgorun.config.types import (
+    NUMBER_SCHEMA,
+    Block,
+    ExpressionText,
+    Name,
+    NonEmpty,
+    NonNegative,
+    Number,
+    Positive,
+    describe,
+    number,
+)
 
 GIB = 2.0**30
 
@@ -170,7 +181,7 @@ class Solver(Block):
     """How the differential equations are solved."""
 
     method: Literal["euler", "rk4", "dopri5"] = "rk4"
-    step: Annotated[Literal["auto"] | float, BeforeValidator(_step)] = Field(
+    step: Annotated[Literal["auto"] | float, BeforeValidator(_step), WithJsonSchema(NUMBER_SCHEMA)] = Field(
         default="auto", description="longest step of a fixed-step run, or auto"
     )
     rtol: Positive | None = Field(default=None, description="relative tolerance: dopri5 with adaptive steps")

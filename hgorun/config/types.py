@@ -119,22 +119,22 @@ def pole_text(pole: complex) -> str:
     return f"{pole.real:g}" if pole.imag == 0 else f"{pole.real:g}{pole.imag:+g}j"
 
 
-_NUMBER_SCHEMA = {"anyOf": [{"type": "number"}, {"type": "string"}]}
+NUMBER_SCHEMA = {"anyOf": [{"type": "number"}, {"type": "string"}]}
 
 
 def _above(limit: str) -> dict[str, Any]:
     return {"anyOf": [{"type": "number", limit: 0}, {"type": "string"}]}
 
 
-Number = Annotated[float, BeforeValidator(number), WithJsonSchema(_NUMBER_SCHEMA)]
+Number = Annotated[float, BeforeValidator(number), WithJsonSchema(NUMBER_SCHEMA)]
 Positive = Annotated[float, BeforeValidator(number), Field(gt=0), WithJsonSchema(_above("exclusiveMinimum"))]
 NonNegative = Annotated[float, BeforeValidator(number), Field(ge=0), WithJsonSchema(_above("minimum"))]
-ExpressionText = Annotated[str, BeforeValidator(_expression), WithJsonSchema(_NUMBER_SCHEMA)]
+ExpressionText = Annotated[str, BeforeValidator(_expression), WithJsonSchema(NUMBER_SCHEMA)]
 Name = Annotated[str, BeforeValidator(_name)]
 Poles = Annotated[
     complex | tuple[complex, ...],
     BeforeValidator(_poles),
-    WithJsonSchema({"anyOf": [*_NUMBER_SCHEMA["anyOf"], {"type": "array", "items": _NUMBER_SCHEMA}]}),
+    WithJsonSchema({"anyOf": [*NUMBER_SCHEMA["anyOf"], {"type": "array", "items": NUMBER_SCHEMA}]}),
 ]
 
 
