@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
+from contextlib import AbstractContextManager
 from functools import cached_property
 from typing import Any
 
@@ -55,15 +55,9 @@ class Experiment:
         self.blocks, self.plant_block, self.observers = check(config)
         self.prepared: object = None  # what hgorun.simulation has made of it
 
-    @contextmanager
-    def located(self) -> Iterator[None]:
+    def located(self) -> AbstractContextManager[None]:
         """Turn a problem at a key into an error that names file, line and key."""
-        try:
-            yield
-        except Problem as problem:
-            file, line = self.source.where(problem.path)
-            key = ".".join(map(str, problem.path))
-            raise ConfigError(problem.message, file=file, line=line, key=key) from problem
+        return self.source.located()
 
     @cached_property
     def plant(self) -> BuiltPlant:

@@ -7,6 +7,8 @@ is known with its line. Scalars follow the core schema of YAML 1.2 without octal
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -15,7 +17,7 @@ import yaml
 
 from hgorun.config.expressions import nearest
 from hgorun.config.paths import KeyPath, at, copy, dotted, walk
-from hgorun.errors import ConfigError
+from hgorun.errors import ConfigError, Problem
 
 Place: TypeAlias = tuple[str, int]
 
@@ -70,6 +72,16 @@ class Source:
         """Return the file and line of ``path``, or of the nearest thing around it."""
         around = (path[:length] for length in range(len(path), -1, -1))
         return next((self.positions[p] for p in around if p in self.positions), ("", 0))
+
+    @contextmanager
+    def located(self) -> Iterator[None]:
+        """Turn a problem at a key into an error that names file, line and key."""
+        try:
+            yield
+        except Problem as problem:
+            file, line = self.where(problem.path)
+            key = ".".join(map(str, problem.path))
+            raise ConfigError(problem.message, file=file, line=line, key=key) from problem
 
 
 def read(path: Path) -> tuple[str, Source]:

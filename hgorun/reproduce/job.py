@@ -15,6 +15,7 @@ from hgorun.reproduce.state import State, claim_key, figure_key, run_key
 from hgorun.result import Result
 from hgorun.study.measured import asked_of, carry_out, values_of
 from hgorun.study.study import Run, Study
+from hgorun.study.theory import theory_of
 
 Report = Callable[[float, str], None]
 
@@ -172,8 +173,10 @@ class Work:
         for i, name in enumerate(self.stale_figures):
             report((len(runs) + i) / total, f"figure {name}")
             self._draw(name, results, ensembles)
+        theory = theory_of(self.study, results)
         for i in self.stale_claims:
-            values = values_of(self.study, i, results, ensembles)
+            with self.study.located():
+                values = values_of(self.study, i, results, ensembles, theory)
             self.state.note("claims", self.study.claims[i].id, claim_key(self.study, i), values=values)
         self.__dict__.pop("stale_figures", None)
         self.__dict__.pop("stale_claims", None)

@@ -19,7 +19,8 @@ def asked_of(study: Study, run: str, sentences: Sequence[int], figures: Sequence
         Numbers of the claims.
     figures : sequence of str
     """
-    wanted = [q for i in sentences for q in study.sentences[i].quantities if q.of[0][0] == run]
+    told = [q for i in sentences for q in study.sentences[i].quantities if q.function != "analysis"]
+    wanted = [q for q in told if q.of[0][0] == run]
     for name in figures:
         for scaled_run, quantities in study.scaled(name).values():
             wanted += quantities if scaled_run == run else []
@@ -67,15 +68,34 @@ def carry_out(
 
 
 def values_of(
-    study: Study, sentence: int, results: Mapping[str, Result], ensembles: Mapping[str, list[dict[str, float]]]
+    study: Study,
+    sentence: int,
+    results: Mapping[str, Result],
+    ensembles: Mapping[str, list[dict[str, float]]],
+    theory: Callable[[Quantity], float],
 ) -> list[float]:
-    """A claim's value: one number, or one for each seed of the ensembles that it speaks of."""
+    """A claim's value: one number, or one for each seed of the ensembles that it speaks of.
+
+    Parameters
+    ----------
+    study : Study
+    sentence : int
+        Number of the claim.
+    results : mapping of str to Result
+        Of the single runs.
+    ensembles : mapping of str to list of dict
+        What :func:`carry_out` has found of the others.
+    theory : callable
+        Gives a number of the analysis.
+    """
     quantities = study.sentences[sentence].quantities
     fixed: dict[str, float] = {}
     lists: dict[str, list[float]] = {}
     for q in quantities:
         run = study.runs[q.of[0][0]]
-        if run.single:
+        if q.function == "analysis":
+            fixed[str(q)] = theory(q)
+        elif run.single:
             fixed[str(q)] = measure_quantity(q, results)
         elif q.function == "exponent":
             amplitudes = [member[str(on_member(q))] for member in ensembles[run.name]]

@@ -263,6 +263,7 @@ FUNCTIONS: dict[str, Kind] = {
     "ni": Kind(_of_difference(_rms), names=2),
     "largest": Kind(_largest, of_plant=True),
     "exponent": Kind(None),
+    "analysis": Kind(None, keyed=True),
 }
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -146,7 +147,7 @@ class Study:
         ------
         ConfigError
         """
-        try:
+        with self.located():
             if self.figures:
                 from hgorun.study.names import check_figures
 
@@ -154,9 +155,10 @@ class Study:
             for i, sentence in enumerate(self.sentences):
                 for quantity in sentence.quantities:
                     self._check_quantity(quantity, ("claims", i, "value"))
-        except Problem as problem:
-            file, line = self.source.where(problem.path)
-            raise ConfigError(problem.message, file=file, line=line, key=".".join(map(str, problem.path))) from problem
+
+    def located(self) -> AbstractContextManager[None]:
+        """Turn a problem at a key into an error that names file, line and key."""
+        return self.source.located()
 
     def _check_quantity(self, quantity: Quantity, path: tuple[str | int, ...]) -> None:
         for run, label in quantity.of:

@@ -8,8 +8,10 @@ import pytest
 import hgorun
 from hgorun.config.expressions import ExpressionError
 from hgorun.config.models import Claim
+from hgorun.errors import Problem
 from hgorun.study.measured import values_of
 from hgorun.study.quantities import exponent, measure_quantity, read_sentence
+from hgorun.study.theory import theory_of
 from hgorun.study.verdict import judge
 
 CONFIG = """\
@@ -139,7 +141,7 @@ def test_a_claim_on_an_ensemble_has_a_value_a_seed(tmp_path: Path) -> None:
     study.check()
     noisy = hgorun.simulate(hgorun.load(path, run="noisy"))
     members = [{"sup('many/A', x1)": v} for v in (1.0, 2.0, 3.0)]
-    values = values_of(study, 0, {"noisy": noisy}, {"many": members})
+    values = values_of(study, 0, {"noisy": noisy}, {"many": members}, lambda quantity: 0.0)
     assert values == pytest.approx([v / noisy.metrics()["A"]["sup"]["x1"] for v in (1, 2, 3)])
 
 
@@ -157,3 +159,16 @@ def test_claims_that_name_nothing_are_refused(tmp_path: Path, value: str, words:
     with pytest.raises(hgorun.ConfigError, match=r"file.yaml:9: claims\.0\.value") as caught:
         hgorun.load_study(path).check()
     assert words in str(caught.value)
+
+
+def test_numbers_of_the_analysis(tmp_path: Path) -> None:
+    path = tmp_path / "file.yaml"
+    path.write_text(CONFIG)
+    study = hgorun.load_study(path)
+    noisy = hgorun.simulate(hgorun.load(path, run="noisy"))
+    look_up = theory_of(study, {"noisy": noisy})
+    (beta,) = read_sentence("analysis('noisy/A', beta)", ("noisy", "quiet")).quantities
+    assert look_up(beta) == pytest.approx(1 / (2 * (2 + np.sqrt(2))))  # P = [[1, -1], [-1, 3]], mu = 1
+    (tau,) = read_sentence("analysis('noisy/A', tau_bound)", ("noisy", "quiet")).quantities
+    with pytest.raises(Problem, match="fhgo1"):
+        look_up(tau)

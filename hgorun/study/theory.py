@@ -1,0 +1,41 @@
+"""Numbers of the analysis as quantities of claims."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from hgorun.errors import Problem
+from hgorun.result import Result
+from hgorun.study.quantities import Quantity
+from hgorun.study.study import Study
+
+
+def theory_of(study: Study, results: Mapping[str, Result]) -> Callable[[Quantity], float]:
+    """A function that looks numbers up in the analyses of the study's runs, each made once.
+
+    Raises
+    ------
+    Problem
+        By the function: when the analysis has no such number; its reason is in the message.
+    """
+    from hgorun.analysis.report import analysis_of
+    from hgorun.simulation import perform, prepare
+
+    known: dict[str, Any] = {}
+
+    def look_up(quantity: Quantity) -> float:
+        (name, label), *_ = quantity.of
+        if name not in known:
+            run = prepare(study.runs[name].experiment)
+            known[name] = analysis_of(run, results[name] if name in results else perform(run))
+        found = known[name].observers[str(label)]
+        value: Any = found.values
+        for part in [*str(quantity.key).split("."), *([quantity.state] if quantity.state else [])]:
+            value = value.get(part) if isinstance(value, Mapping) else None
+        if isinstance(value, (bool, int, float)):
+            return float(value)
+        reason = found.reasons.get(str(quantity.key).split(".")[0], "it is no number")
+        raise Problem(("claims",), f"{quantity}: the analysis has no such number: {reason}")
+
+    return look_up
