@@ -140,3 +140,31 @@ def test_leftovers_of_dead_processes_go_and_of_living_ones_stay(tmp_path: Path) 
         assert sorted(p.name for p in tmp_path.iterdir()) == sorted([".note.part", part.name])
         part.write_text("b")
     assert (tmp_path / "b.png").read_text() == "b"
+
+
+@pytest.mark.skipif(os.name != "posix", reason="makes a pseudo-terminal")
+@pytest.mark.parametrize("jobs", ["1", "2"])
+def test_a_person_at_a_terminal_sees_progress(tmp_path: Path, jobs: str) -> None:
+    import pty
+
+    names = studies(tmp_path, seeds=20, step=1e-3)
+    ours, theirs = pty.openpty()
+    command = [sys.executable, "-m", "hgorun.cli", "claims", *names, "-o", str(tmp_path / "out"), "--jobs", jobs]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=theirs, text=True)
+    os.close(theirs)
+    seen = b""
+    while True:
+        try:
+            part = os.read(ours, 4096)
+        except OSError:  # the other end is closed
+            break
+        if not part:
+            break
+        seen += part
+    out, _ = process.communicate(timeout=60)
+    os.close(ours)
+    assert process.returncode == 0
+    assert b"100 %" in seen
+    assert b"study0: " in seen
+    assert "4 claims: 2 confirmed, 2 refuted" in out
+    assert "%" not in out.replace("95 %", "")
