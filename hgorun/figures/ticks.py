@@ -5,6 +5,8 @@ from __future__ import annotations
 from matplotlib.axes import Axes
 from matplotlib.ticker import AutoMinorLocator, LogLocator, MaxNLocator, NullFormatter, ScalarFormatter
 
+_SHORT = 30  # logarithmic axes that span less are labelled between the powers of ten
+
 
 class PlainFormatter(ScalarFormatter):
     """Tick labels as plain text: in these fonts they look the same as mathematics, which takes long to set.
@@ -20,9 +22,13 @@ class PlainFormatter(ScalarFormatter):
 def tick(ax: Axes, most: int | None = None) -> None:
     """Ticks at round numbers, one small one between them; on either axis at most so many."""
     for axis, scale in ((ax.xaxis, ax.get_xscale()), (ax.yaxis, ax.get_yscale())):
+        low, high = sorted(axis.get_view_interval())
         if scale == "log":
             axis.set_major_locator(LogLocator(numticks=most or 6))
             axis.set_minor_formatter(NullFormatter())
+            if 0 < low < high < _SHORT * low:  # too few powers of ten in it
+                axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+                axis.set_major_formatter(PlainFormatter())
         else:
             axis.set_major_locator(MaxNLocator(nbins=most or "auto", steps=[1, 2, 5, 10]))
             axis.set_minor_locator(AutoMinorLocator(2))
