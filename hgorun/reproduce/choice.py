@@ -10,6 +10,7 @@ from hgorun.errors import ConfigError
 from hgorun.loading import load_study, refuse_twins
 from hgorun.reproduce.job import Folders, Job, Work
 from hgorun.shipped import experiments
+from hgorun.study.check import check
 from hgorun.study.study import Study
 
 
@@ -54,7 +55,7 @@ def choose(names: Sequence[str], folders: Folders, *, figures: bool, claims: boo
         if not (study.figures if figures else study.claims):
             key = "figures" if figures else "claims"
             raise ConfigError(f"the file has no {key}: block", file=str(file), key=key)
-        study.check()
+        check(study)
         ids = tuple(c.id for c in study.claims)
         _add(chosen, Job(file, study.name, tuple(study.figures) * figures, ids * claims, folders), study)
     return chosen

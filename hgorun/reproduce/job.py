@@ -13,6 +13,7 @@ from hgorun.files import remove_leftovers
 from hgorun.loading import load_study
 from hgorun.reproduce.state import State, claim_key, figure_key, run_key
 from hgorun.result import Result
+from hgorun.study.check import check
 from hgorun.study.measured import asked_of, carry_out, values_of
 from hgorun.study.study import Run, Study
 from hgorun.study.theory import theory_of
@@ -155,7 +156,7 @@ class Work:
         """
         for folder in (self.state.folder, self.state.folder / "small", self._figure_folder):
             remove_leftovers(folder)
-        self.study.check()
+        check(self.study)
         runs = self._runs(self.stale_figures, self.stale_claims)
         total = len(runs) + len(self.stale_figures)
         results: dict[str, Result] = {}

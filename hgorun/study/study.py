@@ -9,11 +9,11 @@ from functools import cached_property
 from typing import Any
 
 from hgorun.checking import validate
-from hgorun.config.expressions import ExpressionError, nearest, parse
+from hgorun.config.expressions import ExpressionError, parse
 from hgorun.config.models import Claim, Ensemble, Figure, StudyBlocks
 from hgorun.config.overrides import set_path
 from hgorun.config.yaml_source import Source
-from hgorun.errors import ConfigError, Problem
+from hgorun.errors import ConfigError
 from hgorun.experiment import Experiment
 from hgorun.study.quantities import Quantity, Sentence, read_sentence
 from hgorun.study.split import OF_THE_FILE, split
@@ -140,45 +140,13 @@ class Study:
             found[i] = run, [Quantity(panel.scaling.of, ((run, label),), panel.scaling.state) for label in labels]
         return found
 
-    def check(self) -> None:
-        """Refuse figures and claims that name what does not exist; nothing is run.
-
-        Raises
-        ------
-        ConfigError
-        """
-        with self.located():
-            if self.figures:
-                from hgorun.study.names import check_figures
-
-                check_figures(self)
-            for i, sentence in enumerate(self.sentences):
-                for quantity in sentence.quantities:
-                    self._check_quantity(quantity, ("claims", i, "value"))
-
     def located(self) -> AbstractContextManager[None]:
         """Turn a problem at a key into an error that names file, line and key."""
         return self.source.located()
 
-    def _check_quantity(self, quantity: Quantity, path: tuple[str | int, ...]) -> None:
-        for run, label in quantity.of:
-            if run not in self.runs:
-                raise Problem(path, f"no run is called {run!r}.{nearest(run, self.runs)} Runs: {', '.join(self.runs)}")
-            experiment = self.runs[run].experiment
-            if label is not None and label not in experiment.observers:
-                known = ", ".join(experiment.observers)
-                raise Problem(
-                    path, f"run {run} has no observer {label!r}.{nearest(label, experiment.observers)} It has {known}"
-                )
-            states = experiment.plant.model.states
-            if quantity.state is not None and quantity.state not in states:
-                raise Problem(path, f"no state is called {quantity.state!r}. States: {', '.join(states)}")
-        if len({run for run, _ in quantity.of}) > 1 and not all(self.runs[run].single for run, _ in quantity.of):
-            raise Problem(path, f"{quantity}: members of different ensembles cannot be compared")
-
 
 def study_of(source: Source, name: str, text: str) -> Study:
-    """The study of a configuration; names in it are checked by :meth:`Study.check`."""
+    """The study of a configuration; names in it are checked by :func:`hgorun.study.check.check`."""
     data: dict[str, Any] = source.data if isinstance(source.data, dict) else {}
     of_file = ("title", "reference", *OF_THE_FILE)
     blocks = validate(StudyBlocks, {key: data[key] for key in of_file if key in data}, source, ())

@@ -9,6 +9,7 @@ import hgorun
 from hgorun.config.expressions import ExpressionError
 from hgorun.config.models import Claim
 from hgorun.errors import Problem
+from hgorun.study.check import check
 from hgorun.study.measured import values_of
 from hgorun.study.quantities import exponent, measure_quantity, read_sentence
 from hgorun.study.theory import theory_of
@@ -138,7 +139,7 @@ def test_a_claim_on_an_ensemble_has_a_value_a_seed(tmp_path: Path) -> None:
     text += "claims:\n  - {id: a, claim: so, value: \"sup('many/A', x1)/sup('noisy/A', x1)\", below: 9}\n"
     path.write_text(text)
     study = hgorun.load_study(path)
-    study.check()
+    check(study)
     noisy = hgorun.simulate(hgorun.load(path, run="noisy"))
     members = [{"sup('many/A', x1)": v} for v in (1.0, 2.0, 3.0)]
     values = values_of(study, 0, {"noisy": noisy}, {"many": members}, lambda quantity: 0.0)
@@ -157,7 +158,7 @@ def test_claims_that_name_nothing_are_refused(tmp_path: Path, value: str, words:
     path = tmp_path / "file.yaml"
     path.write_text(CONFIG + f'claims:\n  - {{id: a, claim: so, value: "{value}", below: 9}}\n')
     with pytest.raises(hgorun.ConfigError, match=r"file.yaml:9: claims\.0\.value") as caught:
-        hgorun.load_study(path).check()
+        check(hgorun.load_study(path))
     assert words in str(caught.value)
 
 
