@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from hgorun.errors import ConfigError, HgorunError, SimulationError
 
 if TYPE_CHECKING:
+    from hgorun.analysis.report import analyze
     from hgorun.experiment import Experiment
     from hgorun.loading import load
     from hgorun.result import Result
@@ -27,6 +28,7 @@ __all__ = [
     "HgorunError",
     "Result",
     "SimulationError",
+    "analyze",
     "load",
     "read",
     "simulate",
@@ -36,6 +38,7 @@ __all__ = [
 _LAZY = {
     "Experiment": "hgorun.experiment",
     "Result": "hgorun.result",
+    "analyze": "hgorun.analysis.report",
     "load": "hgorun.loading",
     "read": "hgorun.store",
     "simulate": "hgorun.simulation",

@@ -39,7 +39,7 @@ class Halanay:
 
     def rate(self, d: float) -> float:
         """eta; not positive where d is too long."""
-        return float((self.a - self.b * d) * np.exp(-self.a * d))
+        return float((self.a - self.b * d) * np.exp(-self.a * d)) if np.isfinite(d) else -np.inf
 
 
 def smallest_theta(beta: float, constant: Callable[[float], float]) -> float:

@@ -212,7 +212,7 @@ def _promise(
     both = [(scale * course.at(since)[None] + floor).T for course, scale in (printed, sharp)]
     peaks, error = _measured(s)
     lacking = _lacking(s, limit, delay)
-    rate = delay.rate(a.delay) if np.isfinite(a.delay) else -np.inf
+    rate = delay.rate(a.delay)
     found.give(peaking=peaks)
     if rate > 0:
         found.give(eta_theta=rate)
