@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -30,6 +30,9 @@ _BOUNDS = (
     "peaking",
     "peaking_bound",
 )
+_FINE = 0.5  # of the fastest time constant: the output grid shows a transient whose steps are shorter
+_RICCATI = 5.0
+_MORE = 1.5  # than the bound on a transient without delay: that with one is a little larger
 _ROUNDING = 16 * np.finfo(float).eps
 
 
@@ -42,6 +45,7 @@ class _Setting:
     chart: Chart
     lipschitz: Lipschitz
     amplitudes: Amplitudes
+    reach: np.ndarray | None
 
     @property
     def theta(self) -> float:
@@ -49,14 +53,18 @@ class _Setting:
 
     @property
     def start(self) -> dict[str, np.ndarray]:
-        """Errors and internal states at the start, flat, by name."""
-        run, result, label = self.context.run, self.context.result, self.block.label
-        error = self.chart.image(run.plant.initial[None]) - self.chart.image(result.observers[label].xhat[:1])
-        found = {"xhat": error[0]}
-        for name, state in self.block.states.items():
-            if name not in ("xhat", "alpha", *GAINS) and state.size:
-                found[name] = np.ravel(state.numbers(np.asarray(result.observers[label].internal[name][0])))
-        return found
+        return _start(self.context, self.block, self.chart)
+
+
+def _start(context: Context, block: ObserverBlock, chart: Chart) -> dict[str, np.ndarray]:
+    """Errors and internal states at the start, flat, by name."""
+    observer = context.result.observers[block.label]
+    error = chart.image(observer.xhat[:1]) - chart.image(context.run.plant.initial[None])
+    found = {"xhat": error[0]}
+    for name, state in block.states.items():
+        if name not in ("xhat", "alpha", *GAINS) and state.size:
+            found[name] = np.ravel(state.numbers(np.asarray(observer.internal[name][0])))
+    return found
 
 
 def promises(context: Context) -> Mapping[str, Findings]:
@@ -76,7 +84,7 @@ def _of(context: Context, block: ObserverBlock) -> Findings:
     if hasattr(block.observer, "theta"):
         found.give(theta=float(block.observer.theta))
     try:
-        setting = _setting(context, block)
+        setting = _setting(context, block, dynamics)
     except NotApplicableError as reason:
         found.withhold(str(reason), *_BOUNDS)
         return found
@@ -111,7 +119,7 @@ def _gains(found: Findings, dynamics: ErrorDynamics) -> None:
         found.withhold(str(reason), "beta", "chi")
 
 
-def _setting(context: Context, block: ObserverBlock) -> _Setting:
+def _setting(context: Context, block: ObserverBlock, dynamics: ErrorDynamics | None) -> _Setting:
     if block.observer.discrete:
         raise NotApplicableError(f"{block.observer.type} is a difference equation, the theorems are of flows")
     if not hasattr(block.observer, "theta"):
@@ -120,8 +128,36 @@ def _setting(context: Context, block: ObserverBlock) -> _Setting:
     chart = chart_of(block.form, run.plant)
     own = isinstance(block.form, TriangularForm) or chart.own
     saturation = {name: (low, high) for name, (low, high) in block.observer.saturation.items()} if own else {}
-    found = lipschitz(run, chart, saturation, result, block.label)
-    return _Setting(context, block, chart, found, amplitudes(run, chart, result))
+    a = amplitudes(run, chart, result)
+    reach = None
+    if dynamics is not None and _coarse(context, block) and isinstance(block.form, CanonicalForm):
+        reach = _reach(dynamics, _start(context, block, chart), float(block.observer.theta), a)
+    found = lipschitz(run, chart, saturation, result, block.label, reach)
+    return _Setting(context, block, chart, found, a, reach)
+
+
+def _coarse(context: Context, block: ObserverBlock) -> bool:
+    """Whether a transient fits between two points of the output grid."""
+    time, observer = context.result.time, block.observer
+    # a Riccati gain's own rate is that of the peaks of P, the error's a few theta
+    rate = _RICCATI * observer.theta if isinstance(observer, RiccatiGain) else observer.fastest_rate(block.form)
+    return bool(time.size < 2 or (time[1] - time[0]) * rate > _FINE)
+
+
+def _reach(dynamics: ErrorDynamics, start: Mapping[str, np.ndarray], theta: float, a: Amplitudes) -> np.ndarray:
+    """How far the theorem lets an estimate go, whatever the Lipschitz constant with which it holds; 50 % more."""
+    certificate = dynamics.certificate
+    rate = Halanay(certificate.beta * theta, 0.0)
+    undelayed = replace(a, delay=0.0)
+    first = np.concatenate(list(start.values()))
+    course = peaking.sharp_course(dynamics, certificate, rate, first, theta, undelayed)
+    return np.asarray(_MORE * (_weights(dynamics, theta) * course.at(np.zeros(1))).ravel())
+
+
+def _weights(dynamics: ErrorDynamics, theta: float) -> np.ndarray:
+    """theta^(i-1) sqrt((P^-1)_ii): what sqrt V is to the i-th error, shape (n, 1)."""
+    each = np.sqrt(np.diag(np.linalg.inv(dynamics.certificate.P)))
+    return np.asarray((each / dynamics.scale(theta))[: dynamics.n, None])
 
 
 def _hold(found: Findings, s: _Setting, dynamics: ErrorDynamics) -> None:
@@ -139,11 +175,10 @@ def _hold(found: Findings, s: _Setting, dynamics: ErrorDynamics) -> None:
     )
     start = np.concatenate(list(s.start.values()))
     a = s.amplitudes
-    scale = dynamics.scale(theta)[: dynamics.n, None] ** -1
+    scale = 1 / dynamics.scale(theta)[: dynamics.n, None]
     printed = peaking.course(dynamics, certificate, delay, start, theta, a)
     energy = peaking.sharp_course(dynamics, certificate, sharp, start, theta, a)
-    each = np.sqrt(np.diag(np.linalg.inv(certificate.P)))[: dynamics.n, None]
-    _promise(found, s, limit, delay, (printed, scale), (energy, scale * each))
+    _promise(found, s, limit, delay, (printed, scale), (energy, _weights(dynamics, theta)))
 
 
 def _follow(found: Findings, s: _Setting) -> None:
@@ -212,6 +247,10 @@ def _promise(
     both = [(scale * course.at(since)[None] + floor).T for course, scale in (printed, sharp)]
     peaks, error = _measured(s)
     lacking = _lacking(s, limit, delay)
+    if _coarse(s.context, s.block):
+        found.remarks.append("the output grid is too coarse for the transient: peaking is what the grid shows of it")
+        if s.lipschitz.region != "saturation" and (s.reach is None or np.any(both[1][0] > s.reach)):
+            lacking.append("the output grid is too coarse to show where the slopes of phi matter")
     rate = delay.rate(a.delay)
     found.give(peaking=peaks)
     if rate > 0:
