@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
 
 import numpy as np
 
 from hgorun.analysis import bounds, peaking, time_varying
 from hgorun.analysis.bounds import Halanay
-from hgorun.analysis.charts import Chart, chart_of
 from hgorun.analysis.findings import Context, Findings
-from hgorun.analysis.gains import GAINS, MU, ErrorDynamics, NotApplicableError, error_dynamics
-from hgorun.analysis.lipschitz import Lipschitz, lipschitz
+from hgorun.analysis.gains import MU, ErrorDynamics, NotApplicableError, error_dynamics
 from hgorun.analysis.peaking import Course, Transient
-from hgorun.analysis.signals import Amplitudes, amplitudes
+from hgorun.analysis.setting import Setting, coarse, setting_of, weights
 from hgorun.observers.riccati import RiccatiGain
 from hgorun.symbolic.canonical import CanonicalForm
 from hgorun.symbolic.triangular import TriangularForm
@@ -30,41 +27,7 @@ _BOUNDS = (
     "peaking",
     "peaking_bound",
 )
-_FINE = 0.5  # of the fastest time constant: the output grid shows a transient whose steps are shorter
-_RICCATI = 5.0
-_MORE = 1.5  # than the bound on a transient without delay: that with one is a little larger
 _ROUNDING = 16 * np.finfo(float).eps
-
-
-@dataclass(frozen=True)
-class _Setting:
-    """What the theory of one observer starts from."""
-
-    context: Context
-    block: ObserverBlock
-    chart: Chart
-    lipschitz: Lipschitz
-    amplitudes: Amplitudes
-    reach: np.ndarray | None
-
-    @property
-    def theta(self) -> float:
-        return float(self.block.observer.theta)  # type: ignore[attr-defined]
-
-    @property
-    def start(self) -> dict[str, np.ndarray]:
-        return _start(self.context, self.block, self.chart)
-
-
-def _start(context: Context, block: ObserverBlock, chart: Chart) -> dict[str, np.ndarray]:
-    """Errors and internal states at the start, flat, by name."""
-    observer = context.result.observers[block.label]
-    error = chart.image(observer.xhat[:1]) - chart.image(context.run.plant.initial[None])
-    found = {"xhat": error[0]}
-    for name, state in block.states.items():
-        if name not in ("xhat", "alpha", *GAINS) and state.size:
-            found[name] = np.ravel(state.numbers(np.asarray(observer.internal[name][0])))
-    return found
 
 
 def promises(context: Context) -> Mapping[str, Findings]:
@@ -84,7 +47,7 @@ def _of(context: Context, block: ObserverBlock) -> Findings:
     if hasattr(block.observer, "theta"):
         found.give(theta=float(block.observer.theta))
     try:
-        setting = _setting(context, block, dynamics)
+        setting = setting_of(context, block, dynamics)
     except NotApplicableError as reason:
         found.withhold(str(reason), *_BOUNDS)
         return found
@@ -106,6 +69,7 @@ def _of(context: Context, block: ObserverBlock) -> Findings:
         else:
             raise NotApplicableError(found.reasons["beta"])
     except NotApplicableError as reason:
+        _unbounded(found, setting)
         found.withhold(str(reason), "theta_bound", "delay_bound", "eta_theta", "peaking_bound")
     return found
 
@@ -119,48 +83,7 @@ def _gains(found: Findings, dynamics: ErrorDynamics) -> None:
         found.withhold(str(reason), "beta", "chi")
 
 
-def _setting(context: Context, block: ObserverBlock, dynamics: ErrorDynamics | None) -> _Setting:
-    if block.observer.discrete:
-        raise NotApplicableError(f"{block.observer.type} is a difference equation, the theorems are of flows")
-    if not hasattr(block.observer, "theta"):
-        raise NotApplicableError(f"{block.observer.type} has no constant theta")
-    run, result = context.run, context.result
-    chart = chart_of(block.form, run.plant)
-    own = isinstance(block.form, TriangularForm) or chart.own
-    saturation = {name: (low, high) for name, (low, high) in block.observer.saturation.items()} if own else {}
-    a = amplitudes(run, chart, result)
-    reach = None
-    if dynamics is not None and _coarse(context, block) and isinstance(block.form, CanonicalForm):
-        reach = _reach(dynamics, _start(context, block, chart), float(block.observer.theta), a)
-    found = lipschitz(run, chart, saturation, result, block.label, reach)
-    return _Setting(context, block, chart, found, a, reach)
-
-
-def _coarse(context: Context, block: ObserverBlock) -> bool:
-    """Whether a transient fits between two points of the output grid."""
-    time, observer = context.result.time, block.observer
-    # a Riccati gain's own rate is that of the peaks of P, the error's a few theta
-    rate = _RICCATI * observer.theta if isinstance(observer, RiccatiGain) else observer.fastest_rate(block.form)
-    return bool(time.size < 2 or (time[1] - time[0]) * rate > _FINE)
-
-
-def _reach(dynamics: ErrorDynamics, start: Mapping[str, np.ndarray], theta: float, a: Amplitudes) -> np.ndarray:
-    """How far the theorem lets an estimate go, whatever the Lipschitz constant with which it holds; 50 % more."""
-    certificate = dynamics.certificate
-    rate = Halanay(certificate.beta * theta, 0.0)
-    undelayed = replace(a, delay=0.0)
-    first = np.concatenate(list(start.values()))
-    course = peaking.sharp_course(dynamics, certificate, rate, first, theta, undelayed)
-    return np.asarray(_MORE * (_weights(dynamics, theta) * course.at(np.zeros(1))).ravel())
-
-
-def _weights(dynamics: ErrorDynamics, theta: float) -> np.ndarray:
-    """theta^(i-1) sqrt((P^-1)_ii): what sqrt V is to the i-th error, shape (n, 1)."""
-    each = np.sqrt(np.diag(np.linalg.inv(dynamics.certificate.P)))
-    return np.asarray((each / dynamics.scale(theta))[: dynamics.n, None])
-
-
-def _hold(found: Findings, s: _Setting, dynamics: ErrorDynamics) -> None:
+def _hold(found: Findings, s: Setting, dynamics: ErrorDynamics) -> None:
     """Observers of constant gain: Theorems 3.3.1 and 3.4.1."""
     certificate, theta, L = dynamics.certificate, s.theta, s.lipschitz
     beta = certificate.beta
@@ -178,10 +101,10 @@ def _hold(found: Findings, s: _Setting, dynamics: ErrorDynamics) -> None:
     scale = 1 / dynamics.scale(theta)[: dynamics.n, None]
     printed = peaking.course(dynamics, certificate, delay, start, theta, a)
     energy = peaking.sharp_course(dynamics, certificate, sharp, start, theta, a)
-    _promise(found, s, limit, delay, (printed, scale), (energy, _weights(dynamics, theta)))
+    _promise(found, s, limit, delay, (printed, scale), (energy, weights(dynamics, theta)))
 
 
-def _follow(found: Findings, s: _Setting) -> None:
+def _follow(found: Findings, s: Setting) -> None:
     """Observers with a gain that follows F(u, xhat): Theorems 3.5.1 and 2.3.1, 2.4.1."""
     form, theta, L = s.block.form, s.theta, s.lipschitz
     assert isinstance(form, TriangularForm)
@@ -206,15 +129,12 @@ def _follow(found: Findings, s: _Setting) -> None:
     _promise(found, s, limit, delay, (course, 1 / scale[:, None]), (course, 1 / scale[:, None]))
 
 
-def _filter(found: Findings, s: _Setting, S: time_varying.Gramian, links: tuple[float, float]) -> None:
+def _filter(found: Findings, s: Setting, S: time_varying.Gramian, links: tuple[float, float]) -> None:
     """FHGO I."""
     delta = float(s.block.observer.delta)  # type: ignore[attr-defined]
     blocks = int(np.max(s.chart.positions)) + 1
     theorem = time_varying.filter_theorem(S, blocks, delta, links, s.lipschitz, s.theta)
-    peaks, error = _measured(s)
-    found.give(peaking=peaks)
-    nothing = np.full_like(error, np.inf)
-    found.transient = Transient(s.chart.names, s.context.result.time, error, nothing, nothing, False)
+    _unbounded(found, s)
     other = "theorems 2.3.1 and 2.4.1 are of a period, not of a delay, and name no smallest theta"
     found.withhold(other, "theta_bound", "delay_bound", "eta_theta", "peaking_bound")
     if theorem.tau > 0:
@@ -224,7 +144,7 @@ def _filter(found: Findings, s: _Setting, S: time_varying.Gramian, links: tuple[
         found.withhold(why, "tau_bound")
 
 
-def _measured(s: _Setting) -> tuple[dict[str, float], np.ndarray]:
+def _measured(s: Setting) -> tuple[dict[str, float], np.ndarray]:
     """The peak of |zhat - z|, and all of it, shape (Nt, n)."""
     result = s.context.result
     with np.errstate(all="ignore"):
@@ -232,9 +152,17 @@ def _measured(s: _Setting) -> tuple[dict[str, float], np.ndarray]:
     return dict(zip(s.chart.names, np.max(error, axis=0), strict=True)), error
 
 
+def _unbounded(found: Findings, s: Setting) -> None:
+    """The error alone."""
+    peaks, error = _measured(s)
+    found.give(peaking=peaks)
+    nothing = np.full_like(error, np.inf)
+    found.transient = Transient(s.chart.names, s.context.result.time, error, nothing, nothing, False)
+
+
 def _promise(
     found: Findings,
-    s: _Setting,
+    s: Setting,
     limit: float,
     delay: Halanay,
     printed: tuple[Course, np.ndarray],
@@ -247,7 +175,7 @@ def _promise(
     both = [(scale * course.at(since)[None] + floor).T for course, scale in (printed, sharp)]
     peaks, error = _measured(s)
     lacking = _lacking(s, limit, delay)
-    if _coarse(s.context, s.block):
+    if coarse(s.context, s.block):
         found.remarks.append("the output grid is too coarse for the transient: peaking is what the grid shows of it")
         if s.lipschitz.region != "saturation" and (s.reach is None or np.any(both[1][0] > s.reach)):
             lacking.append("the output grid is too coarse to show where the slopes of phi matter")
@@ -264,7 +192,7 @@ def _promise(
     found.transient = Transient(s.chart.names, result.time, error, both[0], np.minimum(*both), not lacking)
 
 
-def _lacking(s: _Setting, limit: float, delay: Halanay) -> list[str]:
+def _lacking(s: Setting, limit: float, delay: Halanay) -> list[str]:
     """What the theorem assumes and the run does not meet."""
     run, result, a, observer = s.context.run, s.context.result, s.amplitudes, s.block.observer
     found = []
@@ -286,7 +214,7 @@ def _lacking(s: _Setting, limit: float, delay: Halanay) -> list[str]:
     return found
 
 
-def _clipped(s: _Setting) -> bool:
+def _clipped(s: Setting) -> bool:
     """Whether an estimate leaves its bounds on the output grid."""
     result = s.context.result
     xhat = result.observers[s.block.label].xhat

@@ -324,6 +324,22 @@ def test_equal_observers_in_x_and_z_have_equal_transients() -> None:
     assert one.names == ("z1", "z2")
 
 
+def test_a_gain_that_is_not_hurwitz_has_no_bounds() -> None:
+    config = {
+        "time": {"end": 1, "output_step": 0.01},
+        "plant": {"type": "van_der_pol", "initial": {"x1": 1, "x2": 0.5}},
+        "observers": {"SHGO": {"type": "shgo", "theta": 1, "gains": [1, -2]}},
+    }
+    made = hgorun.analyze(Experiment(config))
+    found = made.observers["SHGO"]
+    assert found.values["hurwitz"] is False
+    assert np.allclose(found.values["poles"], [-2, 1])
+    assert found.values["beta"] is None
+    assert "not Hurwitz" in found.reasons["theta_bound"]
+    assert found.values["peaking"]["x1"] >= 1
+    assert not made.transients["SHGO"].holds
+
+
 def test_before_the_first_sample_nothing_is_promised() -> None:
     made = hgorun.analyze(Experiment({"time": {"end": 1, "output_step": 0.01}, **EVERYTHING["academic"]}))
     found = made.observers["FHGO II"]
