@@ -75,7 +75,7 @@ def delayed(dynamics: ErrorDynamics, certificate: Certificate, lipschitz: Lipsch
     """
     chi, push = certificate.chi, float(np.linalg.norm(dynamics.B, 2))
     motion = theta * max(1.0, float(np.linalg.norm(dynamics.flux, 2))) + lipschitz.of_outputs
-    return Halanay(certificate.beta * theta, max(chi, np.sqrt(chi) * push) * theta * motion)
+    return Halanay(certificate.beta * theta, float(max(chi, np.sqrt(chi) * push)) * theta * motion)
 
 
 def delayed_sharply(dynamics: ErrorDynamics, certificate: Certificate, lipschitz: Lipschitz, theta: float) -> Halanay:

@@ -188,7 +188,15 @@ def _promise(
     if lacking:
         found.withhold("; ".join(lacking), "peaking_bound")
     else:
-        found.give(peaking_bound=dict(zip(s.chart.names, both[0][0], strict=True)))
+        course, scale = printed
+        law = [
+            {"start": float(a_i * course.gain * course.start), "rate": course.rate, "rest": float(rest)}
+            for a_i, rest in zip(scale[:, 0], (scale * course.at(np.array([np.inf])) + floor)[:, 0], strict=True)
+        ]
+        found.give(
+            peaking_bound=dict(zip(s.chart.names, both[0][0], strict=True)),
+            peaking_law=dict(zip(s.chart.names, law, strict=True)),
+        )
     found.transient = Transient(s.chart.names, result.time, error, both[0], np.minimum(*both), not lacking)
 
 

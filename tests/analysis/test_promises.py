@@ -102,6 +102,9 @@ def assert_bounded(found: Findings) -> None:
     assert np.all(transient.sharp <= transient.bound)
     assert np.all(np.diff(transient.bound, axis=0) <= 0)
     assert np.all(transient.bound[-1] < transient.bound[0])
+    for column, name in zip(transient.bound.T, transient.names, strict=True):
+        law, since = found.values["peaking_law"][name], transient.time - transient.time[0]
+        assert np.allclose(column, law["start"] * np.exp(-law["rate"] * since) + law["rest"], rtol=1e-9)
 
 
 def assert_near(found: Findings) -> None:
@@ -141,7 +144,8 @@ def test_no_error_is_above_its_bound_with_late_outputs(
 ) -> None:
     rng = np.random.default_rng(seed)
     config = experiment(rng, kind, r, 2)
-    config["observers"]["observer"]["poles"] = -1
+    if kind == "fhgo2":  # other poles take shorter delays, and more steps
+        config["observers"]["observer"]["poles"] = -1
     if noisy:
         with_noise(config, 2)
     found = promised(config, 1.5, 2)
