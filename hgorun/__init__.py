@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from hgorun.errors import ConfigError, HgorunError, SimulationError
 
 if TYPE_CHECKING:
+    from hgorun.analysis.report import analyze
     from hgorun.experiment import Experiment
     from hgorun.loading import load, load_study
     from hgorun.result import Result
@@ -27,6 +28,7 @@ __all__ = [
     "HgorunError",
     "Result",
     "SimulationError",
+    "analyze",
     "load",
     "load_study",
     "read",
@@ -37,6 +39,7 @@ __all__ = [
 _LAZY = {
     "Experiment": "hgorun.experiment",
     "Result": "hgorun.result",
+    "analyze": "hgorun.analysis.report",
     "load": "hgorun.loading",
     "load_study": "hgorun.loading",
     "read": "hgorun.store",

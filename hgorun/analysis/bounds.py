@@ -39,7 +39,7 @@ class Halanay:
 
     def rate(self, d: float) -> float:
         """eta; not positive where d is too long."""
-        return float((self.a - self.b * d) * np.exp(-self.a * d))
+        return float((self.a - self.b * d) * np.exp(-self.a * d)) if np.isfinite(d) else -np.inf
 
 
 def smallest_theta(beta: float, constant: Callable[[float], float]) -> float:
@@ -75,7 +75,7 @@ def delayed(dynamics: ErrorDynamics, certificate: Certificate, lipschitz: Lipsch
     """
     chi, push = certificate.chi, float(np.linalg.norm(dynamics.B, 2))
     motion = theta * max(1.0, float(np.linalg.norm(dynamics.flux, 2))) + lipschitz.of_outputs
-    return Halanay(certificate.beta * theta, max(chi, np.sqrt(chi) * push) * theta * motion)
+    return Halanay(certificate.beta * theta, float(max(chi, np.sqrt(chi) * push)) * theta * motion)
 
 
 def delayed_sharply(dynamics: ErrorDynamics, certificate: Certificate, lipschitz: Lipschitz, theta: float) -> Halanay:

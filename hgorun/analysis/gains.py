@@ -61,7 +61,7 @@ class ErrorDynamics:
     n: int
     known: np.ndarray | None = None
 
-    @property
+    @cached_property
     def certificate(self) -> Certificate:
         """What decays."""
         return Certificate(self.A, self.known)

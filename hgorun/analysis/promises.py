@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
 from hgorun.analysis import bounds, peaking, time_varying
 from hgorun.analysis.bounds import Halanay
-from hgorun.analysis.charts import Chart, chart_of
 from hgorun.analysis.findings import Context, Findings
-from hgorun.analysis.gains import GAINS, MU, ErrorDynamics, NotApplicableError, error_dynamics
-from hgorun.analysis.lipschitz import Lipschitz, lipschitz
+from hgorun.analysis.gains import MU, ErrorDynamics, NotApplicableError, error_dynamics
 from hgorun.analysis.peaking import Course, Transient
-from hgorun.analysis.signals import Amplitudes, amplitudes
+from hgorun.analysis.setting import Setting, coarse, setting_of, weights
 from hgorun.observers.riccati import RiccatiGain
 from hgorun.symbolic.canonical import CanonicalForm
 from hgorun.symbolic.triangular import TriangularForm
@@ -31,32 +28,6 @@ _BOUNDS = (
     "peaking_bound",
 )
 _ROUNDING = 16 * np.finfo(float).eps
-
-
-@dataclass(frozen=True)
-class _Setting:
-    """What the theory of one observer starts from."""
-
-    context: Context
-    block: ObserverBlock
-    chart: Chart
-    lipschitz: Lipschitz
-    amplitudes: Amplitudes
-
-    @property
-    def theta(self) -> float:
-        return float(self.block.observer.theta)  # type: ignore[attr-defined]
-
-    @property
-    def start(self) -> dict[str, np.ndarray]:
-        """Errors and internal states at the start, flat, by name."""
-        run, result, label = self.context.run, self.context.result, self.block.label
-        error = self.chart.image(run.plant.initial[None]) - self.chart.image(result.observers[label].xhat[:1])
-        found = {"xhat": error[0]}
-        for name, state in self.block.states.items():
-            if name not in ("xhat", "alpha", *GAINS) and state.size:
-                found[name] = np.ravel(state.numbers(np.asarray(result.observers[label].internal[name][0])))
-        return found
 
 
 def promises(context: Context) -> Mapping[str, Findings]:
@@ -76,7 +47,7 @@ def _of(context: Context, block: ObserverBlock) -> Findings:
     if hasattr(block.observer, "theta"):
         found.give(theta=float(block.observer.theta))
     try:
-        setting = _setting(context, block)
+        setting = setting_of(context, block, dynamics)
     except NotApplicableError as reason:
         found.withhold(str(reason), *_BOUNDS)
         return found
@@ -98,6 +69,7 @@ def _of(context: Context, block: ObserverBlock) -> Findings:
         else:
             raise NotApplicableError(found.reasons["beta"])
     except NotApplicableError as reason:
+        _unbounded(found, setting)
         found.withhold(str(reason), "theta_bound", "delay_bound", "eta_theta", "peaking_bound")
     return found
 
@@ -111,20 +83,7 @@ def _gains(found: Findings, dynamics: ErrorDynamics) -> None:
         found.withhold(str(reason), "beta", "chi")
 
 
-def _setting(context: Context, block: ObserverBlock) -> _Setting:
-    if block.observer.discrete:
-        raise NotApplicableError(f"{block.observer.type} is a difference equation, the theorems are of flows")
-    if not hasattr(block.observer, "theta"):
-        raise NotApplicableError(f"{block.observer.type} has no constant theta")
-    run, result = context.run, context.result
-    chart = chart_of(block.form, run.plant)
-    own = isinstance(block.form, TriangularForm) or chart.own
-    saturation = {name: (low, high) for name, (low, high) in block.observer.saturation.items()} if own else {}
-    found = lipschitz(run, chart, saturation, result, block.label)
-    return _Setting(context, block, chart, found, amplitudes(run, chart, result))
-
-
-def _hold(found: Findings, s: _Setting, dynamics: ErrorDynamics) -> None:
+def _hold(found: Findings, s: Setting, dynamics: ErrorDynamics) -> None:
     """Observers of constant gain: Theorems 3.3.1 and 3.4.1."""
     certificate, theta, L = dynamics.certificate, s.theta, s.lipschitz
     beta = certificate.beta
@@ -139,14 +98,13 @@ def _hold(found: Findings, s: _Setting, dynamics: ErrorDynamics) -> None:
     )
     start = np.concatenate(list(s.start.values()))
     a = s.amplitudes
-    scale = dynamics.scale(theta)[: dynamics.n, None] ** -1
+    scale = 1 / dynamics.scale(theta)[: dynamics.n, None]
     printed = peaking.course(dynamics, certificate, delay, start, theta, a)
     energy = peaking.sharp_course(dynamics, certificate, sharp, start, theta, a)
-    each = np.sqrt(np.diag(np.linalg.inv(certificate.P)))[: dynamics.n, None]
-    _promise(found, s, limit, delay, (printed, scale), (energy, scale * each))
+    _promise(found, s, limit, delay, (printed, scale), (energy, weights(dynamics, theta)))
 
 
-def _follow(found: Findings, s: _Setting) -> None:
+def _follow(found: Findings, s: Setting) -> None:
     """Observers with a gain that follows F(u, xhat): Theorems 3.5.1 and 2.3.1, 2.4.1."""
     form, theta, L = s.block.form, s.theta, s.lipschitz
     assert isinstance(form, TriangularForm)
@@ -171,15 +129,12 @@ def _follow(found: Findings, s: _Setting) -> None:
     _promise(found, s, limit, delay, (course, 1 / scale[:, None]), (course, 1 / scale[:, None]))
 
 
-def _filter(found: Findings, s: _Setting, S: time_varying.Gramian, links: tuple[float, float]) -> None:
+def _filter(found: Findings, s: Setting, S: time_varying.Gramian, links: tuple[float, float]) -> None:
     """FHGO I."""
     delta = float(s.block.observer.delta)  # type: ignore[attr-defined]
     blocks = int(np.max(s.chart.positions)) + 1
     theorem = time_varying.filter_theorem(S, blocks, delta, links, s.lipschitz, s.theta)
-    peaks, error = _measured(s)
-    found.give(peaking=peaks)
-    nothing = np.full_like(error, np.inf)
-    found.transient = Transient(s.chart.names, s.context.result.time, error, nothing, nothing, False)
+    _unbounded(found, s)
     other = "theorems 2.3.1 and 2.4.1 are of a period, not of a delay, and name no smallest theta"
     found.withhold(other, "theta_bound", "delay_bound", "eta_theta", "peaking_bound")
     if theorem.tau > 0:
@@ -189,7 +144,7 @@ def _filter(found: Findings, s: _Setting, S: time_varying.Gramian, links: tuple[
         found.withhold(why, "tau_bound")
 
 
-def _measured(s: _Setting) -> tuple[dict[str, float], np.ndarray]:
+def _measured(s: Setting) -> tuple[dict[str, float], np.ndarray]:
     """The peak of |zhat - z|, and all of it, shape (Nt, n)."""
     result = s.context.result
     with np.errstate(all="ignore"):
@@ -197,9 +152,17 @@ def _measured(s: _Setting) -> tuple[dict[str, float], np.ndarray]:
     return dict(zip(s.chart.names, np.max(error, axis=0), strict=True)), error
 
 
+def _unbounded(found: Findings, s: Setting) -> None:
+    """The error alone."""
+    peaks, error = _measured(s)
+    found.give(peaking=peaks)
+    nothing = np.full_like(error, np.inf)
+    found.transient = Transient(s.chart.names, s.context.result.time, error, nothing, nothing, False)
+
+
 def _promise(
     found: Findings,
-    s: _Setting,
+    s: Setting,
     limit: float,
     delay: Halanay,
     printed: tuple[Course, np.ndarray],
@@ -212,7 +175,11 @@ def _promise(
     both = [(scale * course.at(since)[None] + floor).T for course, scale in (printed, sharp)]
     peaks, error = _measured(s)
     lacking = _lacking(s, limit, delay)
-    rate = delay.rate(a.delay) if np.isfinite(a.delay) else -np.inf
+    if coarse(s.context, s.block):
+        found.remarks.append("the output grid is too coarse for the transient: peaking is what the grid shows of it")
+        if s.lipschitz.region != "saturation" and (s.reach is None or np.any(both[1][0] > s.reach)):
+            lacking.append("the output grid is too coarse to show where the slopes of phi matter")
+    rate = delay.rate(a.delay)
     found.give(peaking=peaks)
     if rate > 0:
         found.give(eta_theta=rate)
@@ -221,11 +188,19 @@ def _promise(
     if lacking:
         found.withhold("; ".join(lacking), "peaking_bound")
     else:
-        found.give(peaking_bound=dict(zip(s.chart.names, both[0][0], strict=True)))
+        course, scale = printed
+        law = [
+            {"start": float(a_i * course.gain * course.start), "rate": course.rate, "rest": float(rest)}
+            for a_i, rest in zip(scale[:, 0], (scale * course.at(np.array([np.inf])) + floor)[:, 0], strict=True)
+        ]
+        found.give(
+            peaking_bound=dict(zip(s.chart.names, both[0][0], strict=True)),
+            peaking_law=dict(zip(s.chart.names, law, strict=True)),
+        )
     found.transient = Transient(s.chart.names, result.time, error, both[0], np.minimum(*both), not lacking)
 
 
-def _lacking(s: _Setting, limit: float, delay: Halanay) -> list[str]:
+def _lacking(s: Setting, limit: float, delay: Halanay) -> list[str]:
     """What the theorem assumes and the run does not meet."""
     run, result, a, observer = s.context.run, s.context.result, s.amplitudes, s.block.observer
     found = []
@@ -247,7 +222,7 @@ def _lacking(s: _Setting, limit: float, delay: Halanay) -> list[str]:
     return found
 
 
-def _clipped(s: _Setting) -> bool:
+def _clipped(s: Setting) -> bool:
     """Whether an estimate leaves its bounds on the output grid."""
     result = s.context.result
     xhat = result.observers[s.block.label].xhat

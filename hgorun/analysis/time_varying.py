@@ -97,7 +97,7 @@ def delayed(S: Gramian, filtered: bool, first_link: float, lipschitz: Lipschitz,
     lacks; push is sqrt(chi) behind a filter and 1/lambda_min(S) for the standard observer, whose correction
     enters as S^-1 C^T. Where the printed bound is the smaller one it stays.
     """
-    push = np.sqrt(S.chi) if filtered else 1 / S.smallest
+    push = float(np.sqrt(S.chi)) if filtered else 1 / S.smallest
     motion = theta * first_link + lipschitz.of_outputs
     proved = Halanay(_KEPT * theta, push * theta * motion)
     printed = 1 / (S.chi * (lipschitz.of_outputs + theta))

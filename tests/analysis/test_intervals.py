@@ -44,7 +44,7 @@ def test_no_value_lies_outside(text: str, corners: tuple[float, float, float, fl
     ends = np.sort(np.array(corners).reshape(2, 2), axis=0)
     enclosure = Enclosure(function(text))
     low, high = enclosure(ends[:1], ends[1:])
-    inside = np.random.default_rng(1).uniform(ends[0], ends[1], (200, 2))
+    inside = ends[0] + (ends[1] - ends[0]) * np.random.default_rng(1).random((200, 2))
     points = np.vstack([inside, ends, [[ends[0, 0], ends[1, 1]], [ends[1, 0], ends[0, 1]]]])
     values = enclosure.at(points)
     values = values[np.isfinite(values)]
