@@ -10,6 +10,7 @@ from scipy.linalg import expm
 
 import hgorun
 from hgorun.analysis.linear import Linear, Linearisation
+from hgorun.analysis.noise import measured_noise, noise_free, noise_prediction
 from hgorun.analysis.noise_terms import Draws, NoiseTerms, Wave
 from hgorun.analysis.sampled_noise import SampledLoop
 from hgorun.analysis.stationary import continuous_power
@@ -133,3 +134,30 @@ def test_sampled_sinusoid_is_the_simulation(delay: float) -> None:
         found = np.sqrt(loop.power([NoiseTerms((Wave(0.7, 25.0),), (), False)], 0.0))
         measured = np.sqrt(np.mean(result.observers[label].xhat[late] ** 2, axis=0))
         np.testing.assert_allclose(found, measured, rtol=0.01)
+
+
+@pytest.mark.parametrize("measurement", [{}, {"delay": 0.05}, {"sampling": {"period": 0.1}, "delay": 0.02}], ids=str)
+def test_prediction_is_the_difference_to_the_run_without_noise(measurement: dict[str, Any]) -> None:
+    noise = [{"type": "sinusoids", "terms": [{"amplitude": 0.7, "omega": 13.0}, {"amplitude": 0.4, "omega": 8.3}]}]
+    config = {
+        "time": {"end": 60, "output_step": 0.01},
+        "plant": {
+            "type": "integrator_chain",
+            "n": 2,
+            "phi": "-x1 - x2 + sin(t)",
+            "initial": {"x1": 1, "x2": 0},
+        },
+        "measurement": measurement | {"noise": noise},
+        "observers": {
+            "SHGO": {"type": "shgo", "theta": 2},
+            "FHGO": {"type": "fhgo2", "theta": 2, "r": 2},
+            "Treangle": {"type": "treangle", "theta": 2},
+        },
+        "solver": {"method": "rk4", "step": 0.005},
+    }
+    experiment = hgorun.Experiment(config, name="test")
+    twin = hgorun.simulate(noise_free(experiment))
+    measured = measured_noise(hgorun.simulate(experiment), twin)
+    for label, prediction in noise_prediction(prepare(experiment), twin).items():
+        assert prediction.rms is not None, prediction.reason
+        np.testing.assert_allclose(prediction.rms, measured[label], rtol=0.01)
