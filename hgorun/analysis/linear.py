@@ -28,7 +28,8 @@ class Linear:
     Attributes
     ----------
     A0, E, H, L, K0, K : ndarray
-        Shapes (N, N), (N, q), (q, N), (n, N), (q, N), (q, q).
+        Shapes (N, N), (N, q), (q, N), (n, N), (q, N), (q, q); with one more axis in front where there is one
+        system for each of several times.
     """
 
     A0: np.ndarray
@@ -101,6 +102,34 @@ class Linearisation:
         innovation = np.zeros(len(self.run.plant.model.outputs)) if e is None else e
         values = self._functions(t, self.run.parameters.values, z, innovation)
         return Linear(*[np.asarray(v.full()) for v in values])
+
+    def trajectory(self, result: ObserverResult, points: np.ndarray, times: np.ndarray) -> Linear:
+        """The linear systems at several points of the output grid of a finished run, innovation 0.
+
+        Parameters
+        ----------
+        points : ndarray of int, shape (M,)
+            Which points of the grid.
+        times : ndarray, shape (M,)
+            Their times.
+
+        Returns
+        -------
+        Linear
+            With one more axis in front, of length M.
+        """
+        z = np.zeros((self.run.system.structure.states, points.size))
+        for column, i in enumerate(points):
+            z[self.block.start : self.block.stop, column] = self.along(result, int(i))
+        silence = np.zeros((len(self.run.plant.model.outputs), 1))
+        values = self._functions(times[None, :], self.run.parameters.values, z, silence)
+        shapes = [value.shape for value in self._functions.sx_out()]
+        return Linear(
+            *[
+                np.ascontiguousarray(value.full().reshape(rows, points.size, columns).swapaxes(0, 1))
+                for value, (rows, columns) in zip(values, shapes, strict=True)
+            ]
+        )
 
     def at_rest(self, x: np.ndarray) -> np.ndarray:
         """The states xi (N,) of an observer that has found the plant's state x, filters empty.

@@ -89,6 +89,15 @@ class RandomNoise:
         assert item.snr_db is not None
         return float(np.sqrt(mean_square() / 10 ** (item.snr_db / 10)))
 
+    def moments(self) -> list[tuple[float, float, float | None]]:
+        """Mean, variance and hold of every random part."""
+        return [
+            (0.5 * (item.low + item.high), (item.high - item.low) ** 2 / 12, item.hold)
+            if isinstance(item, UniformNoise)
+            else (0.0, std**2, item.hold)
+            for item, std in zip(self.items, self._std, strict=True)
+        ]
+
     def needed(self, hold: float) -> tuple[int, int]:
         """First and last + 1 of the run's draws that the stretch may need."""
         first, last = (self._index(np.array(t), hold) for t in self._span)
