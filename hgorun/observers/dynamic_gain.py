@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from types import SimpleNamespace
 
 import casadi as ca
@@ -17,8 +16,6 @@ from hgorun.observers.direct import OutputInjection
 from hgorun.registry import observer
 from hgorun.symbolic.lower_triangular import LowerTriangularCopy, LowerTriangularForm, state_affine_form
 from hgorun.symbolic.states import Symmetric
-
-_MOST_CUTS = 400
 
 
 class DynamicGain(OutputInjection):
@@ -85,7 +82,7 @@ class DynamicGainObserver(DynamicGain):
 
         Q (A - l c) + (A - l c)^T Q <= -a Q,    -b Q <= Q Delta + Delta Q <= b Q
 
-    which ``hgorun.observers.dynamic_gain.certificate(l, a, b, q)`` finds or denies. Take `direct` with mu = 0
+    which ``hgorun.analysis.lmi.certificate(l, a, b, q)`` finds or denies, with proof. Take `direct` with mu = 0
     where one theta will do.
 
     The paper's constants, l = (2, 1), a = 1.17, b = 2.3, q = 0.15, are said to fulfil (9): no Q does; with b
@@ -99,61 +96,3 @@ class DynamicGainObserver(DynamicGain):
         kappa = plant.Theta(s.theta) @ plant.along(k.l) * e
         theta_rate = self.theta_rate(s.theta, k.a, y, plant.n, k)
         return Flow({"xhat": plant.copy(s.xhat) - kappa, "theta": theta_rate}, correction=plant.measured(kappa))
-
-
-def certificate(l: Sequence[float], a: float, b: float, q: float) -> np.ndarray | None:  # noqa: E741
-    """A matrix Q that satisfies (9) with these constants, or None when there is none.
-
-        Q (A - l c) + (A - l c)^T Q <= -a Q,    q I <= Q <= I,    -b Q <= Q Delta + Delta Q <= b Q
-
-    Cutting planes: M(Q) >= 0 means v^T M(Q) v >= 0 for all v. The linear programme over the v found so far
-    bounds the least eigenvalue that any Q can reach from above, so a negative optimum proves that there is no
-    Q; its Q is returned as soon as all its eigenvalues are >= 0.
-
-    Returns
-    -------
-    ndarray, shape (n, n), or None
-        None also when 400 rounds decide nothing, which needs constants on the border of what is possible.
-    """
-    from scipy.linalg import block_diag
-    from scipy.optimize import linprog
-
-    n = len(l)
-    closed = np.eye(n, k=1) - np.outer(l, np.eye(n)[0])
-    Delta = np.diag(np.arange(n, dtype=float))
-    eye = np.eye(n)
-
-    def conditions(Q: np.ndarray, one: float) -> np.ndarray:
-        """Block-diagonal M, linear in Q and one = 1, that (9) asks to be positive semidefinite."""
-        turned = Q @ Delta + Delta @ Q
-        decay = -(Q @ closed + closed.T @ Q) - a * Q
-        return np.asarray(block_diag(decay, Q - one * q * eye, one * eye - Q, b * Q - turned, b * Q + turned))
-
-    pairs = [(i, j) for i in range(n) for j in range(i, n)]
-    basis = [np.eye(n)[[i]].T @ np.eye(n)[[j]] for i, j in pairs]
-    basis = [(E + E.T) / (1 + (E == E.T).all()) for E in basis]
-    slopes, constant = [conditions(E, 0.0) for E in basis], conditions(np.zeros((n, n)), 1.0)
-    rows: list[list[float]] = []
-    bounds = []
-    _, vectors = np.linalg.eigh(conditions(eye, 1.0))
-    cuts = list(vectors.T)
-    for _ in range(_MOST_CUTS):
-        # maximise s over Q with v^T M(Q) v >= s for every cut v
-        for v in cuts:
-            rows.append([*(-float(v @ S @ v) for S in slopes), 1.0])
-            bounds.append(float(v @ constant @ v))
-        found = linprog(
-            [*np.zeros(len(pairs)), -1.0],
-            rows,
-            bounds,
-            bounds=[(-1, 1)] * len(pairs) + [(None, 1)],
-            method="highs",
-        )
-        if not found.success or found.x[-1] < 0:
-            return None
-        Q = sum((x * E for x, E in zip(found.x, basis, strict=False)), np.zeros((n, n)))
-        values, vectors = np.linalg.eigh(conditions(Q, 1.0))
-        if values[0] >= 0:
-            return np.asarray(Q)
-        cuts = list(vectors.T[values < found.x[-1]])
-    return None

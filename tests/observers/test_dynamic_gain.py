@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import hgorun
+from hgorun.analysis.lmi import certificate
 from hgorun.errors import ConfigError
-from hgorun.observers.dynamic_gain import certificate
 
 BLOCK = {"type": "dynamic_gain", "l": [2, 1], "a": 1.06, "b": 2.3, "q": 0.15, "gamma": "0.5*y**2"}
 
@@ -32,7 +32,7 @@ VAN_DER_POL = {"type": "van_der_pol", "initial": {"x1": 1, "x2": 0.5}}
 
 @pytest.mark.parametrize(("a", "b"), [(1.17, 2.42), (1.06, 2.3)], ids=["b = 2.42 repairs it", "a = 1.06 repairs it"])
 def test_the_certificate_satisfies_the_inequalities(a: float, b: float) -> None:
-    Q = certificate((2, 1), a, b, 0.15)
+    Q = certificate((2, 1), a, b, 0.15).Q
     assert Q is not None
     closed, Delta = np.array([[-2.0, 1], [-1, 0]]), np.diag([0.0, 1])
     both = Q @ Delta + Delta @ Q
@@ -50,7 +50,7 @@ def test_the_certificate_satisfies_the_inequalities(a: float, b: float) -> None:
 def test_no_certificate_for_the_constants_in_print() -> None:
     """And an independent search agrees: on a grid of all Q with q I <= Q <= I none comes near."""
     a, b, q = 1.17, 2.3, 0.15
-    assert certificate((2, 1), a, b, q) is None
+    assert certificate((2, 1), a, b, q).feasible is False
     x, y, z = np.meshgrid(np.linspace(q, 1, 80), np.linspace(-1, 1, 80), np.linspace(q, 1, 80), indexing="ij")
     Q = np.stack([np.stack([x, y], -1), np.stack([y, z], -1)], -2).reshape(-1, 2, 2)
     closed, Delta, eye = np.array([[-2.0, 1], [-1, 0]]), np.diag([0.0, 1]), np.eye(2)
@@ -63,11 +63,11 @@ def test_no_certificate_for_the_constants_in_print() -> None:
 def test_certificates_of_higher_order(gains: tuple[float, ...]) -> None:
     """For some a, b, q there is always one [Praly]; with a twice the decay rate of A - l c there is none."""
     n = len(gains)
-    Q = certificate(gains, 0.1, 20, 5e-4)
+    Q = certificate(gains, 0.1, 20, 5e-4).Q
     assert Q is not None
     closed = np.eye(n, k=1) - np.outer(gains, np.eye(n)[0])
     assert np.linalg.eigvalsh(Q @ closed + closed.T @ Q + 0.1 * Q).max() <= 0
-    assert certificate(gains, 2.1, 20, 5e-4) is None
+    assert certificate(gains, 2.1, 20, 5e-4).feasible is False
 
 
 def test_at_constant_output_theta_goes_to_its_equilibrium() -> None:
