@@ -26,7 +26,7 @@ _GROUPS = (
     ("excitation",),
 )
 # in JSON only
-_HIDDEN = {"mu", "P", "theta_bound_printed", "delay_bound_sharp", "lipschitz_box", "peaking_law"}
+_HIDDEN = {"mu", "P", "theta_bound_printed", "delay_bound_sharp", "lipschitz_box", "peaking_law", "excitation_details"}
 _CAUTION = (
     "theta_bound, delay_bound and tau_bound are sufficient: what the proofs ask for, usually 1e2 to 1e6 times more "
     "than is needed. delay_critical and period_critical are the limits of the linear error."
