@@ -97,7 +97,7 @@ def looks(panels: Sequence[Sequence[HasFamily]], texts: Mapping[int, str]) -> di
         In a panel, colours differ for up to ten observers, line styles for up to five, and looks for up to
         fifty. In the figure, so far as the styles suffice, equal looks have equal texts.
     """
-    colours = _colours(panels)
+    colours = _colours(panels, texts)
     styles = _dashes(panels, colours, texts)
     return {
         order: Look(texts[order], colours[order], DASHES[style], MARKERS[i % len(MARKERS)])
@@ -105,7 +105,7 @@ def looks(panels: Sequence[Sequence[HasFamily]], texts: Mapping[int, str]) -> di
     }
 
 
-def _colours(panels: Sequence[Sequence[HasFamily]]) -> dict[int, str]:
+def _colours(panels: Sequence[Sequence[HasFamily]], texts: Mapping[int, str]) -> dict[int, str]:
     actors = {a.order: a for panel in panels for a in panel}
     families = {(a.type, a.filter_order): family_colour(a.type, a.filter_order) for _, a in sorted(actors.items())}
     used = {colour for colour in families.values() if colour}
@@ -116,8 +116,10 @@ def _colours(panels: Sequence[Sequence[HasFamily]]) -> dict[int, str]:
     chosen: dict[int, str] = {}
     for order, beside in _neighbours(panels).items():
         taken = [chosen[other] for other in beside if other in chosen]
-        own = str(families[actors[order].type, actors[order].filter_order])
-        chosen[order] = own if own not in taken else _first_free(used, taken)
+        family = (actors[order].type, actors[order].filter_order)
+        twins = [chosen[o] for o in chosen if texts[o] == texts[order] and actors[o].type == family[0]]
+        wanted = [colour for colour in (*twins, str(families[family])) if colour not in taken]
+        chosen[order] = wanted[0] if wanted else _first_free(used, taken)
         used.add(chosen[order])
     return chosen
 

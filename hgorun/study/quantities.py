@@ -75,7 +75,7 @@ class Sentence:
             value = self.expression.number({n: float(np.clip(v, -_LARGE, _LARGE)) for n, v in found.items()})
         except ExpressionError:
             return float("nan")
-        return value if abs(value) < 0.1 * _LARGE else float(np.copysign(np.inf, value))
+        return value if abs(value) < _LARGE**0.5 else float(np.copysign(np.inf, value))
 
 
 def read_sentence(text: str, runs: tuple[str, ...]) -> Sentence:
