@@ -28,6 +28,9 @@ class Transient:
         The same proof's, with nothing given away for a shorter formula.
     holds : bool
         Whether the run meets what the theorem assumes: then neither bound is below the error.
+    nominal : ndarray, shape (Nt, n), optional
+        chi theta^(i-1) exp(-beta theta (t - t_0)) |e(t_0)|: what the bound comes to without delay, noise and
+        disturbance. Where the theorem's assumptions are not met it bounds nothing, and shows what is asked for.
     """
 
     names: tuple[str, ...]
@@ -36,6 +39,7 @@ class Transient:
     bound: np.ndarray
     sharp: np.ndarray
     holds: bool
+    nominal: np.ndarray | None = None
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -102,6 +103,9 @@ def _hold(found: Findings, s: Setting, dynamics: ErrorDynamics) -> None:
     printed = peaking.course(dynamics, certificate, delay, start, theta, a)
     energy = peaking.sharp_course(dynamics, certificate, sharp, start, theta, a)
     _promise(found, s, limit, delay, (printed, scale), (energy, weights(dynamics, theta)))
+    assert found.transient is not None
+    decay = np.exp(-beta * theta * (found.transient.time - found.transient.time[0]))
+    found.transient = replace(found.transient, nominal=(scale * printed.gain * printed.start * decay).T)
 
 
 def _follow(found: Findings, s: Setting) -> None:

@@ -18,15 +18,16 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _WIDTH, _ROW = 7.2, 1.8
-_BOUND = (0, (3, 2))
+_BOUND, _NOMINAL = (0, (3, 2)), (0, (1, 2))
+_TITLE = "errors; dashed: bounds where the theorems hold; dotted: their decay where they do not"
 _DECADES = 12  # that an axis shows at most
 
 
 def peaking(analysis: Analysis) -> Figure:
     """|zhat - z| on a logarithmic axis, one row a coordinate, and the theorem's bound dashed.
 
-    Where the run does not meet what the theorem assumes there is no bound to draw. Observers that compute in
-    other coordinates have rows of their own.
+    Where the run does not meet what the theorem assumes the bound's nominal decay is dotted, which bounds nothing
+    there. Observers that compute in other coordinates have rows of their own.
 
     Parameters
     ----------
@@ -54,15 +55,17 @@ def peaking(analysis: Analysis) -> Figure:
                 curves = [(transient.error[:, i], own.dashes, own.text, 1.0)]
                 if transient.holds:
                     curves.append((transient.bound[:, i], _BOUND, f"{own.text}: bound", 0.8))
+                elif transient.nominal is not None:
+                    curves.append((transient.nominal[:, i], _NOMINAL, f"{own.text}: nominal", 0.8))
                 for values, line, text, width in curves:
                     kept = np.isfinite(values) & (values > 0)
                     curve = Curve(transient.time[kept], values[kept])
                     ax.plot(*thinned(curve), color=own.colour, linestyle=line, label=text, linewidth=width)
-                    drawn.append(curve.v)
+                    drawn.append(curve.v if line is not _NOMINAL else curve.v[:1])
             ax.set_ylim(*_limits(drawn))
             time_axis(ax, [result], (float(result.time[0]), float(result.time[-1])))
             ax.set_ylabel(rf"$|{symbol(name, hat=True)} - {symbol(name)}|$")
-        return finished(figure, axes, 1, "errors, and bounds where the theorems hold", grow=True)
+        return finished(figure, axes, 1, _TITLE, grow=True)
 
 
 def _limits(drawn: list[np.ndarray]) -> tuple[float, float]:
