@@ -9,6 +9,7 @@ from hgorun.analysis.error_system import ErrorSystem
 _TERMS = 9  # of the exponential's series, after scaling to a norm of 1/2: 3e-10
 _FINE = 0.5  # of 1/rate: the longest step of a transition matrix
 _MOST_STEPS = 40_000
+MOST_PERIODS = 20_000  # that a growth rate is taken over, the first ones of a trajectory
 
 
 def growth(system: ErrorSystem, period: float, delay: float = 0.0) -> float:
@@ -26,7 +27,8 @@ def growth(system: ErrorSystem, period: float, delay: float = 0.0) -> float:
     if system.constant:
         starts, count = np.zeros(1), 1
     else:
-        count = max(int((system.times[-1] - system.times[0]) / period * (1 + 1e-12)), 1)
+        whole = (system.times[-1] - system.times[0]) / period * (1 + 1e-12)
+        count = int(np.clip(whole, 1, MOST_PERIODS))
         starts = system.times[0] + period * np.arange(count)
     before = transitions(system, starts, period - rest)
     after = transitions(system, starts + period - rest, rest) if rest > 0 else None

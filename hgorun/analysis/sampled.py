@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hgorun.analysis.error_system import ErrorSystem, at_end, error_system
-from hgorun.analysis.floquet import growth
+from hgorun.analysis.floquet import MOST_PERIODS, growth
 from hgorun.analysis.nominal import chain
 from hgorun.analysis.retarded import delay_margin
 from hgorun.measurement.availability import Stretch
@@ -174,8 +174,9 @@ def _critical_period(system: ErrorSystem, availability: Availability) -> Limit:
     shortest = max(_SHORTEST / system.rate, delay / _MOST_WAITING)
     longest = _LONGEST / system.rate
     if not system.constant:
-        shortest = max(shortest, 0.2 / system.rate)
-        longest = min(longest, (system.times[-1] - system.times[0]) / 4)
+        span = system.times[-1] - system.times[0]
+        shortest = max(shortest, 0.2 / system.rate, span / MOST_PERIODS)
+        longest = min(longest, span / 4)
     return _search(system, lambda T: growth(system, T, delay), shortest, longest, where, "period")
 
 
@@ -188,8 +189,9 @@ def _critical_delay(system: ErrorSystem, availability: Availability) -> Limit:
         return Limit(margin, "", where)
     shortest, longest = _SHORTEST / system.rate, _LONGEST / system.rate
     if not system.constant:
-        shortest = 0.2 / system.rate
-        longest = min(longest, (system.times[-1] - system.times[0]) / 4)
+        span = system.times[-1] - system.times[0]
+        shortest = max(0.2 / system.rate, _FINE * span / MOST_PERIODS if period is None else 0.0)
+        longest = min(longest, span / 4)
     if period is None:
         where += f"; {_FINE} samples a delay stand for the continuous output"
         # held samples d/n apart that are d - d/(2 n) old on arrival are d old in the mean

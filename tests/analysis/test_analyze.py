@@ -181,7 +181,7 @@ def test_the_figure_draws_bounds_where_they_hold(analysis: Analysis) -> None:
     figure = peaking(analysis)
     assert [ax.get_yscale() for ax in figure.axes] == ["log", "log"]
     labels = [str(line.get_label()) for line in figure.axes[0].lines]
-    assert labels == ["SHGO", "SHGO: bound", "slow", "slow: nominal", "gain", "gain: nominal"]
+    assert labels == ["SHGO", "SHGO: bound", "slow", "slow: nominal", "gain"]
     error, bound = figure.axes[1].lines[:2]
     assert np.max(error.get_ydata()) < np.max(bound.get_ydata())
 
