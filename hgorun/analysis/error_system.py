@@ -29,6 +29,7 @@ from hgorun.symbolic.canonical import CanonicalForm
 
 _FILTERS = ("eta", "e")  # states of filters: zero where the estimate is right
 _SAME = 1e-7  # relative change below which the systems along a trajectory are one
+_MOST_TIMES = 4000  # along a run, at which it is linearised
 _NOTHING = 1e-12  # relative size of an influence that is rounding
 
 
@@ -124,6 +125,7 @@ def error_system(run: Run, label: str, result: Result) -> ErrorSystem | str:
     found = result.observers[label]
     third = result.time[0] + (result.time[-1] - result.time[0]) / 3
     chosen = np.flatnonzero(result.time >= third - 1e-9)
+    chosen = chosen[:: max(chosen.size // _MOST_TIMES, 1)]
     if found.diverged_at is not None:
         return f"the run to look along {found.status}"
     linearisation = Linearisation(run, label)
@@ -181,8 +183,7 @@ def _states(linearisation: Linearisation, found: ObserverResult, chosen: np.ndar
         elif name in _FILTERS:
             parts.append(np.zeros((chosen.size, place.size)))
         else:
-            values = np.asarray(found.internal[name])[chosen]
-            parts.append(np.array([place.numbers(np.asarray(v)) for v in values]).reshape(chosen.size, place.size))
+            parts.append(place.flattened(np.asarray(found.internal[name])[chosen]))
     return np.concatenate(parts, axis=1).T
 
 

@@ -7,7 +7,9 @@ from dataclasses import asdict
 from hgorun.analysis.excitation import excitation
 from hgorun.analysis.findings import Context, Findings
 from hgorun.analysis.nominal import nominal
-from hgorun.analysis.sampled import delay_critical, delay_critical_chain, period_critical, period_critical_chain
+from hgorun.analysis.sampled import critical, critical_chain
+
+_KEYS = ("period_critical", "delay_critical", "period_critical_chain", "delay_critical_chain")
 
 
 def limits(context: Context) -> dict[str, Findings]:
@@ -16,12 +18,8 @@ def limits(context: Context) -> dict[str, Findings]:
     result = nominal(run)
     for label in context.result.observers:
         findings = Findings()
-        for key, limit in (
-            ("period_critical", period_critical(run, label, result)),
-            ("delay_critical", delay_critical(run, label, result)),
-            ("period_critical_chain", period_critical_chain(run, label)),
-            ("delay_critical_chain", delay_critical_chain(run, label)),
-        ):
+        values = (*critical(run, label, result), *critical_chain(run, label))
+        for key, limit in zip(_KEYS, values, strict=True):
             if limit.value is None:
                 findings.withhold(limit.reason, key)
             else:

@@ -10,7 +10,7 @@ the standard observer and 0.927 for its delay.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -24,7 +24,7 @@ from hgorun.observers.reduced_sampled import ReducedSampledObserver
 from hgorun.result import Result
 from hgorun.run import Run
 
-_RATIO_CONSTANT, _RATIO_VARYING = 1.02, 1.06  # of neighbouring values in a search for a first crossing
+_RATIO_CONSTANT, _RATIO_VARYING = 1.04, 1.12  # of neighbouring values in a search for a first crossing
 _SHORTEST, _LONGEST = 1e-2, 3e2  # of 1/rate, where the search starts and ends
 _PRECISION = 1e-4, 2e-3  # relative, of a limit, for one system and along a trajectory
 _MOST_WAITING = 100  # samples on their way at a time
@@ -58,8 +58,13 @@ class Availability:
     remark: str
 
 
-def period_critical(run: Run, label: str, result: Result | str) -> Limit:
-    """The shortest period of sampling at which the error no longer decays, at this theta and delay.
+_UNDELAYED = Limit(None, "the observer takes samples without delay")
+
+
+def critical(run: Run, label: str, result: Result | str) -> tuple[Limit, Limit]:
+    """The shortest period of sampling and the smallest constant delay at which the error no longer decays.
+
+    The period is critical at this theta and delay, the delay at this theta and sampling.
 
     Parameters
     ----------
@@ -73,64 +78,37 @@ def period_critical(run: Run, label: str, result: Result | str) -> Limit:
 
     Returns
     -------
-    Limit
+    tuple of Limit
+        Of the period, of the delay.
     """
-    observer = run.experiment.observers[label]
-    if observer.discrete:
-        return _discrete(run, label)
-    return _with_system(run, label, result, error_system, _critical_period)
-
-
-def delay_critical(run: Run, label: str, result: Result | str) -> Limit:
-    """The smallest constant delay at which the error no longer decays, at this theta and sampling; see
-    :func:`period_critical`."""
     if run.experiment.observers[label].discrete:
-        return Limit(None, "the observer takes samples without delay")
-    return _with_system(run, label, result, error_system, _critical_delay)
-
-
-def period_critical_chain(run: Run, label: str) -> Limit:
-    """The critical period for chains of integrators, phi = 0, gains at rest: exact."""
-    if run.experiment.observers[label].discrete:
-        return Limit(None, "the observer's own limit does not depend on phi")
-    return _of_chain(run, label, _critical_period)
-
-
-def delay_critical_chain(run: Run, label: str) -> Limit:
-    """The critical delay for chains of integrators, phi = 0, gains at rest: exact."""
-    if run.experiment.observers[label].discrete:
-        return Limit(None, "the observer takes samples without delay")
-    return _of_chain(run, label, _critical_delay)
-
-
-def _with_system(
-    run: Run,
-    label: str,
-    result: Result | str,
-    linearise: Callable[[Run, str, Result], ErrorSystem | str],
-    find: Callable[[ErrorSystem, Availability], Limit],
-) -> Limit:
-    availability = availability_of(run)
-    if isinstance(availability, str):
-        return Limit(None, availability)
+        return _discrete(run, label), _UNDELAYED
     if isinstance(result, str):
-        return Limit(None, result)
-    system = linearise(run, label, result)
-    return Limit(None, system) if isinstance(system, str) else find(system, availability)
+        return (Limit(None, result),) * 2
+    return _both(run, lambda: error_system(run, label, result))
 
 
-def _of_chain(run: Run, label: str, find: Callable[[ErrorSystem, Availability], Limit]) -> Limit:
+def critical_chain(run: Run, label: str) -> tuple[Limit, Limit]:
+    """The same for chains of integrators, phi = 0, gains at rest: exact."""
+    if run.experiment.observers[label].discrete:
+        return Limit(None, "the observer's own limit does not depend on phi"), _UNDELAYED
+
+    def system() -> ErrorSystem | str:
+        pair = chain(run, label)
+        found = pair if isinstance(pair, str) else at_end(pair[0], label, pair[1])
+        return found if isinstance(found, str) else replace(found, where="chains of integrators, phi = 0")
+
+    return _both(run, system)
+
+
+def _both(run: Run, linearise: Callable[[], ErrorSystem | str]) -> tuple[Limit, Limit]:
     availability = availability_of(run)
     if isinstance(availability, str):
-        return Limit(None, availability)
-    pair = chain(run, label)
-    if isinstance(pair, str):
-        return Limit(None, pair)
-    system = at_end(pair[0], label, pair[1])
+        return (Limit(None, availability),) * 2
+    system = linearise()
     if isinstance(system, str):
-        return Limit(None, system)
-    found = find(system, availability)
-    return Limit(found.value, found.reason, found.where.replace(system.where, "chains of integrators, phi = 0"))
+        return (Limit(None, system),) * 2
+    return _critical_period(system, availability), _critical_delay(system, availability)
 
 
 def availability_of(run: Run) -> Availability | str:

@@ -72,6 +72,13 @@ class StateBlock:
         shape = self.shape[:-1] if len(self.shape) > 1 and self.shape[-1] == 1 else self.shape
         return np.ascontiguousarray(part).reshape(len(part), *shape)
 
+    def flattened(self, values: np.ndarray) -> np.ndarray:
+        """What is integrated, shape (Nt, size), from what :meth:`shaped` gave."""
+        if self.symmetric:
+            i, j = np.triu_indices(self.shape[0])
+            return np.asarray(values[:, i, j])
+        return values.reshape(len(values), self.size)
+
     def initial(self, given: Any, default: np.ndarray) -> np.ndarray:
         """Numbers in the state's shape from what a configuration gives.
 

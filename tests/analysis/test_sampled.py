@@ -10,10 +10,8 @@ from hgorun.analysis.error_system import error_system
 from hgorun.analysis.floquet import growth
 from hgorun.analysis.nominal import nominal
 from hgorun.analysis.sampled import (
-    delay_critical,
-    delay_critical_chain,
-    period_critical,
-    period_critical_chain,
+    critical,
+    critical_chain,
 )
 from hgorun.result import Result
 from hgorun.run import Run
@@ -67,13 +65,13 @@ def test_periods_of_three_integrators() -> None:
     }
     run = prepared(chain_config({name: {**block, "theta": 4} for name, (block, _) in known.items()}))
     for label, (_, T) in known.items():
-        assert 4 * value(period_critical_chain(run, label)) == pytest.approx(T, abs=6e-4), label
+        assert 4 * value(critical_chain(run, label)[0]) == pytest.approx(T, abs=6e-4), label
 
 
 def test_delays_of_three_integrators() -> None:
     run = prepared(chain_config({f"r={r}": {"type": "fhgo2", "theta": 3, "r": r} for r in range(4)}))
     for r, d in enumerate((0.927, 1.103, 1.255, 1.400)):
-        assert 3 * value(delay_critical_chain(run, f"r={r}")) == pytest.approx(d, abs=6e-4)
+        assert 3 * value(critical_chain(run, f"r={r}")[1]) == pytest.approx(d, abs=6e-4)
 
 
 def test_one_integrator_in_closed_form() -> None:
@@ -81,9 +79,9 @@ def test_one_integrator_in_closed_form() -> None:
     config = chain_config({"o": SHGO})
     config["plant"] = {"type": "integrator_chain", "n": 1, "initial": {"x1": 0}}
     run = prepared(config)
-    assert period_critical_chain(run, "o").value is None
-    assert "stable at every period" in period_critical_chain(run, "o").reason
-    assert "stable at every delay" in delay_critical_chain(run, "o").reason
+    assert critical_chain(run, "o")[0].value is None
+    assert "stable at every period" in critical_chain(run, "o")[0].reason
+    assert "stable at every delay" in critical_chain(run, "o")[1].reason
 
 
 def test_an_unstable_first_order_plant_in_closed_form() -> None:
@@ -105,9 +103,9 @@ def test_an_unstable_first_order_plant_in_closed_form() -> None:
     }
     run = prepared(config)
     T = brentq(lambda T: np.exp(a * T) * a + g * np.exp(-g * T) - a - g, 0.1, 10)
-    assert value(period_critical(run, "o", nominal(run))) == pytest.approx(T, rel=1e-3)
+    assert value(critical(run, "o", nominal(run))[0]) == pytest.approx(T, rel=1e-3)
     # the root that passes through zero: alpha(t) - alpha(t - d) = -d g e, xi = g e/a
-    assert value(delay_critical(run, "o", nominal(run))) == pytest.approx(1 / a - 1 / g, rel=1e-9)
+    assert value(critical(run, "o", nominal(run))[1]) == pytest.approx(1 / a - 1 / g, rel=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -129,7 +127,7 @@ def test_runs_beside_the_critical_period(block: dict[str, Any], delay: float) ->
         config = chain_config({"o": block_}, {"sampling": {"period": period}, "delay": delay}, end)
         return prepared(config)
 
-    limit = period_critical_chain(at(0.5), "o")
+    limit = critical_chain(at(0.5), "o")[0]
     if delay == 2.0:  # later than the observer bears at any period
         assert limit.value is None
         assert "unstable at every period" in limit.reason
@@ -146,7 +144,7 @@ def test_runs_beside_the_critical_delay(sampling: Any) -> None:
         config["solver"] = {"method": "rk4", "step": 0.02}
         return prepared(config)
 
-    d = value(delay_critical_chain(at(0.0), "o"))
+    d = value(critical_chain(at(0.0), "o")[1])
     assert decay(at(0.98 * d, 300), "o") < 0 < decay(at(1.02 * d, 300), "o")
 
 
@@ -154,7 +152,7 @@ def test_sampling_ever_faster_is_the_continuous_output() -> None:
     """A held sample is period/2 old in the mean."""
     run = prepared(chain_config({"o": SHGO}))
     fast = prepared(chain_config({"o": SHGO}, {"sampling": {"period": 0.01}}))
-    continuous, sampled = (value(delay_critical_chain(r, "o")) for r in (run, fast))
+    continuous, sampled = (value(critical_chain(r, "o")[1]) for r in (run, fast))
     assert sampled + 0.005 == pytest.approx(continuous, abs=2e-4)
 
 
@@ -169,9 +167,9 @@ def test_two_chains_have_the_limit_of_the_slower_one() -> None:
         "initial": {"a1": 0, "a2": 0, "b1": 0, "b2": 0, "b3": 0},
     }
     run = prepared(config)
-    assert value(period_critical_chain(run, "o")) == pytest.approx(2.896, abs=6e-4)
-    assert value(delay_critical_chain(run, "o")) == pytest.approx(0.9273, abs=6e-4)
-    assert value(period_critical(run, "o", nominal(run))) == pytest.approx(2.896, abs=6e-4)
+    assert value(critical_chain(run, "o")[0]) == pytest.approx(2.896, abs=6e-4)
+    assert value(critical_chain(run, "o")[1]) == pytest.approx(0.9273, abs=6e-4)
+    assert value(critical(run, "o", nominal(run))[0]) == pytest.approx(2.896, abs=6e-4)
 
 
 ACADEMIC = {
@@ -187,7 +185,7 @@ def test_a_time_varying_plant_against_its_own_run() -> None:
     run = prepared(ACADEMIC)
     result = nominal(run)
     assert isinstance(result, Result)
-    T = value(period_critical(run, "o", result))
+    T = value(critical(run, "o", result)[0])
     system = error_system(run, "o", result)
     assert not isinstance(system, str)
     assert not system.constant
@@ -234,15 +232,15 @@ def test_discrete_observers() -> None:
         "measurement": {"sampling": {"period": 0.1}},
     }
     run = prepared(config)
-    assert period_critical(run, "k", "unused").value == 4.0
-    assert period_critical(run, "d", "unused").value is None
+    assert critical(run, "k", "unused")[0].value == 4.0
+    assert critical(run, "d", "unused")[0].value is None
     lee = {
         "time": {"end": 0.1, "output_step": 0.01},
         "plant": {"type": "lee_second_order", "initial": {"x1": 1, "x2": 1}},
         "observers": {"o": {"type": "hgo_fd", "eps": 0.01, "gains": [2, 2]}},
         "measurement": {"sampling": {"period": 0.0004}},
     }
-    period = value(period_critical(prepared(lee), "o", "unused"))
+    period = value(critical(prepared(lee), "o", "unused")[0])
     assert period == pytest.approx(0.01, rel=1e-12)
     A_0 = np.array([[-2.0, 1.0], [-2.0, 0.0]])
     radius = [np.max(np.abs(np.linalg.eigvals(np.eye(2) + f * period / 0.01 * A_0))) for f in (0.99, 1.01)]
@@ -252,5 +250,5 @@ def test_discrete_observers() -> None:
 def test_reasons() -> None:
     config = chain_config({"l": {"type": "levant", "G": 1}, "o": SHGO})
     run = prepared(config)
-    assert "no slope" in period_critical(run, "l", nominal(run)).reason
-    assert "the plant" in period_critical(run, "o", "the plant is stepped at the samples").reason
+    assert "no slope" in critical(run, "l", nominal(run))[0].reason
+    assert "the plant" in critical(run, "o", "the plant is stepped at the samples")[0].reason
