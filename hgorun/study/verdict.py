@@ -115,12 +115,12 @@ def _plain(value: float) -> float | str:
 
 
 def number_text(verdict: Verdict) -> str:
-    """The number beside its threshold: ``0.0123 < 0.2``, with the interval where there is one."""
+    """The number and its threshold: ``0.0123 (< 0.2 is claimed)``, with the interval where there is one."""
     relation, threshold = verdict.threshold
     value = f"{verdict.value:.4g}"
     if verdict.interval is not None:
         low, high = verdict.interval
-        value += f" [{low:.4g}, {high:.4g}], {verdict.members} members,"
+        value += f" [{low:.4g}, {high:.4g}] of {verdict.members}"
     if isinstance(threshold, list):
-        return f"{value} in [{threshold[0]:g}, {threshold[1]:g}]?"
-    return f"{value} {relation} {threshold:g}?"
+        return f"{value} ({threshold[0]:g} to {threshold[1]:g} is claimed)"
+    return f"{value} ({relation} {threshold:g} is claimed)"
