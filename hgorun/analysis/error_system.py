@@ -16,16 +16,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
-import casadi as ca
 import numpy as np
 
 from hgorun.analysis.linear import Linearisation
 from hgorun.observers.levant import LevantObserver
 from hgorun.result import ObserverResult, Result
 from hgorun.run import Run
-from hgorun.symbolic.canonical import CanonicalForm
 
 _FILTERS = ("eta", "e")  # states of filters: zero where the estimate is right
 _SAME = 1e-7  # relative change below which the systems along a trajectory are one
@@ -131,18 +128,8 @@ def error_system(run: Run, label: str, result: Result) -> ErrorSystem | str:
     linearisation = Linearisation(run, label)
     times = result.time[chosen]
     xi = _states(linearisation, found, chosen)
-    # one evaluation for all times; the name is private to the package
-    values = linearisation._functions(
-        ca.DM(times[None, :]),
-        ca.DM(run.parameters.values),
-        ca.DM(_embedded(linearisation, xi)),
-        ca.DM.zeros(len(run.plant.model.outputs), 1),
-    )
-    shapes = [part.shape for part in linearisation._functions.sx_out()]
-    A0, E, H, L, K0, K = (
-        np.ascontiguousarray(np.asarray(v.full()).reshape(rows, times.size, columns).swapaxes(0, 1))
-        for v, (rows, columns) in zip(values, shapes, strict=True)
-    )
+    linear = linearisation.systems(times, xi)
+    A0, E, H, L, K0, K = linear.A0, linear.E, linear.H, linear.L, linear.K0, linear.K
     kept = _that_matter(linearisation, A0, H, L, K0)
     where = f"along the run from t = {times[0]:.4g} to {times[-1]:.4g}"
     system = ErrorSystem(times, A0[:, kept][:, :, kept], E[:, kept], H[:, :, kept], K0[:, :, kept], K, where)
@@ -172,40 +159,14 @@ def _row(result: ObserverResult, i: int) -> ObserverResult:
 
 
 def _states(linearisation: Linearisation, found: ObserverResult, chosen: np.ndarray) -> np.ndarray:
-    """The observer's states at points of a run, filters empty, shape (N, M)."""
+    """The observer's states at points of a run, filters empty, shape (M, N)."""
     b = linearisation.block
-    parts = []
-    for name, place in b.states.items():
-        if name == "alpha" or not place.size:
-            continue
-        if name == "xhat":
-            parts.append(_own_coordinates(b.form, found.xhat[chosen], linearisation.run.plant.parameters, b.canonical))
-        elif name in _FILTERS:
-            parts.append(np.zeros((chosen.size, place.size)))
-        else:
-            parts.append(place.flattened(np.asarray(found.internal[name])[chosen]))
-    return np.concatenate(parts, axis=1).T
-
-
-def _own_coordinates(form: Any, x: np.ndarray, parameters: np.ndarray, canonical: bool) -> np.ndarray:
-    """Estimates (M, n) in the coordinates where the observer computes."""
-    plant = form.plant
-    if isinstance(form, CanonicalForm):
-        if not canonical or form.identity:
-            return x
-        image = form.Phi(plant.x, plant.p)
-    elif plant.transform is not None:
-        image = plant.transform(plant.x, plant.p)
-    else:
-        return x
-    values = ca.Function("z", [plant.x, plant.p], [image])(ca.DM(x.T), ca.DM(parameters))
-    return np.asarray(values.full()).T
-
-
-def _embedded(linearisation: Linearisation, xi: np.ndarray) -> np.ndarray:
-    z = np.zeros((linearisation.run.system.structure.states, xi.shape[1]))
-    z[linearisation.block.start : linearisation.block.stop] = xi
-    return z
+    xi = linearisation.states(found, chosen)
+    for name in _FILTERS:
+        if name in b.states:
+            place = b.states[name]
+            xi[:, place.start - b.start :][:, : place.size] = 0.0
+    return xi
 
 
 def _that_matter(

@@ -75,7 +75,7 @@ def transitions(system: ErrorSystem, starts: np.ndarray, length: float) -> np.nd
     root = np.sqrt(3) / 6
     G_1, G_2 = (interpolated(system.times, G, (at + h * (0.5 + c * root)).ravel()) for c in (-1, 1))
     Omega = h / 2 * (G_1 + G_2) + np.sqrt(3) / 12 * h**2 * (G_2 @ G_1 - G_1 @ G_2)
-    return _tree(_exponentials(Omega).reshape(starts.size, steps, *G.shape[1:]))
+    return _tree(exponentials(Omega).reshape(starts.size, steps, *G.shape[1:]))
 
 
 def interpolated(times: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.ndarray:
@@ -88,7 +88,7 @@ def interpolated(times: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.nd
     return np.asarray(values[left] * (1 - weight) + values[left + 1] * weight)
 
 
-def _exponentials(Omega: np.ndarray) -> np.ndarray:
+def exponentials(Omega: np.ndarray) -> np.ndarray:
     """Of many matrices at once."""
     norm = float(np.max(np.abs(Omega).sum(axis=2)))
     halvings = max(int(np.ceil(np.log2(max(norm, 1e-300) / 0.5))), 0)

@@ -10,12 +10,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from hgorun.result import ObserverResult
 from hgorun.run import Run
+from hgorun.symbolic.canonical import CanonicalForm
 from hgorun.system.block import ObserverBlock
 
 
@@ -118,15 +120,24 @@ class Linearisation:
         Linear
             With one more axis in front, of length M.
         """
-        z = np.zeros((self.run.system.structure.states, points.size))
-        for column, i in enumerate(points):
-            z[self.block.start : self.block.stop, column] = self.along(result, int(i))
-        silence = np.zeros((len(self.run.plant.model.outputs), 1))
-        values = self._functions(times[None, :], self.run.parameters.values, z, silence)
+        return self.systems(times, self.states(result, points))
+
+    def systems(self, times: np.ndarray, xi: np.ndarray, e: np.ndarray | None = None) -> Linear:
+        """The linear systems at times (M,), states (M, N) and innovations (M, q), 0 where they are omitted.
+
+        Returns
+        -------
+        Linear
+            With one more axis in front, of length M.
+        """
+        z = np.zeros((self.run.system.structure.states, times.size))
+        z[self.block.start : self.block.stop] = xi.T
+        innovation = np.zeros((times.size, len(self.run.plant.model.outputs))) if e is None else e
+        values = self._functions(times[None, :], self.run.parameters.values, z, innovation.T)
         shapes = [value.shape for value in self._functions.sx_out()]
         return Linear(
             *[
-                np.ascontiguousarray(value.full().reshape(rows, points.size, columns).swapaxes(0, 1))
+                np.ascontiguousarray(value.full().reshape(rows, times.size, columns).swapaxes(0, 1))
                 for value, (rows, columns) in zip(values, shapes, strict=True)
             ]
         )
@@ -145,11 +156,29 @@ class Linearisation:
 
     def along(self, result: ObserverResult, i: int) -> np.ndarray:
         """The states xi (N,) at point i of the output grid of a finished run."""
-        b = self.block
-        xhat = b.form.start(result.xhat[i], self.run.plant.parameters, b.canonical)
-        parts = [
-            b.states[name].numbers(np.asarray(xhat if name == "xhat" else result.internal[name][i]))
-            for name in b.states
-            if name != "alpha" and b.states[name].size
-        ]
-        return np.concatenate([np.ravel(p) for p in parts])
+        return np.asarray(self.states(result, np.array([i]))[0])
+
+    def states(self, result: ObserverResult, points: np.ndarray) -> np.ndarray:
+        """The states xi (M, N) at several points of the output grid of a finished run."""
+        parts = []
+        for name, place in self.block.states.items():
+            if name == "xhat":
+                parts.append(self._own_coordinates(result.xhat[points]))
+            elif name != "alpha" and place.size:
+                parts.append(place.flattened(result.internal[name][points]))
+        return np.concatenate(parts, axis=1)
+
+    def _own_coordinates(self, x: np.ndarray) -> np.ndarray:
+        """Estimates (M, n) in the coordinates where the observer computes."""
+        form: Any = self.block.form
+        plant, parameters = form.plant, self.run.plant.parameters
+        if isinstance(form, CanonicalForm):
+            if not self.block.canonical or form.identity:
+                return x
+            image = form.Phi(plant.x, plant.p)
+        elif plant.transform is not None:
+            image = plant.transform(plant.x, plant.p)
+        else:
+            return x
+        values = ca.Function("z", [plant.x, plant.p], [image])(ca.DM(x.T), ca.DM(parameters))
+        return np.asarray(values.full()).T

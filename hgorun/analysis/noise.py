@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from hgorun.analysis.along import noise_along
 from hgorun.analysis.linear import Linear, Linearisation
 from hgorun.analysis.noise_terms import NoiseTerms
 from hgorun.analysis.sampled_noise import SampledLoop
@@ -16,6 +17,7 @@ from hgorun.analysis.transfer import NoTheory, relevant
 from hgorun.config.models import Periodic
 from hgorun.config.yaml_source import Source
 from hgorun.experiment import Experiment
+from hgorun.observers.levant import LevantObserver
 from hgorun.result import Result
 from hgorun.run import Run
 
@@ -31,22 +33,37 @@ class NoisePrediction:
     reason: str | None = None
 
 
-def noise_prediction(run: Run, result: Result) -> dict[str, NoisePrediction]:
-    """For every observer, in the steady state of its linearisation where that does not change.
+def noise_prediction(run: Run, twin: Result, result: Result | None = None) -> dict[str, NoisePrediction]:
+    """For every observer, in the steady state of its linearisation where that does not change, or along the run.
 
     Parameters
     ----------
     run : Run
-    result : Result
-        Where to linearise: the finished run, better the one of :func:`noise_free`.
+    twin : Result
+        Where to linearise: the run of :func:`noise_free`.
+    result : Result, optional
+        The run with its noise. Without it there are steady states only.
     """
     found = {}
-    for label in result.observers:
+    for label in twin.observers:
         try:
-            found[label] = NoisePrediction(np.sqrt(_power(run, result, label)))
+            found[label] = NoisePrediction(np.sqrt(_power_of(run, twin, result, label)))
         except NoTheory as error:
             found[label] = NoisePrediction(None, str(error))
     return found
+
+
+def _power_of(run: Run, twin: Result, result: Result | None, label: str) -> np.ndarray:
+    try:
+        return _power(run, twin, label)
+    except NoTheory:
+        observer = run.experiment.observers[label]
+        lost = twin.observers[label].diverged_at is not None
+        if result is None or observer.discrete or lost or isinstance(observer, LevantObserver):
+            raise
+        if result.observers[label].diverged_at is not None:
+            raise NoTheory("the observer diverged") from None
+        return noise_along(run, label, result, twin)
 
 
 def _power(run: Run, result: Result, label: str) -> np.ndarray:

@@ -20,15 +20,11 @@ def relevant(linear: Linear) -> Linear:
 
     A gain's Riccati matrix, for one, follows the estimate but acts on it only where the innovation is not zero.
     """
-    full = {name: np.abs(value).reshape(-1, *value.shape[-2:]).max(axis=0) for name, value in vars(linear).items()}
-    states, outputs = full["E"].shape
-    # who acts on whom, column on row, among the states and the innovations
-    acts = np.zeros((states + outputs, states + outputs), dtype=bool)
-    acts[:states, :states], acts[:states, states:] = full["A0"] > 0, full["E"] > 0
-    acts[states:, :states], acts[states:, states:] = (full["H"] > 0) | (full["K0"] > 0), full["K"] > 0
-    noise = np.arange(states + outputs) >= states
-    estimate = np.append(full["L"].max(axis=0) > 0, np.zeros(outputs, dtype=bool))
-    keep = np.flatnonzero((_closure(acts, noise) & _closure(acts.T, estimate))[:states])
+    return restricted(linear, relevant_states(linear))
+
+
+def restricted(linear: Linear, keep: np.ndarray) -> Linear:
+    """The system of some of its states."""
     return Linear(
         linear.A0[..., keep[:, None], keep],
         linear.E[..., keep, :],
@@ -37,6 +33,19 @@ def relevant(linear: Linear) -> Linear:
         linear.K0[..., keep],
         linear.K,
     )
+
+
+def relevant_states(linear: Linear) -> np.ndarray:
+    """Places of the states that :func:`relevant` keeps."""
+    full = {name: np.abs(value).reshape(-1, *value.shape[-2:]).max(axis=0) for name, value in vars(linear).items()}
+    states, outputs = full["E"].shape
+    # who acts on whom, column on row, among the states and the innovations
+    acts = np.zeros((states + outputs, states + outputs), dtype=bool)
+    acts[:states, :states], acts[:states, states:] = full["A0"] > 0, full["E"] > 0
+    acts[states:, :states], acts[states:, states:] = (full["H"] > 0) | (full["K0"] > 0), full["K"] > 0
+    noise = np.arange(states + outputs) >= states
+    estimate = np.append(full["L"].max(axis=0) > 0, np.zeros(outputs, dtype=bool))
+    return np.flatnonzero((_closure(acts, noise) & _closure(acts.T, estimate))[:states])
 
 
 def _closure(acts: np.ndarray, found: np.ndarray) -> np.ndarray:
