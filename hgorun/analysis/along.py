@@ -28,7 +28,7 @@ from hgorun.run import Run
 
 _NUMBERS = 60_000  # states times points of the twin's output grid at which it is linearised
 _POINTS = 3000, 6000  # least and most points
-_STRETCHES, _STRETCHES_OF_WAVES = 3000, 12_000  # of a run, at least
+_STRETCHES, _STRETCHES_OF_WAVES = 3000, 6000  # of a run, at least
 _GAUSS = (0.5 - np.sqrt(3) / 6, 0.5 + np.sqrt(3) / 6)  # nodes of the mean slope, of equal weight
 _ROUNDS, _STANDS = 8, 0.01  # predictions at most, and the relative change below which one stands
 

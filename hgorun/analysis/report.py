@@ -12,6 +12,7 @@ import numpy as np
 from hgorun.analysis.conditions import conditions
 from hgorun.analysis.findings import Context, Contributor, Findings
 from hgorun.analysis.limits import excitations, limits
+from hgorun.analysis.noise_findings import noise
 from hgorun.analysis.peaking import Transient
 from hgorun.analysis.promises import promises
 from hgorun.experiment import Experiment
@@ -20,7 +21,7 @@ from hgorun.run import Run
 from hgorun.simulation import perform, prepare
 
 # each adds what it knows; a later one's value wins over an earlier one's
-CONTRIBUTORS: tuple[Contributor, ...] = (promises, limits, excitations, conditions)
+CONTRIBUTORS: tuple[Contributor, ...] = (promises, limits, noise, excitations, conditions)
 
 # that every observer has in JSON, null where there is no value
 KEYS = (

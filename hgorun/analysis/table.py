@@ -22,7 +22,10 @@ _GROUPS = (
     ("period_critical", "tau_bound"),
     ("eta_theta",),
     ("peaking", "peaking_bound"),
-    ("noise_rms_predicted", "noise_rms_measured"),
+    ("noise_rms_predicted",),
+    ("noise_rms_measured",),
+    ("h2",),
+    ("hinf",),
     ("excitation",),
 )
 # in JSON only
