@@ -72,9 +72,11 @@ def _gains(context: Context, label: str, findings: Findings) -> None:
     findings.give(noise_amplitude=_by_state(states, sizes @ np.abs(response(linear, omegas))[:, :, 0]))
     try:
         in_eps, in_theta = exponents(run, label, float(np.abs(omegas).max()), x=result.x[-1])
-        findings.give(noise_exponent_eps=_by_state(states, in_eps))
-        if np.all(np.isfinite(in_theta)):
-            findings.give(noise_exponent_theta=_by_state(states, in_theta))
+        for key, slopes in (("noise_exponent_eps", in_eps), ("noise_exponent_theta", in_theta)):
+            if np.any(np.isfinite(slopes)):
+                findings.give(**{key: _by_state(states, slopes)})
+            else:
+                findings.withhold("noise does not reach the estimate, or there is no theta", key)
     except HgorunError as reason:
         findings.withhold(str(reason), "noise_exponent_eps", "noise_exponent_theta")
 

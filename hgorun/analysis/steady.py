@@ -93,18 +93,25 @@ def exponents(
     Returns
     -------
     tuple of ndarray, shapes (n,)
-        In eps and in theta; NaN in theta for an observer without this key.
+        In eps and in theta; NaN in theta for an observer without this key, and where noise does not reach a state.
     """
     run = prepare(run) if isinstance(run, Experiment) else run
     less, more = amplitude(run, label, omega * np.exp([-_RATIO, _RATIO]), x=x, output=output)
     theta = getattr(run.experiment.observers[label], "theta", None)
+    in_eps = _slope(more, less)
     if not isinstance(theta, float):
-        return np.log(less / more) / (2 * _RATIO), np.full(less.shape, np.nan)
+        return in_eps, np.full(less.shape, np.nan)
     low, high = (
         amplitude(with_theta(run.experiment, label, theta * np.exp(step)), label, omega, x=x, output=output)
         for step in (-_RATIO, _RATIO)
     )
-    return np.log(less / more) / (2 * _RATIO), np.log(high / low) / (2 * _RATIO)
+    return in_eps, _slope(low, high)
+
+
+def _slope(low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Of the logarithms; NaN where noise does not reach a state."""
+    reached = (low > 0) & (high > 0)
+    return np.log(np.where(reached, high, np.nan) / np.where(reached, low, np.nan)) / (2 * _RATIO)
 
 
 def with_theta(experiment: Experiment, label: str, theta: float) -> Experiment:

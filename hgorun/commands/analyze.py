@@ -7,11 +7,14 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from hgorun.analysis import table
+from hgorun.analysis.findings import Context
 from hgorun.analysis.report import CONTRIBUTORS, analysis_of
 from hgorun.analysis.search import critical_theta
 from hgorun.commands.run import RESULTS, execute, warn
 from hgorun.errors import ConfigError
 from hgorun.loading import load
+from hgorun.result import Result
+from hgorun.run import Run
 from hgorun.simulation import prepare
 
 _FIGURES = {".png", ".pdf"}
@@ -41,6 +44,8 @@ def analyze(
         from hgorun.figures.peaking import peaking
 
         written = save(peaking(analysis), target)
+    if plots:
+        written += _bode(run, result, target.with_name(target.name.removesuffix("-analysis") + "-bode"))
     if json:
         print(json_text.dumps(analysis.as_json(str(config)), indent=2, allow_nan=False))
     elif not quiet:
@@ -57,3 +62,13 @@ def _target(name: str, output: Path | None) -> Path:
     if output is not None and output.is_file():
         raise ConfigError(f"--output: {output} is a file; name a folder, or a figure with .png or .pdf")
     return (output or RESULTS) / f"{name}-analysis"
+
+
+def _bode(run: Run, result: Result, target: Path) -> list[Path]:
+    """The observers' frequency responses, where there are some."""
+    from hgorun.analysis.bode import bode
+    from hgorun.figures import save
+    from hgorun.figures.bode import bode_figure
+
+    data = bode(Context(run, result))
+    return save(bode_figure(data, result), target) if data.magnitude else []
