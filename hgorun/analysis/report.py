@@ -15,6 +15,7 @@ from hgorun.analysis.limits import excitations, limits
 from hgorun.analysis.noise_findings import noise
 from hgorun.analysis.peaking import Transient
 from hgorun.analysis.promises import promises
+from hgorun.errors import SimulationError
 from hgorun.experiment import Experiment
 from hgorun.result import Result
 from hgorun.run import Run
@@ -109,8 +110,14 @@ def analysis_of(run: Run, result: Result, contributors: Sequence[Contributor] = 
     gathered = {label: Findings() for label in result.observers}
     with run.experiment.located():
         for contributor in contributors:
-            for label, found in contributor(context).items():
-                gathered[label].add(found)
+            try:
+                contributed = contributor(context)
+            except (np.linalg.LinAlgError, SimulationError) as reason:
+                for own in gathered.values():
+                    own.remarks.append(f"{contributor.__name__}: {reason}")
+            else:
+                for label, found in contributed.items():
+                    gathered[label].add(found)
     for found in gathered.values():
         for key in KEYS:
             if key not in found.values:

@@ -9,7 +9,7 @@ import numpy as np
 from hgorun.analysis.linear import Linear
 from hgorun.analysis.noise_terms import NoiseTerms, aliased
 from hgorun.analysis.stationary import mean_squares
-from hgorun.analysis.transfer import NoTheory, relevant
+from hgorun.analysis.transfer import NoTheory, discrete_covariance, relevant
 
 _SHORT = 1e-9  # of a period
 
@@ -84,11 +84,7 @@ class SampledLoop:
     @cached_property
     def covariance(self) -> list[np.ndarray]:
         """Of psi after arrival, under independent samples of unit variance on each output."""
-        from scipy.linalg import solve_discrete_lyapunov
-
-        return [
-            solve_discrete_lyapunov(self.step, np.outer(column, column), method="bilinear") for column in self.noise.T
-        ]
+        return [discrete_covariance(self.step, np.outer(column, column)) for column in self.noise.T]
 
     def gain(self, omega: np.ndarray, output: int = 0) -> np.ndarray:
         """Root mean square of the estimate over that of the samples sin(omega t_k), shape (W, n).

@@ -6,7 +6,7 @@ import numpy as np
 
 from hgorun.analysis.linear import Linear
 from hgorun.analysis.noise_terms import Draws, NoiseTerms, grouped
-from hgorun.analysis.transfer import NoTheory, relevant, require_hurwitz, response
+from hgorun.analysis.transfer import NoTheory, discrete_covariance, relevant, require_hurwitz, response
 
 _LOBES = 200  # of the spectrum of held noise: what is behind them is 1/(pi^2 lobes) of the power, filtered
 
@@ -62,7 +62,7 @@ def held_power(linear: Linear, draws: Draws, output: int) -> np.ndarray:
     With x = (d xi, v): exact discretisation over one hold, the discrete Lyapunov equation for the covariance at
     its start, and the integral of L exp(M tau) over it.
     """
-    from scipy.linalg import expm, solve_discrete_lyapunov
+    from scipy.linalg import expm
 
     if draws.hold is None or not np.isfinite(draws.hold):
         raise NoTheory("random noise of a continuous output needs hold")
@@ -72,7 +72,7 @@ def held_power(linear: Linear, draws: Draws, output: int) -> np.ndarray:
     step = expm(M * draws.hold)
     F, G = step[:N, :N], step[:N, N]
     P = np.zeros((N + 1, N + 1))
-    P[:N, :N] = solve_discrete_lyapunov(F, np.outer(G, G) * draws.variance)
+    P[:N, :N] = discrete_covariance(F, np.outer(G, G) * draws.variance)
     P[N, N] = draws.variance
     L = np.column_stack([linear.L, np.zeros(linear.L.shape[0])])
     return mean_squares(M, L, draws.hold, P)

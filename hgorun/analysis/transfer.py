@@ -8,6 +8,7 @@ from hgorun.analysis.linear import Linear
 from hgorun.errors import HgorunError
 
 _DECADES, _PER_DECADE = 2, 40  # beyond the slowest and fastest eigenvalue, and how finely, in the search for peaks
+_DOUBLINGS = 60  # of the number of steps that a covariance is summed over
 _REFINEMENTS = 60  # of the golden section: 0.618^60 = 3e-13
 
 
@@ -184,3 +185,14 @@ def _refined(linear: Linear, i: int, j: int, low: float, high: float) -> tuple[f
             b = low + part * (high - low)
             f_b = value(b)
     return max((f_a, a), (f_b, b))
+
+
+def discrete_covariance(F: np.ndarray, Q: np.ndarray) -> np.ndarray:
+    """P = F P F^T + Q of a stable F, the sum of F^k Q F^kT, by doubling: states of any scale."""
+    P, power = np.asarray(Q, dtype=float), np.asarray(F, dtype=float)
+    for _ in range(_DOUBLINGS):
+        more = power @ P @ power.T
+        P, power = P + more, power @ power
+        if not np.any(np.abs(more) > 1e-15 * np.sqrt(np.outer(np.diag(P), np.diag(P)))):
+            break
+    return P

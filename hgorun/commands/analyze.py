@@ -50,8 +50,8 @@ def analyze(
         print(json_text.dumps(analysis.as_json(str(config)), indent=2, allow_nan=False))
     elif not quiet:
         print(table.text(analysis))
-        if written:
-            print("written: " + ", ".join(map(str, written)))
+        for png, pdf in zip(written[::2], written[1::2], strict=True):
+            print(f"written: {png}, {pdf}")
     return 0
 
 

@@ -1,6 +1,5 @@
 """Frequency responses and the noise findings, against closed forms of a double integrator's observer."""
 
-
 import numpy as np
 import pytest
 

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from hgorun import Experiment
 from hgorun.analysis.findings import Findings
+from hgorun.analysis.promises import promises
 from hgorun.analysis.report import analyze
 
 OBSERVERS = (
@@ -87,7 +88,7 @@ def promised(config: dict[str, Any], factor: float, span: float) -> Findings:
         theta = factor * limit
         config["observers"]["observer"]["theta"] = theta
         config["time"] = {"end": span / theta, "output_step": span / theta / 1000}
-        found = analyze(Experiment(config)).observers["observer"]
+        found = analyze(Experiment(config), (promises,)).observers["observer"]
         if found.transient is not None and found.transient.holds:
             break
         limit = max(limit, found.values["theta_bound"])
@@ -151,7 +152,7 @@ def test_no_error_is_above_its_bound_with_late_outputs(
     found = promised(config, 1.5, 2)
     late = 0.9 * found.values["delay_bound"]
     config["measurement"] |= {"sampling": {"period": 0.6 * late}, "delay": 0.4 * late} if sampled else {"delay": late}
-    found = analyze(Experiment(config)).observers["observer"]
+    found = analyze(Experiment(config), (promises,)).observers["observer"]
     assert found.values["delay_max"] == pytest.approx(late, rel=1e-6)
     assert 0 < found.values["eta_theta"] < found.values["beta"] * found.values["theta"]
     assert_bounded(found)
@@ -168,7 +169,7 @@ def test_a_coarse_output_grid_hides_no_slope(kind: str, r: int, seed: int, noisy
         with_noise(config, 2)
     fine = promised(config, 1.5, 40)
     config["time"]["output_step"] = config["time"]["end"] / 4
-    coarse = analyze(Experiment(config)).observers["observer"]
+    coarse = analyze(Experiment(config), (promises,)).observers["observer"]
     assert coarse.transient is not None
     assert fine.transient is not None
     assert coarse.values["lipschitz"] >= fine.values["lipschitz_reached"] * (1 - 1e-9)
@@ -191,8 +192,8 @@ def test_slopes_that_grow_are_found_beyond_a_coarse_grid() -> None:
         },
         "observers": {"observer": {"type": "shgo", "theta": 50}},
     }
-    coarse = analyze(Experiment(config)).observers["observer"].values
+    coarse = analyze(Experiment(config), (promises,)).observers["observer"].values
     config["time"] = {"end": 1, "output_step": 0.001}
-    fine = analyze(Experiment(config)).observers["observer"].values
+    fine = analyze(Experiment(config), (promises,)).observers["observer"].values
     assert fine["lipschitz_reached"] > 10
     assert coarse["lipschitz"] >= fine["lipschitz"]
