@@ -10,6 +10,7 @@ import numpy as np
 
 from hgorun.analysis.along import noise_along
 from hgorun.analysis.linear import Linear, Linearisation
+from hgorun.analysis.noise_jumps import noise_of_jumps
 from hgorun.analysis.noise_terms import NoiseTerms
 from hgorun.analysis.sampled_noise import SampledLoop
 from hgorun.analysis.stationary import continuous_power
@@ -59,11 +60,11 @@ def _power_of(run: Run, twin: Result, result: Result | None, label: str) -> np.n
     except NoTheory:
         observer = run.experiment.observers[label]
         lost = twin.observers[label].diverged_at is not None
-        if result is None or observer.discrete or lost or isinstance(observer, LevantObserver):
+        if result is None or lost or isinstance(observer, LevantObserver):
             raise
         if result.observers[label].diverged_at is not None:
             raise NoTheory("the observer diverged") from None
-        return noise_along(run, label, result, twin)
+        return (noise_of_jumps if observer.discrete else noise_along)(run, label, result, twin)
 
 
 def _power(run: Run, result: Result, label: str) -> np.ndarray:
@@ -90,7 +91,7 @@ def _power(run: Run, result: Result, label: str) -> np.ndarray:
 def _constant(run: Run, result: Result, label: str) -> Linear:
     observer = Linearisation(run, label)
     if observer.block.observer.discrete:
-        raise NoTheory("the observer is a difference equation: its jumps are not linearised yet")
+        raise NoTheory("the observer is a difference equation: it jumps along the run")
     if result.observers[label].diverged_at is not None:
         raise NoTheory("the observer diverged")
     start, end = result.windows["steady"]
