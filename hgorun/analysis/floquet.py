@@ -8,7 +8,7 @@ from hgorun.analysis.error_system import ErrorSystem
 
 _TERMS = 9  # of the exponential's series, after scaling to a norm of 1/2: 3e-10
 _FINE = 0.5  # of 1/rate: the longest step of a transition matrix
-_MOST_STEPS = 20_000
+_MOST_STEPS = 8_000
 MOST_PERIODS = 20_000  # that a growth rate is taken over, the first ones of a trajectory
 
 
