@@ -29,7 +29,7 @@ from hgorun.run import Run
 _NUMBERS = 60_000  # states times points of the twin's output grid at which it is linearised
 _POINTS = 3000, 6000  # least and most points
 _STRETCHES, _STRETCHES_OF_WAVES = 3000, 6000  # of a run, at least
-_GAUSS = (0.5 - np.sqrt(3) / 6, 0.5 + np.sqrt(3) / 6)  # nodes of the mean slope, of equal weight
+GAUSS = (0.5 - np.sqrt(3) / 6, 0.5 + np.sqrt(3) / 6)  # nodes of the mean slope, of equal weight
 _ROUNDS, _STANDS = 8, 0.01  # predictions at most, and the relative change below which one stands
 
 
@@ -81,7 +81,7 @@ def noise_along(run: Run, label: str, result: Result, twin: Result) -> np.ndarra
         if power is not None and np.all(np.abs(np.sqrt(found) - np.sqrt(power)) <= _STANDS * np.sqrt(found)):
             return found
         power = found
-        nodes = [observer.systems(times, xi + c * path, c * e) for c in _GAUSS]
+        nodes = [observer.systems(times, xi + c * path, c * e) for c in GAUSS]
         at = Linear(*[0.5 * (a + b) for a, b in zip(*(vars(n).values() for n in nodes), strict=True)])
     raise NoTheory("the noise is too large for the observer's slopes to say what it does")
 
@@ -99,7 +99,7 @@ def _followed(
     h = np.diff(edges.times)
     G_1, G_2 = (
         _generators(_at(times, at, nodes), waves, run, nodes, twin)
-        for nodes in (edges.times[:-1] + c * h for c in _GAUSS)
+        for nodes in (edges.times[:-1] + c * h for c in GAUSS)
     )
     h = h[:, None, None]
     here = _at(times, at, edges.times)

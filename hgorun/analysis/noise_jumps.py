@@ -7,13 +7,13 @@ from types import SimpleNamespace
 import casadi as ca
 import numpy as np
 
+from hgorun.analysis.along import GAUSS
 from hgorun.analysis.linear import Linearisation
 from hgorun.analysis.transfer import NoTheory
 from hgorun.result import Result
 from hgorun.run import Run
 
 _ROUNDS = 3  # predictions, each from the mean slopes that the one before gives
-_GAUSS = (0.5 - np.sqrt(3) / 6, 0.5 + np.sqrt(3) / 6)  # their nodes, of equal weight
 
 
 def noise_of_jumps(run: Run, label: str, result: Result, twin: Result) -> np.ndarray:
@@ -41,7 +41,7 @@ def noise_of_jumps(run: Run, label: str, result: Result, twin: Result) -> np.nda
     xi = observer.states(twin.observers[label], before)
     before_jump = np.zeros_like(xi)
     for _ in range(_ROUNDS):  # the mean slopes between the run without noise and the one that is predicted
-        nodes = [_slopes(observer, arrival, xi + c * before_jump, y + c * v) for c in _GAUSS]
+        nodes = [_slopes(observer, arrival, xi + c * before_jump, y + c * v) for c in GAUSS]
         F, G, G_before, L = (0.5 * (a + b) for a, b in zip(*nodes, strict=True))
         if not all(np.all(np.isfinite(part)) for part in (F, G, G_before)):
             raise NoTheory("the observer's jumps have no derivative on its way")

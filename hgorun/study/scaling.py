@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from hgorun.analysis.linear import Linearisation
+from hgorun.analysis.transfer import response
 from hgorun.config.models import Sinusoids
 from hgorun.figures.scaling import ScaledObserver, ScalingData
 from hgorun.simulation import prepare
@@ -64,11 +65,7 @@ def _predicted(run: Run) -> dict[str, np.ndarray]:
         for label in experiment.observers:
             at = Linearisation(prepared, label)
             linear = at.at(experiment.blocks.time.start, at.at_rest(experiment.plant.initial))
-            gains = [abs(t.amplitude) * np.abs(_response(linear.A, linear.B, linear.L, t.omega)) for t in terms]
-            found.setdefault(label, []).append(np.sum(gains, axis=0).max(axis=1))
+            gains = np.abs(response(linear, np.array([t.omega for t in terms])))
+            sizes = np.abs([t.amplitude for t in terms])
+            found.setdefault(label, []).append(np.tensordot(sizes, gains, axes=1).max(axis=1))
     return {label: np.array(values) for label, values in found.items()}
-
-
-def _response(A: np.ndarray, B: np.ndarray, L: np.ndarray, omega: float) -> np.ndarray:
-    """L (j omega I - A)^-1 B, shape (n, q)."""
-    return np.asarray(L @ np.linalg.solve(1j * omega * np.eye(len(A)) - A, B))
