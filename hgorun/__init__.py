@@ -11,16 +11,15 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from hgorun.errors import ConfigError, HgorunError, SimulationError
+from hgorun.version import __version__
 
 if TYPE_CHECKING:
     from hgorun.analysis.report import analyze
-    from hgorun.experiment import Experiment
-    from hgorun.loading import load, load_study
-    from hgorun.result import Result
-    from hgorun.simulation import simulate
-    from hgorun.store import read
-
-__version__ = "0.1.0"
+    from hgorun.result.reading import read
+    from hgorun.result.result import Result
+    from hgorun.simulation.experiment import Experiment
+    from hgorun.simulation.simulate import simulate
+    from hgorun.study.loading import load, load_study
 
 __all__ = [
     "ConfigError",
@@ -28,6 +27,7 @@ __all__ = [
     "HgorunError",
     "Result",
     "SimulationError",
+    "__version__",
     "analyze",
     "load",
     "load_study",
@@ -37,13 +37,13 @@ __all__ = [
 
 # Imported when first used: the command line's help must not wait for numpy.
 _LAZY = {
-    "Experiment": "hgorun.experiment",
-    "Result": "hgorun.result",
+    "Experiment": "hgorun.simulation.experiment",
+    "Result": "hgorun.result.result",
     "analyze": "hgorun.analysis.report",
-    "load": "hgorun.loading",
-    "load_study": "hgorun.loading",
-    "read": "hgorun.store",
-    "simulate": "hgorun.simulation",
+    "load": "hgorun.study.loading",
+    "load_study": "hgorun.study.loading",
+    "read": "hgorun.result.reading",
+    "simulate": "hgorun.simulation.simulate",
 }
 
 

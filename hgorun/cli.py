@@ -49,7 +49,7 @@ def _main(
     version: Annotated[bool, typer.Option("--version", help="Print the version and exit.")] = False,
 ) -> None:
     if version:
-        from hgorun import __version__
+        from hgorun.version import __version__
 
         typer.echo(__version__)
         raise typer.Exit()

@@ -8,8 +8,8 @@ import yaml
 
 import hgorun
 from hgorun import Experiment, Result, simulate
-from hgorun.run import Run
-from hgorun.simulation import prepare
+from hgorun.simulation.run import Run
+from hgorun.simulation.simulate import prepare
 
 
 def load(folder: Path, config: str | Mapping[str, Any], *overrides: str) -> Experiment:

@@ -6,10 +6,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from hgorun.analysis.peaking import Transient
-from hgorun.result import Result
-from hgorun.run import Run
-from hgorun.system.block import ObserverBlock
+from hgorun.result.result import Result
+from hgorun.result.theory import Transient
+from hgorun.simulation.observer_block import ObserverBlock
+from hgorun.simulation.run import Run
 
 
 @dataclass(frozen=True)

@@ -9,17 +9,17 @@ from typing import Any
 
 import numpy as np
 
-from hgorun.analysis.conditions import conditions
+from hgorun.analysis.convergence.contributor import promises
 from hgorun.analysis.findings import Context, Contributor, Findings
-from hgorun.analysis.limits import excitations, limits
-from hgorun.analysis.noise_findings import noise
-from hgorun.analysis.peaking import Transient
-from hgorun.analysis.promises import promises
+from hgorun.analysis.noise.contributor import noise
+from hgorun.analysis.papers.contributor import conditions
+from hgorun.analysis.stability.contributor import excitations, limits
 from hgorun.errors import SimulationError
-from hgorun.experiment import Experiment
-from hgorun.result import Result
-from hgorun.run import Run
-from hgorun.simulation import perform, prepare
+from hgorun.result.result import Result
+from hgorun.result.theory import Transient
+from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.run import Run
+from hgorun.simulation.simulate import perform, prepare
 
 # each adds what it knows; a later one's value wins over an earlier one's
 CONTRIBUTORS: tuple[Contributor, ...] = (promises, limits, noise, excitations, conditions)

@@ -10,8 +10,8 @@ import numpy as np
 
 from hgorun.analysis.findings import Context, Findings
 from hgorun.errors import HgorunError
-from hgorun.experiment import Experiment
-from hgorun.simulation import simulate
+from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.simulate import simulate
 
 _LEFT = 0.01  # of the error at the start: what may be left in the last tenth of the run
 _DOUBLINGS = 10  # up or down from the configured theta

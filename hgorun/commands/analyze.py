@@ -6,16 +6,16 @@ import json as json_text
 from collections.abc import Sequence
 from pathlib import Path
 
-from hgorun.analysis import table
 from hgorun.analysis.findings import Context
 from hgorun.analysis.report import CONTRIBUTORS, analysis_of
 from hgorun.analysis.search import critical_theta
 from hgorun.commands.run import RESULTS, execute, warn
 from hgorun.errors import ConfigError
-from hgorun.loading import load
-from hgorun.result import Result
-from hgorun.run import Run
-from hgorun.simulation import prepare
+from hgorun.result.result import Result
+from hgorun.simulation.run import Run
+from hgorun.simulation.simulate import prepare
+from hgorun.study.loading import load
+from hgorun.tables import analysis as table
 
 _FIGURES = {".png", ".pdf"}
 
@@ -43,7 +43,7 @@ def analyze(
         from hgorun.figures import save
         from hgorun.figures.peaking import peaking
 
-        written = save(peaking(analysis), target)
+        written = save(peaking(result, analysis.transients), target)
     if plots:
         written += _bode(run, result, target.with_name(target.name.removesuffix("-analysis") + "-bode"))
     if json:
@@ -66,7 +66,7 @@ def _target(name: str, output: Path | None) -> Path:
 
 def _bode(run: Run, result: Result, target: Path) -> list[Path]:
     """The observers' frequency responses, where there are some."""
-    from hgorun.analysis.bode import bode
+    from hgorun.analysis.noise.bode import bode
     from hgorun.figures import save
     from hgorun.figures.bode import bode_figure
 

@@ -20,7 +20,7 @@ from hgorun.errors import ConfigError, HgorunError
 from hgorun.files import write_text
 from hgorun.plants.base import Plant
 from hgorun.plants.inline import InlinePlant
-from hgorun.shipped import experiments
+from hgorun.reproduce.shipped import experiments
 
 _KINDS = ("plants", "observers", "experiments")
 

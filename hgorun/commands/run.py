@@ -7,14 +7,14 @@ import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from hgorun import tables
 from hgorun.errors import ConfigError
-from hgorun.experiment import Experiment
-from hgorun.loading import load, load_study, refuse_twins
-from hgorun.result import Result
-from hgorun.run import Run
-from hgorun.simulation import perform, prepare
-from hgorun.store import read
+from hgorun.result.reading import read
+from hgorun.result.result import Result
+from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.run import Run
+from hgorun.simulation.simulate import perform, prepare
+from hgorun.study.loading import load, load_study, refuse_twins
+from hgorun.tables import metrics as tables
 
 RESULTS = Path("results")
 DIVERGED = 3

@@ -15,9 +15,9 @@ from dataclasses import dataclass, field
 import casadi as ca
 
 from hgorun.engine.functions import INLINE
-from hgorun.engine.instructions import CLOCK, MAIN, SETUP, Instruction, read, rounds
 from hgorun.engine.ir import Block, Function
 from hgorun.errors import HgorunError
+from hgorun.symbolic.instructions import CLOCK, MAIN, SETUP, Instruction, read, rounds
 
 _TOGETHER = 4  # calls of one function in one vector; 8 gained nothing with AVX-512
 

@@ -6,8 +6,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from hgorun.figures.scaling import ScalingData
-from hgorun.figures.typeset import words
-from hgorun.result import ObserverResult, Result
+from hgorun.result.data import ObserverResult, ResultData
+from hgorun.result.run_names import run_names
+from hgorun.tables.typeset import words
 
 
 @dataclass(frozen=True)
@@ -40,16 +41,16 @@ class Actor:
 class Simulated(Actor):
     """An observer with trajectories."""
 
-    result: Result
+    result: ResultData
     observer: ObserverResult
 
 
-def cast(results: Sequence[Result]) -> list[Simulated]:
+def cast(results: Sequence[ResultData]) -> list[Simulated]:
     """All observers of all results."""
     return list(_cast(results))
 
 
-def _cast(results: Sequence[Result]) -> Iterator[Simulated]:
+def _cast(results: Sequence[ResultData]) -> Iterator[Simulated]:
     order = 0
     for result, run in zip(results, run_names(results), strict=True):
         for label, observer in result.observers.items():
@@ -95,14 +96,3 @@ def texts(actors: Sequence[Actor], labels: Mapping[str, str], *, with_run: bool 
             text += " (diverged)"
         found[actor.order] = text
     return found
-
-
-def run_names(results: Sequence[Result]) -> list[str]:
-    """Names of results, numbered where two are called the same."""
-    names: list[str] = []
-    for result in results:
-        name, number = result.name, 2
-        while name in names:
-            name, number = f"{result.name} ({number})", number + 1
-        names.append(name)
-    return names

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from hgorun.analysis.bode import Bode
 from hgorun.figures.actors import cast, texts
 from hgorun.figures.layout import TOP, finished, grid
 from hgorun.figures.looks import looks
 from hgorun.figures.style import styled
-from hgorun.figures.typeset import symbol, unit
-from hgorun.result import Result
+from hgorun.result.data import ResultData
+from hgorun.result.theory import Bode
+from hgorun.tables.typeset import symbol, unit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -19,13 +19,13 @@ _WIDTH, _ROW = 7.2, 1.8
 _DECADES = 10  # that an axis shows at most
 
 
-def bode_figure(data: Bode, result: Result) -> Figure:
+def bode_figure(data: Bode, result: ResultData) -> Figure:
     """One panel a state with all observers; the configuration's own sinusoids are thin vertical lines.
 
     Parameters
     ----------
     data : Bode
-    result : Result
+    result : ResultData
         Whose observers they are.
 
     Returns

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from hgorun.config.models import Figure as FigureBlock
 from hgorun.config.models import Inset, Panel
-from hgorun.figures.actors import Actor, Simulated, cast, cast_scalings, run_names, texts
+from hgorun.figures.actors import Actor, Simulated, cast, cast_scalings, texts
 from hgorun.figures.layout import TOP, finished, grid, time_axis
 from hgorun.figures.looks import Look, looks
 from hgorun.figures.names import check, names_of
@@ -16,8 +16,9 @@ from hgorun.figures.panels import Scene, draw_error, draw_magnitude, draw_output
 from hgorun.figures.scaling import ScalingData, draw_scaling
 from hgorun.figures.style import INSET, INSET_FRAME, styled
 from hgorun.figures.truths import truth_looks
-from hgorun.figures.typeset import paragraph, words
-from hgorun.result import Result
+from hgorun.result.data import ResultData
+from hgorun.result.run_names import run_names
+from hgorun.tables.typeset import paragraph, words
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -33,7 +34,7 @@ class _Stage:
 
     panel: Panel
     actors: Sequence[Actor]
-    results: Mapping[str, Result]
+    results: Mapping[str, ResultData]
     scaling: ScalingData | None
 
     @property
@@ -44,7 +45,7 @@ class _Stage:
         return _span(list(self.results.values()))
 
 
-def comparison(results: Result | Sequence[Result]) -> Figure:
+def comparison(results: ResultData | Sequence[ResultData]) -> Figure:
     """Every state with all estimates on the left, the size of the errors on the right.
 
     Errors are drawn as the largest ``|xhat - x|`` in a moving window as long as the metrics' moving average,
@@ -52,7 +53,7 @@ def comparison(results: Result | Sequence[Result]) -> Figure:
 
     Parameters
     ----------
-    results : Result or sequence of Result
+    results : ResultData or sequence of ResultData
         Labels are ``name: label`` when there are several.
 
     Returns
@@ -77,7 +78,7 @@ def comparison(results: Result | Sequence[Result]) -> Figure:
 
 
 def draw(
-    results: Result | Sequence[Result],
+    results: ResultData | Sequence[ResultData],
     figure: FigureBlock,
     name: str = "figure",
     *,
@@ -90,8 +91,8 @@ def draw(
 
     Parameters
     ----------
-    results : Result or sequence of Result
-        The runs of a file; ``Result.name`` is the run's name.
+    results : ResultData or sequence of ResultData
+        The runs of a file; ``ResultData.name`` is the run's name.
     figure : hgorun.config.models.Figure
     name : str
         Its key, for messages.
@@ -131,19 +132,21 @@ def draw(
         return finished(made, axes, figure.columns, figure.title, grow=figure.height is None)
 
 
-def _several(results: Result | Sequence[Result]) -> list[Result]:
-    several = [results] if isinstance(results, Result) else list(results)
+def _several(results: ResultData | Sequence[ResultData]) -> list[ResultData]:
+    several = [results] if isinstance(results, ResultData) else list(results)
     if not several:
         raise ValueError("a figure needs at least one result")
     return several
 
 
-def _runs(results: Result | Sequence[Result]) -> dict[str, Result]:
+def _runs(results: ResultData | Sequence[ResultData]) -> dict[str, ResultData]:
     several = _several(results)
     return dict(zip(run_names(several), several, strict=True))
 
 
-def _stages(panels: Sequence[Panel], runs: Mapping[str, Result], scalings: Mapping[int, ScalingData]) -> list[_Stage]:
+def _stages(
+    panels: Sequence[Panel], runs: Mapping[str, ResultData], scalings: Mapping[int, ScalingData]
+) -> list[_Stage]:
     everybody = cast(list(runs.values()))
     scaled = cast_scalings(scalings, len(everybody))
     stages = []
@@ -161,7 +164,7 @@ def _stages(panels: Sequence[Panel], runs: Mapping[str, Result], scalings: Mappi
     return stages
 
 
-def _magnitude_title(results: Sequence[Result]) -> str:
+def _magnitude_title(results: Sequence[ResultData]) -> str:
     windows = {f"{moving_window(r):.4g} {words(r.units.get('time', ''))}".rstrip() for r in results}
     return "largest error in a moving window" + (f" of {windows.pop()}" if len(windows) == 1 else "")
 
@@ -220,7 +223,7 @@ def _draw_inset(ax: Axes, scene: Scene, panel: Panel, inset: Inset) -> None:
     ax.indicate_inset_zoom(inner, **INSET_FRAME)
 
 
-def _span(results: Sequence[Result]) -> tuple[float, float] | None:
+def _span(results: Sequence[ResultData]) -> tuple[float, float] | None:
     ends = [(float(r.time[0]), float(r.time[-1])) for r in results if r.time.size]
     return (min(a for a, _ in ends), max(b for _, b in ends)) if ends else None
 

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from hgorun.figures.style import DOTS, DPI, LARGEST, THEORY, TRUTH
-from hgorun.figures.typeset import paragraph, unit
-from hgorun.result import Result
+from hgorun.result.data import ResultData
+from hgorun.tables.typeset import paragraph, unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -34,7 +34,7 @@ def grid(count: int, columns: int, width: float, height: float, *, share: bool) 
     return figure, axes[:count]
 
 
-def time_axis(ax: Axes, results: Sequence[Result], span: tuple[float, float] | None) -> None:
+def time_axis(ax: Axes, results: Sequence[ResultData], span: tuple[float, float] | None) -> None:
     """The horizontal axis of a panel that shows these results."""
     if span is not None and span[1] > span[0]:
         ax.set_xlim(span)

@@ -9,10 +9,10 @@ from typing import Literal
 from hgorun.config.expressions import nearest
 from hgorun.config.models import Figure, Inset, Panel
 from hgorun.errors import Problem
-from hgorun.figures.actors import run_names
 from hgorun.figures.scaling import QUANTITIES, ScalingData
 from hgorun.figures.style import LARGEST, LOWEST, NARROWEST
-from hgorun.result import Result
+from hgorun.result.data import ResultData
+from hgorun.result.run_names import run_names
 
 Path = tuple[str | int, ...]
 
@@ -43,7 +43,7 @@ class RunNames:
 Names = Mapping[str, RunNames]
 
 
-def names_of(results: Sequence[Result], scalings: Iterable[ScalingData] = ()) -> dict[str, RunNames]:
+def names_of(results: Sequence[ResultData], scalings: Iterable[ScalingData] = ()) -> dict[str, RunNames]:
     """The names of finished runs."""
     found = {}
     for run, r in zip(run_names(results), results, strict=True):

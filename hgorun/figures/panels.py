@@ -13,8 +13,8 @@ from hgorun.figures.actors import Simulated
 from hgorun.figures.data import Curve
 from hgorun.figures.looks import Look
 from hgorun.figures.style import DOTS, OTHER_MEASUREMENTS, TRACE
-from hgorun.figures.typeset import symbol, unit, words
-from hgorun.result import Result
+from hgorun.result.data import ResultData
+from hgorun.tables.typeset import symbol, unit, words
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -28,7 +28,7 @@ class Scene:
 
     Attributes
     ----------
-    results : mapping of str to Result
+    results : mapping of str to ResultData
         Whose truth and measurements are shown, by the name of the run.
     actors : sequence of Simulated
         The observers shown.
@@ -39,7 +39,7 @@ class Scene:
     window : (from, to) or None
     """
 
-    results: Mapping[str, Result]
+    results: Mapping[str, ResultData]
     actors: Sequence[Simulated]
     looks: Mapping[int, Look]
     truths: Mapping[str, Mapping[str, Any]]
@@ -83,7 +83,7 @@ def draw_output(ax: Axes, scene: Scene, name: str) -> None:
     ax.set_ylabel((f"$y = {symbol(name)}$" if is_state else f"${symbol(name)}$") + _unit(scene, name))
 
 
-def moving_window(result: Result) -> float:
+def moving_window(result: ResultData) -> float:
     """Length of the moving window of :func:`draw_magnitude`: the metrics' moving average."""
     span = float(result.time[-1] - result.time[0]) if result.time.size else 0.0
     return float(result.windows.get("average") or 0.01 * span)

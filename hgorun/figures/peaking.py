@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hgorun.analysis.report import Analysis
 from hgorun.figures.actors import cast, texts
 from hgorun.figures.data import Curve, thinned
 from hgorun.figures.layout import TOP, finished, grid, time_axis
 from hgorun.figures.looks import looks
 from hgorun.figures.style import styled
-from hgorun.figures.typeset import symbol
+from hgorun.result.data import ResultData
+from hgorun.result.theory import Transient
+from hgorun.tables.typeset import symbol
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -24,7 +26,7 @@ _DECADES = 12  # that an axis shows at most
 _MOST = 2000  # points of a line: noise is a band of them
 
 
-def peaking(analysis: Analysis) -> Figure:
+def peaking(result: ResultData, transients: Mapping[str, Transient]) -> Figure:
     """|zhat - z| on a logarithmic axis, one row a coordinate, and the theorem's bound dashed.
 
     Where the run does not meet what the theorem assumes the bound's nominal decay is dotted, which bounds nothing
@@ -32,15 +34,16 @@ def peaking(analysis: Analysis) -> Figure:
 
     Parameters
     ----------
-    analysis : Analysis
+    result : ResultData
+    transients : mapping of str to Transient
+        Of the observers that have some, by label.
 
     Returns
     -------
     matplotlib.figure.Figure
     """
-    actors = [a for a in cast([analysis.result]) if a.label in analysis.transients]
-    names = list(dict.fromkeys(name for a in actors for name in analysis.transients[a.label].names))
-    result = analysis.result
+    actors = [a for a in cast([result]) if a.label in transients]
+    names = list(dict.fromkeys(name for a in actors for name in transients[a.label].names))
     look = looks([actors], texts(actors, {}))
     with styled():
         figure, axes = grid(max(len(names), 1), 1, _WIDTH, _ROW * max(len(names), 1) + TOP, share=True)
@@ -48,7 +51,7 @@ def peaking(analysis: Analysis) -> Figure:
             ax.set_yscale("log")
             drawn: list[np.ndarray] = []
             for actor in actors:
-                transient = analysis.transients[actor.label]
+                transient = transients[actor.label]
                 if name not in transient.names:
                     continue
                 i = transient.names.index(name)

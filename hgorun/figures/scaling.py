@@ -10,7 +10,7 @@ import numpy as np
 
 from hgorun.figures.looks import Look
 from hgorun.figures.style import POINTS, THEORY
-from hgorun.figures.typeset import symbol, unit
+from hgorun.tables.typeset import symbol, unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 
 from hgorun.figures.style import OTHER_TRUTHS, TRUTH
-from hgorun.figures.typeset import words
-from hgorun.result import Result
+from hgorun.result.data import ResultData
+from hgorun.tables.typeset import words
 
 _UNSEEN = 1e-3  # of a state's range: less than half the width of a line
 
 
-def truth_looks(panels: Sequence[Sequence[str]], results: Mapping[str, Result]) -> dict[str, Mapping[str, Any]]:
+def truth_looks(panels: Sequence[Sequence[str]], results: Mapping[str, ResultData]) -> dict[str, Mapping[str, Any]]:
     """How the truth of every run is drawn.
 
     Black and dashed; only where a panel shows runs whose truths can be told apart does each have a look of
@@ -24,7 +24,7 @@ def truth_looks(panels: Sequence[Sequence[str]], results: Mapping[str, Result]) 
     ----------
     panels : sequence of sequence of str
         The runs whose truths each panel shows.
-    results : mapping of str to Result
+    results : mapping of str to ResultData
     """
     groups: dict[str, int] = {}
     firsts: list[str] = []
@@ -42,7 +42,7 @@ def truth_looks(panels: Sequence[Sequence[str]], results: Mapping[str, Result]) 
     return {run: own[group] for run, group in groups.items()}
 
 
-def _same_truth(a: Result, b: Result) -> bool:
+def _same_truth(a: ResultData, b: ResultData) -> bool:
     """Whether the lines lie on each other while both runs last.
 
     The grids of two runs may differ, and their steps, and so the roundings.

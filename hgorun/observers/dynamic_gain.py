@@ -82,7 +82,7 @@ class DynamicGainObserver(DynamicGain):
 
         Q (A - l c) + (A - l c)^T Q <= -a Q,    -b Q <= Q Delta + Delta Q <= b Q
 
-    which ``hgorun.analysis.lmi.certificate(l, a, b, q)`` finds or denies, with proof. Take `direct` with mu = 0
+    which ``hgorun.analysis.papers.lmi.certificate(l, a, b, q)`` finds or denies, with proof. Take `direct` with mu = 0
     where one theta will do.
 
     The paper's constants, l = (2, 1), a = 1.17, b = 2.3, q = 0.15, are said to fulfil (9): no Q does; with b

@@ -7,10 +7,10 @@ from pathlib import Path
 
 from hgorun.config.expressions import nearest
 from hgorun.errors import ConfigError
-from hgorun.loading import load_study, refuse_twins
 from hgorun.reproduce.job import Folders, Job, Work
-from hgorun.shipped import experiments
+from hgorun.reproduce.shipped import experiments
 from hgorun.study.check import check
+from hgorun.study.loading import load_study, refuse_twins
 from hgorun.study.study import Study
 
 

@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from hgorun.files import remove_leftovers
-from hgorun.loading import load_study
 from hgorun.reproduce.state import State, claim_key, figure_key, run_key
-from hgorun.result import Result
+from hgorun.result.result import Result
 from hgorun.study.check import check
+from hgorun.study.loading import load_study
 from hgorun.study.measured import asked_of, carry_out, values_of
 from hgorun.study.study import Run, Study
 from hgorun.study.theory import theory_of
@@ -185,8 +185,8 @@ class Work:
 
     def _single(self, run: Run, report: Callable[[float], None]) -> Result:
         """The run's result, from its file where that still stands."""
-        from hgorun.simulation import perform, prepare
-        from hgorun.store import read
+        from hgorun.result.reading import read
+        from hgorun.simulation.simulate import perform, prepare
 
         file, key = f"{run.name}.h5", run_key(run)
         if self.state.holds("runs", run.name, key):

@@ -6,9 +6,9 @@ from pathlib import Path
 
 from pydantic import Field
 
-from hgorun.checking import validate
 from hgorun.config import yaml_source
 from hgorun.config.types import Block
+from hgorun.config.validation import validate
 
 
 class Erratum(Block):

@@ -8,13 +8,13 @@ from collections.abc import Iterator, Sequence
 from importlib.metadata import version
 from pathlib import Path
 
-from hgorun import __version__
 from hgorun.files import write_text, written_whole
 from hgorun.reproduce.job import Folders, Outcome, Work
 from hgorun.reproduce.publications import Publication, publication
+from hgorun.reproduce.shipped import folder as shipped_folder
 from hgorun.reproduce.verdicts import verdicts_of
-from hgorun.shipped import folder as shipped_folder
 from hgorun.study.verdict import Verdict, number_text
+from hgorun.version import __version__
 
 _PACKAGES = ("numpy", "scipy", "casadi", "llvmlite", "matplotlib", "h5py")
 _HEAD = """# Reproduction report

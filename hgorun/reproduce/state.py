@@ -13,11 +13,11 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from hgorun import __version__
 from hgorun.files import write_text
 from hgorun.study.quantities import Quantity
 from hgorun.study.split import OF_THE_FILE
 from hgorun.study.study import Run, Study
+from hgorun.version import __version__
 
 _NOT_OF_A_RUN = {*OF_THE_FILE, "extends", "reference"}
 

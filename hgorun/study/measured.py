@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
-from hgorun.result import Result
+from hgorun.result.result import Result
 from hgorun.study.quantities import Quantity, exponent, measure_quantity
 from hgorun.study.study import Run, Study
 
@@ -57,7 +57,7 @@ def carry_out(
     list of dict
         For every member {text of the quantity: value}.
     """
-    from hgorun.simulation import simulate
+    from hgorun.simulation.simulate import simulate
 
     found = [dict(one) for one in done]
     for experiment in run.members(len(found)):

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from hgorun.config.expressions import Expression, ExpressionError, nearest, parse
-from hgorun.metrics import NAMES, Windows, measure
-from hgorun.result import Result
+from hgorun.result.metrics import NAMES, Windows, measure
+from hgorun.result.result import Result
 
 Of = tuple[tuple[str, str | None], ...]  # (run, observer) each
 Window = tuple[float, float] | None

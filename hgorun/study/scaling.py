@@ -6,11 +6,11 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from hgorun.analysis.linear import Linearisation
-from hgorun.analysis.transfer import response
+from hgorun.analysis.linear.linear import Linearisation
+from hgorun.analysis.linear.transfer import response
 from hgorun.config.models import Sinusoids
 from hgorun.figures.scaling import ScaledObserver, ScalingData
-from hgorun.simulation import prepare
+from hgorun.simulation.simulate import prepare
 from hgorun.study.study import Run, Study
 
 

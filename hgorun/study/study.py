@@ -8,13 +8,13 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
-from hgorun.checking import validate
 from hgorun.config.expressions import ExpressionError, parse
 from hgorun.config.models import Claim, Ensemble, Figure, StudyBlocks
 from hgorun.config.overrides import set_path
+from hgorun.config.validation import validate
 from hgorun.config.yaml_source import Source
 from hgorun.errors import ConfigError
-from hgorun.experiment import Experiment
+from hgorun.simulation.experiment import Experiment
 from hgorun.study.quantities import Quantity, Sentence, read_sentence
 from hgorun.study.split import OF_THE_FILE, split
 

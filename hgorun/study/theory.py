@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from hgorun.errors import Problem
-from hgorun.result import Result
+from hgorun.result.result import Result
 from hgorun.study.quantities import Quantity
 from hgorun.study.study import Study
 
@@ -20,7 +20,7 @@ def theory_of(study: Study, results: Mapping[str, Result]) -> Callable[[Quantity
         By the function: when the analysis has no such number; its reason is in the message.
     """
     from hgorun.analysis.report import analysis_of
-    from hgorun.simulation import perform, prepare
+    from hgorun.simulation.simulate import perform, prepare
 
     known: dict[str, Any] = {}
 

@@ -15,12 +15,12 @@ import pytest
 
 import hgorun
 from hgorun import Experiment
-from hgorun.analysis import table
 from hgorun.analysis.findings import Context, Findings
 from hgorun.analysis.report import KEYS, Analysis, plain
 from hgorun.analysis.search import smallest
 from hgorun.cli import main
 from hgorun.figures.peaking import peaking
+from hgorun.tables import analysis as table
 
 CONFIG = """
 title: Van der Pol
@@ -178,7 +178,7 @@ def test_compare_has_what_is_predicted(shell: Shell) -> None:
 
 
 def test_the_figure_draws_bounds_where_they_hold(analysis: Analysis) -> None:
-    figure = peaking(analysis)
+    figure = peaking(analysis.result, analysis.transients)
     assert [ax.get_yscale() for ax in figure.axes] == ["log", "log"]
     labels = [str(line.get_label()) for line in figure.axes[0].lines]
     assert labels == ["SHGO", "SHGO: bound", "slow", "slow: nominal", "gain"]
@@ -198,7 +198,7 @@ def test_the_table_takes_what_contributors_give(analysis: Analysis) -> None:
 
 def test_contributors_add_up(analysis: Analysis) -> None:
     from hgorun.analysis.report import analysis_of
-    from hgorun.simulation import prepare
+    from hgorun.simulation.simulate import prepare
 
     def one(context: Context) -> dict[str, Findings]:
         found = Findings()

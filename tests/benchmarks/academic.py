@@ -25,10 +25,10 @@ from hgorun.engine.plan import Plan
 from hgorun.engine.program import Program, Start
 from hgorun.observers.base import Flow, Observer
 from hgorun.registry import observer
-from hgorun.simulation import prepare
+from hgorun.simulation.simulate import prepare
+from hgorun.simulation.system import System
 from hgorun.symbolic.matrices import A, B, C, hurwitz_gain
 from hgorun.symbolic.triangular import TriangularCopy, TriangularForm, triangular_form
-from hgorun.system.build import System
 
 Run = Callable[[Plan], np.ndarray]
 

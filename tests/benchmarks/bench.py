@@ -22,7 +22,7 @@ import academic
 import llvmlite.binding as llvm
 import numpy as np
 
-from hgorun import shipped
+from hgorun.reproduce import shipped
 
 CONTOIS = "robles2023/chapter3/contois_te025"
 AGREEMENT = 1e-9  # of the final state, relative: hgorun and C round in different places

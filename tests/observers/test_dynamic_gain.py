@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import hgorun
-from hgorun.analysis.lmi import certificate
+from hgorun.analysis.papers.lmi import certificate
 from hgorun.errors import ConfigError
 
 BLOCK = {"type": "dynamic_gain", "l": [2, 1], "a": 1.06, "b": 2.3, "q": 0.15, "gamma": "0.5*y**2"}

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import hgorun
-from hgorun.simulation import prepare
+from hgorun.simulation.simulate import prepare
 
 # P + A P + P A^T = P C^T C P
 STATIONARY = {2: [[2, 1], [1, 1]], 3: [[3, 3, 1], [3, 5, 2], [1, 2, 1]]}

@@ -24,7 +24,7 @@ from test_treangle import (
 
 import hgorun
 from hgorun.errors import ConfigError
-from hgorun.simulation import prepare
+from hgorun.simulation.simulate import prepare
 
 
 @pytest.mark.parametrize("scenario", SCENARIOS)

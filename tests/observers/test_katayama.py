@@ -11,6 +11,7 @@ from scipy.integrate import solve_ivp
 
 import hgorun
 from hgorun.errors import ConfigError
+from hgorun.result.data import ObserverResult
 
 VAN_DER_POL = {"type": "van_der_pol", "initial": {"x1": 1, "x2": 0.5}}
 BOTH = {"reduced": {"type": "reduced_sampled", "H": 0.5}, "deadbeat": {"type": "deadbeat"}}
@@ -231,7 +232,7 @@ def test_plant_by_differences_is_observed_exactly() -> None:
 def test_rates_beyond_2_over_T_diverge() -> None:
     """A3."""
 
-    def last(H: float) -> hgorun.result.ObserverResult:
+    def last(H: float) -> ObserverResult:
         return simulate(VAN_DER_POL, {"o": {"type": "reduced_sampled", "H": H}}, 0.2, 60).observers["o"]
 
     assert last(12).diverged_at is not None

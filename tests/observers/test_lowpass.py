@@ -20,7 +20,7 @@ from test_treangle import (
 
 import hgorun
 from hgorun.errors import ConfigError
-from hgorun.simulation import prepare
+from hgorun.simulation.simulate import prepare
 
 LIMITS = {1: 8 / 9, 2: 0.28222, 3: 1 / 6}  # of rho, with G = (3, 3, 1)
 

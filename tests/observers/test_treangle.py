@@ -12,7 +12,8 @@ import pytest
 
 import hgorun
 from hgorun.errors import ConfigError
-from hgorun.simulation import prepare
+from hgorun.result.data import ObserverResult
+from hgorun.simulation.simulate import prepare
 
 Array = np.ndarray
 STEP, END = 0.01, 3.0
@@ -153,7 +154,7 @@ def run_both(
     internal: Callable[[int], Array],
     plant: str,
     scenario: str,
-) -> tuple[hgorun.result.ObserverResult, Array]:
+) -> tuple[ObserverResult, Array]:
     """hgorun's run and the plain one: ``observer(f, n)`` is its w' and c, ``internal(n)`` what w has more."""
     f, config = PLANTS[plant]
     n = len(config["initial"])

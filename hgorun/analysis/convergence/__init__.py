@@ -1,0 +1,1 @@
+"""Gains, Lipschitz constants, and what the theorems promise of convergence and peaking."""

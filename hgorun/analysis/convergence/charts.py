@@ -1,0 +1,170 @@
+"""The coordinates in which an observer's theory is written, and the plant's slopes there.
+
+A constant-gain observer's are z = Phi(x), the chains; a time-varying one's those where its plant is triangular.
+In them f = F z + phi: what is not on the chains' links is phi.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from hgorun.analysis.convergence.gains import NotApplicableError
+from hgorun.plants.build import BuiltPlant
+from hgorun.symbolic.canonical import CanonicalForm
+from hgorun.symbolic.forms import Form
+from hgorun.symbolic.triangular import TriangularForm
+
+_CURVED = 1e-8  # rounding of a second derivative that is zero
+
+
+@dataclass(frozen=True)
+class Chart:
+    """Coordinates z of a plant, and phi's slopes.
+
+    Attributes
+    ----------
+    names : tuple of str
+        The plant's states where z is x, else z1..zn.
+    positions : ndarray of int, shape (n,)
+        Place of each coordinate in its chain, from 0: zbar_i = theta^(-position) z_i.
+    t, x, z, u, p : casadi.SX
+        Symbols.
+    field : casadi.SX, shape (n,)
+        The plant's dynamics, of x.
+    slopes : casadi.SX, shape (n, n)
+        d phi/dz as functions of z, where z can be inverted.
+    slopes_in_x : casadi.SX, shape (n, n)
+        The same as functions of x.
+    map : casadi.SX, shape (n,)
+        z, of x.
+    variables, raw : casadi.SX
+        d phi/d(variables), shape (n, n), of the variables: x, or z where phi is written in it.
+    straight : bool
+        Whether the variables are z.
+    invertible : bool
+        Whether x is known as a function of z.
+    """
+
+    names: tuple[str, ...]
+    positions: np.ndarray
+    t: ca.SX
+    x: ca.SX
+    z: ca.SX
+    u: ca.SX
+    p: ca.SX
+    field: ca.SX
+    slopes: ca.SX
+    slopes_in_x: ca.SX
+    map: ca.SX
+    variables: ca.SX
+    raw: ca.SX
+    parameters: np.ndarray
+    invertible: bool
+
+    @property
+    def straight(self) -> bool:
+        return self.own or not ca.is_equal(self.variables, self.x)
+
+    @property
+    def own(self) -> bool:
+        """Whether z is x."""
+        return bool(ca.is_equal(self.map, self.x))
+
+    @property
+    def directions(self) -> ca.SX:
+        """dz/dx."""
+        return ca.jacobian(self.map, self.x)
+
+    def image(self, x: np.ndarray) -> np.ndarray:
+        """z at many points, shape (Nt, n)."""
+        f = ca.Function("z", [self.x, self.p], [ca.densify(self.map)])
+        return np.asarray(f(ca.DM(x.T), ca.DM(self.parameters)).full()).T
+
+
+def chart_of(form: Form, plant: BuiltPlant) -> Chart:
+    """The chart of a plant in an observer's form.
+
+    Raises
+    ------
+    NotApplicableError
+        For forms whose theory is another.
+    """
+    if isinstance(form, CanonicalForm):
+        return _of_chains(form, plant)
+    if isinstance(form, TriangularForm):
+        return _of_triangle(form, plant)
+    raise NotApplicableError("the theory of high-gain observers with a Lipschitz constant is not that of this observer")
+
+
+def _of_chains(form: CanonicalForm, plant: BuiltPlant) -> Chart:
+    m = form.plant
+    positions = np.array([k for length in form.chains for k in range(length)], dtype=int)
+    z = m.x if form.identity else ca.vertcat(*[ca.SX.sym(f"z{i + 1}") for i in range(m.n)])
+    names = m.states if form.identity else tuple(f"z{i + 1}" for i in range(m.n))
+    moving = form.jacobian @ m.dynamics  # z'
+    raw = ca.jacobian(moving, m.x) - form.shift @ form.jacobian
+    slopes_in_x = raw if form.identity else ca.solve(form.jacobian.T, raw.T).T
+    back = z if form.identity else _inverse(form, z)
+    slopes = slopes_in_x
+    if back is not None and not form.identity:
+        in_z = ca.substitute(ca.cse(moving), m.x, back)
+        slopes = ca.jacobian(in_z, z) - form.shift
+    return Chart(
+        names, positions, m.t, m.x, z, m.u, m.p, m.dynamics, ca.SX(slopes), ca.SX(slopes_in_x), form.phi_map,
+        m.x, ca.SX(raw), plant.parameters, back is not None,
+    )  # fmt: skip
+
+
+def _inverse(form: CanonicalForm, z: ca.SX) -> ca.SX | None:
+    """x of z: the plant's own, or that of a linear map."""
+    m = form.plant
+    if m.inverse is not None:
+        return m.inverse(z, m.p)
+    if not ca.depends_on(form.jacobian, m.x):
+        offset = ca.substitute(form.phi_map, m.x, ca.SX.zeros(m.n))
+        return ca.solve(form.jacobian, z - offset)
+    return None
+
+
+def _of_triangle(form: TriangularForm, plant: BuiltPlant) -> Chart:
+    m, outer = form.model, form.plant
+    positions = np.array(form.block, dtype=int)
+    links = positions[None, :] == positions[:, None] + 1
+    jacobian = ca.jacobian(m.dynamics, m.x)
+    _require_affine(form, plant, [(int(i), int(j)) for i, j in zip(*np.nonzero(links), strict=True)])
+    slopes = jacobian * ca.DM(~links)
+    there = _there(form)
+    in_x = ca.substitute(slopes, m.x, there)
+    return Chart(
+        m.states, positions, m.t, outer.x, m.x, m.u, m.p, outer.dynamics, slopes, ca.SX(in_x), there,
+        m.x, slopes, plant.parameters, True,
+    )  # fmt: skip
+
+
+def _there(form: TriangularForm) -> ca.SX:
+    """The coordinates where the plant is triangular, as functions of its own."""
+    plant = form.plant
+    return plant.x if plant.transform is None else plant.transform(plant.x, plant.p)
+
+
+def _require_affine(form: TriangularForm, plant: BuiltPlant, links: list[tuple[int, int]]) -> None:
+    """f^(k) = F_k(u, x^(1)..x^(k)) x^(k+1) + phi^(k): decided at random points, since symbols may hide it."""
+    m, block = form.model, form.block
+    z = ca.Function("z", [form.plant.x, form.plant.p], [_there(form)])(plant.initial, plant.parameters)
+    start, random = np.asarray(z.full()).ravel(), np.random.default_rng(0)
+    points = [start * (1 + 0.2 * random.uniform(-1, 1, m.n)) + 0.05 * random.uniform(-1, 1, m.n) for _ in range(5)]
+    for i, j in links:
+        slope = ca.jacobian(m.dynamics[i], m.x[j])
+        following = ca.vertcat(*[m.x[k] for k in range(m.n) if block[k] == block[j]])
+        curvature = ca.Function("c", [m.t, m.x, m.u, m.p], [slope, ca.densify(ca.jacobian(slope, following))])
+        for point in points:
+            first, second = curvature(random.uniform(), point, random.uniform(-1, 1, m.u.numel()), plant.parameters)
+            size = float(np.max(np.abs(np.asarray(second.full())))) * (1 + float(np.max(np.abs(point))))
+            if size > _CURVED * (1 + abs(float(first))):
+                raise NotApplicableError(
+                    f"the derivative of {m.states[i]} is not affine in {m.states[j]}: F(u, xhat) x + phi(u, x) of "
+                    "the theorem is not the plant"
+                )

@@ -1,0 +1,292 @@
+"""The error's matrix at theta = 1, its poles, and the certificate P of its decay.
+
+In z = (xhat - x, filters) with the plant's nonlinearity phi, noise v and disturbance eps, every observer of
+constant gain here has, after a scaling zbar_i = theta^(-s_i) z_i,
+
+    zbar' = theta (A~ zbar + B~ v) + Phi~ - D~ eps,      s_i = i - 1 for the i-th state of a chain
+
+A~ and B~ are found from the observer's own equations on chains without phi at theta = 1, and the s_i of its
+filters from what another theta makes of them; nothing here knows one family from another.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+
+from hgorun.observers.base import Observer
+from hgorun.observers.constant_gain import PlacedGain
+from hgorun.observers.fhgo2_nuos import stationary
+from hgorun.observers.riccati import RiccatiGain
+from hgorun.simulation.observer_block import ObserverBlock
+from hgorun.symbolic.canonical import CanonicalForm
+from hgorun.symbolic.forms import Form
+from hgorun.symbolic.parameters import Parameters
+from hgorun.symbolic.plant import PlantModel
+from hgorun.symbolic.triangular import TriangularForm
+
+_ELSEWHERE = 2.0  # another theta, whose powers are read off
+GAINS = ("P", "S", "U")  # matrices that are integrated, and settle
+MU = 1.0  # of P A~ + A~^T P = -2 mu I
+
+
+class NotApplicableError(ValueError):
+    """A piece of theory that is not for this observer or plant; the message says why."""
+
+
+@dataclass(frozen=True)
+class ErrorDynamics:
+    """zbar' = theta (A zbar + B v) on a chain, the estimate's errors first.
+
+    Attributes
+    ----------
+    A, B : ndarray, shapes (N, N), (N, q)
+    flux : ndarray, shape (q, N)
+        (C xhat)' + c at theta = 1: what moves the output apart from the correction.
+    powers : ndarray of int, shape (N,)
+        s: zbar_i = theta^(-s_i) z_i.
+    n : int
+        How many of the N are the estimate's.
+    known : ndarray or None
+        The poles, where they are what the configuration asks for: eig() loses digits of multiple ones.
+    """
+
+    A: np.ndarray
+    B: np.ndarray
+    flux: np.ndarray
+    powers: np.ndarray
+    n: int
+    known: np.ndarray | None = None
+
+    @cached_property
+    def certificate(self) -> Certificate:
+        """What decays."""
+        return Certificate(self.A, self.known)
+
+    def scale(self, theta: float) -> np.ndarray:
+        """theta^(-s), shape (N,)."""
+        return np.asarray(float(theta) ** -self.powers.astype(float))
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """What P A~ + A~^T P = -2 mu I with mu = 1 says of a matrix A~.
+
+    beta = mu/(2 lambda_max(P)) and chi = cond(P), (3.23) and (3.35) of Robles Magdaleno 2023. With
+    V = zbar^T P zbar and |Phi~| <= c |zbar|
+
+        V' <= -2 theta mu |zbar|^2 + 2 |P zbar| |Phi~| <= -2 (theta mu - c lambda_max(P)) |zbar|^2
+        (sqrt V)' <= -(2 beta theta - c) sqrt V
+
+    and |zbar(t)| <= sqrt(chi) exp(-(2 beta theta - c) t) |zbar(0)|. The thesis keeps half of the decay for Phi~:
+    c <= beta theta leaves exp(-beta theta t). It has chi for sqrt(chi) from (3.44) on, which is true, too.
+    """
+
+    A: np.ndarray
+    known: np.ndarray | None = None
+
+    @cached_property
+    def poles(self) -> np.ndarray:
+        """Eigenvalues, by real part, then imaginary part."""
+        values = np.linalg.eigvals(self.A) if self.known is None else self.known
+        return np.asarray(values[np.lexsort((values.imag, values.real.round(9)))])
+
+    @property
+    def hurwitz(self) -> bool:
+        return bool(np.max(self.poles.real) < 0)
+
+    @cached_property
+    def P(self) -> np.ndarray:
+        """The solution, symmetric and positive definite.
+
+        Raises
+        ------
+        NotApplicableError
+            When A~ is not Hurwitz, or too near to it for double precision.
+        """
+        from scipy.linalg import solve_continuous_lyapunov
+
+        if not self.hurwitz:
+            raise NotApplicableError("the error's matrix is not Hurwitz: no P exists")
+        right = -2 * MU * np.eye(len(self.A))
+        P = solve_continuous_lyapunov(self.A.T, right)
+        P = 0.5 * (P + P.T)
+        for _ in range(2):  # refined: its condition number is high for long filters
+            rest = right - (P @ self.A + self.A.T @ P)
+            P = P + solve_continuous_lyapunov(self.A.T, 0.5 * (rest + rest.T))
+            P = 0.5 * (P + P.T)
+        off = np.max(np.abs(P @ self.A + self.A.T @ P - right))
+        if not (np.all(np.isfinite(P)) and off < 1e-3 and np.min(np.linalg.eigvalsh(P)) > 0):
+            raise NotApplicableError("the Lyapunov equation of the error's matrix has no solution in double precision")
+        return np.asarray(P)
+
+    @cached_property
+    def eigenvalues(self) -> tuple[float, float]:
+        """(smallest, largest) of P."""
+        values = np.linalg.eigvalsh(self.P)
+        return float(values[0]), float(values[-1])
+
+    @property
+    def beta(self) -> float:
+        return MU / (2 * self.eigenvalues[1])
+
+    @property
+    def chi(self) -> float:
+        return self.eigenvalues[1] / self.eigenvalues[0]
+
+
+def error_dynamics(observer: Observer, form: Form) -> ErrorDynamics:
+    """The error's matrices at theta = 1 on the chains that an observer sees in the plant.
+
+    Raises
+    ------
+    NotApplicableError
+        Where there are no such matrices.
+    """
+    chains = _chains(observer, form)
+    if hasattr(observer, "eps"):
+        return _differences(observer, form)
+    at_one, other = (_linear(observer, chains, theta) for theta in (1.0, _ELSEWHERE))
+    A, E, flux = at_one
+    powers = _powers(A, other[0], chains)
+    return ErrorDynamics(A, -E, flux, powers, sum(chains), _asked_for(observer, A))
+
+
+def _asked_for(observer: Observer, A: np.ndarray) -> np.ndarray | None:
+    """The poles that the configuration or the theory names, if A has their characteristic polynomial."""
+    named = [np.full(len(A), -1.0)]
+    if isinstance(observer, PlacedGain) and observer.gains is None:
+        given = np.atleast_1d(np.asarray(observer.poles, dtype=complex))
+        named = [np.resize(given, len(A))]
+    elif hasattr(observer, "delta"):
+        named = [np.resize(np.roots([1.0, observer.delta, observer.delta]), len(A))]
+    found = np.poly(A)
+    size = np.poly(-np.abs(np.linalg.eigvals(A)))
+    for poles in named:
+        if np.all(np.abs(np.poly(poles) - found) <= 1e-8 * np.abs(size)):
+            return poles
+    return None
+
+
+def _chains(observer: Observer, form: Form) -> tuple[int, ...]:
+    """Lengths of the chains."""
+    if isinstance(form, CanonicalForm):
+        if isinstance(observer, PlacedGain):
+            return form.chains
+    elif isinstance(form, TriangularForm) and isinstance(observer, RiccatiGain):
+        if _is_constant_chain(form):
+            return (form.n,)
+        raise NotApplicableError(
+            "the gain follows F(u, xhat) of a plant that is no chain of integrators: there is no constant matrix"
+        )
+    raise NotApplicableError(f"the error of {observer.type} is not that of chains of integrators with a constant gain")
+
+
+def _is_constant_chain(form: TriangularForm) -> bool:
+    """One output, and F = A_n whatever the input."""
+    if len(form.measured) != 1 or form.block != tuple(range(form.n)):
+        return False
+    jacobian = ca.jacobian(form.model.dynamics, form.model.x)
+    links = [ca.simplify(jacobian[i, i + 1]) for i in range(form.n - 1)]
+    return all(link.is_constant() and float(link) == 1.0 for link in links)
+
+
+def _differences(observer: Observer, form: Form) -> ErrorDynamics:
+    """Observers in forward differences: A_0 = A - H_0 C of the differential equation that they step."""
+    assert isinstance(observer, PlacedGain)
+    n = form.plant.n
+    H_0 = observer.gain(n)
+    first = np.eye(n)[:1]
+    A_0 = np.eye(n, k=1) - np.outer(H_0, first)
+    return ErrorDynamics(A_0, H_0[:, None], np.eye(n, k=1)[:1], np.arange(n), n, _asked_for(observer, A_0))
+
+
+def _chain_model(chains: tuple[int, ...]) -> PlantModel:
+    """Chains of integrators."""
+    n = sum(chains)
+    states = tuple(f"x{i + 1}" for i in range(n))
+    x = ca.vertcat(*[ca.SX.sym(name) for name in states])
+    heads = np.cumsum([0, *chains])[:-1]
+    outputs = tuple(f"y{k + 1}" for k in range(len(chains)))
+    shift = ca.diagcat(*[ca.DM(np.eye(length, k=1)) for length in chains])
+    y = ca.vertcat(*[x[int(i)] for i in heads])
+    return PlantModel(states, outputs, (), (), ca.SX.sym("t"), x, ca.SX(0, 1), ca.SX(0, 1), shift @ x, y)
+
+
+def _linear(observer: Observer, chains: tuple[int, ...], theta: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A, E and the flux of an observer on chains, differentiated where there is no error."""
+    model = _chain_model(chains)
+    plain = observer.model_copy(update={"theta": theta, "saturation": {}, "coordinates": "original", "initial": {}})
+    form: Form
+    if isinstance(observer, RiccatiGain):
+        form = TriangularForm(model, model, tuple(range(model.n)), (0,))
+    else:
+        form = CanonicalForm(model, chains, model.x, ca.SX.eye(model.n), identity=True)
+    parameters = Parameters()
+    block = ObserverBlock("observer", plain, form, 0, False, parameters)
+    z, e = ca.SX.sym("z", block.end), ca.SX.sym("e", len(chains))
+    copy = block.copy(model.t, model.u, model.p)
+    s = block.symbols(z)
+    flow = plain.equations(copy, s, e, block.k)
+    moving = [block.states[name] for name in block.states if name not in GAINS]
+    names = [name for name in block.states if name not in GAINS]
+    rate = ca.vertcat(*[state.flat(flow.derivatives[name]) for name, state in zip(names, moving, strict=True)])
+    xi = ca.vertcat(*[z[state.start : state.start + state.size] for state in moving])
+    H = ca.jacobian(copy.output(s.xhat), xi)
+    flux = H @ rate + flow.correction
+    parts = [ca.jacobian(rate, xi), ca.jacobian(rate, e), H, ca.jacobian(flux, xi), ca.jacobian(flux, e)]
+    values = ca.Function("linear", [parameters.symbol, z, e], [ca.densify(part) for part in parts])
+    found = values(parameters.values, _at_rest(block, model.n), np.zeros(len(chains)))
+    A0, E, H_, F0, F1 = (np.asarray(v.full()) for v in found)
+    return A0 + E @ H_, E, F0 + F1 @ H_
+
+
+def _at_rest(block: ObserverBlock, n: int) -> np.ndarray:
+    """No error, and the matrices of a time-varying gain where they settle on a chain of n integrators.
+
+    S = S_inf of order r + n, whose S^-1 C^T are the binomial coefficients; of its blocks, U = -S_1^-1 S_2 and
+    P^-1 = S_3 - S_2^T S_1^-1 S_2.
+    """
+    z = np.zeros(block.end)
+    r = block.states["U"].shape[0] if "U" in block.states else 0
+    matrices = {}
+    if "S" in block.states:
+        matrices["S"] = stationary(block.states["S"].shape[0])
+    if "P" in block.states:
+        S = stationary(r + n)
+        matrices["U"] = -np.linalg.solve(S[:r, :r], S[:r, r:])
+        matrices["P"] = np.linalg.inv(S[r:, r:] + S[r:, :r] @ matrices["U"])
+    for name, values in matrices.items():
+        if name in block.states:
+            state = block.states[name]
+            z[state.start : state.start + state.size] = state.numbers(values)
+    return z
+
+
+def _powers(A: np.ndarray, other: np.ndarray, chains: tuple[int, ...]) -> np.ndarray:
+    """s, from A(theta)_ij = theta^(1 + s_i - s_j) A(1)_ij, s known along the chains."""
+    tiny = 1e-9 * np.max(np.abs(A))
+    linked = np.abs(A) > tiny
+    with np.errstate(divide="ignore", invalid="ignore"):
+        differences = np.log(other / A) / np.log(_ELSEWHERE) - 1  # s_i - s_j
+    known = dict(enumerate(position for length in chains for position in range(length)))
+    waiting = list(known)
+    while waiting:
+        i = waiting.pop()
+        for j in range(len(A)):
+            for step in ([-differences[i, j]] if linked[i, j] else []) + ([differences[j, i]] if linked[j, i] else []):
+                if (
+                    not np.isfinite(step)
+                    or abs(step - round(step)) > 1e-6
+                    or known.get(j, known[i] + round(step)) != (known[i] + round(step))
+                ):
+                    raise NotApplicableError(
+                        "no scaling with powers of theta makes the error's matrix theta times another"
+                    )
+                if j not in known:
+                    known[j] = known[i] + round(step)
+                    waiting.append(j)
+    return np.array([known.get(i, 0) for i in range(len(A))])

@@ -1,0 +1,212 @@
+"""Lipschitz constants of the nonlinearity phi that an observer copies, in the coordinates of its theory.
+
+|phi_k(u, zhat) - phi_k(u, z)| <= sum over i of M_ki |zhat_i - z_i|, with M_ki the largest |d phi_k/d z_i| in a
+box that holds both. L_k = max over i of M_ki and L_phi = max over k of L_k are the constants of (3.8) and
+(3.16) of Robles Magdaleno 2023.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import casadi as ca
+import numpy as np
+
+from hgorun.analysis.convergence.charts import Chart
+from hgorun.analysis.convergence.segments import along
+from hgorun.result.result import Result
+from hgorun.simulation.run import Run
+from hgorun.symbolic.intervals import Enclosure, largest
+
+_MARGIN = 0.05  # of the width of a box around trajectories, on either side: they are known on a grid
+_PIECES = 1024  # of the time in which an input is enclosed
+_POINTS = 2000  # of a trajectory that slopes are evaluated at
+_JUMPS = {ca.OP_SIGN, ca.OP_FLOOR, ca.OP_CEIL, ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE}
+
+
+@dataclass(frozen=True)
+class Lipschitz:
+    """Bounds on the slopes of phi.
+
+    Attributes
+    ----------
+    slopes, reached : ndarray, shape (n, n)
+        M: no slope is larger where ``kind`` is an interval's; and the largest that was met.
+    kind : str
+        ``interval over box``: bounds by interval arithmetic. ``interval along run``: the same on the segments
+        between simulated truth and estimate, where the box has points that are no states. ``trajectory``: the
+        largest slopes met along truth and estimate, no bounds.
+    region : str
+        Where the box comes from.
+    box : mapping of str to (low, high)
+    positions : ndarray of int, shape (n,)
+        Place in its chain of each coordinate, from 0.
+    remarks : tuple of str
+        What keeps the theory from applying.
+    """
+
+    slopes: np.ndarray
+    reached: np.ndarray
+    kind: str
+    region: str
+    box: dict[str, tuple[float, float]]
+    positions: np.ndarray
+    remarks: tuple[str, ...] = field(default=())
+
+    @property
+    def value(self) -> float:
+        """L_phi of (3.16)."""
+        return float(np.max(self.slopes, initial=0.0))
+
+    @property
+    def seen(self) -> float:
+        """The largest slope met."""
+        return float(np.max(self.reached, initial=0.0))
+
+    @property
+    def of_outputs(self) -> float:
+        """The same for what moves the outputs alone, and never above their norm: L_phi in (3.77)."""
+        first = self.positions == 0
+        return max(self.value, float(np.linalg.norm(self.slopes[np.ix_(first, first)], 2)) if first.any() else 0.0)
+
+    def constant(self, theta: float) -> float:
+        """c_1 of (3.42): |Phi~| <= c_1 |zbar| where zbar_i = theta^(1-i) z_i.
+
+        The norm of the matrix M_ki theta^(i-k). It falls with theta when phi is triangular; at theta = 1 it is at
+        most n L_phi, (3.17).
+        """
+        scale = float(theta) ** -self.positions.astype(float)
+        return float(np.linalg.norm(scale[:, None] * self.slopes / scale, 2)) if self.slopes.size else 0.0
+
+
+def lipschitz(
+    run: Run,
+    chart: Chart,
+    saturation: dict[str, tuple[float, float]],
+    result: Result,
+    label: str,
+    reach: np.ndarray | None = None,
+) -> Lipschitz:
+    """Bound the slopes of phi over the box of an observer's saturation, or of its simulated run.
+
+    Parameters
+    ----------
+    saturation : mapping
+        Bounds on the arguments of phi, in the chart's coordinates.
+    reach : ndarray, shape (n,), optional
+        How far the estimate may be from the truth, where the run's grid is too coarse to show it.
+    """
+    x, xhat = result.x, result.observers[label].xhat
+    finite = np.all(np.isfinite(xhat), axis=1)
+    with np.errstate(all="ignore"):
+        truth, guess = chart.image(x), chart.image(xhat[finite])
+    points = np.vstack([truth, guess[np.all(np.isfinite(guess), axis=1)]])
+    where = "simulated truth and estimate, 5 % wider"
+    if reach is not None:
+        points = np.vstack([truth - reach, truth + reach])
+        where = "simulated truth and the transient that is bounded, since the output grid misses its peak"
+    low, high = np.min(points, axis=0), np.max(points, axis=0)
+    slack = _MARGIN * (high - low)
+    low, high = low - slack, high + slack
+    remarks = []
+    limited = {name: bounds for name, bounds in saturation.items() if name in chart.names}
+    for name, (below, above) in limited.items():
+        i = chart.names.index(name)
+        if np.min(truth[:, i]) < below or np.max(truth[:, i]) > above:
+            remarks.append(
+                f"{name} leaves the saturation [{below:g}, {above:g}]: the observer's copy is another plant there"
+            )
+        low[i], high[i] = below, above
+    region = "saturation" if len(limited) == len(chart.names) else where
+    if limited and len(limited) < len(chart.names):
+        region = f"saturation of {', '.join(limited)}; else {region}"
+    reached = _met(run, chart, result, label)
+    box = {name: (float(a), float(b)) for name, a, b in zip(chart.names, low, high, strict=True)}
+    slopes, kind = reached, "trajectory"
+    if chart.invertible:
+        bounds, met = _over_box(run, chart, low, high)
+        if np.all(np.isfinite(bounds)):
+            slopes, reached, kind = bounds, np.maximum(met, reached), "interval over box"
+    if kind == "trajectory":
+        bounds = along(run, chart, result, label)
+        if np.all(np.isfinite(bounds)):
+            # a mean slope may be less than the largest one met: the larger is the safe one
+            slopes, kind = np.maximum(bounds, reached), "interval along run"
+            region = "between simulated truth and estimate"
+    above_ = chart.positions[None, :] > chart.positions[:, None]
+    stray = float(np.max(reached, where=above_, initial=0.0))
+    if stray > 1e-7 * (1 + np.max(reached, initial=0.0)):
+        remarks.append("phi is not triangular: a component depends on a coordinate further down its chains")
+    if _jumps(chart):
+        remarks.append("phi is switched (sign, floor, a comparison): its slopes say nothing of its jumps")
+    inside = ~above_
+    return Lipschitz(slopes * inside, reached * inside, kind, region, box, chart.positions, tuple(remarks))
+
+
+def _met(run: Run, chart: Chart, result: Result, label: str) -> np.ndarray:
+    """The largest slopes on the simulated truth and estimate."""
+    step = max(1, len(result.time) // _POINTS)
+    f = ca.Function("M", [chart.t, chart.x, chart.u, chart.p], [ca.densify(chart.slopes_in_x)])
+    parameters = run.plant.parameters
+    found = np.zeros((len(chart.names),) * 2)
+    for trajectory in (result.x, result.observers[label].xhat):
+        kept = slice(None, None, step)
+        values = f(
+            ca.DM(result.time[None, kept]), ca.DM(trajectory[kept].T), ca.DM(result.u[kept].T), ca.DM(parameters)
+        )
+        stack = np.abs(np.asarray(values.full()).reshape(len(found), -1, len(found)))
+        finite = np.isfinite(stack)
+        found = np.maximum(found, np.max(np.where(finite, stack, 0.0), axis=1, initial=0.0))
+    return found
+
+
+def _over_box(run: Run, chart: Chart, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Bounds on the slopes over a box of coordinates and everything that inputs and time do, and slopes met."""
+    below, above = input_range(run)
+    start, end = run.time.start, run.time.end
+    low, high = np.concatenate([low, below, [start]]), np.concatenate([high, above, [end]])
+    arguments = ca.vertcat(chart.z, chart.u, chart.t)
+    n = len(chart.names)
+    bounds, met = np.zeros((n, n)), np.zeros((n, n))
+    slopes = ca.substitute(chart.slopes, chart.p, ca.DM(run.plant.parameters))
+    for i in range(n):
+        for j in range(n):
+            entry = slopes[i, j]
+            if chart.positions[j] > chart.positions[i] or entry.is_zero():
+                continue
+            extent = largest(ca.Function("m", [arguments], [ca.cse(ca.densify(entry))]), low, high)
+            bounds[i, j], met[i, j] = extent.bound, extent.reached
+    return bounds, met
+
+
+def input_range(run: Run) -> tuple[np.ndarray, np.ndarray]:
+    """Between what the inputs stay during the run, shapes (m,) and (m,)."""
+    return ranges(run, run.plant.inputs)
+
+
+def ranges(run: Run, signals: ca.SX) -> tuple[np.ndarray, np.ndarray]:
+    """Between what functions of time and the plant's parameters stay during the run, shapes (m,) and (m,)."""
+    model = run.plant.model
+    edges = np.linspace(run.time.start, run.time.end, _PIECES + 1)[:, None]
+    low, high = [], []
+    for i in range(signals.numel()):
+        value = ca.substitute(signals[i], model.p, ca.DM(run.plant.parameters))
+        least, most = Enclosure(ca.Function("u", [model.t], [ca.densify(value)]))(edges[:-1], edges[1:])
+        low.append(float(np.min(least)))
+        high.append(float(np.max(most)))
+    return np.array(low), np.array(high)
+
+
+def _jumps(chart: Chart) -> bool:
+    """Whether phi has an operation that jumps with the state."""
+    stack = [chart.field[i] for i in range(chart.field.numel())]
+    seen: set[int] = set()
+    while stack:
+        node = stack.pop()
+        if node.is_leaf() or node.element_hash() in seen:
+            continue
+        seen.add(node.element_hash())
+        if node.op() in _JUMPS and ca.depends_on(node, chart.x):
+            return True
+        stack += [node.dep(i) for i in range(node.n_dep())]
+    return False

@@ -1,0 +1,94 @@
+"""Slopes of phi between truth and estimate, enclosed piece by piece of a run.
+
+phi(zhat) - phi(z) = A (xhat - x) and zhat - z = B (xhat - x), where A and B are the means of d phi/dx and dz/dx on
+the segment from x to xhat: M = |A B^-1|. Interval arithmetic encloses both part by part of the segment, whether
+or not z can be inverted.
+"""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+
+from hgorun.analysis.convergence.charts import Chart
+from hgorun.result.result import Result
+from hgorun.simulation.run import Run
+from hgorun.symbolic.intervals import Enclosure
+
+_PIECES = 600  # of a run, at most
+_PARTS = 16  # of a segment
+_SLACK = 0.5  # of what moves in a piece: how far it may go between the points of the output grid
+_REGULAR = 0.999  # spectral radius of |E| up to which B is taken for regular
+_ROUNDING = 1e-9  # of the linear algebra, relatively
+
+Box = tuple[np.ndarray, np.ndarray]
+
+
+def along(run: Run, chart: Chart, result: Result, label: str) -> np.ndarray:
+    """M over all pieces, shape (n, n); infinite where there is no bound."""
+    x, xhat = result.x, result.observers[label].xhat
+    if chart.straight:
+        x, xhat = chart.image(x), chart.image(xhat)
+    sound = np.all(np.isfinite(np.hstack([x, xhat])), axis=1)
+    count = int(sound.size if sound.all() else np.argmin(sound))  # until the first that is no number
+    if count < 2:
+        return np.full((len(chart.names),) * 2, np.inf)
+    starts = np.arange(0, count - 1, -(-(count - 1) // _PIECES))
+    ends = [_pieces(values[:count], starts) for values in (x, xhat)]
+    edges = np.append(result.time[starts], result.time[count - 1])[:, None]
+    inputs = _enclosed(run, chart, run.plant.inputs, chart.t, (edges[:-1], edges[1:]))
+    matrices = ca.vertcat(ca.vec(chart.raw), ca.vec(chart.directions))
+    arguments = ca.vertcat(chart.variables, chart.u, chart.t)
+    total: list[np.ndarray] = [np.zeros(()), np.zeros(())]
+    for k in range(_PARTS):  # the mean over a segment is the mean of those over its parts
+        part = _part(ends[0], ends[1], k / _PARTS, (k + 1) / _PARTS)
+        box = tuple(np.column_stack(sides) for sides in zip(part, inputs, (edges[:-1], edges[1:]), strict=True))
+        bounds = _enclosed(run, chart, matrices, arguments, (box[0], box[1]))
+        total = [so_far + side / _PARTS for so_far, side in zip(total, bounds, strict=True)]
+    n = len(chart.names)
+    A, B = (
+        tuple(np.swapaxes(side[:, block * n * n : (block + 1) * n * n].reshape(-1, n, n), 1, 2) for side in total)
+        for block in (0, 1)
+    )
+    if chart.straight:
+        return np.asarray(np.max(np.maximum(np.abs(A[0]), np.abs(A[1])), axis=0) * (1 + _ROUNDING))
+    return _divided((A[0], A[1]), (B[0], B[1]))
+
+
+def _divided(A: Box, B: Box) -> np.ndarray:
+    """|A B^-1|: with B = (I + E) B_m, |A B^-1| <= |A B_m^-1| (I - |E|)^-1 where |E| has a radius below 1."""
+    n = A[0].shape[1]
+    nothing = np.full((n, n), np.inf)
+    if not all(np.all(np.isfinite(part)) for part in (*A, *B)):
+        return nothing
+    middle_A, middle_B = 0.5 * (A[0] + A[1]), 0.5 * (B[0] + B[1])
+    try:
+        inverse = np.linalg.inv(middle_B)
+    except np.linalg.LinAlgError:
+        return nothing
+    E = 0.5 * (B[1] - B[0]) @ np.abs(inverse)
+    if np.max(np.abs(np.linalg.eigvals(E))) > _REGULAR:
+        return nothing
+    size = np.abs(middle_A @ inverse) + 0.5 * (A[1] - A[0]) @ np.abs(inverse)
+    found = size @ np.linalg.inv(np.eye(n) - E)
+    return np.asarray(np.max(found, axis=0) * (1 + _ROUNDING))
+
+
+def _pieces(values: np.ndarray, starts: np.ndarray) -> Box:
+    """Boxes that hold a trajectory between the points of the output grid, a piece each."""
+    slack = _SLACK * np.abs(np.diff(values, axis=0))
+    low = np.minimum(values[:-1], values[1:]) - slack
+    high = np.maximum(values[:-1], values[1:]) + slack
+    return np.minimum.reduceat(low, starts, axis=0), np.maximum.reduceat(high, starts, axis=0)
+
+
+def _part(first: Box, second: Box, start: float, end: float) -> Box:
+    """A box around what lies on segments from one box to another, between two parts of their length."""
+    sides = [[(1 - s) * a + s * b for s in (start, end)] for a, b in zip(first, second, strict=True)]
+    return np.minimum(*sides[0]), np.maximum(*sides[1])
+
+
+def _enclosed(run: Run, chart: Chart, column: ca.SX, arguments: ca.SX, box: Box) -> Box:
+    """Bounds (M, m) on the entries of a column in every box."""
+    values = ca.substitute(ca.densify(column), chart.p, ca.DM(run.plant.parameters))
+    return Enclosure(ca.Function("m", [arguments], [ca.cse(values)])).each(*box)

@@ -1,0 +1,1 @@
+"""Excitation of plants that are not uniformly observable."""

@@ -1,0 +1,1 @@
+"""Linear systems: the error dynamics, their transfer functions, what exponentials and sinusoids become."""

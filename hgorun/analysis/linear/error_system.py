@@ -1,0 +1,211 @@
+"""The error of an observer near the truth, as a linear system with the innovation as its input.
+
+With xi the observer's states that matter to the error and e the innovation,
+
+    xi' = A0 xi + E e,    C xhat = H xi,    alpha' = -c = -(K0 xi + K e)
+
+Between the samples e = s + alpha with s held, so that e' = -c too, and (xi, e) is a closed system,
+
+    (xi, e)' = G (xi, e),    G = [[A0, E], [-K0, -K]]
+
+alpha itself never comes back to zero, and would be an eigenvalue 1 of any period that says nothing: here only
+e is left of it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from hgorun.analysis.linear.linear import Linearisation
+from hgorun.observers.levant import LevantObserver
+from hgorun.result.data import ObserverResult
+from hgorun.result.result import Result
+from hgorun.simulation.run import Run
+
+_FILTERS = ("eta", "e")  # states of filters: zero where the estimate is right
+_SAME = 1e-7  # relative change below which the systems along a trajectory are one
+_MOST_TIMES = 4000  # along a run, at which it is linearised
+_NOTHING = 1e-12  # relative size of an influence that is rounding
+
+
+@dataclass(frozen=True)
+class ErrorSystem:
+    """Linear systems at times on an even grid; one time where they do not change.
+
+    Attributes
+    ----------
+    times : ndarray, shape (M,)
+    A0, E, H, K0, K : ndarray
+        Shapes (M, N, N), (M, N, q), (M, q, N), (M, q, N), (M, q, q).
+    where : str
+        Which points these are.
+    """
+
+    times: np.ndarray
+    A0: np.ndarray
+    E: np.ndarray
+    H: np.ndarray
+    K0: np.ndarray
+    K: np.ndarray
+    where: str
+
+    @property
+    def N(self) -> int:
+        """Number of states."""
+        return int(self.A0.shape[1])
+
+    @property
+    def q(self) -> int:
+        """Number of outputs."""
+        return int(self.E.shape[2])
+
+    @cached_property
+    def G(self) -> np.ndarray:
+        """The closed systems of (xi, e) between samples, shape (M, N + q, N + q)."""
+        return np.block([[self.A0, self.E], [-self.K0, -self.K]])
+
+    @property
+    def A(self) -> np.ndarray:
+        """With a continuous, undelayed output, shape (M, N, N)."""
+        return np.asarray(self.A0 + self.E @ self.H)
+
+    @property
+    def constant(self) -> bool:
+        """Whether it is one system."""
+        return self.times.size == 1
+
+    @cached_property
+    def rate(self) -> float:
+        """The largest modulus of an eigenvalue of A, at any of the times (1/time)."""
+        return float(np.max(np.abs(np.linalg.eigvals(self.A[:: self._stride]))))
+
+    @cached_property
+    def fastest(self) -> float:
+        """The faster of the flow between samples and of its own change along the trajectory (1/time)."""
+        flow = float(np.max(np.abs(np.linalg.eigvals(self.G[:: self._stride]))))
+        if self.constant:
+            return flow
+        steps = np.max(np.abs(np.diff(self.G, axis=0)), axis=0)
+        size = np.max(np.abs(self.G), axis=0)
+        change = float(np.max(steps / np.where(size > 0, size, 1))) / float(self.times[1] - self.times[0])
+        return max(flow, change)
+
+    @property
+    def _stride(self) -> int:
+        return max(self.times.size // 1000, 1)
+
+
+def error_system(run: Run, label: str, result: Result) -> ErrorSystem | str:
+    """The error's linear systems along the last two thirds of a run.
+
+    Parameters
+    ----------
+    run : Run
+        Prepared from the configuration.
+    result : Result
+        The run to look along, best :func:`hgorun.analysis.linear.nominal.nominal`; it must have this observer.
+
+    Returns
+    -------
+    ErrorSystem or str
+        Why there is none.
+    """
+    observer = run.experiment.observers[label]
+    if isinstance(observer, LevantObserver):
+        return "the differentiator's right-hand side has no slope where its error is zero"
+    if observer.discrete:
+        return "the observer jumps at the samples: there is no flow between them"
+    if label not in result.observers:
+        return "the run to look along does not have this observer"
+    found = result.observers[label]
+    third = result.time[0] + (result.time[-1] - result.time[0]) / 3
+    chosen = np.flatnonzero(result.time >= third - 1e-9)
+    chosen = chosen[:: max(chosen.size // _MOST_TIMES, 1)]
+    if found.diverged_at is not None:
+        return f"the run to look along {found.status}"
+    linearisation = Linearisation(run, label)
+    times = result.time[chosen]
+    xi = _states(linearisation, found, chosen)
+    linear = linearisation.systems(times, xi)
+    A0, E, H, L, K0, K = linear.A0, linear.E, linear.H, linear.L, linear.K0, linear.K
+    kept = _that_matter(linearisation, A0, H, L, K0)
+    where = f"along the run from t = {times[0]:.4g} to {times[-1]:.4g}"
+    system = ErrorSystem(times, A0[:, kept][:, :, kept], E[:, kept], H[:, :, kept], K0[:, :, kept], K, where)
+    if not np.all(np.isfinite(system.G)) or not np.all(np.isfinite(system.H)):
+        return "the observer's equations have no finite slopes along the run"
+    return _constant(system)
+
+
+def at_end(run: Run, label: str, result: Result) -> ErrorSystem | str:
+    """The error's linear system at the last point of a run."""
+    last = len(result.time) - 1
+    short = replace(
+        result,
+        time=result.time[last:],
+        observers={name: _row(o, last) for name, o in result.observers.items()},
+    )
+    found = error_system(run, label, short)
+    return found if isinstance(found, str) else replace(found, where=f"at the point of t = {result.time[-1]:.4g}")
+
+
+def _row(result: ObserverResult, i: int) -> ObserverResult:
+    return replace(
+        result,
+        xhat=result.xhat[i : i + 1],
+        internal={name: np.asarray(value)[i : i + 1] for name, value in result.internal.items()},
+    )
+
+
+def _states(linearisation: Linearisation, found: ObserverResult, chosen: np.ndarray) -> np.ndarray:
+    """The observer's states at points of a run, filters empty, shape (M, N)."""
+    b = linearisation.block
+    xi = linearisation.states(found, chosen)
+    for name in _FILTERS:
+        if name in b.states:
+            place = b.states[name]
+            xi[:, place.start - b.start :][:, : place.size] = 0.0
+    return xi
+
+
+def _that_matter(
+    linearisation: Linearisation, A0: np.ndarray, H: np.ndarray, L: np.ndarray, K0: np.ndarray
+) -> np.ndarray:
+    """The states through which an error comes back: not gains, whose deviations act on an error of zero."""
+    b = linearisation.block
+    places = {
+        name: np.arange(s.start, s.start + s.size) - b.start
+        for name, s in b.states.items()
+        if name != "alpha" and s.size
+    }
+    size = float(np.max(np.abs(A0[np.isfinite(A0)]), initial=1e-300))
+    seen = np.any(np.abs(np.concatenate([H, L, K0], axis=1)) > 0, axis=(0, 1))
+    kept = {name for name, at in places.items() if seen[at].any()}
+    growing = True
+    while growing:
+        rows = np.concatenate([places[name] for name in places if name in kept])
+        new = {
+            name
+            for name, at in places.items()
+            if name not in kept and np.any(np.abs(A0[:, rows][:, :, at]) > _NOTHING * size)
+        }
+        kept |= new
+        growing = bool(new)
+    return np.concatenate([at for name, at in places.items() if name in kept])
+
+
+def _constant(system: ErrorSystem) -> ErrorSystem:
+    """One system, where they do not differ, or no longer do in the last tenth of the time."""
+    for tail in (0, -max(system.times.size // 10, 2)):
+        if all(_still(part[tail:]) for part in (system.G, system.H)):
+            last = {name: getattr(system, name)[-1:] for name in ("A0", "E", "H", "K0", "K")}
+            where = system.where if tail == 0 else f"at rest, at t = {system.times[-1]:.4g}"
+            return replace(system, times=system.times[-1:], where=where, **last)
+    return system
+
+
+def _still(matrices: np.ndarray) -> bool:
+    size = np.max(np.abs(matrices), axis=0)
+    return bool(np.all(np.ptp(matrices, axis=0) <= _SAME * size + _NOTHING * size.max()))

@@ -1,0 +1,189 @@
+"""An observer linearised: how its states and its estimate answer to noise, around a point of its own motion.
+
+The observer's own equations are differentiated, so nothing here knows one family from another. With e the
+innovation, xi the observer's states without alpha, and c the term that enters alpha' = -c,
+
+    xi' = flow(xi, e),    C xhat = guess(xi),    xhat = estimate(xi),    e = C xhat - y - v
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from hgorun.result.data import ObserverResult
+from hgorun.simulation.observer_block import ObserverBlock
+from hgorun.simulation.run import Run
+from hgorun.symbolic.canonical import CanonicalForm
+
+
+@dataclass(frozen=True)
+class Linear:
+    """Small deviations d xi of an observer's states (N), around a point.
+
+        d xi' = A0 d xi + E de,    d(C xhat) = H d xi,    dxhat = L d xi,    dc = K0 d xi + K de
+
+    Attributes
+    ----------
+    A0, E, H, L, K0, K : ndarray
+        Shapes (N, N), (N, q), (q, N), (n, N), (q, N), (q, q); with one more axis in front where there is one
+        system for each of several times.
+    """
+
+    A0: np.ndarray
+    E: np.ndarray
+    H: np.ndarray
+    L: np.ndarray
+    K0: np.ndarray
+    K: np.ndarray
+
+    @property
+    def A(self) -> np.ndarray:
+        """With a continuous, undelayed output: d xi' = A d xi + B v, shape (N, N)."""
+        return np.asarray(self.A0 + self.E @ self.H)
+
+    @property
+    def B(self) -> np.ndarray:
+        """How measurement noise v enters then, shape (N, q)."""
+        return -self.E
+
+
+class Linearisation:
+    """An observer's equations, differentiated.
+
+    Parameters
+    ----------
+    run : Run
+        A prepared run (:func:`hgorun.simulation.simulate.prepare`).
+    label : str
+        Of the observer.
+
+    Notes
+    -----
+    For observers that are differential equations; those that jump at samples have no flow.
+    """
+
+    def __init__(self, run: Run, label: str) -> None:
+        self.run, self.label = run, label
+        self.block: ObserverBlock = next(b for b in run.system.observers if b.label == label)
+
+    @property
+    def size(self) -> int:
+        """N: the number of states, alpha not counted."""
+        return self.block.stop - self.block.start
+
+    @cached_property
+    def _functions(self) -> ca.Function:
+        run, b = self.run, self.block
+        model, p = run.plant.model, run.plant_symbol
+        t = model.t
+        u = ca.substitute(run.plant.inputs, model.p, p)
+        z = ca.SX.sym("z", run.system.structure.states)
+        e = ca.SX.sym("e", len(model.outputs))
+        flow = b.observer.equations(b.copy(t, u, p), b.symbols(z), e, b.k)
+        rate = ca.vertcat(*[b.states[n].flat(flow.derivatives[n]) for n in b.states if n != "alpha"])
+        xi = z[b.start : b.stop]
+        parts = [
+            ca.jacobian(rate, xi),
+            ca.jacobian(rate, e),
+            ca.jacobian(b.guess(t, u, p, z), xi),
+            ca.jacobian(b.estimate(t, u, p, z), xi),
+            ca.jacobian(flow.correction, xi),
+            ca.jacobian(flow.correction, e),
+        ]
+        return ca.Function("linear", [t, run.parameters.symbol, z, e], [ca.densify(part) for part in parts])
+
+    def at(self, t: float, xi: np.ndarray, e: np.ndarray | None = None) -> Linear:
+        """The linear system at time t, states xi (N,) and innovation e (q,), which is 0 where it is omitted."""
+        z = np.zeros(self.run.system.structure.states)
+        z[self.block.start : self.block.stop] = xi
+        innovation = np.zeros(len(self.run.plant.model.outputs)) if e is None else e
+        values = self._functions(t, self.run.parameters.values, z, innovation)
+        return Linear(*[np.asarray(v.full()) for v in values])
+
+    def trajectory(self, result: ObserverResult, points: np.ndarray, times: np.ndarray) -> Linear:
+        """The linear systems at several points of the output grid of a finished run, innovation 0.
+
+        Parameters
+        ----------
+        points : ndarray of int, shape (M,)
+            Which points of the grid.
+        times : ndarray, shape (M,)
+            Their times.
+
+        Returns
+        -------
+        Linear
+            With one more axis in front, of length M.
+        """
+        return self.systems(times, self.states(result, points))
+
+    def systems(self, times: np.ndarray, xi: np.ndarray, e: np.ndarray | None = None) -> Linear:
+        """The linear systems at times (M,), states (M, N) and innovations (M, q), 0 where they are omitted.
+
+        Returns
+        -------
+        Linear
+            With one more axis in front, of length M.
+        """
+        count, f = times.size, self._functions.map(times.size)
+        z = np.zeros((count, self.run.system.structure.states))
+        z[:, self.block.start : self.block.stop] = xi
+        innovation = np.zeros((count, len(self.run.plant.model.outputs))) if e is None else e
+        p = np.tile(self.run.parameters.values, (count, 1))
+        # CasADi's matrices become arrays through lists, which takes ten times as long as the evaluation
+        buffer, call = f.buffer()
+        arguments = [np.ascontiguousarray(v, dtype=float) for v in (times, p, z, innovation)]
+        for i, values in enumerate(arguments):
+            buffer.set_arg(i, values.data)
+        shapes = [value.shape for value in self._functions.sx_out()]
+        results = [np.zeros((count, columns, rows)) for rows, columns in shapes]
+        for i, values in enumerate(results):
+            buffer.set_res(i, values.data)
+        call()
+        return Linear(*[np.ascontiguousarray(values.swapaxes(1, 2)) for values in results])
+
+    def at_rest(self, x: np.ndarray) -> np.ndarray:
+        """The states xi (N,) of an observer that has found the plant's state x, filters empty.
+
+        Matrices such as P start from their configured initial values.
+        """
+        b, form = self.block, self.block.form
+        canonical = b.canonical
+        z0 = self.run.system.z0[b.start : b.stop].copy()
+        place = b.states["xhat"]
+        z0[place.start - b.start :][: place.size] = form.start(x, self.run.plant.parameters, canonical)
+        return z0
+
+    def along(self, result: ObserverResult, i: int) -> np.ndarray:
+        """The states xi (N,) at point i of the output grid of a finished run."""
+        return np.asarray(self.states(result, np.array([i]))[0])
+
+    def states(self, result: ObserverResult, points: np.ndarray) -> np.ndarray:
+        """The states xi (M, N) at several points of the output grid of a finished run."""
+        parts = []
+        for name, place in self.block.states.items():
+            if name == "xhat":
+                parts.append(self._own_coordinates(result.xhat[points]))
+            elif name != "alpha" and place.size:
+                parts.append(place.flattened(result.internal[name][points]))
+        return np.concatenate(parts, axis=1)
+
+    def _own_coordinates(self, x: np.ndarray) -> np.ndarray:
+        """Estimates (M, n) in the coordinates where the observer computes."""
+        form: Any = self.block.form
+        plant, parameters = form.plant, self.run.plant.parameters
+        if isinstance(form, CanonicalForm):
+            if not self.block.canonical or form.identity:
+                return x
+            image = form.Phi(plant.x, plant.p)
+        elif plant.transform is not None:
+            image = plant.transform(plant.x, plant.p)
+        else:
+            return x
+        values = ca.Function("z", [plant.x, plant.p], [image])(ca.DM(x.T), ca.DM(parameters))
+        return np.asarray(values.full()).T

@@ -1,0 +1,122 @@
+"""Steady states under sinusoidal noise of one observer: Sylvester's equation, amplitudes, exponents."""
+
+from __future__ import annotations
+
+from copy import deepcopy
+
+import numpy as np
+
+from hgorun.analysis.linear.linear import Linear, Linearisation
+from hgorun.analysis.linear.transfer import relevant, require_hurwitz, response
+from hgorun.config.yaml_source import Source
+from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.run import Run
+from hgorun.simulation.simulate import prepare
+
+_RATIO = 1e-4  # half of the relative step of the slopes: central differences, error of the order of its square
+
+
+def pi_eps(linear: Linear, omega: float, eps: float = 1.0, output: int = 0) -> np.ndarray:
+    """The steady state L Pi w under the noise v = sin(omega t/eps), w = (sin, cos)(omega t/eps).
+
+        Pi S = eps (A Pi + B R),    S = [[0, omega], [-omega, 0]],    R = (1, 0)
+
+    Returns
+    -------
+    ndarray, shape (n, 2)
+        Row i has the amplitudes of sine and cosine in xhat_i.
+
+    Raises
+    ------
+    NoTheory
+        When the linearisation is not Hurwitz.
+
+    Notes
+    -----
+    Astolfi, Marconi, Praly, Teel 2016; Robles Magdaleno 2023, (3.53), there with Lambda, Gamma for A, B. Lemma
+    1 of the former prints (dPsi/dw) S w for (1/eps) (dPsi/dw) S w.
+    """
+    from scipy.linalg import solve_sylvester
+
+    linear = relevant(linear)
+    require_hurwitz(linear)
+    S = np.array([[0.0, omega], [-omega, 0.0]])
+    BR = np.outer(linear.B[:, output], [1.0, 0.0])
+    return np.asarray(linear.L @ solve_sylvester(eps * linear.A, -S, -eps * BR))
+
+
+def amplitude(
+    run: Run | Experiment, label: str, omega: float | np.ndarray, *, x: np.ndarray | None = None, output: int = 0
+) -> np.ndarray:
+    """Steady amplitude of each state of the estimate under the noise sin(omega t) on a continuous output.
+
+    Parameters
+    ----------
+    run : Run or Experiment
+    label : str
+        Of the observer.
+    omega : float or ndarray, shape (W,)
+        For noise sin(omega t/eps) give omega/eps.
+    x : ndarray, shape (n,), optional
+        The plant's state to linearise at, the observer being at rest there (default: the initial one).
+    output : int
+        Which output is noisy.
+
+    Returns
+    -------
+    ndarray, shape (n,) or (W, n)
+
+    Raises
+    ------
+    NoTheory
+        When the linearisation is not Hurwitz.
+    """
+    run = prepare(run) if isinstance(run, Experiment) else run
+    linear = _at_rest(run, label, x)
+    found = np.abs(response(linear, np.atleast_1d(omega))[:, :, output])
+    return np.asarray(found if np.ndim(omega) else found[0])
+
+
+def _at_rest(run: Run, label: str, x: np.ndarray | None) -> Linear:
+    observer = Linearisation(run, label)
+    at = observer.at_rest(run.plant.initial if x is None else np.asarray(x, dtype=float))
+    linear = relevant(observer.at(run.time.start, at))
+    require_hurwitz(linear)
+    return linear
+
+
+def exponents(
+    run: Run | Experiment, label: str, omega: float, *, x: np.ndarray | None = None, output: int = 0
+) -> tuple[np.ndarray, np.ndarray]:
+    """Slopes of the log of the amplitudes against log eps = -log omega and against log theta, at this point.
+
+    Returns
+    -------
+    tuple of ndarray, shapes (n,)
+        In eps and in theta; NaN in theta for an observer without this key, and where noise does not reach a state.
+    """
+    run = prepare(run) if isinstance(run, Experiment) else run
+    less, more = amplitude(run, label, omega * np.exp([-_RATIO, _RATIO]), x=x, output=output)
+    theta = getattr(run.experiment.observers[label], "theta", None)
+    in_eps = _slope(more, less)
+    if not isinstance(theta, float):
+        return in_eps, np.full(less.shape, np.nan)
+    low, high = (
+        amplitude(with_theta(run.experiment, label, theta * np.exp(step)), label, omega, x=x, output=output)
+        for step in (-_RATIO, _RATIO)
+    )
+    return in_eps, _slope(low, high)
+
+
+def _slope(low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Of the logarithms; NaN where noise does not reach a state."""
+    reached = (low > 0) & (high > 0)
+    return np.log(np.where(reached, high, np.nan) / np.where(reached, low, np.nan)) / (2 * _RATIO)
+
+
+def with_theta(experiment: Experiment, label: str, theta: float) -> Experiment:
+    """The experiment with another theta in one observer, and no other observer."""
+    data = deepcopy(experiment.source.data)
+    data["observers"] = {label: data["observers"][label] | {"theta": float(theta)}}
+    data.pop("figures", None)  # they may name the others
+    return Experiment(Source(data, experiment.source.positions), name=experiment.name, text=experiment.text)

@@ -1,0 +1,1 @@
+"""Noise in the estimates, predicted and measured."""

@@ -1,0 +1,1 @@
+"""Limits of sampling period and delay."""

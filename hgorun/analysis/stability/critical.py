@@ -1,0 +1,226 @@
+"""How rarely an output may be sampled, and how late it may come: exact limits of the linearised error.
+
+With the one innovation that serves every availability, the error near the truth is a linear hybrid system; see
+:mod:`hgorun.analysis.linear.error_system`. It is stable while the spectral radius of its monodromy matrix, over a
+period of sampling, is below 1. The published bounds, Robles Magdaleno 2023 (2.78), (3.68), are sufficient and
+smaller by factors of hundreds: for three integrators and theta = 1 these limits are 2.896 for the period of
+the standard observer and 0.927 for its delay.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hgorun.analysis.linear.error_system import ErrorSystem, at_end, error_system
+from hgorun.analysis.linear.nominal import chain
+from hgorun.analysis.stability.delay_margin import delay_margin
+from hgorun.analysis.stability.growth import MOST_PERIODS, growth
+from hgorun.measurement.availability import Stretch
+from hgorun.observers.hgo_fd import ForwardDifferenceObserver, eigenvalues
+from hgorun.observers.reduced_sampled import ReducedSampledObserver
+from hgorun.result.result import Result
+from hgorun.simulation.run import Run
+
+_RATIO_CONSTANT, _RATIO_VARYING = 1.04, 1.12  # of neighbouring values in a search for a first crossing
+_SHORTEST, _LONGEST = 1e-2, 3e2  # of 1/rate, where the search starts and ends
+_PRECISION = 1e-4, 2e-3  # relative, of a limit, for one system and along a trajectory
+_MOST_WAITING = 100  # samples on their way at a time
+_COARSE, _FINE = 4, 16  # samples a delay that stand for a continuous output along a trajectory
+
+
+@dataclass(frozen=True)
+class Limit:
+    """A limit of stability in the run's time unit.
+
+    Attributes
+    ----------
+    value : float or None
+    reason : str
+        Why there is none; empty where there is one.
+    where : str
+        Of which linear system it is the limit, and what was assumed.
+    """
+
+    value: float | None
+    reason: str = ""
+    where: str = ""
+
+
+@dataclass(frozen=True)
+class Availability:
+    """What the measurement does at the end of a run: the period (None: continuous) and the delay."""
+
+    period: float | None
+    delay: float
+    remark: str
+
+
+_UNDELAYED = Limit(None, "the observer takes samples without delay")
+
+
+def critical(run: Run, label: str, result: Result | str) -> tuple[Limit, Limit]:
+    """The shortest period of sampling and the smallest constant delay at which the error no longer decays.
+
+    The period is critical at this theta and delay, the delay at this theta and sampling.
+
+    Parameters
+    ----------
+    run : Run
+    label : str
+        Of the observer.
+    result : Result or str
+        The run to linearise along, best :func:`hgorun.analysis.linear.nominal.nominal`. Where the linear system changes
+        along it the limit is that of the growth over the last two thirds of the run, the spectral radius of
+        the product of all monodromy matrices.
+
+    Returns
+    -------
+    tuple of Limit
+        Of the period, of the delay.
+    """
+    if run.experiment.observers[label].discrete:
+        return _discrete(run, label), _UNDELAYED
+    if isinstance(result, str):
+        return (Limit(None, result),) * 2
+    return _both(run, lambda: error_system(run, label, result))
+
+
+def critical_chain(run: Run, label: str) -> tuple[Limit, Limit]:
+    """The same for chains of integrators, phi = 0, gains at rest: exact."""
+    if run.experiment.observers[label].discrete:
+        return Limit(None, "the observer's own limit does not depend on phi"), _UNDELAYED
+
+    def system() -> ErrorSystem | str:
+        pair = chain(run, label)
+        found = pair if isinstance(pair, str) else at_end(pair[0], label, pair[1])
+        return found if isinstance(found, str) else replace(found, where="chains of integrators, phi = 0")
+
+    return _both(run, system)
+
+
+def _both(run: Run, linearise: Callable[[], ErrorSystem | str]) -> tuple[Limit, Limit]:
+    availability = availability_of(run)
+    if isinstance(availability, str):
+        return (Limit(None, availability),) * 2
+    system = linearise()
+    if isinstance(system, str):
+        return (Limit(None, system),) * 2
+    return _critical_period(system, availability), _critical_delay(system, availability)
+
+
+def availability_of(run: Run) -> Availability | str:
+    """Period and delay of the outputs, or why there is no one period and delay.
+
+    Of several phases the last. A delay that changes counts with its largest value, samples at uneven times
+    with the longest time between two.
+    """
+    last = [stretches[-1] for stretches in run.experiment.stretches]
+    described = [_describe(run, i, stretch) for i, stretch in enumerate(last)]
+    if any(d.period != described[0].period or d.delay != described[0].delay for d in described[1:]):
+        return "the outputs differ in their sampling or delay"
+    if len(run.experiment.stretches[0]) > 1:
+        remark = "; ".join(r for r in (described[0].remark, "the last phase") if r)
+        return Availability(described[0].period, described[0].delay, remark)
+    return described[0]
+
+
+def _describe(run: Run, i: int, stretch: Stretch) -> Availability:
+    remarks = []
+    if stretch.continuous:
+        period, times = None, np.linspace(stretch.start, stretch.end, 2001)
+    else:
+        samples = run.channels[i].samples
+        times = samples.arrival[samples.arrival >= stretch.start]
+        period = getattr(stretch.sampling, "period", None)
+        if period is None:
+            period = float(np.max(np.diff(times), initial=0.0)) or None
+            remarks.append("the longest time between two samples taken for the period")
+        elif stretch.sampling.jitter or stretch.sampling.dropout:
+            remarks.append("without jitter and dropout")
+    delay = float(np.max(stretch.delay_at(times), initial=0.0)) if times.size else 0.0
+    if not stretch.delay_is_constant:
+        remarks.append(f"with the longest delay, {delay:.4g}, throughout")
+    return Availability(period, delay, "; ".join(remarks))
+
+
+def _critical_period(system: ErrorSystem, availability: Availability) -> Limit:
+    delay = availability.delay
+    where = "; ".join(w for w in (system.where, availability.remark if delay else "") if w)
+    shortest = max(_SHORTEST / system.rate, delay / _MOST_WAITING)
+    longest = _LONGEST / system.rate
+    if not system.constant:
+        span = system.times[-1] - system.times[0]
+        shortest = max(shortest, 0.2 / system.rate, span / MOST_PERIODS)
+        longest = min(longest, span / 4)
+    return _search(system, lambda T: growth(system, T, delay), shortest, longest, where, "period")
+
+
+def _critical_delay(system: ErrorSystem, availability: Availability) -> Limit:
+    where, period = system.where, availability.period
+    if period is None and system.constant:
+        margin = delay_margin(system.A0[0], system.E[0], system.H[0], system.K0[0], system.K[0])
+        if isinstance(margin, str):
+            return Limit(None, margin, where)
+        return Limit(margin, "", where)
+    shortest, longest = _SHORTEST / system.rate, _LONGEST / system.rate
+    if not system.constant:
+        span = system.times[-1] - system.times[0]
+        shortest = max(0.2 / system.rate, _FINE * span / MOST_PERIODS if period is None else 0.0)
+        longest = min(longest, span / 4)
+    if period is None:
+        where += f"; {_FINE} samples a delay stand for the continuous output"
+        # held samples d/n apart that are d - d/(2 n) old on arrival are d old in the mean
+        coarse, fine = (lambda d, n=n: growth(system, d / n, d - d / (2 * n)) for n in (_COARSE, _FINE))
+        return _search(system, coarse, shortest, longest, where, "delay", fine)
+    if growth(system, period, 0.0) >= 0:
+        return Limit(None, f"unstable at the period {period:.4g} already without delay", where)
+    longest = min(longest, _MOST_WAITING * period)
+    return _search(system, lambda d: growth(system, period, d), shortest, longest, where, "delay")
+
+
+def _search(
+    system: ErrorSystem,
+    rate: Callable[[float], float],
+    shortest: float,
+    longest: float,
+    where: str,
+    what: str,
+    fine: Callable[[float], float] | None = None,
+) -> Limit:
+    """The first zero of a growth rate: geometric steps, then bisection of what is dearer and better."""
+    ratio = _RATIO_CONSTANT if system.constant else _RATIO_VARYING
+    precision = _PRECISION[0 if system.constant else 1]
+    low = shortest
+    if rate(low) >= 0:
+        return Limit(None, f"unstable at every {what} down to {low:.3g}", where)
+    high = low * ratio
+    while rate(high) < 0:
+        low, high = high, high * ratio
+        if low > longest:
+            return Limit(None, f"stable at every {what} up to {low:.3g}", where)
+    rate = fine or rate
+    while low > shortest and rate(low) >= 0:
+        low, high = low / ratio, low
+    while rate(high) < 0:
+        low, high = high, high * ratio
+        if low > longest:
+            return Limit(None, f"stable at every {what} up to {low:.3g}", where)
+    while high - low > precision * high:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if rate(middle) < 0 else (low, middle)
+    return Limit(0.5 * (low + high), "", where)
+
+
+def _discrete(run: Run, label: str) -> Limit:
+    """The observers that jump at the samples, as the error of the Euler model has it."""
+    observer = run.experiment.observers[label]
+    if isinstance(observer, ForwardDifferenceObserver):
+        poles = eigenvalues(observer.H_0(run.forms[label].plant.n))
+        value = observer.eps * float(np.min(-2 * poles.real / np.abs(poles) ** 2))
+        return Limit(value, "", "spectral radius of I + (T/eps) A_0")
+    if isinstance(observer, ReducedSampledObserver):
+        return Limit(2 / float(np.max(observer.H)), "", "|1 - T h_i| of the plant's Euler model, A3")
+    return Limit(None, "the estimate does not depend on earlier ones: no period makes it unstable")

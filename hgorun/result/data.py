@@ -1,0 +1,125 @@
+"""What a run leaves: trajectories, measurements, metrics."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Measurements:
+    """What the observers got.
+
+    Attributes
+    ----------
+    time : ndarray, shape (Nk,)
+        When each measurement became available: arrival times of samples, the output grid where an output
+        is continuous.
+    taken, y : ndarray, shape (Nk, q)
+        The time that it speaks of, and the noisy value; NaN where an output has none.
+    """
+
+    time: np.ndarray
+    taken: np.ndarray
+    y: np.ndarray
+
+
+@dataclass(frozen=True)
+class ObserverResult:
+    """One observer's trajectories.
+
+    Attributes
+    ----------
+    xhat : ndarray, shape (Nt, n)
+        The estimate in the plant's coordinates; NaN after divergence.
+    internal : dict of str to ndarray, shape (Nt, ...)
+        Internal states in their own shapes.
+    gains : dict
+        The numbers that the observer used.
+    dimension : int
+        Number of its differential equations.
+    diverged_at : float or None
+    metrics : dict of str to ndarray, shape (n,)
+    """
+
+    type: str
+    xhat: np.ndarray
+    internal: Mapping[str, np.ndarray]
+    gains: Mapping[str, Any]
+    dimension: int
+    diverged_at: float | None
+    metrics: Mapping[str, np.ndarray] = field(default_factory=dict)
+
+    @property
+    def filter_order(self) -> int | None:
+        """Order of the filter with state eta; None where the observer has none."""
+        eta = self.internal.get("eta")
+        return None if eta is None else int(np.prod(eta.shape[1:2]))
+
+    @property
+    def status(self) -> str:
+        """``ok``, or when it diverged."""
+        return "ok" if self.diverged_at is None else f"diverged at t={self.diverged_at:.6g}"
+
+
+@dataclass(frozen=True, repr=False)
+class ResultData:
+    """A finished run.
+
+    Attributes
+    ----------
+    name, title : str
+    time : ndarray, shape (Nt,)
+    x, u, y : ndarray, shapes (Nt, n), (Nt, m), (Nt, q)
+        Plant states, inputs and noise-free outputs.
+    states, inputs, outputs : tuple of str
+    units : mapping of str to str
+        Of time ("time"), states and outputs, where known.
+    measurements : Measurements
+    observers : dict of str to ObserverResult
+    config, config_resolved : str
+        The YAML text as written, and after ``extends``, ``--set`` and defaults.
+    windows : mapping
+        The windows that the metrics were taken from.
+    integration_error : mapping, optional
+        Largest difference to a run with half the step, or largest local error estimate of dopri5.
+    """
+
+    name: str
+    title: str
+    time: np.ndarray
+    x: np.ndarray
+    u: np.ndarray
+    y: np.ndarray
+    states: tuple[str, ...]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    units: Mapping[str, str]
+    measurements: Measurements
+    observers: Mapping[str, ObserverResult]
+    config: str
+    config_resolved: str
+    seed: int
+    windows: Mapping[str, Any] = field(default_factory=dict)
+    integration_error: Mapping[str, float] | None = None
+    figures: Mapping[str, Any] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        labels = ", ".join(self.observers) or "no observers"
+        return f"<Result {self.name!r}: {labels}; {self.time.size} points; {self.status}>"
+
+    @property
+    def status(self) -> str:
+        """``ok``, or which observers diverged."""
+        lost = [label for label, o in self.observers.items() if o.diverged_at is not None]
+        return f"diverged: {', '.join(lost)}" if lost else "ok"
+
+    def metrics(self) -> dict[str, dict[str, dict[str, float]]]:
+        """{observer: {metric: {state: number}}}."""
+        return {
+            label: {name: dict(zip(self.states, map(float, values), strict=True)) for name, values in o.metrics.items()}
+            for label, o in self.observers.items()
+        }

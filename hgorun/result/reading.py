@@ -1,0 +1,202 @@
+"""Read a result file, which may come from anybody."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from hgorun.errors import ConfigError
+from hgorun.result.data import Measurements, ObserverResult
+from hgorun.result.result import Result
+from hgorun.result.writing import FORMAT
+
+_LARGEST = 2**32  # bytes that the numbers may take; compressed or sparse data sets could claim any size
+
+
+def read(path: str | Path) -> Result:
+    """Read a result file.
+
+    Raises
+    ------
+    ConfigError
+        When the file is missing, no result of hgorun, damaged, or larger than 4 GiB unpacked.
+    """
+    path = Path(path)
+    if not os.path.isfile(path):
+        raise ConfigError("not a regular file" if os.path.exists(path) else "no such file", file=str(path))
+    try:
+        with h5py.File(path, "r") as file:
+            return _Reader(file, path).result()
+    except (OSError, KeyError, ValueError, TypeError, AttributeError, RuntimeError, OverflowError) as error:
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise ConfigError(f"not a result file of hgorun: {reason}", file=str(path)) from error
+
+
+class _Reader:
+    """Takes nothing from a file that it has not checked, and nothing from outside it."""
+
+    def __init__(self, file: h5py.File, path: Path) -> None:
+        self.file, self.path = file, path
+        self.budget = _LARGEST
+
+    def error(self, message: str) -> ConfigError:
+        return ConfigError(message, file=str(self.path))
+
+    def member(self, name: str) -> Any:
+        """What stands at a path; soft and external links could lead to any other file."""
+        place = self.file
+        for part in name.split("/"):
+            link = place.get(part, getlink=True) if isinstance(place, h5py.Group) else None
+            if link is None:
+                raise self.error(f"{name} is missing")
+            if not isinstance(link, h5py.HardLink):
+                raise self.error(f"{name}: {part} is a link, which is refused")
+            place = place[part]
+        return place
+
+    def group(self, name: str) -> h5py.Group:
+        found = self.member(name)
+        if not isinstance(found, h5py.Group):
+            raise self.error(f"{name} is no group")
+        return found
+
+    def data(self, name: str) -> h5py.Dataset:
+        found = self.member(name)
+        if not isinstance(found, h5py.Dataset) or found.is_virtual or found.external:
+            raise self.error(f"{name} is no ordinary data set")
+        return found
+
+    def numbers(self, name: str, *shape: int | None) -> np.ndarray:
+        """Numbers of a shape, in which None is any length."""
+        data = self.data(name)
+        if data.dtype.kind not in "fiu" or data.shape is None:
+            raise self.error(f"{name} holds {data.dtype}, expected real numbers")
+        self.budget -= data.size * max(8, data.dtype.itemsize)
+        if self.budget < 0:
+            raise self.error(f"the data sets are larger than {_LARGEST // 2**30} GiB")
+        wanted = [have if want is None else want for have, want in zip(data.shape, shape, strict=False)]
+        if len(data.shape) != len(shape) or list(data.shape) != wanted:
+            expected = ", ".join("any" if want is None else str(want) for want in shape)
+            raise self.error(f"{name} has shape {data.shape}, expected ({expected})")
+        return np.asarray(data[()], dtype=float)
+
+    def times(self, name: str) -> np.ndarray:
+        values = self.numbers(name, None)
+        if not np.all(np.isfinite(values)) or np.any(np.diff(values) <= 0):
+            raise self.error(f"{name} must be finite and strictly increasing")
+        return values
+
+    def labels(self, name: str) -> tuple[str, ...]:
+        values = self.data(name).attrs.get("labels")
+        found = list(values) if isinstance(values, np.ndarray) and values.ndim == 1 else []
+        if not found or not all(isinstance(v, str) for v in found):
+            raise self.error(f"{name}: attribute labels must be a list of names")
+        if len(set(found)) < len(found):
+            raise self.error(f"{name}: attribute labels has a name twice: {', '.join(found)}")
+        return tuple(map(str, found))
+
+    def text(self, name: str, place: Any = None) -> str:
+        value = (self.file if place is None else place).attrs.get(name)
+        if not isinstance(value, str):
+            raise self.error(f"attribute {name} must be text, found {value!r}")
+        return str(value)
+
+    def integer(self, name: str, place: Any = None) -> int:
+        value = (self.file if place is None else place).attrs.get(name)
+        if not isinstance(value, (int, np.integer)) or value < 0:
+            raise self.error(f"attribute {name} must be an integer from 0, found {value!r}")
+        return int(value)
+
+    def mapping(self, name: str, place: Any = None) -> dict[str, Any]:
+        try:
+            value = json.loads(self.text(name, place))
+        except (ValueError, RecursionError) as error:
+            raise self.error(f"attribute {name} is not JSON") from error
+        if not isinstance(value, dict):
+            raise self.error(f"attribute {name} must be a JSON object")
+        return value
+
+    def entries(self, name: str, right: Callable[[str, Any], bool], expected: str) -> Mapping[str, Any]:
+        """A mapping each of whose entries is right."""
+        found = self.mapping(name)
+        for key, value in found.items():
+            if not right(key, value):
+                raise self.error(f"attribute {name}: {key} is {value!r:.50}, expected {expected}")
+        return found
+
+    def result(self) -> Result:
+        form = self.file.attrs.get("format")
+        if not isinstance(form, str) or form != FORMAT:
+            raise self.error(f"not a result file of hgorun: attribute format is {form!r}, expected {FORMAT!r}")
+        states, outputs = self.labels("plant/x"), self.labels("plant/y")
+        inputs = self.labels("plant/u") if "u" in self.group("plant") else ()
+        time, y_times = self.times("time"), self.times("measurement/time")
+        nt, nk, n, q = time.size, y_times.size, len(states), len(outputs)
+        if nt == 0:
+            raise self.error("time is empty")
+        return Result(
+            self.text("name"),
+            self.text("title"),
+            time,
+            self.numbers("plant/x", nt, n),
+            self.numbers("plant/u", nt, len(inputs)) if inputs else np.zeros((nt, 0)),
+            self.numbers("plant/y", nt, q),
+            states,
+            inputs,
+            outputs,
+            self.entries("units", lambda _, value: isinstance(value, str), "text"),
+            Measurements(y_times, self.numbers("measurement/taken", nk, q), self.numbers("measurement/y", nk, q)),
+            {label: self.observer(label, nt, n) for label in self.group("observers")},
+            self.text("config"),
+            self.text("config_resolved"),
+            self.integer("seed"),
+            self.entries("windows", _is_window, "two finite numbers (steady, transient) or one (average, settling)"),
+            self.entries("integration_error", lambda _, value: _is_number(value), "a number")
+            if "integration_error" in self.file.attrs
+            else None,
+        )
+
+    def observer(self, label: str, nt: int, n: int) -> ObserverResult:
+        group = self.group(f"observers/{label}")
+        lost = group.attrs.get("diverged_at")
+        if lost is not None and not _is_finite(lost):
+            raise self.error(f"observers/{label}: attribute diverged_at must be a number, found {lost!r}")
+        states = (f"observers/{label}/state", self.group(f"observers/{label}/state"))
+        metrics = (f"metrics/{label}", self.group(f"metrics/{label}"))
+        return ObserverResult(
+            self.text("type", group),
+            self.numbers(f"observers/{label}/xhat", nt, n),
+            {name: self.internal(f"{states[0]}/{name}", nt) for name in states[1]},
+            self.mapping("gains", group),
+            self.integer("dimension", group),
+            None if lost is None else float(lost),
+            {name: self.numbers(f"{metrics[0]}/{name}", n) for name in metrics[1]},
+        )
+
+    def internal(self, name: str, nt: int) -> np.ndarray:
+        """A state of any shape, along time."""
+        return self.numbers(name, nt, *[None] * (len(self.data(name).shape or ()) - 1))
+
+
+def _is_number(value: Any) -> bool:
+    """Of JSON or of an attribute; an integer that no float can hold is none."""
+    if isinstance(value, int):
+        return not isinstance(value, bool) and abs(value) < 2**1023
+    return isinstance(value, (float, np.integer, np.floating))
+
+
+def _is_finite(value: Any) -> bool:
+    return _is_number(value) and math.isfinite(value)
+
+
+def _is_window(key: str, value: Any) -> bool:
+    if key in ("steady", "transient"):
+        return isinstance(value, list) and len(value) == 2 and all(map(_is_finite, value))
+    return key in ("average", "settling") and _is_finite(value) and value >= 0

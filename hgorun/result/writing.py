@@ -1,0 +1,197 @@
+"""Write a result.
+
+A file is written under a temporary name and renamed, so a reader never sees half of one. Equal results
+are equal files but for the attribute ``created``.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import platform
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from hgorun.files import written_whole
+from hgorun.result.data import ObserverResult, ResultData
+
+FORMAT = "hgorun-result-1"
+
+
+def save(result: ResultData, path: Path) -> Path:
+    """Write a result.
+
+    Parameters
+    ----------
+    result : ResultData
+    path : Path
+        Its folder is made when missing.
+
+    Returns
+    -------
+    Path
+
+    Raises
+    ------
+    HgorunError
+        When the file cannot be written.
+    """
+    with written_whole(path) as part, h5py.File(part, "w", track_order=True) as file:
+        _write(result, file)
+    return path
+
+
+class _Writer:
+    """Data sets without time stamps, each with its dimensions named."""
+
+    def __init__(self, file: h5py.File) -> None:
+        self.file = file
+
+    def group(self, path: str) -> h5py.Group:
+        return self.file.require_group(path) if path in self.file else self.file.create_group(path, track_order=True)
+
+    def data(self, path: str, values: Any, dimensions: tuple[str, ...] = (), **attributes: Any) -> h5py.Dataset:
+        parent, _, name = path.rpartition("/")
+        group = self.group(parent) if parent else self.file
+        data = group.create_dataset(name, data=values, track_times=False)
+        for axis, dimension in enumerate(dimensions):
+            data.dims[axis].attach_scale(self.file[dimension])
+        for key, value in attributes.items():
+            if value is not None:
+                data.attrs[key] = value
+        return data
+
+    def scale(self, path: str, values: Any, **attributes: Any) -> None:
+        data = self.data(path, values, **attributes)
+        data.make_scale(path.rpartition("/")[2])
+
+    def names(self, path: str, names: tuple[str, ...]) -> None:
+        """A dimension whose coordinate is a list of names."""
+        if names:
+            data = self.data(path, np.array(names, dtype=object).astype(h5py.string_dtype()))
+            data.make_scale(path.rpartition("/")[2])
+
+
+def _labels(names: tuple[str, ...]) -> Any:
+    return np.array(names, dtype=object).astype(h5py.string_dtype()) if names else None
+
+
+def _write(result: ResultData, file: h5py.File) -> None:
+    w = _Writer(file)
+    for key, value in _root_attributes(result).items():
+        file.attrs[key] = value
+    units = result.units
+    unit = units.get("time", "")
+    w.scale("time", result.time, units=unit, long_name="time")
+    w.names("plant_state", result.states)
+    w.names("plant_input", result.inputs)
+    w.names("plant_output", result.outputs)
+    each = [units.get(s, "") for s in result.states]
+    # one unit for all states, or one after the other in their order
+    of_states = (each[0] if len(set(each)) == 1 else "; ".join(each)) if any(each) else None
+    w.data(
+        "plant/x",
+        result.x,
+        ("time", "plant_state"),
+        labels=_labels(result.states),
+        long_name="state",
+        units=of_states,
+    )
+    if result.inputs:
+        w.data("plant/u", result.u, ("time", "plant_input"), labels=_labels(result.inputs), long_name="input")
+    w.data(
+        "plant/y",
+        result.y,
+        ("time", "plant_output"),
+        labels=_labels(result.outputs),
+        long_name="noise-free output",
+    )
+    m = result.measurements
+    # their dimension is the number of the measurement: a second dimension called time would clash with the grid
+    w.scale("measurement/number", np.arange(m.time.size), long_name="number of the measurement")
+    numbered = ("measurement/number", "plant_output")
+    w.data(
+        "measurement/time",
+        m.time,
+        numbered[:1],
+        units=unit,
+        long_name="when the measurement becomes available",
+    )
+    w.data("measurement/taken", m.taken, numbered, units=unit, long_name="time that it speaks of")
+    w.data(
+        "measurement/y",
+        m.y,
+        numbered,
+        labels=_labels(result.outputs),
+        long_name="measurement that the observers got",
+    )
+    w.group("observers")
+    w.group("metrics")
+    for label, o in result.observers.items():
+        _write_observer(w, result, label, o, of_states)
+
+
+def _write_observer(w: _Writer, result: ResultData, label: str, o: ObserverResult, units: str | None) -> None:
+    base = f"observers/{label}"
+    w.data(
+        f"{base}/xhat",
+        o.xhat,
+        ("time", "plant_state"),
+        labels=_labels(result.states),
+        long_name="estimate",
+        units=units,
+    )
+    w.group(f"{base}/state")
+    for name, values in o.internal.items():
+        data = w.data(f"{base}/state/{name}", values)
+        data.dims[0].attach_scale(w.file["time"])
+        for axis, size in enumerate(values.shape[1:], start=1):
+            # netCDF wants every axis to have a dimension; those of one length share it
+            dimension = f"index_{size}"
+            if dimension not in w.file:
+                w.scale(dimension, np.arange(1, size + 1))
+            data.dims[axis].attach_scale(w.file[dimension])
+    attributes = w.file[base].attrs
+    attributes["type"] = o.type
+    attributes["gains"] = json.dumps(o.gains)
+    attributes["status"] = o.status
+    attributes["dimension"] = o.dimension
+    if o.diverged_at is not None:
+        attributes["diverged_at"] = o.diverged_at
+    for name, values in o.metrics.items():
+        w.data(f"metrics/{label}/{name}", values, ("plant_state",))
+
+
+def _root_attributes(result: ResultData) -> dict[str, Any]:
+    import casadi
+    import llvmlite
+
+    from hgorun.version import __version__
+
+    found = {
+        "format": FORMAT,
+        "Conventions": "CF-1.8",
+        "name": result.name,
+        "title": result.title,
+        "config": result.config,
+        "config_resolved": result.config_resolved,
+        "config_sha256": hashlib.sha256(result.config_resolved.encode()).hexdigest(),
+        "seed": result.seed,
+        "hgorun_version": __version__,
+        "python_version": platform.python_version(),
+        "numpy_version": np.__version__,
+        "casadi_version": casadi.__version__,
+        "llvmlite_version": llvmlite.__version__,
+        "platform": platform.platform(),
+        "created": datetime.now(UTC).isoformat(timespec="seconds"),
+        "status": result.status,
+        "units": json.dumps(dict(result.units)),
+        "windows": json.dumps(dict(result.windows)),
+    }
+    if result.integration_error is not None:
+        found["integration_error"] = json.dumps(dict(result.integration_error))
+    return found

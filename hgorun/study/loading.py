@@ -1,0 +1,78 @@
+"""From a configuration file to an experiment, or to the study of all its runs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from hgorun.config.expressions import nearest
+from hgorun.config.reading import read_source
+from hgorun.errors import ConfigError
+from hgorun.simulation.experiment import Experiment
+from hgorun.study.study import Study, study_of
+
+
+def load(
+    path: str | Path, overrides: Sequence[str] = (), *, seed: int | None = None, run: str | None = None
+) -> Experiment:
+    """Read and check a configuration.
+
+    Parameters
+    ----------
+    path : path
+        A YAML file.
+    overrides : sequence of str
+        ``path=value`` each, as on the command line after ``--set``.
+    seed : int, optional
+        In place of the file's.
+    run : str, optional
+        Which, of a file with several ``runs``; of an ensemble the first member.
+
+    Raises
+    ------
+    ConfigError
+        For anything wrong in it: file, line, key, what was found and what would be right.
+    """
+    text, source = read_source(path, overrides, seed=seed)
+    if not isinstance(source.data, dict) or "runs" not in source.data:
+        if run is not None:
+            raise ConfigError(f"the file has no runs, so none is called {run!r}", file=str(path))
+        return Experiment(source, name=Path(path).stem, text=text)
+    runs = study_of(source, Path(path).stem, text).runs
+    if run is not None and run in runs:
+        return runs[run].experiment
+    file, line = source.where(("runs",))
+    known = f"the file has the runs {', '.join(runs)}"
+    message = f"no run is called {run!r}.{nearest(run, runs)} " if run is not None else ""
+    raise ConfigError(f"{message}{known}: name one with --run, in Python with run=", file=file, line=line, key="runs")
+
+
+def load_study(path: str | Path, overrides: Sequence[str] = (), *, seed: int | None = None) -> Study:
+    """Read a configuration file with all its runs, figures and claims, and check it.
+
+    Parameters
+    ----------
+    path, overrides, seed
+        As for :func:`load`.
+
+    Raises
+    ------
+    ConfigError
+        For anything wrong in it: file, line, key, what was found and what would be right.
+    """
+    text, source = read_source(path, overrides, seed=seed)
+    return study_of(source, Path(path).stem, text)
+
+
+def refuse_twins(paths: Sequence[Path]) -> None:
+    """Refuse files of the same name, whose results would overwrite each other.
+
+    Raises
+    ------
+    ConfigError
+    """
+    seen: dict[str, Path] = {}
+    for path in paths:
+        if path.stem in seen:
+            raise ConfigError(f"{seen[path.stem]} and {path} have the same name; results are called by it")
+        seen[path.stem] = path

@@ -1,0 +1,298 @@
+"""Interval arithmetic over CasADi's expressions: where a function's values must lie, for all arguments in a box.
+
+Every operation is rounded outwards: by one unit in the last place where IEEE 754 rounds correctly (sums,
+products, quotients, roots), by four for library functions, which numpy computes to within that. An operation
+that is not known gives the whole line, so that what comes out is never too narrow.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from hgorun.symbolic.instructions import read
+
+Bounds = tuple[np.ndarray, np.ndarray]
+Operation = Callable[..., Bounds]
+_TOUCH = 1e-9  # how near to an extremum of sin an interval counts as holding it
+
+
+def _outward(low: np.ndarray, high: np.ndarray, units: int = 1) -> Bounds:
+    """Moved apart by units in the last place; what is not a number is the whole line."""
+    lost = np.isnan(low) | np.isnan(high)
+    for _ in range(units):
+        low, high = np.nextafter(low, -np.inf), np.nextafter(high, np.inf)
+    return np.where(lost, -np.inf, low), np.where(lost, np.inf, high)
+
+
+def _add(a: Bounds, b: Bounds) -> Bounds:
+    return _outward(a[0] + b[0], a[1] + b[1])
+
+
+def _negative(a: Bounds) -> Bounds:
+    return -a[1], -a[0]
+
+
+def _products(a: Bounds, b: Bounds) -> Bounds:
+    # a bound of zero times an infinite one is zero: infinity is a bound here, not a value
+    parts = [np.where((p == 0) | (q == 0), 0.0, p * q) for p in a for q in b]
+    return _outward(np.minimum.reduce(parts), np.maximum.reduce(parts))
+
+
+def _inverse(a: Bounds) -> Bounds:
+    apart = (a[0] > 0) | (a[1] < 0)
+    with np.errstate(divide="ignore"):
+        low, high = _outward(1 / a[1], 1 / a[0])
+    return np.where(apart, low, -np.inf), np.where(apart, high, np.inf)
+
+
+def _square(a: Bounds) -> Bounds:
+    size = _absolute(a)
+    low, high = _outward(size[0] ** 2, size[1] ** 2)
+    return np.maximum(low, 0.0), high
+
+
+def _absolute(a: Bounds) -> Bounds:
+    across = (a[0] <= 0) & (a[1] >= 0)
+    return np.where(across, 0.0, np.minimum(np.abs(a[0]), np.abs(a[1]))), np.maximum(np.abs(a[0]), np.abs(a[1]))
+
+
+def _increasing(function: Callable[[np.ndarray], np.ndarray], low: float = -np.inf, high: float = np.inf) -> Operation:
+    """An increasing function with values in [low, high]; nothing is known where it is not defined."""
+
+    def bounds(a: Bounds) -> Bounds:
+        with np.errstate(all="ignore"):
+            found = _outward(function(a[0]), function(a[1]), 4)
+        return np.maximum(found[0], low), np.minimum(found[1], high)
+
+    return bounds
+
+
+def _cosh(a: Bounds) -> Bounds:
+    size = _absolute(a)
+    with np.errstate(over="ignore"):
+        low, high = _outward(np.cosh(size[0]), np.cosh(size[1]), 4)
+    return np.maximum(low, 1.0), high
+
+
+def _sine(a: Bounds) -> Bounds:
+    """sin: 1 where a pi/2 + 2 pi k lies in the interval, -1 where a -pi/2 + 2 pi k does, else at the ends."""
+    known = np.isfinite(a[0]) & np.isfinite(a[1])
+    low, high = np.where(known, a[0], 0.0), np.where(known, a[1], 0.0)
+    wide = ~known | (high - low >= 2 * np.pi) | (np.maximum(np.abs(low), np.abs(high)) > 1e6)
+
+    def holds(phase: float) -> np.ndarray:
+        first = np.ceil((low - phase) / (2 * np.pi) - _TOUCH)
+        return np.asarray(wide | (first <= (high - phase) / (2 * np.pi) + _TOUCH))
+
+    ends = np.sin(low), np.sin(high)
+    least, most = _outward(np.minimum(*ends), np.maximum(*ends), 4)
+    return (
+        np.where(holds(-np.pi / 2), -1.0, np.maximum(least, -1.0)),
+        np.where(holds(np.pi / 2), 1.0, np.minimum(most, 1.0)),
+    )
+
+
+def _cosine(a: Bounds) -> Bounds:
+    return _sine(_outward(a[0] + np.pi / 2, a[1] + np.pi / 2, 2))
+
+
+def _tangent(a: Bounds) -> Bounds:
+    pole = np.floor(a[0] / np.pi - 0.5 - _TOUCH) != np.floor(a[1] / np.pi - 0.5 + _TOUCH)
+    with np.errstate(all="ignore"):
+        low, high = _outward(np.tan(a[0]), np.tan(a[1]), 4)
+    return np.where(pole, -np.inf, low), np.where(pole, np.inf, high)
+
+
+def _power(a: Bounds, b: Bounds) -> Bounds:
+    """a^b: whole constant exponents exactly, others by exp(b log a) where a > 0."""
+    exponent = float(b[0].flat[0])
+    if np.all(b[0] == exponent) and np.all(b[1] == exponent) and exponent == round(exponent) and abs(exponent) < 64:
+        base = _inverse(a) if exponent < 0 else a
+        result: Bounds = (np.ones_like(base[0]), np.ones_like(base[1]))
+        for _ in range(abs(int(exponent)) // 2):
+            result = _products(result, _square(base))
+        return _products(result, base) if int(exponent) % 2 else result
+    return _LIBRARY[ca.OP_EXP](_products(b, _LIBRARY[ca.OP_LOG](a)))
+
+
+def _root(a: Bounds) -> Bounds:
+    with np.errstate(invalid="ignore"):
+        return _outward(np.sqrt(a[0]), np.sqrt(a[1]))
+
+
+def _truth(certain: np.ndarray, possible: np.ndarray) -> Bounds:
+    return certain.astype(float), possible.astype(float)
+
+
+def _zero(a: Bounds) -> tuple[np.ndarray, np.ndarray]:
+    """Whether it certainly is zero, and whether it may be."""
+    return (a[0] == 0) & (a[1] == 0), (a[0] <= 0) & (a[1] >= 0)
+
+
+def _equal(a: Bounds, b: Bounds) -> Bounds:
+    return _truth((a[0] == a[1]) & (b[0] == b[1]) & (a[0] == b[0]), (a[0] <= b[1]) & (b[0] <= a[1]))
+
+
+def _not(a: Bounds) -> Bounds:
+    return _truth(*_zero(a))
+
+
+def _and(a: Bounds, b: Bounds) -> Bounds:
+    (none_a, maybe_a), (none_b, maybe_b) = _zero(a), _zero(b)
+    return _truth(~maybe_a & ~maybe_b, ~none_a & ~none_b)
+
+
+def _or(a: Bounds, b: Bounds) -> Bounds:
+    return _not(_and(_not(a), _not(b)))
+
+
+def _either(condition: Bounds, value: Bounds) -> Bounds:
+    """value where the condition holds, else zero."""
+    never, perhaps = _zero(condition)
+    low = np.where(perhaps, np.minimum(value[0], 0.0), value[0])
+    high = np.where(perhaps, np.maximum(value[1], 0.0), value[1])
+    return np.where(never, 0.0, low), np.where(never, 0.0, high)
+
+
+def _plain(function: Callable[[np.ndarray], np.ndarray]) -> Operation:
+    """An increasing function without rounding."""
+    return lambda a: (function(a[0]), function(a[1]))
+
+
+_LIBRARY: dict[int, Operation] = {
+    ca.OP_ASSIGN: lambda a: a,
+    ca.OP_ADD: _add,
+    ca.OP_SUB: lambda a, b: _add(a, _negative(b)),
+    ca.OP_MUL: _products,
+    ca.OP_DIV: lambda a, b: _products(a, _inverse(b)),
+    ca.OP_NEG: _negative,
+    ca.OP_INV: _inverse,
+    ca.OP_TWICE: lambda a: (2 * a[0], 2 * a[1]),
+    ca.OP_SQ: _square,
+    ca.OP_SQRT: _root,
+    ca.OP_EXP: _increasing(np.exp, 0.0),
+    ca.OP_LOG: _increasing(np.log),
+    ca.OP_EXPM1: _increasing(np.expm1, -1.0),
+    ca.OP_LOG1P: _increasing(np.log1p),
+    ca.OP_SIN: _sine,
+    ca.OP_COS: _cosine,
+    ca.OP_TAN: _tangent,
+    ca.OP_ASIN: _increasing(np.arcsin),
+    ca.OP_ACOS: lambda a: _add((np.full_like(a[0], np.pi / 2),) * 2, _negative(_LIBRARY[ca.OP_ASIN](a))),
+    ca.OP_ATAN: _increasing(np.arctan),
+    ca.OP_SINH: _increasing(np.sinh),
+    ca.OP_COSH: _cosh,
+    ca.OP_TANH: _increasing(np.tanh, -1.0, 1.0),
+    ca.OP_POW: _power,
+    ca.OP_CONSTPOW: _power,
+    ca.OP_FABS: _absolute,
+    ca.OP_SIGN: _plain(np.sign),
+    ca.OP_FLOOR: _plain(np.floor),
+    ca.OP_CEIL: _plain(np.ceil),
+    ca.OP_FMIN: lambda a, b: (np.minimum(a[0], b[0]), np.minimum(a[1], b[1])),
+    ca.OP_FMAX: lambda a, b: (np.maximum(a[0], b[0]), np.maximum(a[1], b[1])),
+    ca.OP_LT: lambda a, b: _truth(a[1] < b[0], a[0] < b[1]),
+    ca.OP_LE: lambda a, b: _truth(a[1] <= b[0], a[0] <= b[1]),
+    ca.OP_EQ: _equal,
+    ca.OP_NE: lambda a, b: _not(_equal(a, b)),
+    ca.OP_NOT: _not,
+    ca.OP_AND: _and,
+    ca.OP_OR: _or,
+    ca.OP_IF_ELSE_ZERO: _either,
+}
+
+
+@dataclass(frozen=True)
+class Enclosure:
+    """A function of a vector, evaluated on boxes.
+
+    Parameters
+    ----------
+    function : casadi.Function
+        One vector in, one dense column of numbers out, made of SX.
+    """
+
+    function: ca.Function
+
+    def each(self, low: np.ndarray, high: np.ndarray) -> Bounds:
+        """Bounds (M, m) of the m values on M boxes with corners low and high, shapes (M, d)."""
+        many = low.shape[0]
+        values: dict[int, Bounds] = {}
+        found = tuple(np.zeros((many, self.function.numel_out(0))) for _ in range(2))
+        whole = np.full(many, -np.inf), np.full(many, np.inf)
+        for i in read(self.function):
+            if i.op == ca.OP_OUTPUT:
+                for side, value in zip(found, values[i.arguments[0]], strict=True):
+                    side[:, i.place[1]] = value
+            elif i.op == ca.OP_INPUT:
+                column = i.place[1]
+                values[i.value] = low[:, column], high[:, column]
+            elif i.op == ca.OP_CONST:
+                values[i.value] = np.full(many, i.number), np.full(many, i.number)
+            else:
+                operation = _LIBRARY.get(i.op)
+                arguments = [values[a] for a in i.arguments]
+                with np.errstate(all="ignore"):
+                    values[i.value] = operation(*arguments) if operation else whole
+        return found[0], found[1]
+
+    def __call__(self, low: np.ndarray, high: np.ndarray) -> Bounds:
+        """Bounds (M,) of the only value."""
+        least, most = self.each(low, high)
+        return least[:, 0], most[:, 0]
+
+    def at(self, points: np.ndarray) -> np.ndarray:
+        """The values (M,) at M points (M, d)."""
+        return np.asarray(self.function(ca.DM(points.T)).full()).ravel()
+
+
+@dataclass(frozen=True)
+class Extent:
+    """The largest modulus of a function on a box: it lies between ``reached`` and ``bound``."""
+
+    bound: float
+    reached: float
+
+
+def largest(function: ca.Function, low: np.ndarray, high: np.ndarray, *, most: int = 4096, gap: float = 0.01) -> Extent:
+    """Enclose the largest modulus of a function on a box by cutting the box into ever smaller ones.
+
+    Parameters
+    ----------
+    function : casadi.Function
+        One vector (d,) in, one number out.
+    low, high : ndarray, shape (d,)
+    most : int
+        Boxes looked at, together, at most.
+    gap : float
+        Good enough: bound <= (1 + gap) reached.
+    """
+    enclosure = Enclosure(function)
+    lows, highs = low[None, :].astype(float), high[None, :].astype(float)
+    closed = reached = 0.0
+    matters = np.zeros(low.size, dtype=bool)
+    matters[list(function.jac_sparsity(0, 0).get_col())] = True
+    for turn in range(60):
+        inner, outer = enclosure(lows, highs)
+        bounds = np.maximum(np.abs(inner), np.abs(outer))
+        middles = enclosure.at(0.5 * (lows + highs))
+        reached = max(reached, float(np.max(np.abs(middles), initial=0.0, where=np.isfinite(middles))))
+        open_ = bounds > (1 + gap) * reached
+        closed = max(closed, float(np.max(bounds[~open_], initial=0.0)))
+        widths = np.where(matters, highs - lows, 0.0)
+        if not open_.any() or 2 * open_.sum() > most or not np.any(widths[open_] > 0):
+            return Extent(max(closed, float(np.max(bounds[open_], initial=0.0))), reached)
+        lows, highs, widths = lows[open_], highs[open_], widths[open_]
+        # every direction in turn, so that none is left out for being short
+        order = np.flatnonzero(np.any(widths > 0, axis=0))
+        j = order[turn % order.size]
+        middle = 0.5 * (lows[:, j] + highs[:, j])
+        left, right = highs.copy(), lows.copy()
+        left[:, j], right[:, j] = middle, middle
+        lows, highs = np.vstack([lows, right]), np.vstack([left, highs])
+    inner, outer = enclosure(lows, highs)
+    return Extent(max(closed, float(np.max(np.maximum(np.abs(inner), np.abs(outer)), initial=0.0))), reached)

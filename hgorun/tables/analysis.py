@@ -1,0 +1,120 @@
+"""An analysis as text for a terminal."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from hgorun.analysis.findings import Findings
+from hgorun.analysis.report import Analysis
+from hgorun.tables.metrics import number, packed, wrapped
+from hgorun.tables.typeset import printable
+
+# Columns that stay together; keys that others contribute follow, one by one.
+_GROUPS = (
+    ("poles",),
+    ("beta", "chi", "lipschitz", "lipschitz_reached"),
+    ("theta", "theta_bound", "theta_critical"),
+    ("delay_max", "delay_bound", "delay_critical"),
+    ("period_critical", "tau_bound"),
+    ("eta_theta",),
+    ("peaking", "peaking_bound"),
+    ("noise_rms_predicted",),
+    ("noise_rms_measured",),
+    ("h2",),
+    ("hinf",),
+    ("excitation",),
+)
+# in JSON only
+_HIDDEN = {"mu", "P", "theta_bound_printed", "delay_bound_sharp", "lipschitz_box", "peaking_law", "excitation_details"}
+_CAUTION = (
+    "theta_bound, delay_bound and tau_bound are sufficient: what the proofs ask for, usually 1e2 to 1e6 times more "
+    "than is needed. delay_critical and period_critical are the limits of the linear error."
+)
+
+
+def text(analysis: Analysis) -> str:
+    """Tables at most 100 columns wide, then what has no value and why."""
+    result, found = analysis.result, analysis.observers
+    unit = printable(result.units.get("time", ""))
+    lines = wrapped(": ".join(part for part in (printable(analysis.name), printable(result.title)) if part))
+    if unit:
+        lines += wrapped(f"times in {unit}, rates in 1/{unit}; beta, chi and poles at theta = 1", "  ")
+    groups = [group for group in map(lambda keys: _columns(keys, found), _keys(found)) if group]
+    for block in packed(list(found), groups) if found else [["no observers"]]:
+        lines += ["", *block]
+    lines += ["", *wrapped(_CAUTION)]
+    for words in _notes(found):
+        lines += wrapped(words)
+    return "\n".join(lines)
+
+
+def _keys(found: Mapping[str, Findings]) -> list[tuple[str, ...]]:
+    """All keys with something to show, in groups."""
+    known = {key for group in _GROUPS for key in group} | _HIDDEN
+    more = dict.fromkeys(key for f in found.values() for key in f.values if key not in known)
+    return [*_GROUPS, *((key,) for key in more)]
+
+
+def _columns(keys: Sequence[str], found: Mapping[str, Findings]) -> list[list[str]]:
+    columns = []
+    for key in keys:
+        values = [f.values.get(key) for f in found.values()]
+        maps = [v for v in values if isinstance(v, Mapping)]
+        if maps and all(isinstance(v, Mapping) or v is None for v in values):
+            for part in dict.fromkeys(name for m in maps for name in m):
+                cells = [_cell((v or {}).get(part)) for v in values]
+                columns.append([f"{key} {part}", *cells])
+        else:
+            columns.append([key, *map(_cell, values)])
+    return [column for column in columns if any(cell != "-" for cell in column[1:])]
+
+
+def _cell(value: Any) -> str:
+    """A number, a truth, poles; a dash for what a cell has no room for."""
+    if isinstance(value, (bool, np.bool_)):
+        return "yes" if value else "no"
+    if isinstance(value, (int, float, np.number)) and not isinstance(value, complex):
+        return number(float(value))
+    if isinstance(value, np.ndarray) and value.ndim == 1:
+        return _poles(value)
+    return "-"
+
+
+def _poles(values: np.ndarray) -> str:
+    """``-1 (3), -2±1j``: each with how often it occurs."""
+    rounded = Counter(complex(round(v.real, 3) + 0.0, round(abs(v.imag), 3)) for v in np.asarray(values, dtype=complex))
+    parts = []
+    for pole, count in list(rounded.items())[:3]:
+        times = count // 2 if pole.imag else count
+        parts.append(
+            f"{pole.real:g}" + (f"±{pole.imag:g}j" if pole.imag else "") + (f" ({times})" if times > 1 else "")
+        )
+    return ", ".join(parts) + (", ..." if len(rounded) > 3 else "")
+
+
+def _notes(found: Mapping[str, Findings]) -> list[str]:
+    """Reasons and remarks, the same ones of several observers or keys once."""
+    reasons: dict[tuple[str, tuple[str, ...]], list[str]] = {}
+    for key in dict.fromkeys(key for f in found.values() for key in f.reasons):
+        texts: dict[str, list[str]] = {}
+        for label, f in found.items():
+            if key in f.reasons:
+                texts.setdefault(f.reasons[key], []).append(label)
+        for reason, labels in texts.items():
+            reasons.setdefault((reason, tuple(labels)), []).append(key)
+    lines = [f"no {', '.join(keys)}{_whose(labels, found)}: {reason}" for (reason, labels), keys in reasons.items()]
+    remarks: dict[str, list[str]] = {}
+    for label, f in found.items():
+        kind = f.values.get("lipschitz_kind")
+        own = [f"lipschitz: {kind}; {f.values['lipschitz_region']}"] if kind else []
+        for remark in [*own, *f.remarks]:
+            remarks.setdefault(remark, []).append(label)
+    return lines + [f"{remark}{_whose(labels, found)}" for remark, labels in remarks.items()]
+
+
+def _whose(labels: Sequence[str], found: Mapping[str, Findings]) -> str:
+    return "" if len(labels) == len(found) else f" ({', '.join(map(printable, labels))})"

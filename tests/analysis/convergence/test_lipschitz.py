@@ -1,0 +1,166 @@
+"""Slopes of phi: closed forms, regions, and coordinates."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hgorun import Experiment
+from hgorun.analysis.convergence.charts import chart_of
+from hgorun.analysis.convergence.gains import NotApplicableError
+from hgorun.analysis.convergence.lipschitz import lipschitz
+from hgorun.analysis.convergence.segments import along
+from hgorun.analysis.findings import Findings
+from hgorun.analysis.report import analyze
+from hgorun.reproduce.shipped import experiments
+from hgorun.simulation.simulate import perform, prepare
+
+TIME = {"end": 2, "output_step": 0.01}
+
+
+def found(plant: dict[str, Any], block: dict[str, Any], **more: Any) -> Findings:
+    config = {"time": TIME, "plant": plant, "observers": {"observer": block}, **more}
+    return analyze(Experiment(config)).observers["observer"]
+
+
+def inline(n: int, **dynamics: str) -> dict[str, Any]:
+    initial = {f"x{i + 1}": 0.5 for i in range(n)}
+    return {"states": list(initial), "dynamics": dynamics, "output": "x1", "initial": initial}
+
+
+def test_each_slope_and_its_norms() -> None:
+    plant = inline(3, x1="x2 - 2*x1", x2="x3 + 0.5*sin(x2)", x3="tanh(x1) - 4*x3")
+    config = {"time": TIME, "plant": plant, "observers": {"observer": {"type": "shgo", "theta": 2}}}
+    run = prepare(Experiment(config))
+    result = perform(run)
+    chart = chart_of(run.system.observers[0].form, run.plant)
+    got = lipschitz(run, chart, {"x1": (-1, 1), "x2": (-1, 1), "x3": (-9, 9)}, result, "observer")
+    expected = np.array([[2, 0, 0], [0, 0.5, 0], [1, 0, 4]])
+    assert got.kind == "interval over box"
+    assert got.region == "saturation"
+    assert np.all(got.slopes >= expected * (1 - 1e-12))
+    assert np.allclose(got.slopes, expected, rtol=0.011)
+    assert np.all(got.reached <= got.slopes)
+    assert got.value == 4
+    for theta in (1.0, 3.0):
+        T = np.diag(theta ** -np.arange(3.0))
+        assert got.constant(theta) == pytest.approx(np.linalg.norm(T @ got.slopes @ np.linalg.inv(T), 2))
+
+
+def test_the_box_follows_the_saturation_or_the_run() -> None:
+    plant = inline(2, x1="x2", x2="-x1**3")
+    values = found(plant, {"type": "shgo", "theta": 5, "saturation": {"x1": [-2, 2]}}).values
+    assert values["lipschitz"] == pytest.approx(12, rel=0.011)
+    assert values["lipschitz"] >= 12
+    assert values["lipschitz_box"]["x1"] == [-2, 2]
+    assert "saturation of x1" in values["lipschitz_region"]
+    free = found(plant, {"type": "shgo", "theta": 5}).values
+    low, high = free["lipschitz_box"]["x1"]
+    assert free["lipschitz"] == pytest.approx(3 * max(low**2, high**2), rel=0.011)
+    assert free["lipschitz_reached"] <= free["lipschitz"]
+
+
+def test_a_saturation_that_the_truth_leaves() -> None:
+    of = found(inline(2, x1="x2", x2="-x1"), {"type": "shgo", "theta": 90, "saturation": {"x1": [-0.1, 0.1]}})
+    assert "x1 leaves the saturation" in of.reasons["peaking_bound"]
+
+
+def test_jumps_are_said() -> None:
+    of = found(inline(2, x1="x2", x2="-sign(x1)"), {"type": "shgo", "theta": 5})
+    assert "switched" in of.reasons["peaking_bound"]
+
+
+def test_inputs_are_enclosed() -> None:
+    plant = inline(2, x1="x2", x2="-u*x1") | {"inputs": {"u": "2 + sin(7*t)"}}
+    values = found(plant, {"type": "shgo", "theta": 5}).values
+    assert values["lipschitz"] == pytest.approx(3, rel=0.02)
+    assert values["lipschitz"] >= 3
+
+
+def test_a_linear_map_of_states() -> None:
+    """x1' = 2 x2, x2' = -x1 - x2, y = x1: z = (x1, 2 x2), z2' = -2 z1 - z2."""
+    values = found(inline(2, x1="2*x2", x2="-x1 - x2"), {"type": "shgo", "theta": 5}).values
+    assert values["lipschitz_kind"] == "interval over box"
+    assert values["lipschitz"] == pytest.approx(2, rel=1e-9)
+    assert list(values["lipschitz_box"]) == ["z1", "z2"]
+
+
+def test_a_map_without_an_inverse_is_followed_along_the_run() -> None:
+    """x1' = x2 + x2^3 + 1: z2 = x1', z2' = -(1 + 3 x2^2) x2, whose slope to z2 is -1 - 6 x2^2/(1 + 3 x2^2)."""
+    plant = inline(2, x1="x2 + x2**3 + 1", x2="-x2")
+    values = found(plant, {"type": "shgo", "theta": 5, "initial": {"x1": 0.4, "x2": 0.6}}).values
+    assert values["lipschitz_kind"] == "interval along run"
+    exact = 1 + 6 * 0.6**2 / (1 + 3 * 0.6**2)
+    assert values["lipschitz_reached"] <= values["lipschitz"]
+    assert exact <= values["lipschitz"] < 2 * exact
+
+
+def test_slopes_between_truth_and_estimate_agree_with_the_box() -> None:
+    """Where both can be had, those along the run are smaller, and never below what was met."""
+    run = prepare(
+        Experiment(
+            {
+                "time": TIME,
+                "plant": inline(2, x1="x2 + sin(x1)", x2="-x1**3 + cos(x2)"),
+                "observers": {"observer": {"type": "shgo", "theta": 4}},
+            }
+        )
+    )
+    result = perform(run)
+    chart = chart_of(run.system.observers[0].form, run.plant)
+    box, own = lipschitz(run, chart, {}, result, "observer"), along(run, chart, result, "observer")
+    assert box.kind == "interval over box"
+    assert np.all(own <= box.slopes + 1e-9)
+    met = np.array([[0.5, 0], [1, 0.3]])
+    assert np.all(own[np.tril_indices(2)] >= 0.2 * met[np.tril_indices(2)])
+
+
+def test_contois_in_the_thesis() -> None:
+    """z1' = z2 - D z1: the slope mu of the dilution, and a bound for the other row."""
+    import hgorun
+
+    path = next(file for name, file in experiments().items() if name.endswith("contois_te025"))
+    observers = analyze(hgorun.load(path)).observers
+    for of in observers.values():
+        assert of.values["lipschitz_kind"] == "interval along run"
+        assert 1.064 <= of.values["lipschitz_reached"] <= of.values["lipschitz"] < 10
+        assert of.values["theta_bound"] > of.values["theta"]
+
+
+def test_triangular_charts_know_their_coordinates() -> None:
+    made = Experiment(
+        {
+            "time": TIME,
+            "plant": {"type": "phytoplankton", "inputs": {"u": "1.71"}, "initial": {"x1": 3, "x2": 1.7, "x3": 0.03}},
+            "observers": {
+                "observer": {
+                    "type": "fhgo1",
+                    "theta": 3,
+                    "delta": 5,
+                    "internal": {"P": 0.1},
+                    "initial": {"x1": 2.5, "x2": 1.6, "x3": 0.05},
+                    "saturation": {"z1": [0.5, 6], "z2": [0.2, 1], "z3": [1, 50]},
+                }
+            },
+        }
+    )
+    chart = chart_of(made.forms["observer"], made.plant)
+    assert chart.names == ("z1", "z2", "z3")
+    x = np.array([[3, 1.7, 0.03]])
+    assert np.allclose(chart.image(x), [[3, 1 / 1.7, 1 / 0.05]])
+    of = analyze(made).observers["observer"]
+    assert of.values["lipschitz"] > 0
+    assert of.values["peaking"]["z1"] >= 0.5
+
+
+def test_what_is_not_affine_is_refused() -> None:
+    made = Experiment(
+        {
+            "time": TIME,
+            "plant": inline(2, x1="x2 + x2**3", x2="-x2"),
+            "observers": {"observer": {"type": "shgo_riccati", "theta": 3}},
+        }
+    )
+    with pytest.raises(NotApplicableError, match="not affine in x2"):
+        chart_of(made.forms["observer"], made.plant)
+    assert "not affine" in analyze(made).observers["observer"].reasons["lipschitz"]

@@ -1,0 +1,30 @@
+"""Noise of observers that jump at the samples, predicted along a run, against the run minus its twin."""
+
+import pytest
+
+import hgorun
+from hgorun.analysis.noise.prediction import measured_noise, noise_free, noise_prediction
+from hgorun.reproduce.shipped import folder
+from hgorun.simulation.simulate import perform, prepare, simulate
+
+
+@pytest.mark.parametrize(
+    ("file", "name", "settings", "states", "within"),
+    [
+        ("lee2016/stochastic_approximation.yaml", "fixed", ["time.end=12"], ("x1", "x2"), 0.01),
+        ("lee2016/stochastic_approximation.yaml", "sa", ["time.end=6"], ("x1", "x2"), 0.01),
+        ("katayama/van_der_pol.yaml", "t005", [], ("x2",), 0.01),
+    ],
+)
+def test_within_one_percent(file: str, name: str, settings: list[str], states: tuple[str, ...], within: float) -> None:
+    windows = ["metrics.window=[4,12]", "metrics.transient=[0,4]"] if "time.end=12" in settings else []
+    windows += ["metrics.window=[2,6]", "metrics.transient=[0,2]"] if "time.end=6" in settings else []
+    experiment = hgorun.load(folder() / file, [*settings, *windows], run=name)
+    run = prepare(experiment)
+    result, twin = perform(run), simulate(noise_free(experiment))
+    measured = measured_noise(result, twin)
+    for label, prediction in noise_prediction(run, twin, result).items():
+        assert prediction.rms is not None, prediction.reason
+        for state in states:
+            i = result.states.index(state)
+            assert prediction.rms[i] == pytest.approx(measured[label][i], rel=within), (label, state)

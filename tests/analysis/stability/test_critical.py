@@ -1,0 +1,254 @@
+"""Critical periods and delays: known numbers, and runs a little below and above them."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hgorun import Experiment
+from hgorun.analysis.linear.error_system import error_system
+from hgorun.analysis.linear.nominal import nominal
+from hgorun.analysis.stability.critical import (
+    critical,
+    critical_chain,
+)
+from hgorun.analysis.stability.growth import growth
+from hgorun.result.result import Result
+from hgorun.simulation.run import Run
+from hgorun.simulation.simulate import perform, prepare
+
+CHAIN = {"type": "integrator_chain", "n": 3, "initial": {"x1": 0, "x2": 0, "x3": 0}}
+SHGO = {"type": "shgo", "theta": 1}
+Config = dict[str, Any]
+
+
+def chain_config(
+    observers: dict[str, Any], measurement: dict[str, Any] | None = None, end: float = 5
+) -> dict[str, Any]:
+    return {
+        "time": {"end": end, "output_step": end / 1000},
+        "plant": CHAIN,
+        "observers": observers,
+        "measurement": measurement or {},
+    }
+
+
+def prepared(config: Config) -> Run:
+    return prepare(Experiment(config))
+
+
+def value(limit: Any) -> float:
+    assert limit.value is not None, limit.reason
+    return float(limit.value)
+
+
+def decay(run: Run, label: str) -> float:
+    """Logarithm of the error's growth over the second half of a run, envelope against envelope."""
+    result = perform(run)
+    xhat = result.observers[label].xhat
+    e = np.linalg.norm(xhat - result.x, axis=1)
+    if not np.all(np.isfinite(e)):
+        return np.inf
+    quarter = e.size // 4
+    return float(np.log(np.max(e[-quarter:]) / np.max(e[quarter : 2 * quarter])))
+
+
+def test_periods_of_three_integrators() -> None:
+    """theta T_e, computed independently of this project."""
+    known: dict[str, tuple[dict[str, Any], float]] = {
+        "shgo": ({"type": "shgo"}, 2.896),
+        **{f"r={r}": ({"type": "fhgo2", "r": r}, T) for r, T in ((1, 2.855), (2, 2.968), (3, 3.014), (4, 3.163))},
+        **{
+            f"delta={delta}": ({"type": "fhgo1", "delta": delta}, T)
+            for delta, T in ((1, 0.698), (2, 1.079), (3, 1.307), (5, 1.785), (7, 2.028), (10, 2.241), (100, 2.820))
+        },
+    }
+    run = prepared(chain_config({name: {**block, "theta": 4} for name, (block, _) in known.items()}))
+    for label, (_, T) in known.items():
+        assert 4 * value(critical_chain(run, label)[0]) == pytest.approx(T, abs=6e-4), label
+
+
+def test_delays_of_three_integrators() -> None:
+    run = prepared(chain_config({f"r={r}": {"type": "fhgo2", "theta": 3, "r": r} for r in range(4)}))
+    for r, d in enumerate((0.927, 1.103, 1.255, 1.400)):
+        assert 3 * value(critical_chain(run, f"r={r}")[1]) == pytest.approx(d, abs=6e-4)
+
+
+def test_one_integrator_in_closed_form() -> None:
+    """x' = 0, poles at -1: e(t) = e_k exp(-theta t) for ever; with a delay the same."""
+    config = chain_config({"o": SHGO})
+    config["plant"] = {"type": "integrator_chain", "n": 1, "initial": {"x1": 0}}
+    run = prepared(config)
+    assert critical_chain(run, "o")[0].value is None
+    assert "stable at every period" in critical_chain(run, "o")[0].reason
+    assert "stable at every delay" in critical_chain(run, "o")[1].reason
+
+
+def test_an_unstable_first_order_plant_in_closed_form() -> None:
+    """x' = a x, g the gain.
+
+    xi' = a xi - g e, e' = -g e with e(0) = xi(0), so that xi(T) = e^(aT) - g (e^(aT) - e^(-gT))/(a + g).
+    Radius 1: e^(aT) a/(a + g) + g e^(-gT)/(a + g) = 1 where T > 0; e^(aT) a + g e^(-gT) = a + g.
+    """
+    from scipy.optimize import brentq
+
+    a, g = 0.5, 2.0
+    config = chain_config({"o": {"type": "shgo", "theta": 1, "poles": -g}})
+    config["plant"] = {
+        "type": "inline",
+        "states": ["x"],
+        "dynamics": {"x": f"{a}*x"},
+        "output": "x",
+        "initial": {"x": 0},
+    }
+    run = prepared(config)
+    T = brentq(lambda T: np.exp(a * T) * a + g * np.exp(-g * T) - a - g, 0.1, 10)
+    assert value(critical(run, "o", nominal(run))[0]) == pytest.approx(T, rel=1e-3)
+    # the root that passes through zero: alpha(t) - alpha(t - d) = -d g e, xi = g e/a
+    assert value(critical(run, "o", nominal(run))[1]) == pytest.approx(1 / a - 1 / g, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("block", "delay"),
+    [
+        (SHGO, 0.0),
+        (SHGO, 0.35),
+        (SHGO, 2.0),
+        ({"type": "fhgo2", "theta": 1, "r": 2}, 0.2),
+        ({"type": "low_power", "theta": 1}, 0.1),
+        ({"type": "treangle", "theta": 1}, 0.0),
+    ],
+)
+def test_runs_beside_the_critical_period(block: dict[str, Any], delay: float) -> None:
+    """2 % below it the error decays, 2 % above it grows."""
+
+    def at(period: float, end: float = 5) -> Run:
+        block_ = {**block, "initial": {"x1": 1, "x2": -1, "x3": 1}}
+        config = chain_config({"o": block_}, {"sampling": {"period": period}, "delay": delay}, end)
+        return prepared(config)
+
+    limit = critical_chain(at(0.5), "o")[0]
+    if delay == 2.0:  # later than the observer bears at any period
+        assert limit.value is None
+        assert "unstable at every period" in limit.reason
+        return
+    T = value(limit)
+    assert decay(at(0.98 * T, 300 * T), "o") < 0 < decay(at(1.02 * T, 300 * T), "o")
+
+
+@pytest.mark.parametrize("sampling", ["continuous", {"period": 0.3}])
+def test_runs_beside_the_critical_delay(sampling: Any) -> None:
+    def at(delay: float, end: float = 5) -> Run:
+        block = {"type": "fhgo2", "theta": 1, "r": 1, "initial": {"x1": 1, "x2": -1, "x3": 1}}
+        config = chain_config({"o": block}, {"sampling": sampling, "delay": delay}, end)
+        config["solver"] = {"method": "rk4", "step": 0.02}
+        return prepared(config)
+
+    d = value(critical_chain(at(0.0), "o")[1])
+    assert decay(at(0.98 * d, 300), "o") < 0 < decay(at(1.02 * d, 300), "o")
+
+
+def test_sampling_ever_faster_is_the_continuous_output() -> None:
+    """A held sample is period/2 old in the mean."""
+    run = prepared(chain_config({"o": SHGO}))
+    fast = prepared(chain_config({"o": SHGO}, {"sampling": {"period": 0.01}}))
+    continuous, sampled = (value(critical_chain(r, "o")[1]) for r in (run, fast))
+    assert sampled + 0.005 == pytest.approx(continuous, abs=2e-4)
+
+
+def test_two_chains_have_the_limit_of_the_slower_one() -> None:
+    """Two outputs that do not know of each other: as much as each alone."""
+    config = chain_config({"o": SHGO})
+    config["plant"] = {
+        "type": "inline",
+        "states": ["a1", "a2", "b1", "b2", "b3"],
+        "dynamics": {"a1": "a2", "a2": "0", "b1": "b2", "b2": "b3", "b3": "0"},
+        "output": ["a1", "b1"],
+        "initial": {"a1": 0, "a2": 0, "b1": 0, "b2": 0, "b3": 0},
+    }
+    run = prepared(config)
+    assert value(critical_chain(run, "o")[0]) == pytest.approx(2.896, abs=6e-4)
+    assert value(critical_chain(run, "o")[1]) == pytest.approx(0.9273, abs=6e-4)
+    assert value(critical(run, "o", nominal(run))[0]) == pytest.approx(2.896, abs=6e-4)
+
+
+ACADEMIC = {
+    "time": {"end": 60, "output_step": 0.01},
+    "plant": {"type": "academic", "initial": {"x1": 1, "x2": 1, "x3": 1}},
+    "observers": {"o": {"type": "shgo_riccati", "theta": 5, "initial": {"x1": 1.001, "x2": 0.999, "x3": 1.001}}},
+    "measurement": {"sampling": {"period": 0.1}},
+}
+
+
+def test_a_time_varying_plant_against_its_own_run() -> None:
+    """The small error's growth over [20, 60], from runs that sample a little below and above the limit."""
+    run = prepared(ACADEMIC)
+    result = nominal(run)
+    assert isinstance(result, Result)
+    T = value(critical(run, "o", result)[0])
+    system = error_system(run, "o", result)
+    assert not isinstance(system, str)
+    assert not system.constant
+    for factor in (0.9, 1.1):
+        period = factor * T
+        other = prepared({**ACADEMIC, "measurement": {"sampling": {"period": period}}})
+        finished = perform(other)
+        e = np.linalg.norm(finished.observers["o"].xhat - finished.x, axis=1)
+        if factor < 1:
+            samples = finished.measurements.time
+            first, last = (np.searchsorted(finished.time, samples[np.searchsorted(samples, t)]) for t in (20, 55))
+            measured = np.log(e[last] / e[first]) / (finished.time[last] - finished.time[first])
+            assert measured < 0
+            assert growth(system, period) == pytest.approx(measured, abs=0.25)
+        else:
+            assert e[-1] > 1e3 * e[0] or finished.observers["o"].diverged_at is not None
+
+
+def test_growth_along_a_trajectory_is_that_of_the_one_system() -> None:
+    """A system that is told to vary, and does not."""
+    from dataclasses import replace
+
+    run = prepared(chain_config({"o": {"type": "fhgo2", "theta": 2, "r": 1}}, end=30))
+    result = nominal(run)
+    assert isinstance(result, Result)
+    one = error_system(run, "o", result)
+    assert not isinstance(one, str)
+    assert one.constant
+    many = replace(
+        one,
+        times=np.linspace(0, 20, 101),
+        **{name: np.repeat(getattr(one, name), 101, axis=0) for name in ("A0", "E", "H", "K0", "K")},
+    )
+    for T, d in ((0.3, 0.0), (1.0, 0.25), (0.2, 0.5), (2.0, 0.0)):
+        assert growth(many, T, d) == pytest.approx(growth(one, T, d), abs=1e-6)
+
+
+def test_discrete_observers() -> None:
+    plant = {"type": "van_der_pol", "initial": {"x1": 1, "x2": 0.5}}
+    config = {
+        "time": {"end": 2, "output_step": 0.1},
+        "plant": plant,
+        "observers": {"k": {"type": "reduced_sampled", "H": 0.5}, "d": {"type": "deadbeat"}},
+        "measurement": {"sampling": {"period": 0.1}},
+    }
+    run = prepared(config)
+    assert critical(run, "k", "unused")[0].value == 4.0
+    assert critical(run, "d", "unused")[0].value is None
+    lee = {
+        "time": {"end": 0.1, "output_step": 0.01},
+        "plant": {"type": "lee_second_order", "initial": {"x1": 1, "x2": 1}},
+        "observers": {"o": {"type": "hgo_fd", "eps": 0.01, "gains": [2, 2]}},
+        "measurement": {"sampling": {"period": 0.0004}},
+    }
+    period = value(critical(prepared(lee), "o", "unused")[0])
+    assert period == pytest.approx(0.01, rel=1e-12)
+    A_0 = np.array([[-2.0, 1.0], [-2.0, 0.0]])
+    radius = [np.max(np.abs(np.linalg.eigvals(np.eye(2) + f * period / 0.01 * A_0))) for f in (0.99, 1.01)]
+    assert radius[0] < 1 < radius[1]
+
+
+def test_reasons() -> None:
+    config = chain_config({"l": {"type": "levant", "G": 1}, "o": SHGO})
+    run = prepared(config)
+    assert "no slope" in critical(run, "l", nominal(run))[0].reason
+    assert "the plant" in critical(run, "o", "the plant is stepped at the samples")[0].reason
