@@ -126,7 +126,7 @@ def test_an_observer_with_something_left_to_define_is_refused() -> None:
     class Unfinished(Observer):
         """No equations."""
 
-    with pytest.raises(HgorunError, match="found the class .*Unfinished: design, equations, states abstract"):
+    with pytest.raises(HgorunError, match=r"found the class .*Unfinished: design, equations, states abstract"):
         OBSERVERS.register("unfinished")(Unfinished)
 
 
