@@ -26,6 +26,7 @@ _BINARY: dict[int, Callable[[Block, str, str], str]] = {
     ca.OP_SUB: Block.sub,
     ca.OP_MUL: Block.mul,
     ca.OP_DIV: Block.div,
+    # of two that are not ordered the second, as the processor's own minimum and maximum
     ca.OP_FMIN: lambda b, x, y: b.select(b.compare("olt", x, y), x, y),
     ca.OP_FMAX: lambda b, x, y: b.select(b.compare("ogt", x, y), x, y),
     ca.OP_LT: lambda b, x, y: _truth(b, b.compare("olt", x, y)),
