@@ -1,7 +1,13 @@
-"""Names of plants and observers.
+"""Things that are found by name: what hgorun brings itself, and what other packages add.
 
-A built-in one is found by its file: ``hgorun/observers/<name>.py``. Others register through the
-entry-point groups ``hgorun.plants`` and ``hgorun.observers``, whose values name the class.
+A built-in thing lies in a package of its kind, one file each, and is registered when its file is imported.
+Other packages name theirs in an entry point of the kind's group. Whoever owns a kind makes one registry::
+
+    OBSERVERS: Registry[type[Observer]] = Registry(
+        "observer", package="hgorun.observers", group="hgorun.observers",
+        accepts=is_observer, expected="a class derived from hgorun.observers.base.Observer",
+    )
+    observer = OBSERVERS.register        # the decorator
 """
 
 from __future__ import annotations
@@ -11,79 +17,130 @@ from contextlib import suppress
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Generic, TypeGuard, TypeVar
 
 from hgorun.errors import HgorunError
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint, EntryPoints
 
-    from hgorun.observers.base import Observer
-    from hgorun.plants.base import Plant
-
-_T = TypeVar("_T")
-_REGISTERED: dict[str, dict[str, type]] = {"plants": {}, "observers": {}}
+T = TypeVar("T")
+Registered = TypeVar("Registered")
 
 
-def observer(name: str) -> Callable[[type[_T]], type[_T]]:
-    """Register an observer class under the name that YAML files use."""
-    return _register("observers", name)
+class Registry(Generic[T]):
+    """The things of one kind by their names.
 
+    Parameters
+    ----------
+    kind : str
+        What one of them is called in messages: ``"observer"``.
+    package : str
+        The package whose files hold the built-in ones. A file may hold several; one whose name is the
+        file's is found without importing the others.
+    group : str
+        The entry-point group of other packages.
+    accepts : callable
+        Whether an object is a thing of this kind.
+    expected : str
+        What it has to be, for messages: ``"a class derived from ..."``.
+    """
 
-def plant(name: str) -> Callable[[type[_T]], type[_T]]:
-    """Register a plant class under the name that YAML files use."""
-    return _register("plants", name)
+    def __init__(
+        self, kind: str, *, package: str, group: str, accepts: Callable[[object], TypeGuard[T]], expected: str
+    ) -> None:
+        self.kind, self.group = kind, group
+        self._package, self._accepts, self._expected = package, accepts, expected
+        self._registered: dict[str, T] = {}
 
+    def register(self, name: str) -> Callable[[Registered], Registered]:
+        """A decorator that registers a thing under the name that YAML files use, and returns it unchanged.
 
-def find_observer(name: str) -> type[Observer]:
-    """The class of an observer; KeyError when there is none."""
-    return _find("observers", name)
+        Raises
+        ------
+        HgorunError
+            When it is not of this kind, or the name is taken by another one.
+        """
 
+        def add(thing: Registered) -> Registered:
+            self.add(name, thing)
+            return thing
 
-def find_plant(name: str) -> type[Plant]:
-    """The class of a plant; KeyError when there is none."""
-    return _find("plants", name)
+        return add
 
+    def add(self, name: str, thing: object) -> T:
+        """Register a thing; returns it, typed. Raises like :meth:`register`."""
+        if not self._accepts(thing):
+            raise HgorunError(f"the {self.kind} {name!r} must be {self._expected}; found {_described(thing)}")
+        known = self._registered.setdefault(name, thing)
+        if known is not thing:
+            if _described(known) != _described(thing):  # a module that is loaded again may replace its own
+                raise HgorunError(
+                    f"the {self.kind} {name!r} is {_described(known)} already; {_described(thing)} needs another name"
+                )
+            self._registered[name] = thing
+        return thing
 
-def names(kind: str) -> list[str]:
-    """All names of a kind, ``"plants"`` or ``"observers"``, built-in and registered, of what can be loaded."""
-    package = import_module(f"hgorun.{kind}")
-    for file in sorted(Path(package.__path__[0]).glob("*.py")):
-        if not file.stem.startswith("_"):
-            import_module(f"hgorun.{kind}.{file.stem}")
-    for entry in _entry_points(kind):
-        with suppress(HgorunError):  # a broken package is said to whoever asks for it by name
-            _load(kind, entry)
-    return sorted(_REGISTERED[kind])
+    def find(self, name: str) -> T:
+        """The thing of this name.
 
+        Raises
+        ------
+        KeyError
+            When there is none.
+        HgorunError
+            When another package names one that cannot be loaded, or is something else.
+        """
+        if name not in self._registered and name.isidentifier() and find_spec(f"{self._package}.{name}"):
+            import_module(f"{self._package}.{name}")
+        if name not in self._registered:
+            for entry in self._entry_points().select(name=name):
+                self._load(entry)
+        if name not in self._registered:
+            self._import_built_in()
+        return self._registered[name]
 
-def _register(kind: str, name: str) -> Callable[[type[_T]], type[_T]]:
-    def add(cls: type[_T]) -> type[_T]:
-        _REGISTERED[kind][name] = cls
-        return cls
+    def forget(self, name: str) -> None:
+        """Take a name away again, if it is there; what a test has registered."""
+        self._registered.pop(name, None)
 
-    return add
+    def names(self) -> list[str]:
+        """All names, sorted; without those of other packages that cannot be loaded, which :meth:`find` reports."""
+        self._import_built_in()
+        for entry in self._entry_points():
+            with suppress(HgorunError):
+                self._load(entry)
+        return sorted(self._registered)
 
+    def all(self) -> dict[str, T]:
+        """Name: thing, of all names."""
+        return {name: self._registered[name] for name in self.names()}
 
-def _find(kind: str, name: str) -> type:
-    found = _REGISTERED[kind]
-    if name not in found and name.isidentifier() and find_spec(f"hgorun.{kind}.{name}"):
-        import_module(f"hgorun.{kind}.{name}")
-    if name not in found:
-        for entry in _entry_points(kind).select(name=name):
-            _load(kind, entry)
-    return found[name]
+    def _import_built_in(self) -> None:
+        for folder in import_module(self._package).__path__:
+            for file in sorted(Path(folder).glob("*.py")):
+                if not file.stem.startswith("_"):
+                    import_module(f"{self._package}.{file.stem}")
 
+    def _entry_points(self) -> EntryPoints:
+        from importlib.metadata import entry_points  # slow to import, and only needed for names that are not ours
 
-def _entry_points(kind: str) -> EntryPoints:
-    from importlib.metadata import entry_points
+        return entry_points(group=self.group)
 
-    return entry_points(group=f"hgorun.{kind}")
-
-
-def _load(kind: str, entry: EntryPoint) -> None:
-    if entry.name not in _REGISTERED[kind]:
+    def _load(self, entry: EntryPoint) -> None:
+        if entry.name in self._registered:
+            return
         try:
-            _REGISTERED[kind][entry.name] = entry.load()
-        except Exception as error:
-            raise HgorunError(f"the {kind[:-1]} {entry.name!r} of {entry.value} cannot be loaded: {error}") from error
+            thing = entry.load()
+        except Exception as error:  # whatever a stranger's module raises while it is imported
+            reason = f"{type(error).__name__}: {error}"
+            raise HgorunError(f"the {self.kind} {entry.name!r} of {entry.value} cannot be loaded: {reason}") from error
+        self.add(entry.name, thing)
+
+
+def _described(thing: object) -> str:
+    """What it is, where it was defined, and what is missing in it."""
+    if not isinstance(thing, type):
+        return f"{thing!r} of type {type(thing).__name__}"
+    missing = ", ".join(sorted(getattr(thing, "__abstractmethods__", ())))
+    return f"the class {thing.__module__}.{thing.__qualname__}" + (f": {missing} abstract" if missing else "")

@@ -12,6 +12,7 @@ import yaml
 
 import hgorun
 from hgorun.cli import main
+from hgorun.observers.base import OBSERVERS
 
 README = (Path(__file__).parent.parent / "README.md").read_text()
 
@@ -70,9 +71,7 @@ def test_the_tutorial_observer_runs_from_outside_the_package(tmp_path: Path, mon
         result = hgorun.simulate(hgorun.load(tmp_path / "config.yaml"))
     finally:
         sys.modules.pop("my_package", None)
-        from hgorun import registry
-
-        registry._REGISTERED["observers"].pop("pi_observer", None)
+        OBSERVERS.forget("pi_observer")
     np.testing.assert_allclose(result.observers["P"].xhat, result.observers["SHGO"].xhat, rtol=1e-12)
     assert "w" in result.observers["PI"].internal
     metrics = result.metrics()

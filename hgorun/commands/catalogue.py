@@ -11,14 +11,14 @@ from typing import Any
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from hgorun import registry
 from hgorun.config import yaml_source
 from hgorun.config.expressions import nearest
 from hgorun.config.models import File
 from hgorun.config.types import pole_text
 from hgorun.errors import ConfigError, HgorunError
 from hgorun.files import write_text
-from hgorun.plants.base import Plant
+from hgorun.observers.base import OBSERVERS, Observer
+from hgorun.plants.base import PLANTS, Plant
 from hgorun.plants.inline import InlinePlant
 from hgorun.reproduce.shipped import experiments
 
@@ -29,9 +29,8 @@ def _first_line(cls: type) -> str:
     return (inspect.getdoc(cls) or "").split("\n\n")[0].replace("\n", " ")
 
 
-def _classes(kind: str) -> dict[str, type[Any]]:
-    find: Any = registry.find_plant if kind == "plants" else registry.find_observer
-    return {name: find(name) for name in registry.names(kind)}
+def _classes(kind: str) -> dict[str, type[Plant]] | dict[str, type[Observer]]:
+    return PLANTS.all() if kind == "plants" else OBSERVERS.all()
 
 
 def _titles() -> dict[str, str]:
@@ -76,11 +75,11 @@ def show(name: str, *, json: bool) -> int:
             text = file.read_text(encoding="utf-8")
             print(json_text.dumps({"name": path, "kind": "experiment", "text": text}) if json else text)
             return 0
-    known = [*registry.names("observers"), *registry.names("plants"), *shipped]
+    known = [*OBSERVERS.names(), *PLANTS.names(), *shipped]
     raise ConfigError(f"nothing is called {name!r}.{nearest(name, known)} See hgorun list")
 
 
-def _described(name: str, kind: str, cls: type[Any]) -> dict[str, Any]:
+def _described(name: str, kind: str, cls: type[Plant] | type[Observer]) -> dict[str, Any]:
     found: dict[str, Any] = {
         "name": name,
         "kind": kind[:-1],
@@ -162,8 +161,8 @@ def build_schema() -> dict[str, Any]:
         definitions[name] = own
         return {"$ref": f"#/$defs/{name}"}
 
-    plants = [add(cls, f"plant-{name}", name) for name, cls in _classes("plants").items()]
-    observers = [add(cls, f"observer-{name}", name) for name, cls in _classes("observers").items()]
+    plants = [add(cls, f"plant-{name}", name) for name, cls in PLANTS.all().items()]
+    observers = [add(cls, f"observer-{name}", name) for name, cls in OBSERVERS.all().items()]
     top["properties"]["plant"] = {"anyOf": [*plants, add(InlinePlant, "plant-inline", "inline")]}
     definitions["plant-inline"]["properties"]["output"] = {
         "anyOf": [

@@ -9,14 +9,16 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from inspect import isabstract
 from types import SimpleNamespace
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, TypeGuard
 
 import casadi as ca
 import numpy as np
 from pydantic import Field
 
 from hgorun.config.types import Block, Interval, Name, Number
+from hgorun.registry import Registry
 from hgorun.symbolic.observability import canonical_form
 from hgorun.symbolic.states import Symmetric
 
@@ -161,3 +163,18 @@ class DiscreteObserver(Observer):
     def jump(
         self, plant: Any, before: Any, s: SimpleNamespace, sample: SimpleNamespace, k: SimpleNamespace
     ) -> Mapping[str, ca.SX]: ...
+
+
+def is_observer(thing: object) -> TypeGuard[type[Observer]]:
+    """Whether it is an observer's class, with nothing left abstract."""
+    return isinstance(thing, type) and issubclass(thing, Observer) and not isabstract(thing)
+
+
+OBSERVERS: Registry[type[Observer]] = Registry(
+    "observer",
+    package="hgorun.observers",
+    group="hgorun.observers",
+    accepts=is_observer,
+    expected="a class derived from hgorun.observers.base.Observer that defines its design, states and equations",
+)
+observer = OBSERVERS.register

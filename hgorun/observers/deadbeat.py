@@ -8,8 +8,7 @@ from types import SimpleNamespace
 import casadi as ca
 import numpy as np
 
-from hgorun.observers.base import DiscreteObserver
-from hgorun.registry import observer
+from hgorun.observers.base import DiscreteObserver, observer
 from hgorun.symbolic.states import Symmetric
 from hgorun.symbolic.strict_feedback import StrictFeedbackCopy, StrictFeedbackForm, strict_feedback_form
 

@@ -10,9 +10,8 @@ from pydantic import Field, model_validator
 
 from hgorun.config.types import NonNegative, Number, Poles, Positive
 from hgorun.errors import Problem
-from hgorun.observers.base import Flow, Observer
+from hgorun.observers.base import Flow, Observer, observer
 from hgorun.observers.levant import levant_flow, levant_gains
-from hgorun.registry import observer
 from hgorun.symbolic.lower_triangular import LowerTriangularCopy, LowerTriangularForm, lower_triangular_form
 from hgorun.symbolic.matrices import hurwitz_gain
 from hgorun.symbolic.states import Symmetric

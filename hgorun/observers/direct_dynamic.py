@@ -9,10 +9,9 @@ import numpy as np
 from pydantic import Field
 
 from hgorun.config.types import Positive
-from hgorun.observers.base import Flow
+from hgorun.observers.base import Flow, observer
 from hgorun.observers.dynamic_gain import DynamicGain
 from hgorun.observers.levant import levant_flow, levant_gains
-from hgorun.registry import observer
 from hgorun.symbolic.lower_triangular import LowerTriangularCopy, LowerTriangularForm
 from hgorun.symbolic.states import Symmetric
 

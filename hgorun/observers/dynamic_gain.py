@@ -11,9 +11,8 @@ from pydantic import Field, field_validator
 from hgorun.config.expressions import ExpressionError, parse
 from hgorun.config.types import ExpressionText, Positive
 from hgorun.errors import Problem
-from hgorun.observers.base import Flow
+from hgorun.observers.base import Flow, observer
 from hgorun.observers.direct import OutputInjection
-from hgorun.registry import observer
 from hgorun.symbolic.lower_triangular import LowerTriangularCopy, LowerTriangularForm, state_affine_form
 from hgorun.symbolic.states import Symmetric
 

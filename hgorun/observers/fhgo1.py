@@ -9,9 +9,8 @@ import numpy as np
 from pydantic import Field
 
 from hgorun.config.types import Positive
-from hgorun.observers.base import Flow
+from hgorun.observers.base import Flow, observer
 from hgorun.observers.riccati import RiccatiGain, riccati
-from hgorun.registry import observer
 from hgorun.symbolic.matrices import A, C
 from hgorun.symbolic.states import Symmetric
 from hgorun.symbolic.triangular import TriangularCopy, TriangularForm

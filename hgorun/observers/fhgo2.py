@@ -6,9 +6,8 @@ from types import SimpleNamespace
 
 import casadi as ca
 
-from hgorun.observers.base import Flow
+from hgorun.observers.base import Flow, observer
 from hgorun.observers.constant_gain import FilteredGain
-from hgorun.registry import observer
 from hgorun.symbolic.canonical import PlantCopy
 from hgorun.symbolic.matrices import A, B, C
 

@@ -11,9 +11,8 @@ import numpy as np
 from pydantic import Field
 
 from hgorun.errors import Problem
-from hgorun.observers.base import Flow
+from hgorun.observers.base import Flow, observer
 from hgorun.observers.riccati import RiccatiGain, gain_of, lyapunov, riccati
-from hgorun.registry import observer
 from hgorun.symbolic.matrices import A, B, C, hurwitz_gain
 from hgorun.symbolic.states import Symmetric
 from hgorun.symbolic.triangular import TriangularCopy, TriangularForm

@@ -11,9 +11,8 @@ from pydantic import Field
 
 from hgorun.config.types import Number, Poles, Positive
 from hgorun.errors import NotObservableForm, Problem
-from hgorun.observers.base import DiscreteObserver
+from hgorun.observers.base import DiscreteObserver, observer
 from hgorun.observers.constant_gain import PlacedGain
-from hgorun.registry import observer
 from hgorun.symbolic.canonical import CanonicalForm, PlantCopy
 from hgorun.symbolic.matrices import A, C
 from hgorun.symbolic.plant import PlantModel

@@ -9,9 +9,8 @@ from pydantic import Field
 from hgorun.config.expressions import ExpressionError, parse
 from hgorun.config.types import ExpressionText, Positive
 from hgorun.errors import Problem
-from hgorun.observers.base import SampleSchedule
+from hgorun.observers.base import SampleSchedule, observer
 from hgorun.observers.hgo_fd import ForwardDifferenceObserver, eigenvalues
-from hgorun.registry import observer
 from hgorun.symbolic.canonical import CanonicalForm
 
 _FIRST = 100_000  # samples whose b(k) are all looked at; then powers of two

@@ -12,8 +12,7 @@ from pydantic import Field
 
 from hgorun.config.types import Positive
 from hgorun.errors import Problem
-from hgorun.observers.base import Flow, Observer
-from hgorun.registry import observer
+from hgorun.observers.base import Flow, Observer, observer
 from hgorun.symbolic.lower_triangular import DerivativeCopy, DerivativeForm, derivative_form
 from hgorun.symbolic.states import Symmetric
 

@@ -10,10 +10,9 @@ from pydantic import Field
 
 from hgorun.config.types import Number
 from hgorun.errors import NotObservableForm
-from hgorun.observers.base import Flow
+from hgorun.observers.base import Flow, observer
 from hgorun.observers.constant_gain import ConstantGain
 from hgorun.observers.treangle import cascade, characteristic
-from hgorun.registry import observer
 from hgorun.symbolic.canonical import CanonicalForm, PlantCopy
 from hgorun.symbolic.matrices import A
 from hgorun.symbolic.observability import canonical_form

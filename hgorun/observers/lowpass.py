@@ -10,9 +10,8 @@ from pydantic import Field
 
 from hgorun.config.types import Number, Poles, Positive
 from hgorun.errors import Problem
-from hgorun.observers.base import Flow
+from hgorun.observers.base import Flow, observer
 from hgorun.observers.constant_gain import ConstantGain
-from hgorun.registry import observer
 from hgorun.symbolic.canonical import CanonicalForm, PlantCopy
 from hgorun.symbolic.matrices import A, B, C
 from hgorun.symbolic.states import Symmetric

@@ -12,8 +12,7 @@ from pydantic import BeforeValidator, Field, WithJsonSchema
 
 from hgorun.config.types import describe, number
 from hgorun.errors import Problem
-from hgorun.observers.base import DiscreteObserver
-from hgorun.registry import observer
+from hgorun.observers.base import DiscreteObserver, observer
 from hgorun.symbolic.states import Symmetric
 from hgorun.symbolic.strict_feedback import StrictFeedbackCopy, StrictFeedbackForm, strict_feedback_form
 

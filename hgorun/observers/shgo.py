@@ -7,9 +7,8 @@ from types import SimpleNamespace
 import casadi as ca
 import numpy as np
 
-from hgorun.observers.base import Flow
+from hgorun.observers.base import Flow, observer
 from hgorun.observers.constant_gain import ConstantGain
-from hgorun.registry import observer
 from hgorun.symbolic.canonical import CanonicalForm, PlantCopy
 from hgorun.symbolic.states import Symmetric
 

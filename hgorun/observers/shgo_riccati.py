@@ -9,9 +9,8 @@ import casadi as ca
 import numpy as np
 from pydantic import Field
 
-from hgorun.observers.base import Flow
+from hgorun.observers.base import Flow, observer
 from hgorun.observers.riccati import RiccatiGain, gain_of, lyapunov, riccati
-from hgorun.registry import observer
 from hgorun.symbolic.states import Symmetric
 from hgorun.symbolic.triangular import TriangularCopy, TriangularForm
 

@@ -9,8 +9,7 @@ from typing import Any, ClassVar
 
 import casadi as ca
 
-from hgorun.plants.base import Plant, Quantity
-from hgorun.registry import plant
+from hgorun.plants.base import Plant, Quantity, plant
 
 
 @plant("academic")

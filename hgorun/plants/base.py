@@ -5,13 +5,15 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from inspect import isabstract
 from types import SimpleNamespace
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, TypeGuard
 
 import casadi as ca
 from pydantic import Field
 
 from hgorun.config.types import Block, ExpressionText, Name, Number
+from hgorun.registry import Registry
 
 
 @dataclass(frozen=True)
@@ -74,3 +76,18 @@ class Plant(Block):
     def inverse(self) -> Callable[[ca.SX, ca.SX], ca.SX] | None:
         """x from canonical coordinates z and the parameter vector, where it is known."""
         return None
+
+
+def is_plant(thing: object) -> TypeGuard[type[Plant]]:
+    """Whether it is a plant's class, with nothing left abstract."""
+    return isinstance(thing, type) and issubclass(thing, Plant) and not isabstract(thing)
+
+
+PLANTS: Registry[type[Plant]] = Registry(
+    "plant",
+    package="hgorun.plants",
+    group="hgorun.plants",
+    accepts=is_plant,
+    expected="a class derived from hgorun.plants.base.Plant that defines its states, outputs and equations",
+)
+plant = PLANTS.register

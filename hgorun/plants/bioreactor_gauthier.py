@@ -8,8 +8,7 @@ from typing import Any
 
 import casadi as ca
 
-from hgorun.plants.base import Plant, Quantity
-from hgorun.registry import plant
+from hgorun.plants.base import Plant, Quantity, plant
 
 
 @plant("bioreactor_gauthier")

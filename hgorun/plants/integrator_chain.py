@@ -10,8 +10,7 @@ from pydantic import Field
 
 from hgorun.config.expressions import parse
 from hgorun.config.types import ExpressionText
-from hgorun.plants.base import Plant
-from hgorun.registry import plant
+from hgorun.plants.base import Plant, plant
 
 
 @plant("integrator_chain")

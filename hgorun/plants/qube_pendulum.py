@@ -7,8 +7,7 @@ from typing import Any
 
 import casadi as ca
 
-from hgorun.plants.base import Plant, Quantity
-from hgorun.registry import plant
+from hgorun.plants.base import Plant, Quantity, plant
 
 
 @plant("qube_pendulum")

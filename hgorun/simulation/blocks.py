@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, TypeVar
 
-from hgorun import registry
 from hgorun.config.expressions import nearest
 from hgorun.config.models import Experiment as Blocks
 from hgorun.config.types import describe
 from hgorun.config.validation import validate
 from hgorun.config.yaml_source import Source
 from hgorun.errors import ConfigError
-from hgorun.observers.base import Observer
-from hgorun.plants.base import Plant
+from hgorun.observers.base import OBSERVERS, Observer
+from hgorun.plants.base import PLANTS, Plant
 from hgorun.plants.inline import InlinePlant
+from hgorun.registry import Registry
+
+T = TypeVar("T")
 
 
 def check(source: Source) -> tuple[Blocks, Plant, dict[str, Observer]]:
@@ -34,7 +36,7 @@ def _plant(blocks: Blocks, source: Source) -> Plant:
     if "type" not in block or block["type"] == "inline":
         if "states" not in block and "dynamics" not in block:
             file, line = source.where(("plant",))
-            known = ", ".join(registry.names("plants"))
+            known = ", ".join(PLANTS.names())
             raise ConfigError(
                 f"expected type (one of {known}) or a model: states, dynamics, output",
                 file=file,
@@ -42,7 +44,7 @@ def _plant(blocks: Blocks, source: Source) -> Plant:
                 key="plant",
             )
         return validate(InlinePlant, block, source, ("plant",))
-    cls: type[Plant] = _find("plants", block["type"], source, ("plant", "type"))
+    cls = _find(PLANTS, block["type"], source, ("plant", "type"))
     return validate(cls, block, source, ("plant",))
 
 
@@ -57,7 +59,7 @@ def _observer(label: str, block: dict[str, Any], source: Source) -> Observer:
             key=f"observers.{label}",
         )
     if "type" not in block:
-        known = ", ".join(registry.names("observers"))
+        known = ", ".join(OBSERVERS.names())
         others = [name for name in source.data["observers"] if name != label]
         raise ConfigError(
             f"type is missing.{nearest(label, others)} It is one of {known}",
@@ -65,18 +67,18 @@ def _observer(label: str, block: dict[str, Any], source: Source) -> Observer:
             line=line,
             key=f"observers.{label}",
         )
-    cls: type[Observer] = _find("observers", block["type"], source, (*path, "type"))
+    cls = _find(OBSERVERS, block["type"], source, (*path, "type"))
     return validate(cls, block, source, path)
 
 
-def _find(kind: str, name: Any, source: Source, path: tuple[str, ...]) -> Any:
+def _find(registry: Registry[T], name: Any, source: Source, path: tuple[str, ...]) -> T:
     try:
-        return (registry.find_plant if kind == "plants" else registry.find_observer)(str(name))
+        return registry.find(str(name))
     except KeyError:
         file, line = source.where(path)
-        known = registry.names(kind)
+        known = registry.names()
         raise ConfigError(
-            f"no {kind[:-1]} is called {describe(name)}.{nearest(str(name), known)} Known: {', '.join(known)}",
+            f"no {registry.kind} is called {describe(name)}.{nearest(str(name), known)} Known: {', '.join(known)}",
             file=file,
             line=line,
             key=".".join(path),

@@ -23,8 +23,7 @@ import hgorun
 from hgorun.engine.layout import ACTION_WORDS
 from hgorun.engine.plan import Plan
 from hgorun.engine.program import Program, Start
-from hgorun.observers.base import Flow, Observer
-from hgorun.registry import observer
+from hgorun.observers.base import Flow, Observer, observer
 from hgorun.simulation.simulate import prepare
 from hgorun.simulation.system import System
 from hgorun.symbolic.matrices import A, B, C, hurwitz_gain

@@ -1,0 +1,134 @@
+"""Names: built-in things by their file, others by entry point, and what is said when one is no good."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TypeGuard
+
+import pytest
+
+from hgorun.errors import HgorunError
+from hgorun.observers.base import OBSERVERS, Observer
+from hgorun.plants.base import PLANTS
+from hgorun.registry import Registry
+
+
+class Tool:
+    pass
+
+
+def is_tool(thing: object) -> TypeGuard[Tool]:
+    return isinstance(thing, Tool)
+
+
+@pytest.fixture
+def tools(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Registry[Tool]]:
+    """A package with one file that holds two tools, and a registry of them."""
+    package = tmp_path / "toolbox"
+    package.mkdir()
+    (package / "__init__.py").write_text("")
+    (package / "saw.py").write_text(
+        "from test_registry import Tool, current\ncurrent[0].add('saw', Tool())\ncurrent[0].add('file', Tool())\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.syspath_prepend(Path(__file__).parent)
+    registry = Registry("tool", package="toolbox", group="test.tools", accepts=is_tool, expected="a Tool")
+    sys.modules.setdefault("test_registry", sys.modules[__name__])
+    current[:] = [registry]
+    yield registry
+    for name in [name for name in sys.modules if name.startswith(("toolbox", "stranger"))]:
+        del sys.modules[name]
+
+
+current: list[Registry[Tool]] = []
+
+
+@pytest.fixture
+def entry_point(tmp_path: Path) -> Callable[[str, str, str, str], None]:
+    def add(group: str, name: str, module: str, text: str) -> None:
+        (tmp_path / f"{module}.py").write_text(text)
+        info = tmp_path / f"{module}-1.0.dist-info"
+        info.mkdir()
+        (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {module}\nVersion: 1.0\n")
+        (info / "entry_points.txt").write_text(f"[{group}]\n{name} = {module}:thing\n")
+
+    return add
+
+
+def test_a_file_may_hold_several(tools: Registry[Tool]) -> None:
+    assert isinstance(tools.find("file"), Tool)
+    assert tools.names() == ["file", "saw"]
+
+
+def test_an_unknown_name(tools: Registry[Tool]) -> None:
+    with pytest.raises(KeyError):
+        tools.find("hammer")
+    with pytest.raises(KeyError):
+        tools.find("not a name")
+
+
+def test_other_packages_bring_theirs(tools: Registry[Tool], entry_point: Callable[[str, str, str, str], None]) -> None:
+    entry_point("test.tools", "hammer", "stranger", "from test_registry import Tool\nthing = Tool()\n")
+    assert isinstance(tools.find("hammer"), Tool)
+    assert tools.names() == ["file", "hammer", "saw"]
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("import no_such_module", "the tool 'hammer' of stranger:thing cannot be loaded: ModuleNotFoundError"),
+        ("1/0", "ZeroDivisionError: division by zero"),
+        ("x = 1", "cannot be loaded: AttributeError"),
+        ("thing = 3", "the tool 'hammer' must be a Tool; found 3 of type int"),
+    ],
+)
+def test_a_broken_one_is_reported_to_whoever_asks_for_it(
+    text: str, said: str, tools: Registry[Tool], entry_point: Callable[[str, str, str, str], None]
+) -> None:
+    entry_point("test.tools", "hammer", "stranger", text)
+    assert tools.names() == ["file", "saw"]
+    with pytest.raises(HgorunError, match="hammer") as caught:
+        tools.find("hammer")
+    assert said in str(caught.value)
+
+
+def test_a_name_belongs_to_one(tools: Registry[Tool]) -> None:
+    class Mallet:
+        pass
+
+    classes: Registry[type] = Registry("class", package="toolbox", group="test", accepts=_is_class, expected="a class")
+    classes.add("tool", Tool)
+    assert classes.add("tool", Tool) is Tool
+    with pytest.raises(HgorunError, match=r"the class 'tool' is the class .*Tool already; .*Mallet needs another name"):
+        classes.add("tool", Mallet)
+    assert classes.find("tool") is Tool
+
+
+def test_a_module_that_is_loaded_again_replaces_its_own(tools: Registry[Tool]) -> None:
+    classes: Registry[type] = Registry("class", package="toolbox", group="test", accepts=_is_class, expected="a class")
+    first, second = (type("Same", (), {}) for _ in range(2))
+    classes.add("same", first)
+    assert classes.add("same", second) is second
+    assert classes.find("same") is second
+
+
+@pytest.mark.parametrize("registry", [OBSERVERS, PLANTS])
+@pytest.mark.parametrize("thing", [3, "shgo", object, print])
+def test_what_is_no_observer_or_plant_is_refused(registry: Registry[object], thing: object) -> None:
+    with pytest.raises(HgorunError, match=f"the {registry.kind} 'wrong' must be a class derived from"):
+        registry.register("wrong")(thing)
+    assert "wrong" not in registry.names()
+
+
+def test_an_observer_with_something_left_to_define_is_refused() -> None:
+    class Unfinished(Observer):
+        """No equations."""
+
+    with pytest.raises(HgorunError, match=r"found the class .*Unfinished: design, equations, states abstract"):
+        OBSERVERS.register("unfinished")(Unfinished)
+
+
+def _is_class(thing: object) -> TypeGuard[type]:
+    return isinstance(thing, type)
