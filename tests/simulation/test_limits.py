@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from helpers import load, prepared, run
+from examples import load, prepared, run
 
 import hgorun.simulation.engine_tables as plan_module
 from hgorun import simulate

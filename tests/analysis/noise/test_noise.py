@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
+import examples
 import numpy as np
 import pytest
+from examples import experiment
 from scipy.linalg import expm
 
 import hgorun
@@ -22,10 +24,7 @@ from hgorun.simulation.simulate import prepare
 
 
 def chain(n: int, phi: str = "0", **block: Any) -> Run:
-    zero = {f"x{i + 1}": 0 for i in range(n)}
-    plant = {"type": "integrator_chain", "n": n, "phi": phi, "initial": zero}
-    config = {"time": {"end": 1, "output_step": 0.01}, "plant": plant, "observers": {"o": block}}
-    return prepare(hgorun.Experiment(config, name="test"))
+    return prepare(experiment(examples.chain(n, phi, 0), {"o": block}, output_step=0.01))
 
 
 def linear(n: int, **block: Any) -> Linear:
