@@ -22,7 +22,7 @@ FLOORS: list[set[str]] = [
     {"files", "registry"},
     {"config"},
     {"symbolic"},
-    {"plants", "observers", "engine"},
+    {"plants", "observers", "noise", "engine"},
     {"measurement"},
     {"result"},
     {"simulation"},
