@@ -11,7 +11,7 @@ from hgorun.config.validation import validate
 from hgorun.config.yaml_source import Source
 from hgorun.errors import ConfigError
 from hgorun.measurement.blocks import Measurement
-from hgorun.observers.base import OBSERVERS, Observer
+from hgorun.observers.base import OBSERVERS, AnyObserver
 from hgorun.plants.base import PLANTS, Plant
 from hgorun.plants.inline import InlinePlant
 from hgorun.registry import Registry
@@ -19,7 +19,7 @@ from hgorun.registry import Registry
 T = TypeVar("T")
 
 
-def check(source: Source) -> tuple[Blocks, Plant, Measurement, dict[str, Observer]]:
+def check(source: Source) -> tuple[Blocks, Plant, Measurement, dict[str, AnyObserver]]:
     """The blocks of a configuration, its plant, its measurement and its observers.
 
     Raises
@@ -55,7 +55,7 @@ def _plant(blocks: Blocks, source: Source) -> Plant:
     return validate(cls, block, source, ("plant",))
 
 
-def _observer(label: str, block: dict[str, Any], source: Source) -> Observer:
+def _observer(label: str, block: dict[str, Any], source: Source) -> AnyObserver:
     path = ("observers", label)
     file, line = source.where(path)
     if not label or "/" in label or "." in label:

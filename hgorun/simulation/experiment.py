@@ -13,6 +13,7 @@ from hgorun.config.yaml_source import Source, parse
 from hgorun.errors import ConfigError, NotObservableForm, Problem
 from hgorun.measurement.availability import Stretch, resolve
 from hgorun.plants.build import BuiltPlant, build_plant
+from hgorun.result.windows import points_in
 from hgorun.simulation.blocks import check
 from hgorun.symbolic.forms import Form
 
@@ -126,10 +127,10 @@ class Experiment:
                     f"time.max_memory allows {time.max_memory / 2**30:.3g} GiB",
                 )
             points = time.start + np.arange(int(count)) * fine
+            measured = points[:: ratios[1]]
             for key in ("window", "transient"):
                 window = getattr(self.blocks.metrics, key)
-                slack = 1e-9 * fine
-                if window is not None and not np.any((points >= window[0] - slack) & (points <= window[1] + slack)):
+                if window is not None and measured[points_in(measured, window)].size == 0:
                     raise Problem(("metrics", key), f"no output point lies in [{window[0]:g}, {window[1]:g}]")
         return points, ratios[0], ratios[1]
 

@@ -15,7 +15,7 @@ from hgorun.errors import Problem
 from hgorun.measurement.availability import Stretch
 from hgorun.measurement.events import kinks
 from hgorun.measurement.schedule import build_schedule, check_delays, continuous_delays, find_channels
-from hgorun.observers.base import SampleSchedule
+from hgorun.observers.base import SampledObserver, SampleSchedule
 from hgorun.simulation.engine_tables import build_plan, count_steps
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.plant_alone import PlantRun
@@ -180,7 +180,7 @@ class Run:
 
     def _check_jumps(self) -> None:
         """What is stepped at samples needs all outputs sampled, together and in time."""
-        stepped = [("observers", b.label) for b in self.system.observers if b.observer.discrete]
+        stepped = [("observers", b.label) for b in self.system.observers if isinstance(b.observer, SampledObserver)]
         if self.plant.block.discretise:
             stepped.insert(0, ("plant", "discretise"))
         if not stepped:
@@ -202,7 +202,7 @@ class Run:
         steps = getattr(stretch.sampling, "steps", None) if len(self.channels[0].stretches) == 1 else None
         schedule = SampleSchedule(intervals, steps, stretch.paths["sampling"])
         for b in self.system.observers:
-            if b.observer.discrete:
+            if isinstance(b.observer, SampledObserver):
                 try:
                     b.observer.check_samples(b.form, schedule)
                 except Problem as problem:
