@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json as json_text
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,8 +19,9 @@ def figures(
     """Draw the chosen figures, all by default; with ``report`` measure the claims too and write the report."""
     folders = Folders.below(output)
     works = choose(names, folders, figures=True, claims=report)
+    reasons = [work.stale_figures for work in works]
     outcomes = pool.carry_out(works, workers=workers, show=not quiet and not json)
-    rows = [row for work, outcome in zip(works, outcomes, strict=True) for row in _rows(work, outcome)]
+    rows = [row for made in zip(works, outcomes, reasons, strict=True) for row in _rows(*made)]
     for work, outcome in zip(works, outcomes, strict=True):
         warn(work, outcome)
     if report:
@@ -31,14 +32,21 @@ def figures(
         print(json_text.dumps(rows, indent=2, allow_nan=False))
     elif not quiet:
         for row in rows:
-            error = row["integration_error"]
-            print(f"{row['figure']}: {row['files'][0]}" + (f" (integration error {error:.1e})" if error else ""))
+            print(_line(row))
         if report:
             print(f"written: {written}")
     return 0
 
 
-def _rows(work: Work, outcome: Outcome) -> list[dict[str, Any]]:
+def _line(row: dict[str, Any]) -> str:
+    error, reason = row["integration_error"], row["reason"]
+    notes = [f"integration error {error:.1e}"] if error else []
+    notes += [f"drawn: {reason}"] if reason else []
+    return f"{row['figure']}: {row['files'][0]}" + (f" ({'; '.join(notes)})" if notes else "")
+
+
+def _rows(work: Work, outcome: Outcome, reasons: Mapping[str, str]) -> list[dict[str, Any]]:
+    """One record a figure; its reason says why it was drawn, None that it stood."""
     found = []
     for name, files in outcome.figures.items():
         errors = [outcome.errors.get(run) for run in work.study.runs_of(name)]
@@ -50,6 +58,7 @@ def _rows(work: Work, outcome: Outcome) -> list[dict[str, Any]]:
                 "publication": work.job.group,
                 "files": files,
                 "integration_error": max(known) if known else None,
+                "reason": reasons.get(name),
             }
         )
     return found
