@@ -26,6 +26,7 @@ def installed(
     folder: Path, monkeypatch: pytest.MonkeyPatch, registry: Registry[Any], module: str, code: str, **names: str
 ) -> Iterator[None]:
     """A distribution with one module, whose entry points name its objects: name=object."""
+    folder.mkdir(exist_ok=True)
     (folder / f"{module}.py").write_text(code)
     info = folder / f"{module}-1.0.dist-info"
     info.mkdir()
