@@ -110,7 +110,7 @@ class Claims(Reproduction):
 
 @dataclass(frozen=True, kw_only=True)
 class List:
-    """List the available plants, observers and experiments."""
+    """List the available plants, observers, metrics and experiments."""
 
     kind: Annotated[str, typer.Argument(help="plants, observers, experiments or all.")] = "all"
     json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False
