@@ -7,7 +7,7 @@ the seed and on the channel and on nothing else.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
+from collections.abc import Hashable, Mapping
 
 import casadi as ca
 import numpy as np
@@ -15,7 +15,8 @@ import numpy as np
 from hgorun.config.expressions import parse
 from hgorun.config.models import ExpressionNoise, GaussianNoise, Sinusoids, UniformNoise
 from hgorun.measurement.availability import Stretch
-from hgorun.symbolic.parameters import Parameters
+from hgorun.config.literals import template
+from hgorun.symbolic.evaluate import compiled, evaluate
 
 
 def generator(seed: int, *channel: object) -> np.random.Generator:
@@ -25,20 +26,47 @@ def generator(seed: int, *channel: object) -> np.random.Generator:
     return np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed, spawn_key=key)))
 
 
-def continuous_noise(stretch: Stretch, t: ca.SX, parameters: Parameters, name: str) -> ca.SX:
-    """v(t) of a continuous output without its random parts; amplitudes and frequencies are run-time numbers."""
+def continuous_numbers(stretch: Stretch) -> dict[str, np.ndarray]:
+    """The run-time numbers of a continuous output: of its noise without the random parts, and of its delay."""
+    found = {"delay": np.array(template(parse(stretch.delay, names=("t",)))[1])}
+    for i, item in enumerate(stretch.noise):
+        if isinstance(item, Sinusoids):
+            for key in ("amplitude", "omega", "phase"):
+                found[f"{i}.{key}"] = np.array([getattr(term, key) for term in item.terms])
+        elif isinstance(item, ExpressionNoise):
+            found[f"{i}.value"] = np.array(template(parse(item.value, names=("t",)))[1])
+    return found
+
+
+def continuous_structure(stretch: Stretch) -> Hashable:
+    """What is compiled of a continuous output: equal for outputs that differ in their numbers only."""
+    items: list[Hashable] = []
+    for item in stretch.noise:
+        if isinstance(item, Sinusoids):
+            items.append(len(item.terms))
+        elif isinstance(item, ExpressionNoise):
+            items.append(template(parse(item.value, names=("t",)))[0])
+        else:
+            items.append(None)
+    return stretch.multiplicative, template(parse(stretch.delay, names=("t",)))[0], tuple(items)
+
+
+def continuous_noise(stretch: Stretch, t: ca.SX, numbers: Mapping[str, ca.SX]) -> ca.SX:
+    """v(t) of a continuous output without its random parts, with symbols for its numbers."""
     total = ca.SX(0)
     for i, item in enumerate(stretch.noise):
         if isinstance(item, Sinusoids):
-            a, omega, phase = (
-                parameters.add(f"{name}.{i}.{key}", [getattr(term, key) for term in item.terms])
-                for key in ("amplitude", "omega", "phase")
-            )
+            a, omega, phase = (numbers[f"{i}.{key}"] for key in ("amplitude", "omega", "phase"))
             for k in range(len(item.terms)):
                 total += a[k] * ca.sin(omega[k] * t + phase[k])
         elif isinstance(item, ExpressionNoise):
-            total += parse(item.value, names=("t",)).symbol({"t": t})
+            total += template(parse(item.value, names=("t",)))[0].symbol({"t": t}, numbers[f"{i}.value"])
     return total
+
+
+def continuous_delay(stretch: Stretch, t: ca.SX, numbers: Mapping[str, ca.SX]) -> ca.SX:
+    """d(t) of a continuous output, with symbols for its numbers."""
+    return template(parse(stretch.delay, names=("t",)))[0].symbol({"t": t}, numbers["delay"])
 
 
 class RandomNoise:
@@ -52,8 +80,8 @@ class RandomNoise:
         Name of the output and phase.
     start, end : float
         Of the run: held noise changes at start + m hold.
-    mean_square : callable
-        The mean of the noise-free output squared, asked for only where a signal-to-noise ratio needs it.
+    mean_square : float
+        The mean of the noise-free output squared; used where a signal-to-noise ratio is given.
     """
 
     def __init__(
@@ -63,7 +91,7 @@ class RandomNoise:
         channel: str,
         start: float,
         end: float,
-        mean_square: Callable[[], float],
+        mean_square: float,
     ) -> None:
         self.start, self.end = start, end
         self._span = stretch.start, stretch.end
@@ -81,13 +109,13 @@ class RandomNoise:
             self._draws.append(self._draw(j, stop)[first:].copy())
 
     @staticmethod
-    def _standard_deviation(item: UniformNoise | GaussianNoise, mean_square: Callable[[], float]) -> float:
+    def _standard_deviation(item: UniformNoise | GaussianNoise, mean_square: float) -> float:
         if isinstance(item, UniformNoise):
             return 0.0
         if item.std is not None:
             return item.std
         assert item.snr_db is not None
-        return float(np.sqrt(mean_square() / 10 ** (item.snr_db / 10)))
+        return float(np.sqrt(mean_square / 10 ** (item.snr_db / 10)))
 
     def moments(self) -> list[tuple[float, float, float | None]]:
         """Mean, variance and hold of every random part."""
@@ -152,8 +180,5 @@ def sampled_noise(stretch: Stretch, times: np.ndarray, numbers: np.ndarray) -> n
             for term in item.terms:
                 total += term.amplitude * np.sin(term.omega * times + term.phase)
         elif isinstance(item, ExpressionNoise) and times.size:
-            t, k = ca.SX.sym("t"), ca.SX.sym("k")
-            expression = parse(item.value, names=("t", "k")).symbol({"t": t, "k": k})
-            values = ca.Function("v", [t, k], [expression])(ca.DM(times[None, :]), ca.DM(numbers[None, :]))
-            total += np.asarray(values.full()).ravel()
+            total += evaluate(compiled(item.value, "t", "k"), times[:, None], numbers[:, None])[0].ravel()
     return total

@@ -2,25 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property
+from hashlib import blake2b
 
 import numpy as np
 
 from hgorun.config.models import Time
-from hgorun.engine.layout import CONTINUOUS, DELAYED, HELD, SILENT, Variant
 from hgorun.errors import Problem
 from hgorun.measurement.availability import Stretch
 from hgorun.measurement.events import LEVELS, merge, repeated
-from hgorun.measurement.noise import RandomNoise
+from hgorun.measurement.noise import RandomNoise, sampled_noise
 from hgorun.measurement.sampling import SAMPLE_BYTES, Samples, find_samples
+from hgorun.measurement.variants import CONTINUOUS, DELAYED, HELD, SILENT, Variant
 
 _SHORT = 1e-9  # events closer than this part of a step are one
 _DRAW_BYTES = 16  # of memory that a draw takes until the stretch's own are left
 
 
-@dataclass
+@dataclass(frozen=True, eq=False)
 class Channel:
     """One output: its stretches, its samples, its random noise."""
 
@@ -28,6 +29,53 @@ class Channel:
     stretches: list[Stretch]
     samples: Samples
     random: list[RandomNoise]
+
+    @cached_property
+    def timing(self) -> Hashable:
+        """What decides when something happens; equal for channels whose noise alone differs."""
+        digest = blake2b(digest_size=16)
+        for array in (self.samples.arrival, self.samples.taken, self.samples.used, self.held_changes[0]):
+            digest.update(array.tobytes())
+        stretches = tuple((s.start, s.end, s.continuous, s.delay) for s in self.stretches)
+        return stretches, self.samples.arrival.size, digest.digest()
+
+    @cached_property
+    def gain_and_bias(self) -> tuple[np.ndarray, np.ndarray]:
+        """How every sample is measured, y_k = gain h + bias: shapes (Nk,).
+
+        Raises
+        ------
+        Problem
+            Where the noise is not a number.
+        """
+        s = self.samples
+        gain, bias = np.ones(s.arrival.size), np.zeros(s.arrival.size)
+        for i, (stretch, random) in enumerate(zip(self.stretches, self.random, strict=True)):
+            inside = s.stretch == i
+            if inside.any():
+                times, numbers = s.arrival[inside], s.number[inside]
+                v = sampled_noise(stretch, times, numbers) + random.sampled(times, numbers)
+                if not np.all(np.isfinite(v)):
+                    first = times[np.argmin(np.isfinite(v))]
+                    raise Problem(stretch.paths["noise"], f"the noise is not a finite number at t = {first:g}")
+                if stretch.multiplicative:
+                    gain[inside] = 1 + v
+                else:
+                    bias[inside] = v
+        return gain, bias
+
+    @cached_property
+    def held_changes(self) -> tuple[np.ndarray, np.ndarray]:
+        """Times and values of the held noise in the continuous stretches; each of them starts with its own."""
+        times, values = [np.zeros(0)], [np.zeros(0)]
+        if any(r.items for r in self.random):
+            for stretch, random in zip(self.stretches, self.random, strict=True):
+                if stretch.continuous:
+                    changes = random.change_times()
+                    inside = changes[(changes > stretch.start) & (changes < stretch.end)]
+                    times.append(np.concatenate([[stretch.start], inside]))
+                    values.append(random.held(times[-1]))
+        return np.concatenate(times), np.concatenate(values)
 
     def stretch_at(self, times: np.ndarray) -> np.ndarray:
         """Index of the stretch that starts at or before each time."""
@@ -51,14 +99,12 @@ class Channel:
         return np.column_stack([kind, np.where(continuous[stretch], stretch, 0)])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Schedule:
-    """All that the measurement does in a run.
+    """When something happens in a run.
 
     Attributes
     ----------
-    channels : list of Channel
-        One an output.
     events : ndarray
         Times between which everything is smooth.
     inward : ndarray
@@ -70,12 +116,10 @@ class Schedule:
         Which of them holds from each event on (the last event has none).
     """
 
-    channels: list[Channel]
     events: np.ndarray
     inward: np.ndarray
-    variants: list[Variant]
+    variants: tuple[Variant, ...]
     variant: np.ndarray
-    step: float
 
 
 def find_channels(
@@ -83,9 +127,15 @@ def find_channels(
     outputs: tuple[str, ...],
     time: Time,
     seed: int,
-    mean_square: Callable[[int], float],
+    mean_squares: Sequence[float] | None,
 ) -> list[Channel]:
-    """Samples and random noise of every output."""
+    """Samples and random noise of every output.
+
+    Parameters
+    ----------
+    mean_squares : sequence of float or None
+        Of the noise-free outputs over the run; needed where a signal-to-noise ratio is given.
+    """
     left = time.max_memory
     channels = []
     for i, (name, stretches) in enumerate(zip(outputs, resolved, strict=True)):
@@ -94,7 +144,7 @@ def find_channels(
         samples = find_samples(stretches, time.start, seed, name, int(left / SAMPLE_BYTES))
         left -= samples.arrival.size * SAMPLE_BYTES
         random = [
-            RandomNoise(s, seed, f"{name}/{k}", time.start, time.end, partial(mean_square, i))
+            RandomNoise(s, seed, f"{name}/{k}", time.start, time.end, np.nan if mean_squares is None else mean_squares[i])
             for k, s in enumerate(stretches)
         ]
         channels.append(Channel(name, stretches, samples, random))
@@ -194,8 +244,8 @@ def build_schedule(channels: list[Channel], time: Time, kinks: np.ndarray, step:
     middle = 0.5 * (events[:-1] + events[1:])
     kinds = np.concatenate([c.kinds_at(middle) for c in channels], axis=1)
     distinct, variant = np.unique(kinds, axis=0, return_inverse=True)
-    variants = [tuple((int(a), int(b)) for a, b in row.reshape(-1, 2)) for row in distinct]
-    return Schedule(channels, events, inward, variants, variant.ravel(), step)
+    variants = tuple(tuple((int(a), int(b)) for a, b in row.reshape(-1, 2)) for row in distinct)
+    return Schedule(events=events, inward=inward, variants=variants, variant=variant.ravel())
 
 
 def _clipped(times: np.ndarray, time: Time, tolerance: float) -> np.ndarray:

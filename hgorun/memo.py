@@ -1,0 +1,44 @@
+"""A bounded memory of what takes long to make."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable, Hashable
+from threading import RLock
+from typing import Generic, TypeVar
+
+_T = TypeVar("_T")
+
+
+class Memo(Generic[_T]):
+    """The most recently used values, by keys that say all that they depend on.
+
+    Keys may hold objects that are equal only to themselves: they are kept alive as long as their values.
+
+    Parameters
+    ----------
+    size : int
+        How many values are kept.
+    """
+
+    def __init__(self, size: int) -> None:
+        self._size = size
+        self._values: OrderedDict[Hashable, _T] = OrderedDict()
+        self._lock = RLock()
+
+    def get(self, key: Hashable, make: Callable[[], _T]) -> _T:
+        """The value of a key, made where it is not known; what raises is not kept."""
+        with self._lock:
+            if key in self._values:
+                self._values.move_to_end(key)
+                return self._values[key]
+            value = make()
+            self._values[key] = value
+            while len(self._values) > self._size:
+                self._values.popitem(last=False)
+            return value
+
+    def clear(self) -> None:
+        """Forget everything."""
+        with self._lock:
+            self._values.clear()
