@@ -6,13 +6,11 @@ from typing import Any, TypeVar
 
 from pydantic import ValidationError
 
-from hgorun.config.expressions import nearest
 from hgorun.config.types import Block, describe
 from hgorun.config.yaml_source import Source
 from hgorun.errors import ConfigError
 
 _B = TypeVar("_B", bound=Block)
-_NOISE_TYPES = {"sinusoids", "expression", "uniform", "gaussian"}  # pydantic puts them into the path
 
 
 def validate(model: type[_B], data: Any, source: Source, path: tuple[str | int, ...]) -> _B:
@@ -27,7 +25,7 @@ def _explained(error: ValidationError, source: Source, path: tuple[str | int, ..
     candidates = []
     for item in error.errors(include_url=False):
         where = _known_path(source, path, item["loc"])
-        if item["type"] in ("unknown_key", "no_value"):
+        if item["type"] in ("unknown_key", "no_value", "unknown_type"):
             where = (*where, item["ctx"]["key"])
         file, line = source.where(where)
         candidates.append((line, where, file, _sentence(item)))
@@ -39,11 +37,8 @@ def _known_path(source: Source, path: tuple[str | int, ...], location: tuple[str
     """The part of pydantic's location that is in the file: names of union members are not."""
     for i, part in enumerate(location):
         if (*path, part) in source.positions or (
-            # a missing key is not in the file; neither is the name of a member of a list
-            i == len(location) - 1
-            and isinstance(part, str)
-            and part.isidentifier()
-            and not (path and isinstance(path[-1], int) and part in _NOISE_TYPES)
+            # a missing key is not in the file
+            i == len(location) - 1 and isinstance(part, str) and part.isidentifier()
         ):
             path = (*path, part)
     return path
@@ -55,14 +50,8 @@ def _sentence(item: Any) -> str:
         return "this key is missing"
     if kind == "value_error":
         return message.removeprefix("Value error, ")
-    if kind in ("unknown_key", "no_value", "not_a_mapping"):
+    if kind in ("unknown_key", "no_value", "not_a_mapping", "unknown_type"):
         return message
-    if kind == "union_tag_invalid":
-        known = item["ctx"]["expected_tags"].replace("'", "").split(", ")
-        tag = str(item["ctx"]["tag"])
-        return f"no type is called {tag!r}.{nearest(tag, known)} Known: {', '.join(known)}"
-    if kind == "union_tag_not_found":
-        return f"type is missing; one of {', '.join(sorted(_NOISE_TYPES))}"
     if kind in ("tuple_type", "dict_type", "list_type"):
         return f"expected {'a mapping' if kind == 'dict_type' else 'a list'}, found {describe(item['input'])}"
     return f"{message[0].lower()}{message[1:]}, found {describe(item['input'])}"

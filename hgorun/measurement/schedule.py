@@ -2,80 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
-from hashlib import blake2b
 
 import numpy as np
 
 from hgorun.config.models import Time
+from hgorun.engine.layout import CONTINUOUS, DELAYED, HELD, SILENT, Variant
 from hgorun.errors import Problem
 from hgorun.measurement.availability import Stretch
 from hgorun.measurement.events import LEVELS, merge, repeated
-from hgorun.measurement.noise import RandomNoise, sampled_noise
+from hgorun.measurement.noise import StretchNoise, absolute, is_relative
 from hgorun.measurement.sampling import SAMPLE_BYTES, Samples, find_samples
-from hgorun.measurement.variants import CONTINUOUS, DELAYED, HELD, SILENT, Variant
+from hgorun.noise.base import RandomNoise
 
 _SHORT = 1e-9  # events closer than this part of a step are one
 _DRAW_BYTES = 16  # of memory that a draw takes until the stretch's own are left
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass
 class Channel:
-    """One output: its stretches, its samples, its random noise."""
+    """One output: its stretches, its samples, and its noise in each stretch."""
 
     name: str
     stretches: list[Stretch]
     samples: Samples
-    random: list[RandomNoise]
-
-    @cached_property
-    def timing(self) -> Hashable:
-        """What decides when something happens; equal for channels whose noise alone differs."""
-        digest = blake2b(digest_size=16)
-        for array in (self.samples.arrival, self.samples.taken, self.samples.used, self.held_changes[0]):
-            digest.update(array.tobytes())
-        stretches = tuple((s.start, s.end, s.continuous, s.delay) for s in self.stretches)
-        return stretches, self.samples.arrival.size, digest.digest()
-
-    @cached_property
-    def gain_and_bias(self) -> tuple[np.ndarray, np.ndarray]:
-        """How every sample is measured, y_k = gain h + bias: shapes (Nk,).
-
-        Raises
-        ------
-        Problem
-            Where the noise is not a number.
-        """
-        s = self.samples
-        gain, bias = np.ones(s.arrival.size), np.zeros(s.arrival.size)
-        for i, (stretch, random) in enumerate(zip(self.stretches, self.random, strict=True)):
-            inside = s.stretch == i
-            if inside.any():
-                times, numbers = s.arrival[inside], s.number[inside]
-                v = sampled_noise(stretch, times, numbers) + random.sampled(times, numbers)
-                if not np.all(np.isfinite(v)):
-                    first = times[np.argmin(np.isfinite(v))]
-                    raise Problem(stretch.paths["noise"], f"the noise is not a finite number at t = {first:g}")
-                if stretch.multiplicative:
-                    gain[inside] = 1 + v
-                else:
-                    bias[inside] = v
-        return gain, bias
-
-    @cached_property
-    def held_changes(self) -> tuple[np.ndarray, np.ndarray]:
-        """Times and values of the held noise in the continuous stretches; each of them starts with its own."""
-        times, values = [np.zeros(0)], [np.zeros(0)]
-        if any(r.items for r in self.random):
-            for stretch, random in zip(self.stretches, self.random, strict=True):
-                if stretch.continuous:
-                    changes = random.change_times()
-                    inside = changes[(changes > stretch.start) & (changes < stretch.end)]
-                    times.append(np.concatenate([[stretch.start], inside]))
-                    values.append(random.held(times[-1]))
-        return np.concatenate(times), np.concatenate(values)
+    noise: list[StretchNoise]
 
     def stretch_at(self, times: np.ndarray) -> np.ndarray:
         """Index of the stretch that starts at or before each time."""
@@ -99,12 +51,14 @@ class Channel:
         return np.column_stack([kind, np.where(continuous[stretch], stretch, 0)])
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True)
 class Schedule:
-    """When something happens in a run.
+    """All that the measurement does in a run.
 
     Attributes
     ----------
+    channels : list of Channel
+        One an output.
     events : ndarray
         Times between which everything is smooth.
     inward : ndarray
@@ -116,10 +70,12 @@ class Schedule:
         Which of them holds from each event on (the last event has none).
     """
 
+    channels: list[Channel]
     events: np.ndarray
     inward: np.ndarray
-    variants: tuple[Variant, ...]
+    variants: list[Variant]
     variant: np.ndarray
+    step: float
 
 
 def find_channels(
@@ -127,15 +83,9 @@ def find_channels(
     outputs: tuple[str, ...],
     time: Time,
     seed: int,
-    mean_squares: Sequence[float] | None,
+    mean_square: Callable[[int], float],
 ) -> list[Channel]:
-    """Samples and random noise of every output.
-
-    Parameters
-    ----------
-    mean_squares : sequence of float or None
-        Of the noise-free outputs over the run; needed where a signal-to-noise ratio is given.
-    """
+    """Samples and noise of every output."""
     left = time.max_memory
     channels = []
     for i, (name, stretches) in enumerate(zip(outputs, resolved, strict=True)):
@@ -143,11 +93,12 @@ def find_channels(
             left -= _held_bytes(stretch, time, left)
         samples = find_samples(stretches, time.start, seed, name, int(left / SAMPLE_BYTES))
         left -= samples.arrival.size * SAMPLE_BYTES
-        random = [
-            RandomNoise(s, seed, f"{name}/{k}", time.start, time.end, np.nan if mean_squares is None else mean_squares[i])
+        size = mean_square(i) if any(map(is_relative, stretches)) else np.nan
+        noise = [
+            StretchNoise(s, absolute(s.noise, size), seed, f"{name}/{k}", time.start, time.end)
             for k, s in enumerate(stretches)
         ]
-        channels.append(Channel(name, stretches, samples, random))
+        channels.append(Channel(name, stretches, samples, noise))
     return channels
 
 
@@ -155,10 +106,9 @@ def _held_bytes(stretch: Stretch, time: Time, left: float) -> float:
     """Memory of the held noise of a stretch: its draws from the start of the run, its changes as events."""
     total = 0.0
     for j, item in enumerate(stretch.noise):
-        hold = getattr(item, "hold", None)
-        if hold is not None:
-            draws = (stretch.end - time.start) / hold
-            events = (stretch.end - stretch.start) / hold if stretch.continuous else 0.0
+        if isinstance(item, RandomNoise) and item.hold is not None:
+            draws = (stretch.end - time.start) / item.hold
+            events = (stretch.end - stretch.start) / item.hold if stretch.continuous else 0.0
             total += draws * _DRAW_BYTES + events * SAMPLE_BYTES
             if total > left:
                 raise Problem(
@@ -209,7 +159,7 @@ def build_schedule(channels: list[Channel], time: Time, kinks: np.ndarray, step:
     times = [np.array([time.start, time.end]), kinks]
     for c in channels:
         times += [c.samples.arrival, c.samples.taken, np.array([s.start for s in c.stretches])]
-        for s, noise in zip(c.stretches, c.random, strict=True):
+        for s, noise in zip(c.stretches, c.noise, strict=True):
             if s.continuous:
                 changes = noise.change_times()
                 times.append(changes[(changes > s.start) & (changes < s.end)])
@@ -244,8 +194,8 @@ def build_schedule(channels: list[Channel], time: Time, kinks: np.ndarray, step:
     middle = 0.5 * (events[:-1] + events[1:])
     kinds = np.concatenate([c.kinds_at(middle) for c in channels], axis=1)
     distinct, variant = np.unique(kinds, axis=0, return_inverse=True)
-    variants = tuple(tuple((int(a), int(b)) for a, b in row.reshape(-1, 2)) for row in distinct)
-    return Schedule(events=events, inward=inward, variants=variants, variant=variant.ravel())
+    variants = [tuple((int(a), int(b)) for a, b in row.reshape(-1, 2)) for row in distinct]
+    return Schedule(channels, events, inward, variants, variant.ravel(), step)
 
 
 def _clipped(times: np.ndarray, time: Time, tolerance: float) -> np.ndarray:

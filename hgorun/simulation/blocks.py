@@ -10,6 +10,7 @@ from hgorun.config.types import describe
 from hgorun.config.validation import validate
 from hgorun.config.yaml_source import Source
 from hgorun.errors import ConfigError
+from hgorun.measurement.blocks import Measurement
 from hgorun.observers.base import OBSERVERS, Observer
 from hgorun.plants.base import PLANTS, Plant
 from hgorun.plants.inline import InlinePlant
@@ -18,8 +19,8 @@ from hgorun.registry import Registry
 T = TypeVar("T")
 
 
-def check(source: Source) -> tuple[Blocks, Plant, dict[str, Observer]]:
-    """The blocks of a configuration, its plant and its observers.
+def check(source: Source) -> tuple[Blocks, Plant, Measurement, dict[str, Observer]]:
+    """The blocks of a configuration, its plant, its measurement and its observers.
 
     Raises
     ------
@@ -28,7 +29,13 @@ def check(source: Source) -> tuple[Blocks, Plant, dict[str, Observer]]:
     """
     blocks = validate(Blocks, source.data, source, ())
     plant = _plant(blocks, source)
-    return blocks, plant, {label: _observer(label, block, source) for label, block in blocks.observers.items()}
+    measurement = validate(Measurement, blocks.measurement, source, ("measurement",))
+    return (
+        blocks,
+        plant,
+        measurement,
+        {label: _observer(label, block, source) for label, block in blocks.observers.items()},
+    )
 
 
 def _plant(blocks: Blocks, source: Source) -> Plant:

@@ -35,6 +35,7 @@ class Experiment:
         The configuration with everything merged, and where each part was written.
     blocks : hgorun.config.models.Experiment
     plant_block : Plant
+    measurement : Measurement
     observers : dict of str to Observer
 
     Raises
@@ -52,7 +53,7 @@ class Experiment:
             text = _yaml(dict(config))
             config = parse(text, name)
         self.name, self.text, self.source = name, text or "", config
-        self.blocks, self.plant_block, self.observers = check(config)
+        self.blocks, self.plant_block, self.measurement, self.observers = check(config)
         self.prepared: object = None  # what hgorun.simulation.simulate has made of it
 
     def located(self) -> AbstractContextManager[None]:
@@ -85,7 +86,7 @@ class Experiment:
     def stretches(self) -> list[list[Stretch]]:
         """Every output's availability, phase by phase."""
         with self.located():
-            return resolve(self.blocks.measurement, self.plant.model.outputs, self.blocks.time)
+            return resolve(self.measurement, self.plant.model.outputs, self.blocks.time)
 
     @property
     def metric_step(self) -> float:
@@ -138,6 +139,7 @@ class Experiment:
     def resolved(self) -> dict[str, Any]:
         """The configuration after ``extends``, ``--set`` and defaults."""
         values = self.blocks.model_dump(mode="json", exclude={"plant", "observers", "extends"}, exclude_none=True)
+        values["measurement"] = self.measurement.model_dump(mode="json", exclude_none=True)
         values["plant"] = self.plant_block.model_dump(mode="json", exclude_none=True)
         values["observers"] = {label: _plain(o.model_dump(exclude_none=True)) for label, o in self.observers.items()}
         return values

@@ -106,5 +106,5 @@ def _noisy(run: Run, i: int, k: int, t: np.ndarray, truth: np.ndarray) -> np.nda
     """A continuous output with its noise."""
     signal = run.signals[i, k]
     f = ca.Function("v", [run.plant.model.t, run.parameters.symbol], [signal.noise])
-    v = evaluate(f, t, run.parameters.values) + run.channels[i].random[k].held(t)
+    v = evaluate(f, t, run.parameters.values) + run.channels[i].noise[k].held(t)
     return np.asarray(truth * (1 + v) if signal.multiplicative else truth + v)

@@ -14,7 +14,6 @@ from hgorun.engine.program import Program, Raw, Start, Tolerance, history_bytes,
 from hgorun.errors import Problem
 from hgorun.measurement.availability import Stretch
 from hgorun.measurement.events import kinks
-from hgorun.measurement.noise import continuous_noise
 from hgorun.measurement.schedule import build_schedule, check_delays, continuous_delays, find_channels
 from hgorun.observers.base import SampleSchedule
 from hgorun.simulation.engine_tables import build_plan, count_steps
@@ -47,7 +46,7 @@ class Run:
         t = self.plant.model.t
         self.signals = {
             (i, k): Signal(
-                continuous_noise(s, t, self.parameters, f"noise.{channel.name}.{k}"),
+                channel.noise[k].symbol(t, self.parameters, f"noise.{channel.name}.{k}"),
                 s.multiplicative,
                 s.delay_symbol(t),
             )
@@ -109,10 +108,9 @@ class Run:
             step = min(step, 0.05 / max(rates))
         for stretches in self.experiment.stretches:
             for s in stretches:
-                for item in s.noise if s.continuous else ():
-                    for term in getattr(item, "terms", ()):
-                        if term.omega != 0:
-                            step = min(step, 2 * np.pi / abs(term.omega) / 60)
+                fastest = s.fastest() if s.continuous else 0.0
+                if fastest > 0:
+                    step = min(step, 2 * np.pi / fastest / 60)
         return step / 100 if self.solver.method == "euler" else step
 
     def _plant_kinks(self) -> np.ndarray:

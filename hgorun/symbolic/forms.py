@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import casadi as ca
 import numpy as np
@@ -52,4 +52,21 @@ class Form(Protocol):
 
     def copy(self, t: ca.SX, u: ca.SX, p: ca.SX, canonical: bool, bounds: Bounds) -> Any:
         """The copy of the plant with these inputs and parameters."""
+        ...
+
+
+@runtime_checkable
+class Redecided(Protocol):
+    """A form that tells whether other numbers lead to the same equations, without symbolic work."""
+
+    def again(self, at: np.ndarray, parameters: np.ndarray) -> Any:
+        """The form for other numbers, of the same equations; None where they may lead to others, or to none.
+
+        Parameters
+        ----------
+        at : ndarray, shape (n,)
+            The plant's initial state.
+        parameters : ndarray
+            Values of the plant's parameters.
+        """
         ...

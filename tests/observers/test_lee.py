@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from examples import simulated
 from scipy.linalg import solve_discrete_lyapunov
 
 import hgorun
@@ -22,15 +23,9 @@ SA = {"type": "hgo_sa", "eps": EPS, "gains": [2, 2]}
 def simulate(
     observer: dict[str, Any], end: float, sampling: dict[str, Any], plant: dict[str, Any] = LEE, **more: Any
 ) -> hgorun.Result:
-    config = {
-        "time": {"end": end, "output_step": 4e-4},
-        "plant": plant,
-        "measurement": {"sampling": sampling, "noise": NOISE},
-        "observers": {"o": observer},
-        "solver": {"method": "euler", "step": 1},
-        **more,
-    }
-    return hgorun.simulate(hgorun.Experiment(config, name="test"))
+    measurement = {"sampling": sampling, "noise": NOISE}
+    common = {"end": end, "output_step": 4e-4, "measurement": measurement, "solver": {"method": "euler", "step": 1}}
+    return simulated(plant, {"o": observer}, **{**common, **more})
 
 
 def lee(x: np.ndarray) -> np.ndarray:

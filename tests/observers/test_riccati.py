@@ -8,16 +8,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from examples import simulated
 
 import hgorun
 from hgorun.errors import ConfigError
 
 
 def run(plant: dict[str, Any], observer: dict[str, Any], end: float, step: float, **more: Any) -> hgorun.Result:
-    time = {"end": end, "output_step": more.pop("output_step", 0.1)}
-    solver = {"step": step, **more.pop("solver", {})}
-    config = {"time": time, "plant": plant, "observers": {"o": observer}, "solver": solver, **more}
-    return hgorun.simulate(hgorun.Experiment(config, name="test"))
+    return simulated(plant, {"o": observer}, end=end, step=step, **more)
 
 
 # ---- the oracle: plain numpy, from the mathematics alone ----

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from helpers import run
+from examples import run
 from hypothesis import given
 from hypothesis import strategies as st
 

@@ -26,8 +26,8 @@ def bode(context: Context) -> Bode:
         {
             abs(wave.omega)
             for channel in context.run.channels
-            for stretch, random in zip(channel.stretches, channel.random, strict=True)
-            for wave in NoiseTerms.of(stretch, random).waves
+            for noise in channel.noise
+            for wave in NoiseTerms.of(noise).waves
         }
     )
     speeds = [np.abs(np.linalg.eigvals(relevant(linear).A)) for linear in systems.values()]

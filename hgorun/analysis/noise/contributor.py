@@ -60,7 +60,7 @@ def _gains(context: Context, label: str, findings: Findings) -> None:
         findings.withhold(str(reason), *_NORMS, *_STEADY)
         return
     stretch = run.channels[0].stretches[-1]
-    waves = NoiseTerms.of(stretch, run.channels[0].random[-1]).waves
+    waves = NoiseTerms.of(run.channels[0].noise[-1]).waves
     if not stretch.continuous or not stretch.undelayed or not waves:
         why = "they are of sinusoids on a continuous output that is not late"
         findings.withhold(why, *_STEADY)

@@ -9,7 +9,7 @@ import numpy as np
 from hgorun.analysis.linear.linear import Linear
 from hgorun.analysis.linear.transfer import NoTheory, discrete_covariance, relevant
 from hgorun.analysis.noise.continuous import mean_squares
-from hgorun.analysis.noise.terms import NoiseTerms, aliased
+from hgorun.analysis.noise.terms import NoiseTerms, aliased, require_spectra
 
 _SHORT = 1e-9  # of a period
 
@@ -110,10 +110,9 @@ class SampledLoop:
         Raises
         ------
         NoTheory
-            For draws held longer than a period, and expressions.
+            For draws held longer than a period, and noise whose spectrum is not known.
         """
-        if any(t.other for t in terms):
-            raise NoTheory("noise given as an expression of time has no spectrum that is known")
+        require_spectra(terms)
         outputs = [i for i, t in enumerate(terms) for _ in aliased(t.waves, self.period, start)]
         waves = [w for t in terms for w in aliased(t.waves, self.period, start)]
         power = np.zeros(self.L.shape[0])

@@ -4,8 +4,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from examples import ACADEMIC, experiment
 
-from hgorun import ConfigError, Experiment
+from hgorun import ConfigError
 from hgorun.analysis.excitation.excitation import Excitation, excitation, links_along, plant_excitation
 from hgorun.analysis.excitation.gramian import gramians
 from hgorun.result.result import Result
@@ -21,13 +22,13 @@ OBSERVERS = {
 
 
 def finished(plant: dict[str, Any], observers: dict[str, Any], end: float = 30) -> tuple[Run, Result]:
-    run = prepare(Experiment({"time": {"end": end, "output_step": 0.01}, "plant": plant, "observers": observers}))
+    run = prepare(experiment(plant, observers, end=end, output_step=0.01))
     return run, perform(run)
 
 
 @pytest.fixture(scope="module")
 def academic() -> tuple[Run, Result]:
-    return finished({"type": "academic", "initial": {"x1": 1, "x2": 1, "x3": 1}}, OBSERVERS, end=60)
+    return finished(ACADEMIC, OBSERVERS, end=60)
 
 
 def looked(run: Run, label: str, result: Result, horizon: float | None = None) -> Excitation:
