@@ -19,10 +19,12 @@ class Memo(Generic[_T]):
     ----------
     size : int
         How many values are kept.
+    fits : callable, optional
+        Whether a value is small enough to be kept.
     """
 
-    def __init__(self, size: int) -> None:
-        self._size = size
+    def __init__(self, size: int, fits: Callable[[_T], bool] = lambda _: True) -> None:
+        self._size, self._fits = size, fits
         self._values: OrderedDict[Hashable, _T] = OrderedDict()
         self._lock = RLock()
 
@@ -33,7 +35,8 @@ class Memo(Generic[_T]):
                 self._values.move_to_end(key)
                 return self._values[key]
             value = make()
-            self._values[key] = value
+            if self._fits(value):
+                self._values[key] = value
             while len(self._values) > self._size:
                 self._values.popitem(last=False)
             return value
@@ -42,3 +45,18 @@ class Memo(Generic[_T]):
         """Forget everything."""
         with self._lock:
             self._values.clear()
+
+
+class Same:
+    """A thing as part of a key: equal to itself only."""
+
+    __slots__ = ("thing",)
+
+    def __init__(self, thing: object) -> None:
+        self.thing = thing
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Same) and other.thing is self.thing
+
+    def __hash__(self) -> int:
+        return id(self.thing)

@@ -10,7 +10,7 @@ import yaml
 
 import hgorun
 from hgorun import Experiment, Result
-from hgorun.simulation.run import Run
+from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import prepare
 
 Block = dict[str, Any]  # what stands below a key of the YAML file

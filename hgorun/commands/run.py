@@ -11,7 +11,7 @@ from hgorun.errors import ConfigError
 from hgorun.result.reading import read
 from hgorun.result.result import Result
 from hgorun.simulation.experiment import Experiment
-from hgorun.simulation.run import Run
+from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import perform, prepare
 from hgorun.study.loading import load, load_study, refuse_twins
 from hgorun.tables import metrics as tables
@@ -75,7 +75,7 @@ def compare(
         raise ConfigError("--analyze adds columns to text, csv and JSON; the LaTeX table has metrics only")
     if (overrides or seed is not None) and all(path.suffix.lower() in _RESULT_SUFFIXES for path in sources):
         raise ConfigError("--set and --seed change configurations; a result file stays as it is")
-    loaded: list[Result | Run] = []
+    loaded: list[Result | PreparedRun] = []
     for path in sources:
         if path.suffix.lower() in _RESULT_SUFFIXES:
             loaded.append(read(path))
@@ -107,7 +107,7 @@ def compare(
 
 def _prepared(
     configs: Sequence[Path], output: Path | None, overrides: Sequence[str], seed: int | None, run: str | None
-) -> tuple[list[Run], list[Path]]:
+) -> tuple[list[PreparedRun], list[Path]]:
     """All runs of the files, and where each result goes."""
     refuse_twins(configs)
     runs, targets = [], []
@@ -138,7 +138,7 @@ def _experiments(path: Path, overrides: Sequence[str], seed: int | None, run: st
     return single
 
 
-def execute(run: Run, quiet: bool, *, check_step: bool) -> Result:
+def execute(run: PreparedRun, quiet: bool, *, check_step: bool) -> Result:
     """Run, with progress for a person at a terminal."""
     show = not quiet and sys.stderr.isatty()
 
@@ -159,7 +159,7 @@ def warn(result: Result) -> None:
             print(f"hgorun: {result.name}: observer {label} {observer.status}", file=sys.stderr)
 
 
-def _predicted(sources: Sequence[Run | Result], results: Sequence[Result]) -> list[tables.Predicted]:
+def _predicted(sources: Sequence[PreparedRun | Result], results: Sequence[Result]) -> list[tables.Predicted]:
     """What theory says of configurations; nothing of result files, which hold no equations."""
     from hgorun.analysis.report import analysis_of
 

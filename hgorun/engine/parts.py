@@ -167,7 +167,7 @@ def _add_jump(m: Module, number: int) -> None:
     tau, new = f.slot("double", emitted.clocked * m.lanes), f.slot("double", (stop - start) * m.lanes)
     emitted.clock(f, "%t", p, c, tau)
     emitted.main(f, p, c, tau, z, w, new)
-    observers = [j for j, block in enumerate(m.system.blocks) if block[0] == start]  # none: the plant
+    observers = [j for j, block in enumerate(m.system.blocks) if block[0] <= start < block[2]]  # none: the plant
     with f.count(0, m.lanes) as lane:
         alive = "true"
         if observers:

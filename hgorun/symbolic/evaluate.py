@@ -6,6 +6,7 @@ long as the evaluation itself. Here a function reads NumPy's memory and writes i
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
 
 import casadi as ca
@@ -13,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hgorun.config.expressions import parse
+from hgorun.memo import Memo, Same
 
 Floats = NDArray[np.float64]
 
@@ -35,19 +37,53 @@ def evaluate(function: ca.Function, *arguments: ArrayLike) -> list[Floats]:
     """
     arrays = [np.ascontiguousarray(argument, dtype=float) for argument in arguments]
     points = next((len(a) for a in arrays if a.ndim == 2), 1)
+    for i, array in enumerate(arrays):
+        if array.size != function.nnz_in(i) * (points if array.ndim == 2 else 1):
+            raise ValueError(f"argument {i} of {function}: {array.shape} does not fit")
     results = [np.zeros((points, function.nnz_out(i))) for i in range(function.n_out())]
-    if points:
-        mapped = function.map(points) if points > 1 else function
-        buffer, call = mapped.buffer()
-        spread = [a if a.ndim == 2 or points == 1 else np.tile(a.ravel(), (points, 1)) for a in arrays]
-        for i, array in enumerate(spread):
-            if array.size != points * function.nnz_in(i):
-                raise ValueError(f"argument {i} of {function}: {array.shape} does not fit")
+    if points == 1:
+        _call(function, arrays, results)
+    else:
+        _in_pieces(function, arrays, results, points)
+    return [_shaped(function.sparsity_out(i), array) for i, array in enumerate(results)]
+
+
+_PIECE = 128  # points that are evaluated in one call: CasADi takes microseconds a point to prepare one
+_MAPPED: Memo[ca.Function] = Memo(64)
+
+
+def _call(function: ca.Function, arrays: Sequence[Floats], results: Sequence[Floats]) -> None:
+    buffer, call = function.buffer()
+    for i, array in enumerate(arrays):
+        buffer.set_arg(i, memoryview(array))
+    for i, array in enumerate(results):
+        buffer.set_res(i, memoryview(array))
+    call()
+
+
+def _in_pieces(function: ca.Function, arrays: Sequence[Floats], results: Sequence[Floats], points: int) -> None:
+    """Many points, a fixed number at a time; the last piece is filled up with zeros."""
+    mapped = _MAPPED.get(Same(function), lambda: function.map(_PIECE))
+    buffer, call = mapped.buffer()
+    inside = [a if a.ndim == 2 else np.tile(a.ravel(), (_PIECE, 1)) for a in arrays]
+    whole = points - points % _PIECE
+    for start in range(0, points, _PIECE):
+        rest = start == whole
+        given = [_piece(a, start, rest) if old.ndim == 2 else a for a, old in zip(inside, arrays, strict=True)]
+        found = [np.zeros((_PIECE, r.shape[1])) if rest else r[start : start + _PIECE] for r in results]
+        for i, array in enumerate(given):
             buffer.set_arg(i, memoryview(array))
-        for i, array in enumerate(results):
+        for i, array in enumerate(found):
             buffer.set_res(i, memoryview(array))
         call()
-    return [_shaped(function.sparsity_out(i), array) for i, array in enumerate(results)]
+        if rest:
+            for result, array in zip(results, found, strict=True):
+                result[start:] = array[: points - start]
+
+
+def _piece(array: Floats, start: int, rest: bool) -> Floats:
+    part = array[start : start + _PIECE]
+    return np.concatenate([part, np.zeros((_PIECE - len(part), part.shape[1]))]) if rest else part
 
 
 def at(function: ca.Function, *arguments: ArrayLike) -> list[Floats]:

@@ -19,7 +19,7 @@ from hgorun.analysis.noise.prediction import measured_noise, noise_free, noise_p
 from hgorun.analysis.noise.sampled import SampledLoop
 from hgorun.analysis.noise.terms import NoiseTerms
 from hgorun.noise.base import Draws, Wave
-from hgorun.simulation.run import Run
+from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import prepare
 
 

@@ -14,7 +14,7 @@ from hgorun.analysis.stability.critical import (
 )
 from hgorun.analysis.stability.growth import growth
 from hgorun.result.result import Result
-from hgorun.simulation.run import Run
+from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import perform, prepare
 
 CHAIN = chain(3, start=0)
@@ -30,7 +30,7 @@ def value(limit: Any) -> float:
     return float(limit.value)
 
 
-def decay(run: Run, label: str) -> float:
+def decay(run: PreparedRun, label: str) -> float:
     """Logarithm of the error's growth over the second half of a run, envelope against envelope."""
     result = perform(run)
     xhat = result.observers[label].xhat
