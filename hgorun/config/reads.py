@@ -65,6 +65,6 @@ class _Watched:
             return MethodType(found, self)
         if isinstance(found, property):
             return cast(Callable[[Any], Any], found.fget)(self)
-        if found is None or hasattr(found, "__get__") and not isinstance(found, (staticmethod, classmethod, type)):
+        if found is None or (hasattr(found, "__get__") and not isinstance(found, (staticmethod, classmethod, type))):
             keys.update(cls.model_fields)  # something else than methods and properties: it may read anything
         return getattr(block, name)

@@ -5,12 +5,32 @@ from __future__ import annotations
 from typing import Any, TypeVar
 
 from pydantic import ValidationError
+from pydantic_core import ErrorDetails
 
 from hgorun.config.types import Block, describe
 from hgorun.config.yaml_source import Source
 from hgorun.errors import ConfigError
 
 _B = TypeVar("_B", bound=Block)
+
+_OUR_OWN = frozenset({"unknown_key", "no_value", "not_a_mapping", "unknown_type"})  # with messages of ours
+_EXPECTED = {
+    "bool_parsing": "true or false",
+    "bool_type": "true or false",
+    "dict_type": "a mapping",
+    "float_type": "a number",
+    "greater_than": "a number above {gt}",
+    "greater_than_equal": "a number of at least {ge}",
+    "int_from_float": "a whole number",
+    "int_type": "a whole number",
+    "less_than": "a number below {lt}",
+    "less_than_equal": "a number of at most {le}",
+    "list_type": "a list",
+    "literal_error": "{expected}",
+    "string_type": "text",
+    "too_long": "a list of at most {max_length}",
+    "tuple_type": "a list",
+}
 
 
 def validate(model: type[_B], data: Any, source: Source, path: tuple[str | int, ...]) -> _B:
@@ -44,14 +64,20 @@ def _known_path(source: Source, path: tuple[str | int, ...], location: tuple[str
     return path
 
 
-def _sentence(item: Any) -> str:
-    kind, message = item["type"], str(item["msg"])
+def _sentence(item: ErrorDetails) -> str:
+    """What is wrong, by the type of the error: pydantic's sentences change between its versions."""
+    kind, found = item["type"], item["input"]
     if kind == "missing":
-        return "this key is missing"
+        last = item["loc"][-1]
+        return "this key is missing" if isinstance(last, str) else _too_few(found, last + 1)
     if kind == "value_error":
-        return message.removeprefix("Value error, ")
-    if kind in ("unknown_key", "no_value", "not_a_mapping", "unknown_type"):
-        return message
-    if kind in ("tuple_type", "dict_type", "list_type"):
-        return f"expected {'a mapping' if kind == 'dict_type' else 'a list'}, found {describe(item['input'])}"
-    return f"{message[0].lower()}{message[1:]}, found {describe(item['input'])}"
+        return str(item["ctx"]["error"])
+    if kind in _OUR_OWN:
+        return item["msg"]
+    expected = _EXPECTED.get(kind, "another value").format_map(item.get("ctx", {}))
+    return f"expected {expected}, found {describe(found)}"
+
+
+def _too_few(found: Any, least: int) -> str:
+    count = len(found) if isinstance(found, (list, tuple)) else 0
+    return f"expected a list of at least {least}, found {count}"

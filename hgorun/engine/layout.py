@@ -27,7 +27,6 @@ TAKE, ARRIVE, RECORD, SET, REBASE, JUMP = range(6)
 DONE, PLANT_DIVERGED, HISTORY_TOO_SHORT, STEP_TOO_SMALL, PAUSED = range(5)
 
 
-
 @dataclass(frozen=True)
 class Held:
     """Where everything lies in w, the vector of what changes at events only.

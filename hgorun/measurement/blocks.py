@@ -63,14 +63,14 @@ def _noise(value: Any) -> Any:
     """One item of noise, checked by the class that its type names."""
     if isinstance(value, Noise):
         return value
-    known = NOISE.names()
     if not isinstance(value, dict):
-        raise ValueError(f"expected a mapping with type: {', '.join(known)}; found {describe(value)}")
+        raise ValueError(f"expected a mapping with type: {', '.join(NOISE.names())}; found {describe(value)}")
     if "type" not in value:
-        raise ValueError(f"type is missing; one of {', '.join(known)}")
+        raise ValueError(f"type is missing; one of {', '.join(NOISE.names())}")
     try:
         cls = NOISE.find(str(value["type"]))
     except KeyError:
+        known = NOISE.names()
         raise PydanticCustomError(
             "unknown_type",
             "no noise is called {name}.{hint} Known: {known}",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable
 from dataclasses import dataclass
 from functools import cached_property
 from hashlib import blake2b
@@ -128,13 +128,13 @@ def find_channels(
     outputs: tuple[str, ...],
     time: Time,
     seed: int,
-    mean_squares: Sequence[float] | None,
+    mean_squares: np.ndarray | None,
 ) -> list[Channel]:
     """Samples and noise of every output.
 
     Parameters
     ----------
-    mean_squares : sequence of float or None
+    mean_squares : ndarray or None, shape (q,)
         Of the noise-free outputs over the run; needed where the size of some noise is relative to them.
     """
     left = time.max_memory
@@ -144,7 +144,7 @@ def find_channels(
             left -= _held_bytes(stretch, time, left)
         samples = find_samples(stretches, time.start, seed, name, int(left / SAMPLE_BYTES))
         left -= samples.arrival.size * SAMPLE_BYTES
-        size = np.nan if mean_squares is None else mean_squares[i]
+        size = np.nan if mean_squares is None else float(mean_squares[i])
         noise = [
             StretchNoise(s, absolute(s.noise, size), seed, f"{name}/{k}", time.start, time.end)
             for k, s in enumerate(stretches)

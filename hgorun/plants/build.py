@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from types import SimpleNamespace
 
 import casadi as ca
@@ -17,8 +18,6 @@ from hgorun.memo import Memo
 from hgorun.plants.base import Plant
 from hgorun.symbolic.plant import PlantModel
 
-Map = Callable[[ca.SX, ca.SX], ca.SX]
-
 
 @dataclass(frozen=True, eq=False)
 class SymbolicPlant:
@@ -27,14 +26,21 @@ class SymbolicPlant:
     Attributes
     ----------
     model : PlantModel
-        Its p holds the parameters, then the numbers written in the expressions of inputs and disturbance.
+    numbers : casadi.SX
+        Symbols for the numbers written in the expressions of inputs and disturbance.
     inputs, disturbance : casadi.SX
-        u(t) and what is added to x', as expressions of the model's t and p.
+        u(t) and what is added to x', as expressions of the model's t and p and of the numbers.
     """
 
     model: PlantModel
+    numbers: ca.SX
     inputs: ca.SX
     disturbance: ca.SX
+
+    @property
+    def everything(self) -> ca.SX:
+        """All that is a number in a run: the model's p, then the numbers."""
+        return ca.vertcat(self.model.p, self.numbers)
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,13 +50,14 @@ class BuiltPlant:
     Attributes
     ----------
     symbolic : SymbolicPlant
-    parameters, initial : ndarray
-        Values of the model's p, and x(start), shape (n,).
+    parameters, numbers, initial : ndarray
+        Values of the model's p and of the numbers in the expressions, and x(start), shape (n,).
     """
 
     block: Plant
     symbolic: SymbolicPlant
     parameters: np.ndarray
+    numbers: np.ndarray
     initial: np.ndarray
 
     @property
@@ -59,14 +66,19 @@ class BuiltPlant:
         return self.symbolic.model
 
     @property
+    def everything(self) -> np.ndarray:
+        """Values of :attr:`SymbolicPlant.everything`."""
+        return np.concatenate([self.parameters, self.numbers])
+
+    @cached_property
     def inputs(self) -> ca.SX:
         """u(t), an expression of the model's t and p."""
-        return self.symbolic.inputs
+        return ca.substitute(self.symbolic.inputs, self.symbolic.numbers, ca.SX(ca.DM(self.numbers)))
 
-    @property
+    @cached_property
     def disturbance(self) -> ca.SX:
         """What is added to x', an expression of the model's t and p."""
-        return self.symbolic.disturbance
+        return ca.substitute(self.symbolic.disturbance, self.symbolic.numbers, ca.SX(ca.DM(self.numbers)))
 
     @property
     def units(self) -> dict[str, str]:
@@ -132,7 +144,9 @@ def build_plant(block: Plant) -> BuiltPlant:
     known = (*values, "t")
     signals = (
         _signals("inputs", _ordered(("plant", "inputs"), block.inputs, known)),
-        _signals("disturbance", [(s, _read(("plant", "disturbance", s), t, known)) for s, t in block.disturbance.items()]),
+        _signals(
+            "disturbance", [(s, _read(("plant", "disturbance", s), t, known)) for s, t in block.disturbance.items()]
+        ),
     )
     key = type(block), states, outputs, inputs, tuple(values), *(s.templates for s in signals)
     bucket = _BUILT.get(key, list)
@@ -142,9 +156,13 @@ def build_plant(block: Plant) -> BuiltPlant:
         symbolic = _symbolic(block, reads.watched, tuple(values), *signals)
         bucket.append((reads, symbolic))
         del bucket[:-_BUCKET]
-    numbers = [*values.values(), *(v for s in signals for part in s.numbers for v in part)]
+    numbers = [v for s in signals for part in s.numbers for v in part]
     return BuiltPlant(
-        block, symbolic, np.array(numbers, dtype=float), np.array([block.initial[s] for s in states], dtype=float)
+        block,
+        symbolic,
+        np.array(list(values.values()), dtype=float),
+        np.array(numbers, dtype=float),
+        np.array([block.initial[s] for s in states], dtype=float),
     )
 
 
@@ -153,31 +171,29 @@ def _symbolic(
 ) -> SymbolicPlant:
     states, outputs, input_names = block.state_names, block.output_names, block.input_names
     t = ca.SX.sym("t")
-    everything = (*parameters, *inputs.names, *disturbance.names)
-    x, u, p = (ca.vertcat(*[ca.SX.sym(n) for n in names]) for names in (states, input_names, everything))
+    x, u, p, numbers = (
+        ca.vertcat(*[ca.SX.sym(n) for n in names])
+        for names in (states, input_names, parameters, (*inputs.names, *disturbance.names))
+    )
     spaces = [
-        SimpleNamespace(**dict(zip(names, ca.vertsplit(v) if v.numel() else [], strict=False)))
+        SimpleNamespace(**dict(zip(names, ca.vertsplit(v) if v.numel() else [], strict=True)))
         for names, v in ((states, x), (input_names, u), (parameters, p))
     ]
     dynamics, output = _equations(block, watched, t, *spaces)
     transform, untransform = watched.triangular_coordinates or (None, None)
-    maps = (_of_parameters(f, len(parameters)) for f in (watched.inverse, transform, untransform))
-    model = PlantModel(states, outputs, input_names, everything, t, x, u, p, dynamics, output, *maps)
+    model = PlantModel(
+        states, outputs, input_names, parameters, t, x, u, p, dynamics, output, watched.inverse, transform, untransform
+    )
     symbols = {**vars(spaces[2]), "t": t}
-    first = len(parameters)
-    second = first + len(inputs.names)
-    found = inputs.symbols(symbols, p[first:second], chained=True)
-    pushed = disturbance.symbols(symbols, p[second:], chained=False)
+    first = len(inputs.names)
+    found = inputs.symbols(symbols, numbers[:first], chained=True)
+    pushed = disturbance.symbols(symbols, numbers[first:], chained=False)
     return SymbolicPlant(
         model,
+        numbers,
         ca.vertcat(*[found[name] for name in input_names]) if input_names else ca.SX(0, 1),
         ca.vertcat(*[pushed.get(state, ca.SX(0)) for state in states]),
     )
-
-
-def _of_parameters(function: Map | None, count: int) -> Map | None:
-    """A plant's map of (z, parameters) as one of the whole vector p."""
-    return None if function is None else lambda z, p: function(z, p[:count])
 
 
 def _signals(key: str, expressions: list[tuple[str, Expression]]) -> _Signals:

@@ -14,7 +14,7 @@ from hgorun.config.validation import validate
 from hgorun.config.yaml_source import Source
 from hgorun.errors import ConfigError
 from hgorun.measurement.blocks import Measurement
-from hgorun.observers.base import OBSERVERS, Observer
+from hgorun.observers.base import OBSERVERS, AnyObserver
 from hgorun.plants.base import PLANTS, Plant
 from hgorun.plants.inline import InlinePlant
 from hgorun.registry import Registry
@@ -29,7 +29,7 @@ class Checked:
     blocks: Blocks
     plant: Plant
     measurement: Measurement
-    observers: dict[str, Observer]
+    observers: dict[str, AnyObserver]
 
 
 def check(source: Source) -> Checked:
@@ -127,7 +127,7 @@ def _plant(blocks: Blocks, source: Source) -> Plant:
     return validate(cls, block, source, ("plant",))
 
 
-def _observer(label: str, block: dict[str, Any], source: Source) -> Observer:
+def _observer(label: str, block: dict[str, Any], source: Source) -> AnyObserver:
     path = ("observers", label)
     file, line = source.where(path)
     if not label or "/" in label or "." in label:

@@ -9,7 +9,7 @@ from hgorun.errors import Problem
 from hgorun.measurement.availability import Stretch
 from hgorun.measurement.blocks import Steps
 from hgorun.measurement.schedule import continuous_delays
-from hgorun.observers.base import SampleSchedule
+from hgorun.observers.base import SampledObserver, SampleSchedule
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.tables import count_steps
 from hgorun.symbolic.evaluate import at
@@ -79,7 +79,7 @@ def _check_memory(run: PreparedRun) -> None:
 
 def _check_jumps(run: PreparedRun) -> None:
     """What is stepped at samples needs all outputs sampled, together and in time."""
-    stepped = [("observers", b.label) for b in run.observers if b.observer.discrete]
+    stepped = [("observers", b.label) for b in run.observers if isinstance(b.observer, SampledObserver)]
     if run.plant.block.discretise:
         stepped.insert(0, ("plant", "discretise"))
     if not stepped:
@@ -103,7 +103,7 @@ def _check_schedules(run: PreparedRun, intervals: np.ndarray) -> None:
     steps = sampling.steps if isinstance(sampling, Steps) and len(stretches) == 1 else None
     schedule = SampleSchedule(intervals, steps, stretches[0].paths["sampling"])
     for b in run.observers:
-        if b.observer.discrete:
+        if isinstance(b.observer, SampledObserver):
             try:
                 b.observer.check_samples(b.form, schedule)
             except Problem as problem:

@@ -16,9 +16,10 @@ from hgorun.config.yaml_source import Source, parse
 from hgorun.errors import ConfigError, Problem
 from hgorun.measurement.availability import Stretch, resolve
 from hgorun.measurement.blocks import Measurement
-from hgorun.observers.base import Observer
+from hgorun.observers.base import AnyObserver
 from hgorun.plants.base import Plant
 from hgorun.plants.build import BuiltPlant, build_plant
+from hgorun.result.windows import points_in
 from hgorun.simulation.blocks import Checked, check, check_again, resolved
 from hgorun.simulation.forms import form_of
 from hgorun.simulation.observer_block import Design
@@ -65,9 +66,7 @@ class Experiment:
         """Turn a problem at a key into an error that names file, line and key."""
         return self.source.located()
 
-    def varied(
-        self, changes: Mapping[str, Any], *, seed: int | None = None, name: str | None = None
-    ) -> Experiment:
+    def varied(self, changes: Mapping[str, Any], *, seed: int | None = None, name: str | None = None) -> Experiment:
         """The same experiment, but for some values.
 
         Only what has changed is checked again, and runs of equal structure share their compiled code.
@@ -136,7 +135,7 @@ class Experiment:
         return self._checked.measurement
 
     @property
-    def observers(self) -> dict[str, Observer]:
+    def observers(self) -> dict[str, AnyObserver]:
         """The blocks of the observers by their labels."""
         return self._checked.observers
 
@@ -230,10 +229,10 @@ class Experiment:
                     f"time.max_memory allows {time.max_memory / 2**30:.3g} GiB",
                 )
             points = time.start + np.arange(int(count)) * fine
+            measured = points[:: ratios[1]]
             for key in ("window", "transient"):
                 window = getattr(self.blocks.metrics, key)
-                slack = 1e-9 * fine
-                if window is not None and not np.any((points >= window[0] - slack) & (points <= window[1] + slack)):
+                if window is not None and measured[points_in(measured, window)].size == 0:
                     raise Problem(("metrics", key), f"no output point lies in [{window[0]:g}, {window[1]:g}]")
         return points, ratios[0], ratios[1]
 

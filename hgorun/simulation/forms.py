@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
-
 from hgorun.errors import NotObservableForm, Problem
 from hgorun.memo import Memo
-from hgorun.observers.base import Observer
+from hgorun.observers.base import AnyObserver
 from hgorun.plants.build import BuiltPlant
-from hgorun.symbolic.forms import Form, Redecided
+from hgorun.symbolic.forms import Form, FormFinder, Redecided
 
 _FOUND: Memo[list[Form]] = Memo(256)  # by plant and function
 _DECIDED: Memo[tuple[Form, Form]] = Memo(256)  # by numbers, too
 _KEPT = 8  # forms of one plant and function
 
 
-def form_of(plant: BuiltPlant, label: str, observer: Observer) -> tuple[Form, Form]:
+def form_of(plant: BuiltPlant, label: str, observer: AnyObserver) -> tuple[Form, Form]:
     """The form that an observer needs, and the one that was first found: of the same equations, but other numbers.
 
     Raises
@@ -24,7 +21,7 @@ def form_of(plant: BuiltPlant, label: str, observer: Observer) -> tuple[Form, Fo
     Problem
         When the plant is not in the observer's class.
     """
-    function: Callable[..., Any] = observer.form
+    function = observer.form
     known = plant.symbolic, function
     numbers = plant.initial.tobytes(), plant.parameters.tobytes()
     try:
@@ -34,7 +31,7 @@ def form_of(plant: BuiltPlant, label: str, observer: Observer) -> tuple[Form, Fo
         raise Problem(("plant",), f"{error}; {asked}") from error
 
 
-def _decide(plant: BuiltPlant, function: Callable[..., Any], origins: list[Form]) -> tuple[Form, Form]:
+def _decide(plant: BuiltPlant, function: FormFinder, origins: list[Form]) -> tuple[Form, Form]:
     for origin in origins:
         form = origin.again(plant.initial, plant.parameters) if isinstance(origin, Redecided) else None
         if form is not None:

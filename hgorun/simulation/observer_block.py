@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, replace
-from types import SimpleNamespace
-from typing import Any, cast
+from typing import cast
 
 import casadi as ca
 import numpy as np
 
 from hgorun.errors import Problem
 from hgorun.memo import Same
-from hgorun.observers.base import Observer
-from hgorun.symbolic.forms import Form
+from hgorun.observers.base import AnyObserver, ContinuousObserver, Flow, Sample, SampledObserver
+from hgorun.symbolic.forms import Copy, Form, ModelCopy
 from hgorun.symbolic.parameters import Parameters, flat
 from hgorun.symbolic.states import StateBlock, Symmetric
+from hgorun.symbolic.symbols import Symbols
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,14 +34,14 @@ class Design:
     """
 
     label: str
-    observer: Observer
+    observer: AnyObserver
     form: Form
     origin: Form
-    gains: dict[str, np.ndarray]
+    gains: Mapping[str, np.ndarray]
     defaults: dict[str, np.ndarray | Symmetric]
 
     @classmethod
-    def of(cls, label: str, observer: Observer, form: Form, origin: Form | None = None) -> Design:
+    def of(cls, label: str, observer: AnyObserver, form: Form, origin: Form | None = None) -> Design:
         """Design the gains.
 
         Raises
@@ -53,9 +53,7 @@ class Design:
         for key, known in (("initial", form.plant.states), ("saturation", form.saturable(canonical))):
             for name in getattr(observer, key):
                 if not known:
-                    raise Problem(
-                        ("observers", label, key), f"{observer.type} has no state that could be given here"
-                    )
+                    raise Problem(("observers", label, key), f"{observer.type} has no state that could be given here")
                 if name not in known:
                     raise Problem(
                         ("observers", label, key), f"unknown state {name!r}; here they are {', '.join(known)}"
@@ -113,9 +111,8 @@ class Design:
             for name, value in self.defaults.items()
         )
         observer = self.observer
-        return (
-            self.label, type(observer), Same(self.origin), observer.coordinates, tuple(observer.saturation), gains, states
-        )  # fmt: skip
+        own = self.label, type(observer), observer.coordinates, tuple(observer.saturation)
+        return own, Same(self.origin), gains, states
 
     @property
     def numbers(self) -> np.ndarray:
@@ -135,7 +132,7 @@ class ObserverBlock:
         xhat, the observer's own states, and alpha where the measurement needs it.
     start : int
         The first of its states in z.
-    k : namespace of casadi.SX
+    k : Symbols
         Symbols for the numbers of the design.
     bounds : dict of str to (casadi.SX, casadi.SX)
         Symbols for the saturation.
@@ -144,17 +141,17 @@ class ObserverBlock:
     """
 
     label: str
-    observer: Observer
+    observer: AnyObserver
     form: Form
     start: int
     states: dict[str, StateBlock]
-    k: SimpleNamespace
+    k: Symbols
     bounds: dict[str, tuple[ca.SX, ca.SX]]
-    design: dict[str, np.ndarray]
+    design: Mapping[str, np.ndarray]
 
     @classmethod
     def place(
-        cls, design: Design, start: int, has_alpha: bool, parameters: Parameters, observer: Observer | None = None
+        cls, design: Design, start: int, has_alpha: bool, parameters: Parameters, observer: AnyObserver | None = None
     ) -> ObserverBlock:
         """Give an observer its place and its parameters.
 
@@ -164,7 +161,7 @@ class ObserverBlock:
             Whose equations are taken, in place of the design's own.
         """
         label = design.label
-        k = SimpleNamespace(**{n: parameters.add(f"{label}.{n}", v) for n, v in design.gains.items()})
+        k = Symbols({n: parameters.add(f"{label}.{n}", v) for n, v in design.gains.items()})
         bounds = {}
         for state, interval in design.observer.saturation.items():
             both = parameters.add(f"{label}.sat.{state}", interval)
@@ -197,9 +194,9 @@ class ObserverBlock:
         """[start, stop) is watched for divergence; [stop, end) is alpha."""
         return self.states["alpha"].start if "alpha" in self.states else self.end
 
-    def symbols(self, z: ca.SX) -> SimpleNamespace:
+    def symbols(self, z: ca.SX) -> Symbols:
         """The observer's states as parts of z, in their shapes."""
-        return SimpleNamespace(**{name: block.symbol(z) for name, block in self.states.items()})
+        return Symbols({name: block.symbol(z) for name, block in self.states.items()})
 
     def guess(self, t: ca.SX, u: ca.SX, p: ca.SX, z: ca.SX) -> ca.SX:
         """C xhat."""
@@ -211,19 +208,38 @@ class ObserverBlock:
 
     def flow(self, t: ca.SX, u: ca.SX, p: ca.SX, z: ca.SX, e: ca.SX) -> ca.SX:
         """d/dt of the block, alpha' = -c last."""
-        flow = self.observer.equations(self.copy(t, u, p), self.symbols(z), e, self.k)
-        derivatives = dict(flow.derivatives)
+        derivatives, correction = self.equations(self.copy(t, u, p), self.symbols(z), e)
         if "alpha" in self.states:
-            derivatives["alpha"] = -flow.correction
+            derivatives["alpha"] = -correction
         return ca.vertcat(*[block.flat(derivatives[name]) for name, block in self.states.items()])
 
-    def jump(self, t: ca.SX, u: ca.SX, u_before: ca.SX, p: ca.SX, z: ca.SX, sample: SimpleNamespace) -> ca.SX:
+    def equations(self, copy: Copy, s: Symbols, e: ca.SX) -> tuple[dict[str, ca.SX], ca.SX]:
+        """The derivatives of xhat and the observer's own states, and the correction c, shape (q,)."""
+        if not isinstance(self.observer, ContinuousObserver):  # it holds between samples
+            still = {name: ca.SX.zeros(*value.shape) for name, value in vars(s).items() if name != "alpha"}
+            return still, ca.SX.zeros(e.shape)
+        flow = self.observer.equations(copy, s, e, self.k)
+        correction = self._felt(copy, s.xhat, flow) if flow.correction is None else flow.correction
+        return dict(flow.derivatives), correction
+
+    def _felt(self, copy: Copy, xhat: ca.SX, flow: Flow) -> ca.SX:
+        """C_x (copy(xhat) - xhat'): what the outputs of the estimate feel beside the copy of the plant."""
+        if not isinstance(copy, ModelCopy):
+            raise Problem(
+                ("observers", self.label, "type"),
+                f"{type(self.observer).__name__} has no copy of the plant: the Flow of its equations has to give "
+                "its correction",
+            )
+        return ca.jtimes(copy.output(xhat), xhat, copy.copy(xhat) - flow.derivatives["xhat"])
+
+    def jump(self, t: ca.SX, u: ca.SX, u_before: ca.SX, p: ca.SX, z: ca.SX, sample: Sample) -> ca.SX:
         """What the block becomes when a sample arrives."""
         plant, before = self.copy(t, u, p), self.copy(t - sample.interval, u_before, p)
         s = self.symbols(z)
+        assert isinstance(self.observer, SampledObserver)
         values = {**vars(s), **self.observer.jump(plant, before, s, sample, self.k)}
         return ca.vertcat(*[block.flat(values[name]) for name, block in self.states.items()])
 
-    def copy(self, t: ca.SX, u: ca.SX, p: ca.SX) -> Any:
+    def copy(self, t: ca.SX, u: ca.SX, p: ca.SX) -> Copy:
         """The plant as the observer copies it."""
         return self.form.copy(t, u, p, self.canonical, self.bounds)

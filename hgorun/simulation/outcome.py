@@ -13,8 +13,9 @@ from hgorun.measurement.schedule import nearest_event
 from hgorun.measurement.signals import noise_at
 from hgorun.memo import Memo
 from hgorun.result.data import Measurements, ObserverResult
-from hgorun.result.metrics import Windows, measure
+from hgorun.result.measure import measure
 from hgorun.result.result import Result
+from hgorun.result.windows import MetricSettings
 from hgorun.simulation.prepared import PreparedRun
 
 _INPUTS: Memo[np.ndarray] = Memo(8, lambda u: u.size < 1_000_000)
@@ -31,8 +32,9 @@ def record(run: PreparedRun, raw: Raw) -> Result:
     y = structure.outputs.along(grid, numbers.p, rows[shown])
     x = rows[:, : model.n]
     estimates = [readout.along(run.grid, numbers.p, rows) for readout in structure.estimates]
-    windows = Windows.of(blocks.metrics, run.time)
-    measured = _metrics(run.grid[metric], x[metric], [xhat[metric] for xhat in estimates], windows)
+    settings = MetricSettings.of(blocks.metrics, run.time)
+    measured = {b.label: xhat[metric] for b, xhat in zip(numbers.observers, estimates, strict=True)}
+    metrics = measure(run.grid[metric], x[metric], measured, settings)
     found = {}
     for j, (b, xhat) in enumerate(zip(numbers.observers, estimates, strict=True)):
         lost_at = float(raw.diverged[j, 0])
@@ -43,7 +45,7 @@ def record(run: PreparedRun, raw: Raw) -> Result:
             gains={name: np.asarray(value).tolist() for name, value in b.design.items()},
             dimension=sum(st.size for name, st in b.states.items() if name != "alpha"),
             diverged_at=lost_at if np.isfinite(lost_at) else None,
-            metrics=measured[j],
+            metrics=metrics[b.label],
         )
     embedded = None
     if METHODS[run.solver.method].error:
@@ -65,33 +67,16 @@ def record(run: PreparedRun, raw: Raw) -> Result:
         config=run.experiment.text,
         resolved=run.experiment.resolved_text(),
         seed=blocks.seed,
-        windows=asdict(windows),
+        windows=asdict(settings),
         integration_error=embedded,
     )
 
 
 def _inputs(run: PreparedRun, times: np.ndarray) -> np.ndarray:
     """u(t), which does not depend on what the observers do."""
-    key = run.structure.groups[0].truth.plant, run.plant.parameters.tobytes(), times.tobytes()
+    key = run.structure.groups[0].truth.plant, run.plant.everything.tobytes(), times.tobytes()
     nothing = np.zeros(run.structure.system.states)
     return _INPUTS.get(key, lambda: run.structure.inputs.along(times, run.numbers.p, nothing))
-
-
-def _metrics(
-    t: np.ndarray, x: np.ndarray, estimates: list[np.ndarray], windows: Windows
-) -> list[dict[str, np.ndarray]]:
-    """The metrics of every estimate.
-
-    Each state has its own, so those of all estimates that are numbers are taken in one go. A single column is
-    summed in another order than several beside each other: with one state they are taken one by one.
-    """
-    n, found = x.shape[1], {}
-    whole = [j for j, xhat in enumerate(estimates) if n > 1 and np.all(np.isfinite(xhat))]
-    if len(whole) > 1:
-        together = measure(t, np.tile(x, (1, len(whole))), np.hstack([estimates[j] for j in whole]), windows)
-        for i, j in enumerate(whole):
-            found[j] = {name: values[i * n : (i + 1) * n] for name, values in together.items()}
-    return [found[j] if j in found else measure(t, x, xhat, windows) for j, xhat in enumerate(estimates)]
 
 
 def _measurements(run: PreparedRun, raw: Raw, grid: np.ndarray, y: np.ndarray) -> Measurements:

@@ -23,14 +23,14 @@ _PROGRAMS: Memo[tuple[Program, ca.Function]] = Memo(16)
 
 def plant_kinks(plant: BuiltPlant, time: Time, points: int) -> np.ndarray:
     """Kinks of the plant's equations, inputs and disturbances at times that do not depend on its state."""
-    model, u = plant.model, plant.inputs
+    symbolic, model = plant.symbolic, plant.model
 
     def find() -> Kinks:
-        functions = [u, plant.disturbance]
-        functions += [function(model.t, model.x, u, model.p) for function in (model.f, model.h)]
-        return Kinks.of(functions, model.t, model.p)
+        functions = [symbolic.inputs, symbolic.disturbance]
+        functions += [function(model.t, model.x, symbolic.inputs, model.p) for function in (model.f, model.h)]
+        return Kinks.of(functions, model.t, symbolic.everything)
 
-    return _KINKS.get(plant.symbolic, find).between(plant.parameters, time.start, time.end, points)
+    return _KINKS.get(symbolic, find).between(plant.everything, time.start, time.end, points)
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ class PlantRun:
             spans=spans, counts=counts, actions=np.zeros((0, 5), dtype=np.int64), grid=np.append(times, end), slots=0,
             gain=nothing, bias=nothing, holds=nothing,
         )  # fmt: skip
-        n, parameters = self.plant.model.n, self.plant.parameters
+        n, parameters = self.plant.model.n, self.plant.everything
         z0 = np.concatenate([self.plant.initial, np.zeros(len(self.plant.model.outputs))])
         rows = program.run(plan, Start(z0[:, None], parameters[:, None])).rows[:, :, 0]
         (y,) = evaluate(output, plan.grid[:, None], parameters, rows)
@@ -86,8 +86,9 @@ def _compiled(plant: SymbolicPlant) -> tuple[Program, ca.Function]:
     x = z[: model.n]
     y = model.h(model.t, x, plant.inputs, model.p)
     dx = model.f(model.t, x, plant.inputs, model.p) + plant.disturbance
-    arguments = [model.t, model.p, z, w]
+    p = plant.everything
+    arguments = [model.t, p, z, w]
     flow = ca.Function("flow", arguments, [ca.densify(ca.cse(ca.vertcat(dx, y * y)))])
     nothing = ca.Function("nothing", arguments, [ca.SX(0, 1)])
-    system = HybridSystem(size, model.n, model.p.numel(), held, (), (), (Regime(flow),), nothing, nothing)
-    return Program(system, "rk4"), ca.Function("y", [model.t, model.p, z], [ca.densify(y)])
+    system = HybridSystem(size, model.n, p.numel(), held, (), (), (Regime(flow),), nothing, nothing)
+    return Program(system, "rk4"), ca.Function("y", [model.t, p, z], [ca.densify(y)])

@@ -58,7 +58,7 @@ def _prepared(experiment: Experiment) -> PreparedRun:
     designs = list(experiment.designs.values())
     stepped = plant.block.discretise == "euler"
     truth = _TRUTHS.get((plant.symbolic, stepped), lambda: SimulatedPlant(plant.symbolic, stepped))
-    structure = structure_of([truth], [designs], stretches, schedule.variants, plant.parameters)
+    structure = structure_of([truth], [designs], stretches, schedule.variants, plant.everything)
     return PreparedRun(
         experiment=experiment,
         structure=structure,
@@ -77,7 +77,7 @@ def numbers_of(structure: Structure, plant: BuiltPlant, experiment: Experiment, 
     has_alpha = structure.system.has_alpha
     initial = [design.initial(plant.parameters, has_alpha=has_alpha) for design in designs]
     return Numbers(
-        p=parameter_values(plant.parameters, experiment.stretches, designs),
+        p=parameter_values(plant.everything, experiment.stretches, designs),
         z0=np.concatenate([plant.initial, *initial]),
         observers=blocks,
     )
@@ -118,7 +118,7 @@ def nominal_step(experiment: Experiment) -> float:
             raise Problem(("observers", label, *problem.path), problem.message) from problem
     plant = experiment.plant
     slopes = _SLOPES.get(plant.symbolic, lambda: _slopes(plant.symbolic))
-    (at_start,) = at(slopes, time.start, plant.initial, plant.parameters)
+    (at_start,) = at(slopes, time.start, plant.initial, plant.everything)
     if np.all(np.isfinite(at_start)):
         rates.append(float(np.max(np.abs(np.linalg.eigvals(at_start.reshape(plant.model.n, plant.model.n))))))
     step = (time.end - time.start) / 1000
@@ -136,4 +136,4 @@ def _slopes(plant: SymbolicPlant) -> ca.Function:
     """df/dx with the inputs in it, from (t, x, p)."""
     model = plant.model
     slopes = ca.substitute(ca.jacobian(model.dynamics, model.x), model.u, plant.inputs)
-    return ca.Function("A", [model.t, model.x, model.p], [slopes])
+    return ca.Function("A", [model.t, model.x, plant.everything], [slopes])

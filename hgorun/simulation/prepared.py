@@ -8,7 +8,6 @@ from functools import cached_property
 import numpy as np
 
 from hgorun.config.models import Solver, Time
-from hgorun.engine.plan import Plan
 from hgorun.measurement.schedule import Channel, Schedule
 from hgorun.plants.build import BuiltPlant
 from hgorun.simulation.experiment import Experiment

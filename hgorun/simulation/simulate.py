@@ -49,9 +49,7 @@ def simulate(
     return perform(prepare(experiment), check_step=check_step, progress=progress)
 
 
-def perform(
-    run: PreparedRun, *, check_step: bool = False, progress: Callable[[float], None] | None = None
-) -> Result:
+def perform(run: PreparedRun, *, check_step: bool = False, progress: Callable[[float], None] | None = None) -> Result:
     """Carry out a prepared run; see :func:`simulate`."""
     with run.experiment.located():
         result = record(run, integrate(run, run.step, progress))

@@ -22,7 +22,7 @@ from hgorun.measurement.variants import Variant
 from hgorun.memo import Memo
 from hgorun.simulation.observer_block import Design, ObserverBlock
 from hgorun.simulation.system import Group, build_system, has_past
-from hgorun.simulation.truth import Truth
+from hgorun.simulation.truth import PlantNumbers, Truth
 from hgorun.symbolic.evaluate import Floats, evaluate
 from hgorun.symbolic.parameters import Parameters
 
@@ -121,7 +121,7 @@ def structure_of(
     variants : sequence of Variant
         The combinations of availabilities that occur.
     parameters : ndarray
-        The plant's.
+        The plant's, with the numbers of its expressions.
     """
     key = (
         tuple((truth.structure, *(d.structure for d in of)) for truth, of in zip(truths, designs, strict=True)),
@@ -155,8 +155,9 @@ def _build(
     values: np.ndarray,
 ) -> Structure:
     plant, parameters = truths[0].plant, Parameters()
-    t, model = plant.model.t, plant.model
-    symbol = parameters.add("plant", values)
+    t = plant.model.t
+    count = plant.model.p.numel()
+    symbols = PlantNumbers(parameters.add("plant", values[:count]), parameters.add("numbers", values[count:]))
     signals = {
         (i, k): signal(s, t, parameters, f"noise.{i}.{k}")
         for i, one in enumerate(stretches)
@@ -172,9 +173,9 @@ def _build(
         groups.append(Group(truth, start, tuple(blocks)))
         start = end
     p = parameters.symbol
-    system = build_system(groups, t, p, symbol, signals, variants)
+    system = build_system(groups, t, p, symbols, signals, variants)
     z, w = ca.SX.sym("z", system.states), ca.SX.sym("w", system.held.size)
-    estimates = []
+    estimates: list[Readout] = []
 
     def readout(expression: ca.SX, among: slice) -> Readout:
         """``among``: states that it may be."""
@@ -183,17 +184,17 @@ def _build(
 
     for group in reversed(groups):
         x = z[group.start : group.start + group.truth.size]
-        placed = group.truth.place(t, x, symbol, w, system.held)
+        placed = group.truth.place(t, x, symbols, w, system.held)
         for b in reversed(group.observers):
             xhat = b.states["xhat"]
-            shown = b.estimate(t, placed.u, symbol, z)
+            shown = b.estimate(t, placed.u, symbols.parameters, z)
             estimates.insert(0, readout(shown, slice(xhat.start, xhat.start + xhat.size)))
     nothing, of_truth = slice(0, 0), slice(0, truths[0].size)
     return Structure(
         tuple(groups),
         system,
         p,
-        symbol,
+        symbols.parameters,
         signals,
         readout(placed.u, nothing),
         readout(placed.y, of_truth),

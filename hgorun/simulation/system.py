@@ -9,15 +9,15 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import accumulate
-from types import SimpleNamespace
 
 import casadi as ca
 
 from hgorun.engine.layout import Held, HybridSystem, Regime
 from hgorun.measurement.signals import Signal
 from hgorun.measurement.variants import CONTINUOUS, DELAYED, HELD, SILENT, Variant, is_delayed
+from hgorun.observers.base import Sample, SampledObserver
 from hgorun.simulation.observer_block import ObserverBlock
-from hgorun.simulation.truth import Placed, Truth
+from hgorun.simulation.truth import Placed, PlantNumbers, Truth
 
 
 @dataclass(frozen=True)
@@ -42,12 +42,12 @@ class _Symbols:
     z: ca.SX
     w: ca.SX
     p: ca.SX
-    plant: ca.SX
+    plant: PlantNumbers
     held: Held
 
 
 class _Part:
-    """The equations of one group: its outputs are numbers ``first``, ... of the system, its observers ``before``, ...."""
+    """The equations of one group, whose outputs and observers are counted from ``first`` and ``before`` on."""
 
     def __init__(self, group: Group, symbols: _Symbols, first: int, before: int, has_alpha: bool) -> None:
         self.group, self.symbols, self.first, self.before = group, symbols, first, before
@@ -55,7 +55,7 @@ class _Part:
         self.placed: Placed = group.truth.place(s.t, s.z[start : start + group.truth.size], s.plant, s.w, s.held)
         q = self.placed.y.numel()
         self.outputs = range(first, first + q)
-        self.guesses = [b.guess(s.t, self.placed.u, s.plant, s.z) for b in group.observers]
+        self.guesses = [b.guess(s.t, self.placed.u, s.plant.parameters, s.z) for b in group.observers]
         self.alphas = [b.symbols(s.z).alpha if has_alpha else ca.SX.zeros(q) for b in group.observers]
 
     def innovation(self, j: int, variant: Variant, signals: Mapping[tuple[int, int], Signal]) -> ca.SX:
@@ -80,7 +80,7 @@ class _Part:
         s = self.symbols
         yield self.placed.rate
         for j, b in enumerate(self.group.observers):
-            yield b.flow(s.t, self.placed.u, s.plant, s.z, self.innovation(j, variant, signals))
+            yield b.flow(s.t, self.placed.u, s.plant.parameters, s.z, self.innovation(j, variant, signals))
 
     def channels(self, observers: int) -> Iterator[ca.SX]:
         """For each output y, and s of all the system's observers: zero for those of other groups."""
@@ -92,7 +92,7 @@ class _Part:
     def jumps(self) -> Iterator[tuple[int, int, ca.SX]]:
         """What becomes of which states at a sample."""
         s, held, start = self.symbols, self.symbols.held, self.group.start
-        sample = SimpleNamespace(
+        sample = Sample(
             y=ca.vertcat(*[s.w[held.output(i)] for i in self.outputs]),
             previous=ca.vertcat(*[s.w[held.previous(i)] for i in self.outputs]),
             interval=s.w[held.interval],
@@ -100,15 +100,15 @@ class _Part:
         if self.placed.step is not None:
             yield start, start + self.group.truth.size, self.placed.step
         for b in self.group.observers:
-            if b.observer.discrete:
-                yield b.start, b.end, b.jump(s.t, self.placed.u, self.placed.u_before, s.plant, s.z, sample)
+            if isinstance(b.observer, SampledObserver):
+                yield b.start, b.end, b.jump(s.t, self.placed.u, self.placed.u_before, s.plant.parameters, s.z, sample)
 
 
 def build_system(
     groups: Sequence[Group],
     t: ca.SX,
     p: ca.SX,
-    plant: ca.SX,
+    plant: PlantNumbers,
     signals: Mapping[tuple[int, int], Signal],
     variants: Sequence[Variant],
 ) -> HybridSystem:
@@ -121,8 +121,10 @@ def build_system(
     ----------
     groups : sequence of Group
         One after the other in z. Their outputs are numbered through.
-    t, p, plant : casadi.SX
-        Time, all parameters, and those of the plant among them.
+    t, p : casadi.SX
+        Time, and all parameters.
+    plant : PlantNumbers
+        Those of the plant among them.
     signals : mapping of (output, phase) to Signal
         The continuous outputs.
     variants : sequence of Variant
@@ -163,7 +165,7 @@ def build_system(
         parameters=p.numel(),
         held=held,
         blocks=tuple(block for i, group in enumerate(groups) for block in _blocks(group, first=i == 0)),
-        alpha=tuple(_alpha(groups, g, k, size - 1) for g, q in enumerate(widths) for k in range(q)) if has_alpha else (),
+        alpha=_alpha(groups, size - 1) if has_alpha else (),
         regimes=tuple(regimes),
         channels=compiled("channels", channels),
         channel_slopes=compiled("trace", slopes, dz),
@@ -182,12 +184,14 @@ def _blocks(group: Group, *, first: bool) -> Iterator[tuple[int, int, int]]:
         yield (group.start if i == 0 and not first else b.start), b.stop, b.end
 
 
-def _alpha(groups: Sequence[Group], of: int, output: int, nothing: int) -> tuple[int, ...]:
-    """Where alpha of one output of a group lies for every observer; those of other groups have none."""
+def _alpha(groups: Sequence[Group], nothing: int) -> tuple[tuple[int, ...], ...]:
+    """For each output where every observer's alpha lies; observers of other groups have none."""
     return tuple(
-        b.states["alpha"].start + output if g == of else nothing
-        for g, group in enumerate(groups)
-        for b in group.observers
+        tuple(
+            b.states["alpha"].start + output if other is group else nothing for other in groups for b in other.observers
+        )
+        for group in groups
+        for output in range(len(group.truth.plant.model.outputs))
     )
 
 

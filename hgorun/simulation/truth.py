@@ -14,6 +14,18 @@ from hgorun.plants.build import SymbolicPlant
 
 
 @dataclass(frozen=True)
+class PlantNumbers:
+    """Symbols for the plant's parameters, and for the numbers in the expressions of inputs and disturbance."""
+
+    parameters: ca.SX
+    numbers: ca.SX
+
+    def of(self, plant: SymbolicPlant, expression: ca.SX) -> ca.SX:
+        """An expression of the plant's own symbols in these."""
+        return ca.substitute(expression, plant.everything, ca.vertcat(self.parameters, self.numbers))
+
+
+@dataclass(frozen=True)
 class Placed:
     """A truth as a part of the system.
 
@@ -59,14 +71,14 @@ class Truth(Protocol):
         """All that its equations depend on."""
         ...
 
-    def place(self, t: ca.SX, x: ca.SX, p: ca.SX, w: ca.SX, held: Held) -> Placed:
+    def place(self, t: ca.SX, x: ca.SX, p: PlantNumbers, w: ca.SX, held: Held) -> Placed:
         """Its equations.
 
         Parameters
         ----------
         x : casadi.SX, shape (size,)
             Its states.
-        p : casadi.SX
+        p : PlantNumbers
             The plant's parameters.
         w : casadi.SX
             What is held between events, laid out as ``held`` says.
@@ -96,15 +108,15 @@ class SimulatedPlant:
     def structure(self) -> Hashable:
         return type(self), Same(self.plant), self.stepped
 
-    def place(self, t: ca.SX, x: ca.SX, p: ca.SX, w: ca.SX, held: Held) -> Placed:
+    def place(self, t: ca.SX, x: ca.SX, p: PlantNumbers, w: ca.SX, held: Held) -> Placed:
         model = self.plant.model
         u, before = _inputs_of_time(self.plant, t, p, w[held.interval])
-        disturbance = ca.substitute(self.plant.disturbance, model.p, p)
-        y = model.h(t, x, u, p)
+        disturbance = p.of(self.plant, self.plant.disturbance)
+        y = model.h(t, x, u, p.parameters)
         if not self.stepped:
-            return Placed(u, before, y, model.f(t, x, u, p) + disturbance)
+            return Placed(u, before, y, model.f(t, x, u, p.parameters) + disturbance)
         interval = w[held.interval]
-        rate = model.f(t - interval, x, before, p)
+        rate = model.f(t - interval, x, before, p.parameters)
         rate += ca.substitute(disturbance, t, t - interval)
         return Placed(u, before, y, ca.SX.zeros(model.n), x + interval * rate)
 
@@ -129,7 +141,7 @@ class Recording:
     def structure(self) -> Hashable:
         return type(self), Same(self.plant), self.inputs_recorded
 
-    def place(self, t: ca.SX, x: ca.SX, p: ca.SX, w: ca.SX, held: Held) -> Placed:
+    def place(self, t: ca.SX, x: ca.SX, p: PlantNumbers, w: ca.SX, held: Held) -> Placed:
         u, before = _inputs_of_time(self.plant, t, p, w[held.interval])
         if self.inputs_recorded:
             places = [held.input(i) for i in range(self.recorded_inputs)]
@@ -138,6 +150,6 @@ class Recording:
         return Placed(u, before, ca.SX.zeros(len(self.plant.model.outputs)), ca.SX(0, 1))
 
 
-def _inputs_of_time(plant: SymbolicPlant, t: ca.SX, p: ca.SX, interval: ca.SX) -> tuple[ca.SX, ca.SX]:
-    u = ca.substitute(plant.inputs, plant.model.p, p)
+def _inputs_of_time(plant: SymbolicPlant, t: ca.SX, p: PlantNumbers, interval: ca.SX) -> tuple[ca.SX, ca.SX]:
+    u = p.of(plant, plant.inputs)
     return u, ca.substitute(u, t, t - interval)

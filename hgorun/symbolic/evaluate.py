@@ -55,9 +55,9 @@ _MAPPED: Memo[ca.Function] = Memo(64)
 def _call(function: ca.Function, arrays: Sequence[Floats], results: Sequence[Floats]) -> None:
     buffer, call = function.buffer()
     for i, array in enumerate(arrays):
-        buffer.set_arg(i, memoryview(array))
+        buffer.set_arg(i, array.data)
     for i, array in enumerate(results):
-        buffer.set_res(i, memoryview(array))
+        buffer.set_res(i, array.data)
     call()
 
 
@@ -72,9 +72,9 @@ def _in_pieces(function: ca.Function, arrays: Sequence[Floats], results: Sequenc
         given = [_piece(a, start, rest) if old.ndim == 2 else a for a, old in zip(inside, arrays, strict=True)]
         found = [np.zeros((_PIECE, r.shape[1])) if rest else r[start : start + _PIECE] for r in results]
         for i, array in enumerate(given):
-            buffer.set_arg(i, memoryview(array))
+            buffer.set_arg(i, array.data)
         for i, array in enumerate(found):
-            buffer.set_res(i, memoryview(array))
+            buffer.set_res(i, array.data)
         call()
         if rest:
             for result, array in zip(results, found, strict=True):

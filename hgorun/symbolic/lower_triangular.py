@@ -137,6 +137,11 @@ class DerivativeForm:
         """A differentiator has no copy of the plant whose arguments could be saturated."""
         return ()
 
+    def coordinates(self, canonical: bool) -> ca.SX:
+        """The derivatives of the output at x with the inputs at zero."""
+        model = self.lower.model
+        return output_derivatives(model)(model.t, self.lower.coordinates(canonical), model.p)
+
     def start(self, x: np.ndarray, parameters: np.ndarray, canonical: bool) -> np.ndarray:
         """The derivatives of the output at x with the inputs at zero and t = 0."""
         at = self.lower.start(x, parameters, canonical)
@@ -231,7 +236,7 @@ def state_affine_form(plant: PlantModel, at: np.ndarray, parameters: np.ndarray)
     function = _function(model, slopes)
 
     def of_slope_one(values: np.ndarray) -> np.ndarray:
-        return ~np.isfinite(values) | (np.abs(values - 1) <= 1e-9)
+        return np.asarray(~np.isfinite(values) | (np.abs(values - 1) <= 1e-9))
 
     for values in _values(function, model, form.points, parameters):
         for i, (value, fits) in enumerate(zip(values, of_slope_one(values), strict=True)):

@@ -62,7 +62,11 @@ def canonical_form(plant: PlantModel, at: np.ndarray, parameters: np.ndarray) ->
 
 
 def _holds(
-    form: CanonicalForm, slopes: ca.Function, singular: tuple[CanonicalForm, ...], at: np.ndarray, parameters: np.ndarray
+    form: CanonicalForm,
+    slopes: ca.Function,
+    singular: tuple[CanonicalForm, ...],
+    at: np.ndarray,
+    parameters: np.ndarray,
 ) -> bool:
     """Whether other numbers decide as those did for which ``form`` was found after ``singular``."""
     points = _points_around(at)

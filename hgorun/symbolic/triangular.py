@@ -45,10 +45,14 @@ class TriangularForm:
     def saturable(self, canonical: bool) -> tuple[str, ...]:
         return self.model.states
 
+    def coordinates(self, canonical: bool) -> ca.SX:
+        plant = self.plant
+        return plant.x if plant.transform is None else plant.transform(plant.x, plant.p)
+
     def start(self, x: np.ndarray, parameters: np.ndarray, canonical: bool) -> np.ndarray:
         if self.plant.transform is None:
             return x
-        (start,) = self.plant.image(x[None], parameters)
+        start: np.ndarray = self.plant.image(x[None], parameters)[0]
         if not np.all(np.isfinite(start)):
             raise ValueError("the initial estimate has no image in the coordinates where the plant is triangular")
         return start

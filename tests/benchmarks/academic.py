@@ -13,7 +13,6 @@ import shutil
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
-from types import SimpleNamespace
 
 import casadi as ca
 import numpy as np
@@ -22,11 +21,12 @@ from pydantic import Field
 import hgorun
 from hgorun.engine.layout import ACTION_WORDS
 from hgorun.engine.plan import Plan
-from hgorun.engine.program import Program, Start
-from hgorun.observers.base import Flow, Observer, observer
+from hgorun.engine.program import Start
+from hgorun.observers.base import ContinuousObserver, Flow, observer
+from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import prepare
-from hgorun.simulation.system import System
 from hgorun.symbolic.matrices import A, B, C, hurwitz_gain
+from hgorun.symbolic.symbols import Symbols
 from hgorun.symbolic.triangular import TriangularCopy, TriangularForm, triangular_form
 
 Run = Callable[[Plan], np.ndarray]
@@ -37,7 +37,7 @@ NOISE = (0.25, 387.0, 0.5, 987.0)  # amplitude and frequency, twice
 
 
 @observer("benchmark_fhgo2_nuos")
-class ReducedRiccatiObserver(Observer):
+class ReducedRiccatiObserver(ContinuousObserver[TriangularForm, TriangularCopy]):
     """Filtered high-gain observer FHGO II with the reduced Riccati gain, for triangular plants.
 
     With F the superdiagonal of df/dx at xhat, e the innovation and K_n = P U^T C_r^T, K_r = b + U K_n,
@@ -62,7 +62,7 @@ class ReducedRiccatiObserver(Observer):
     def states(self, form: TriangularForm) -> dict[str, np.ndarray]:
         return {"eta": np.zeros(self.r), "U": np.zeros((self.r, form.n)), "P": np.eye(form.n)}
 
-    def equations(self, plant: TriangularCopy, s: SimpleNamespace, e: ca.SX, k: SimpleNamespace) -> Flow:
+    def equations(self, plant: TriangularCopy, s: Symbols, e: ca.SX, k: Symbols) -> Flow:
         r, F = self.r, plant.F(s.xhat)
         K_n = s.P @ s.U.T @ C(r).T
         K_r = k.b + s.U @ K_n
@@ -80,9 +80,9 @@ class ReducedRiccatiObserver(Observer):
         )
 
 
-def build() -> System:
+def build() -> PreparedRun:
     """Plant, noise and observer as the system that ``hgorun.simulate`` runs."""
-    return prepare(hgorun.load(Path(__file__).with_suffix(".yaml"))).system
+    return prepare(hgorun.load(Path(__file__).with_suffix(".yaml")))
 
 
 def plan(end: float = END, steps: int = STEPS, rows: int = ROWS) -> Plan:
@@ -100,10 +100,10 @@ def plan(end: float = END, steps: int = STEPS, rows: int = ROWS) -> Plan:
     )
 
 
-def native(system: System, *, lanes: int = 1) -> Run:
+def native(run: PreparedRun, *, lanes: int = 1) -> Run:
     """hgorun's engine: from a plan to rows of states, shape (points, 23, lanes)."""
-    program = Program(system.structure, "rk4", lanes=lanes)
-    start = Start(np.repeat(system.z0[:, None], lanes, axis=1), np.repeat(system.p[:, None], lanes, axis=1))
+    program = run.structure.program("rk4", lanes=lanes)
+    start = Start(np.repeat(run.numbers.z0[:, None], lanes, axis=1), np.repeat(run.numbers.p[:, None], lanes, axis=1))
     return lambda plan: program.run(plan, start).rows
 
 

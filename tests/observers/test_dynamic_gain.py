@@ -91,7 +91,7 @@ def test_converges_with_a_certified_gain() -> None:
     [
         ({"internal": {"theta": 0.5}}, "1 or above, found 0.5"),
         ({"gamma": "4*x"}, "`x` is not known"),
-        ({"q": 2}, "less than or equal to 1"),
+        ({"q": 2}, "a number of at most 1"),
     ],
 )
 def test_keys_that_do_not_fit(change: dict[str, Any], words: str) -> None:

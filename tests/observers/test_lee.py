@@ -231,7 +231,7 @@ SCHEDULE = "measurement.sampling"
         ({"alpha": 0.04, "b": "1/(1 + j)"}, STEPS, "observers.o.b", "`j`"),
         ({"gains": [2, -1]}, STEPS, "observers.o.gains", "must be Hurwitz"),
         ({"gains": [2]}, STEPS, "observers.o.gains", "expected 2 numbers; found 1"),
-        ({"eps": 0}, STEPS, "observers.o.eps", "greater than 0"),
+        ({"eps": 0}, STEPS, "observers.o.eps", "a number above 0"),
         ({"poles": -1}, STEPS, "observers.o", "either poles or gains"),
         ({"saturation": {"x1": [0, 1]}}, STEPS, "observers.o.saturation", "no state that could be given"),
     ],

@@ -513,7 +513,7 @@ def test_a_late_continuous_output_is_no_obstacle(block: dict[str, Any], delay: s
 @pytest.mark.parametrize(
     ("more", "key", "words"),
     [
-        ({"theta": 0}, "theta", "greater than 0"),
+        ({"theta": 0}, "theta", "a number above 0"),
         ({"equation": "both"}, "equation", "lyapunov"),
         ({"coordinates": "canonical"}, "coordinates", "triangular"),
         ({"internal": {"P": -1}}, "internal.P", "positive definite"),

@@ -17,11 +17,10 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from hgorun.observers.base import Observer
+from hgorun.observers.base import AnyObserver
 from hgorun.observers.constant_gain import PlacedGain
-from hgorun.observers.fhgo2_nuos import stationary
-from hgorun.observers.riccati import RiccatiGain
-from hgorun.simulation.observer_block import ObserverBlock
+from hgorun.observers.riccati import RiccatiGain, stationary
+from hgorun.simulation.observer_block import Design, ObserverBlock
 from hgorun.symbolic.canonical import CanonicalForm
 from hgorun.symbolic.forms import Form
 from hgorun.symbolic.parameters import Parameters
@@ -138,7 +137,7 @@ class Certificate:
         return self.eigenvalues[1] / self.eigenvalues[0]
 
 
-def error_dynamics(observer: Observer, form: Form) -> ErrorDynamics:
+def error_dynamics(observer: AnyObserver, form: Form) -> ErrorDynamics:
     """The error's matrices at theta = 1 on the chains that an observer sees in the plant.
 
     Raises
@@ -155,7 +154,7 @@ def error_dynamics(observer: Observer, form: Form) -> ErrorDynamics:
     return ErrorDynamics(A, -E, flux, powers, sum(chains), _asked_for(observer, A))
 
 
-def _asked_for(observer: Observer, A: np.ndarray) -> np.ndarray | None:
+def _asked_for(observer: AnyObserver, A: np.ndarray) -> np.ndarray | None:
     """The poles that the configuration or the theory names, if A has their characteristic polynomial."""
     named = [np.full(len(A), -1.0)]
     if isinstance(observer, PlacedGain) and observer.gains is None:
@@ -171,7 +170,7 @@ def _asked_for(observer: Observer, A: np.ndarray) -> np.ndarray | None:
     return None
 
 
-def _chains(observer: Observer, form: Form) -> tuple[int, ...]:
+def _chains(observer: AnyObserver, form: Form) -> tuple[int, ...]:
     """Lengths of the chains."""
     if isinstance(form, CanonicalForm):
         if isinstance(observer, PlacedGain):
@@ -194,7 +193,7 @@ def _is_constant_chain(form: TriangularForm) -> bool:
     return all(link.is_constant() and float(link) == 1.0 for link in links)
 
 
-def _differences(observer: Observer, form: Form) -> ErrorDynamics:
+def _differences(observer: AnyObserver, form: Form) -> ErrorDynamics:
     """Observers in forward differences: A_0 = A - H_0 C of the differential equation that they step."""
     assert isinstance(observer, PlacedGain)
     n = form.plant.n
@@ -216,7 +215,7 @@ def _chain_model(chains: tuple[int, ...]) -> PlantModel:
     return PlantModel(states, outputs, (), (), ca.SX.sym("t"), x, ca.SX(0, 1), ca.SX(0, 1), shift @ x, y)
 
 
-def _linear(observer: Observer, chains: tuple[int, ...], theta: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _linear(observer: AnyObserver, chains: tuple[int, ...], theta: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """A, E and the flux of an observer on chains, differentiated where there is no error."""
     model = _chain_model(chains)
     plain = observer.model_copy(update={"theta": theta, "saturation": {}, "coordinates": "original", "initial": {}})
@@ -226,17 +225,17 @@ def _linear(observer: Observer, chains: tuple[int, ...], theta: float) -> tuple[
     else:
         form = CanonicalForm(model, chains, model.x, ca.SX.eye(model.n), identity=True)
     parameters = Parameters()
-    block = ObserverBlock("observer", plain, form, 0, False, parameters)
+    block = ObserverBlock.place(Design.of("observer", plain, form), 0, False, parameters)
     z, e = ca.SX.sym("z", block.end), ca.SX.sym("e", len(chains))
     copy = block.copy(model.t, model.u, model.p)
     s = block.symbols(z)
-    flow = plain.equations(copy, s, e, block.k)
+    derivatives, correction = block.equations(copy, s, e)
     moving = [block.states[name] for name in block.states if name not in GAINS]
     names = [name for name in block.states if name not in GAINS]
-    rate = ca.vertcat(*[state.flat(flow.derivatives[name]) for name, state in zip(names, moving, strict=True)])
+    rate = ca.vertcat(*[state.flat(derivatives[name]) for name, state in zip(names, moving, strict=True)])
     xi = ca.vertcat(*[z[state.start : state.start + state.size] for state in moving])
     H = ca.jacobian(copy.output(s.xhat), xi)
-    flux = H @ rate + flow.correction
+    flux = H @ rate + correction
     parts = [ca.jacobian(rate, xi), ca.jacobian(rate, e), H, ca.jacobian(flux, xi), ca.jacobian(flux, e)]
     values = ca.Function("linear", [parameters.symbol, z, e], [ca.densify(part) for part in parts])
     found = values(parameters.values, _at_rest(block, model.n), np.zeros(len(chains)))

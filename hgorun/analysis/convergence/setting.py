@@ -14,6 +14,7 @@ from hgorun.analysis.convergence.gains import GAINS, ErrorDynamics, NotApplicabl
 from hgorun.analysis.convergence.lipschitz import Lipschitz, lipschitz
 from hgorun.analysis.convergence.signals import Amplitudes, amplitudes
 from hgorun.analysis.findings import Context
+from hgorun.observers.base import SampledObserver
 from hgorun.observers.riccati import RiccatiGain
 from hgorun.simulation.observer_block import ObserverBlock
 from hgorun.symbolic.canonical import CanonicalForm
@@ -73,7 +74,7 @@ def setting_of(context: Context, block: ObserverBlock, dynamics: ErrorDynamics |
     ------
     NotApplicableError
     """
-    if block.observer.discrete:
+    if isinstance(block.observer, SampledObserver):
         raise NotApplicableError(f"{block.observer.type} is a difference equation, the theorems are of flows")
     if not hasattr(block.observer, "theta"):
         raise NotApplicableError(f"{block.observer.type} has no constant theta")

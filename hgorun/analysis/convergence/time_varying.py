@@ -20,7 +20,7 @@ from hgorun.analysis.convergence.bounds import Halanay
 from hgorun.analysis.convergence.lipschitz import Lipschitz
 from hgorun.analysis.convergence.peaking import Course
 from hgorun.analysis.convergence.signals import Amplitudes
-from hgorun.observers.fhgo2_nuos import stationary
+from hgorun.observers.riccati import stationary
 from hgorun.result.data import ObserverResult
 from hgorun.result.result import Result
 from hgorun.simulation.prepared import PreparedRun

@@ -20,6 +20,7 @@ from functools import cached_property
 import numpy as np
 
 from hgorun.analysis.linear.linear import Linearisation
+from hgorun.observers.base import SampledObserver
 from hgorun.observers.levant import LevantObserver
 from hgorun.result.data import ObserverResult
 from hgorun.result.result import Result
@@ -116,7 +117,7 @@ def error_system(run: PreparedRun, label: str, result: Result) -> ErrorSystem | 
     observer = run.experiment.observers[label]
     if isinstance(observer, LevantObserver):
         return "the differentiator's right-hand side has no slope where its error is zero"
-    if observer.discrete:
+    if isinstance(observer, SampledObserver):
         return "the observer jumps at the samples: there is no flow between them"
     if label not in result.observers:
         return "the run to look along does not have this observer"

@@ -84,16 +84,16 @@ class Linearisation:
         u = ca.substitute(run.plant.inputs, model.p, p)
         z = ca.SX.sym("z", run.structure.system.states)
         e = ca.SX.sym("e", len(model.outputs))
-        flow = b.observer.equations(b.copy(t, u, p), b.symbols(z), e, b.k)
-        rate = ca.vertcat(*[b.states[n].flat(flow.derivatives[n]) for n in b.states if n != "alpha"])
+        derivatives, correction = b.equations(b.copy(t, u, p), b.symbols(z), e)
+        rate = ca.vertcat(*[b.states[n].flat(derivatives[n]) for n in b.states if n != "alpha"])
         xi = z[b.start : b.stop]
         parts = [
             ca.jacobian(rate, xi),
             ca.jacobian(rate, e),
             ca.jacobian(b.guess(t, u, p, z), xi),
             ca.jacobian(b.estimate(t, u, p, z), xi),
-            ca.jacobian(flow.correction, xi),
-            ca.jacobian(flow.correction, e),
+            ca.jacobian(correction, xi),
+            ca.jacobian(correction, e),
         ]
         return ca.Function("linear", [t, run.structure.p, z, e], [ca.densify(part) for part in parts])
 

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from hgorun.observers.base import SampledObserver
 from hgorun.result.result import Result
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.prepared import PreparedRun
@@ -29,7 +30,7 @@ def nominal(run: PreparedRun) -> Result | str:
         Why there is none.
     """
     config = run.experiment.resolved()
-    kept = {label for label, o in run.experiment.observers.items() if not o.discrete}
+    kept = {label for label, o in run.experiment.observers.items() if not isinstance(o, SampledObserver)}
     if not kept:
         return "every observer here jumps at the samples"
     if run.plant.block.discretise:

@@ -46,7 +46,12 @@ def pi_eps(linear: Linear, omega: float, eps: float = 1.0, output: int = 0) -> n
 
 
 def amplitude(
-    run: PreparedRun | Experiment, label: str, omega: float | np.ndarray, *, x: np.ndarray | None = None, output: int = 0
+    run: PreparedRun | Experiment,
+    label: str,
+    omega: float | np.ndarray,
+    *,
+    x: np.ndarray | None = None,
+    output: int = 0,
 ) -> np.ndarray:
     """Steady amplitude of each state of the estimate under the noise sin(omega t) on a continuous output.
 

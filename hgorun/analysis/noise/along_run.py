@@ -197,7 +197,9 @@ def _start(at: Linear, waves: list[_Waves | None], t: float) -> np.ndarray:
     return np.concatenate([np.zeros(N + 2 * q), np.column_stack([values.imag, values.real]).ravel()])
 
 
-def _generators(at: Linear, waves: list[_Waves | None], run: PreparedRun, middles: np.ndarray, twin: Result) -> np.ndarray:
+def _generators(
+    at: Linear, waves: list[_Waves | None], run: PreparedRun, middles: np.ndarray, twin: Result
+) -> np.ndarray:
     """G of psi' = G psi on every stretch."""
     count, N, q = at.E.shape
     size = N + 2 * q + 2 * sum(w.omegas.size for w in waves if w is not None)

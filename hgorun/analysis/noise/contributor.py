@@ -11,6 +11,7 @@ from hgorun.analysis.linear.transfer import NoTheory, h2, hinf, require_hurwitz,
 from hgorun.analysis.noise.prediction import measured_noise, noise_free, noise_prediction
 from hgorun.analysis.noise.terms import NoiseTerms
 from hgorun.errors import HgorunError
+from hgorun.observers.base import SampledObserver
 from hgorun.simulation.simulate import simulate
 
 _PREDICTED = ("noise_rms_predicted", "noise_rms_measured")
@@ -90,7 +91,7 @@ def at_the_end(context: Context, label: str) -> Linear:
         When it is not Hurwitz there, or there is no such system.
     """
     observer = Linearisation(context.run, label)
-    if observer.block.observer.discrete:
+    if isinstance(observer.block.observer, SampledObserver):
         raise NoTheory("the observer jumps at the samples: there is no flow between them")
     found = context.result.observers[label]
     if found.diverged_at is not None:

@@ -17,6 +17,7 @@ from hgorun.analysis.noise.sampled import SampledLoop
 from hgorun.analysis.noise.terms import NoiseTerms
 from hgorun.config.yaml_source import Source
 from hgorun.measurement.blocks import Measurement, Periodic, Phase
+from hgorun.observers.base import SampledObserver
 from hgorun.observers.levant import LevantObserver
 from hgorun.result.result import Result
 from hgorun.simulation.experiment import Experiment
@@ -64,7 +65,7 @@ def _power_of(run: PreparedRun, twin: Result, result: Result | None, label: str)
             raise
         if result.observers[label].diverged_at is not None:
             raise NoTheory("the observer diverged") from None
-        return (noise_of_jumps if observer.discrete else noise_along)(run, label, result, twin)
+        return (noise_of_jumps if isinstance(observer, SampledObserver) else noise_along)(run, label, result, twin)
 
 
 def _power(run: PreparedRun, result: Result, label: str) -> np.ndarray:
@@ -90,7 +91,7 @@ def _power(run: PreparedRun, result: Result, label: str) -> np.ndarray:
 
 def _constant(run: PreparedRun, result: Result, label: str) -> Linear:
     observer = Linearisation(run, label)
-    if observer.block.observer.discrete:
+    if isinstance(observer.block.observer, SampledObserver):
         raise NoTheory("the observer is a difference equation: it jumps along the run")
     if result.observers[label].diverged_at is not None:
         raise NoTheory("the observer diverged")

@@ -12,12 +12,12 @@ from hgorun.analysis.papers.lee import lee_conditions
 from hgorun.analysis.papers.meiners import meiners_conditions
 from hgorun.observers.deadbeat import DeadbeatObserver
 from hgorun.observers.direct import DirectObserver
-from hgorun.observers.dynamic_gain import DynamicGain
-from hgorun.observers.hgo_fd import ForwardDifferenceObserver
+from hgorun.observers.forward_differences import ForwardDifferences
+from hgorun.observers.praly_gain import DynamicGain
 from hgorun.observers.reduced_sampled import ReducedSampledObserver
 
 _PAPERS: tuple[tuple[str, tuple[type, ...], Callable[..., Any]], ...] = (
-    ("lee", (ForwardDifferenceObserver,), lee_conditions),
+    ("lee", (ForwardDifferences,), lee_conditions),
     ("meiners", (DirectObserver, DynamicGain), meiners_conditions),
     ("katayama", (ReducedSampledObserver, DeadbeatObserver), katayama_conditions),
 )

@@ -222,7 +222,9 @@ def _constants(
     return Constants(first.L_1, L_2, first.L_3, first.L_4, first.l_1, first.l_2, gamma, z), smallest
 
 
-def _measured(run: PreparedRun, form: StrictFeedbackForm, result: Result, label: str, arrival: np.ndarray) -> float | None:
+def _measured(
+    run: PreparedRun, form: StrictFeedbackForm, result: Result, label: str, arrival: np.ndarray
+) -> float | None:
     """sup |e| at the output points that are samples, in the second half of the run."""
     hidden = list(form.hidden)
     middle = 0.5 * (result.time[0] + result.time[-1])

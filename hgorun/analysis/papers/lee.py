@@ -22,7 +22,7 @@ import numpy as np
 
 from hgorun.analysis.papers.region import along, evaluated
 from hgorun.config.expressions import parse
-from hgorun.observers.hgo_fd import ForwardDifferenceObserver, eigenvalues
+from hgorun.observers.forward_differences import ForwardDifferences, eigenvalues
 from hgorun.result.result import Result
 from hgorun.simulation.prepared import PreparedRun
 
@@ -94,7 +94,7 @@ def lee_conditions(run: PreparedRun, label: str, result: Result) -> LeeCondition
     from scipy.linalg import solve_continuous_lyapunov
 
     observer = run.experiment.observers[label]
-    if not isinstance(observer, ForwardDifferenceObserver):
+    if not isinstance(observer, ForwardDifferences):
         return "the conditions are for hgo_fd and hgo_sa"
     n, eps = run.plant.model.n, observer.eps
     H_0 = observer.H_0(n)

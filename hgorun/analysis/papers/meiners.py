@@ -27,7 +27,7 @@ from hgorun.analysis.papers.region import Points, along, box, evaluated
 from hgorun.config.expressions import parse
 from hgorun.observers.direct import DirectObserver
 from hgorun.observers.direct_dynamic import DirectDynamicObserver
-from hgorun.observers.dynamic_gain import DynamicGain
+from hgorun.observers.praly_gain import DynamicGain
 from hgorun.result.result import Result
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.symbolic.lower_triangular import LowerTriangularForm

@@ -19,7 +19,8 @@ from hgorun.analysis.linear.nominal import chain
 from hgorun.analysis.stability.delay_margin import delay_margin
 from hgorun.analysis.stability.growth import MOST_PERIODS, growth
 from hgorun.measurement.availability import Stretch
-from hgorun.observers.hgo_fd import ForwardDifferenceObserver, eigenvalues
+from hgorun.observers.base import SampledObserver
+from hgorun.observers.forward_differences import ForwardDifferences, eigenvalues
 from hgorun.observers.reduced_sampled import ReducedSampledObserver
 from hgorun.result.result import Result
 from hgorun.simulation.prepared import PreparedRun
@@ -81,7 +82,7 @@ def critical(run: PreparedRun, label: str, result: Result | str) -> tuple[Limit,
     tuple of Limit
         Of the period, of the delay.
     """
-    if run.experiment.observers[label].discrete:
+    if isinstance(run.experiment.observers[label], SampledObserver):
         return _discrete(run, label), _UNDELAYED
     if isinstance(result, str):
         return (Limit(None, result),) * 2
@@ -90,7 +91,7 @@ def critical(run: PreparedRun, label: str, result: Result | str) -> tuple[Limit,
 
 def critical_chain(run: PreparedRun, label: str) -> tuple[Limit, Limit]:
     """The same for chains of integrators, phi = 0, gains at rest: exact."""
-    if run.experiment.observers[label].discrete:
+    if isinstance(run.experiment.observers[label], SampledObserver):
         return Limit(None, "the observer's own limit does not depend on phi"), _UNDELAYED
 
     def system() -> ErrorSystem | str:
@@ -217,7 +218,7 @@ def _search(
 def _discrete(run: PreparedRun, label: str) -> Limit:
     """The observers that jump at the samples, as the error of the Euler model has it."""
     observer = run.experiment.observers[label]
-    if isinstance(observer, ForwardDifferenceObserver):
+    if isinstance(observer, ForwardDifferences):
         poles = eigenvalues(observer.H_0(run.forms[label].plant.n))
         value = observer.eps * float(np.min(-2 * poles.real / np.abs(poles) ** 2))
         return Limit(value, "", "spectral radius of I + (T/eps) A_0")

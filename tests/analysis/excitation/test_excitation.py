@@ -78,7 +78,9 @@ def test_unbroken_links_in_closed_form(academic: tuple[PreparedRun, Result]) -> 
 
 
 @pytest.mark.parametrize("horizon", [None, 1.0, 3.0])
-def test_what_it_promises_for_the_observers_own_matrix(academic: tuple[PreparedRun, Result], horizon: float | None) -> None:
+def test_what_it_promises_for_the_observers_own_matrix(
+    academic: tuple[PreparedRun, Result], horizon: float | None
+) -> None:
     """S >= exp(-T*) delta* I once a window has passed, (3.96), in the observers' own equations."""
     run, result = academic
     for label in OBSERVERS:

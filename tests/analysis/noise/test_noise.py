@@ -23,7 +23,7 @@ from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import prepare
 
 
-def chain(n: int, phi: str = "0", **block: Any) -> Run:
+def chain(n: int, phi: str = "0", **block: Any) -> PreparedRun:
     return prepare(experiment(examples.chain(n, phi, 0), {"o": block}, output_step=0.01))
 
 
