@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -15,6 +14,7 @@ from hgorun.analysis.noise.contributor import noise
 from hgorun.analysis.papers.contributor import conditions
 from hgorun.analysis.stability.contributor import excitations, limits
 from hgorun.errors import SimulationError
+from hgorun.files import json_value
 from hgorun.result.result import Result
 from hgorun.result.theory import Transient
 from hgorun.simulation.experiment import Experiment
@@ -80,7 +80,7 @@ class Analysis:
         """
         observers = {}
         for label, found in self.observers.items():
-            values = {key: plain(value) for key, value in found.values.items()}
+            values = {key: json_value(value) for key, value in found.values.items()}
             observers[label] = values | {"reasons": dict(found.reasons), "remarks": list(found.remarks)}
         return {"name": self.name, "file": file, "observers": observers}
 
@@ -136,18 +136,3 @@ def _predicted(found: Findings) -> dict[str, float]:
     for state, value in (values.get("noise_rms_predicted") or {}).items():
         columns[f"noise_rms_predicted {state}"] = value
     return {key: float(value) for key, value in columns.items() if value is not None}
-
-
-def plain(value: Any) -> Any:
-    """A value as JSON holds it."""
-    if isinstance(value, Mapping):
-        return {str(key): plain(part) for key, part in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [plain(part) for part in value]
-    if isinstance(value, (np.ndarray, np.generic)):
-        return plain(value.tolist())
-    if isinstance(value, complex):
-        return [plain(value.real), plain(value.imag)]
-    if isinstance(value, float) and not math.isfinite(value):
-        return str(value)
-    return value

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from types import SimpleNamespace
+from typing import Any, TypeAlias
 
 import casadi as ca
 import numpy as np
@@ -15,8 +15,11 @@ from hgorun.config.literals import Template, template
 from hgorun.config.reads import Reads
 from hgorun.errors import Problem
 from hgorun.memo import Memo
-from hgorun.plants.base import Plant
+from hgorun.plants.base import Invertible, Plant, TriangularCoordinates
 from hgorun.symbolic.plant import PlantModel
+from hgorun.symbolic.symbols import Symbols
+
+Map: TypeAlias = Callable[[ca.SX, ca.SX], ca.SX]
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,8 +134,7 @@ def build_plant(block: Plant) -> BuiltPlant:
     _require_known("plant", "inputs", block.inputs, inputs)
     _require_known("plant", "initial", block.initial, states)
     _require_known("plant", "disturbance", block.disturbance, states)
-    if hasattr(block, "dynamics"):
-        _require_known("plant", "dynamics", block.dynamics, states)
+    block.check()
     values = _parameter_values(block)
     _require_distinct({"states": states, "inputs": inputs, "parameters": tuple(values)})
     for name in inputs:
@@ -175,15 +177,10 @@ def _symbolic(
         ca.vertcat(*[ca.SX.sym(n) for n in names])
         for names in (states, input_names, parameters, (*inputs.names, *disturbance.names))
     )
-    spaces = [
-        SimpleNamespace(**dict(zip(names, ca.vertsplit(v) if v.numel() else [], strict=True)))
-        for names, v in ((states, x), (input_names, u), (parameters, p))
-    ]
+    spaces = [_named(names, v) for names, v in ((states, x), (input_names, u), (parameters, p))]
     dynamics, output = _equations(block, watched, t, *spaces)
-    transform, untransform = watched.triangular_coordinates or (None, None)
-    model = PlantModel(
-        states, outputs, input_names, parameters, t, x, u, p, dynamics, output, watched.inverse, transform, untransform
-    )
+    maps = (_inverse(block, watched, parameters), *_triangular(block, watched, states, parameters))
+    model = PlantModel(states, outputs, input_names, parameters, t, x, u, p, dynamics, output, *maps)
     symbols = {**vars(spaces[2]), "t": t}
     first = len(inputs.names)
     found = inputs.symbols(symbols, numbers[:first], chained=True)
@@ -208,15 +205,35 @@ def _signals(key: str, expressions: list[tuple[str, Expression]]) -> _Signals:
     return _Signals(key, tuple(templates), tuple(numbers))
 
 
+def _named(names: Sequence[str], values: ca.SX) -> Symbols:
+    return Symbols(dict(zip(names, ca.vertsplit(values) if values.numel() else [], strict=True)))
+
+
+def _inverse(block: Plant, watched: Any, parameters: Sequence[str]) -> Map | None:
+    """x of the canonical coordinates, where the plant knows it."""
+    if not isinstance(block, Invertible):
+        return None
+    return lambda z, p: ca.vertcat(*watched.inverse(z, _named(parameters, p)))
+
+
+def _triangular(
+    block: Plant, watched: Any, states: Sequence[str], parameters: Sequence[str]
+) -> tuple[Map, Map] | tuple[None, None]:
+    """(T, T^-1) of the coordinates where the plant is triangular, if it gives any."""
+    if not isinstance(block, TriangularCoordinates):
+        return None, None
+    return (
+        lambda x, p: ca.vertcat(*watched.to_triangular(_named(states, x), _named(parameters, p))),
+        lambda z, p: ca.vertcat(*watched.from_triangular(z, _named(parameters, p))),
+    )
+
+
 def _equations(
-    block: Plant, watched: Plant, t: ca.SX, x: SimpleNamespace, u: SimpleNamespace, p: SimpleNamespace
+    block: Plant, watched: Plant, t: ca.SX, x: Symbols, u: Symbols, p: Symbols
 ) -> tuple[ca.SX, ca.SX]:
     values = {**vars(p), **vars(u), **vars(x), "t": t}
-    for key in ("dynamics", "output"):
-        for name, text in getattr(block, key, {}).items():
-            _symbol(("plant", key, name), text, values)
-    if hasattr(block, "phi"):
-        _symbol(("plant", "phi"), block.phi, values)
+    for place, text in block.expressions().items():
+        _symbol(("plant", *place), text, values)
     dynamics, output = watched.equations(t, x, u, p)
     return ca.SX(ca.vertcat(*dynamics)), ca.SX(ca.vertcat(*output))
 

@@ -87,11 +87,14 @@ def check_again(source: Source, before: Checked, touched: Collection[KeyPath]) -
 
 
 # what is resolved by classes of its own, is carried out already, or decides no number of the run
-_NOT_RESOLVED = {*_PARTS, *_NOT_OF_A_RUN, "extends", "title"}
+_NOT_RESOLVED = {*_PARTS, *_NOT_OF_A_RUN, "extends", "title", "reference"}
 
 
 def resolved(checked: Checked) -> dict[str, Any]:
-    """The configuration after ``extends``, ``--set`` and defaults, as plain data, without titles."""
+    """The configuration after ``extends``, ``--set`` and defaults: all that the numbers of the run follow from.
+
+    Titles, references, figures and claims are not in it.
+    """
     values = checked.blocks.model_dump(mode="json", exclude=_NOT_RESOLVED, exclude_none=True)
     values["measurement"] = checked.measurement.model_dump(mode="json", exclude_none=True)
     values["plant"] = checked.plant.model_dump(mode="json", exclude_none=True)

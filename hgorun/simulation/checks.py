@@ -131,7 +131,7 @@ def _check_start(run: PreparedRun) -> None:
     bad = np.flatnonzero(~np.isfinite(rates[: system.plant_states]))
     if bad.size:
         name = run.plant.model.states[int(bad[0])]
-        path = ("plant", "dynamics", name) if hasattr(run.plant.block, "dynamics") else ("plant",)
+        path = ("plant", *run.plant.block.place_of(name))
         raise Problem(path, f"the right-hand side of {name} is not a finite number at the start of the run")
     for b in numbers.observers:
         if not np.all(np.isfinite(rates[b.start : b.end])):
