@@ -228,9 +228,7 @@ def _triangular(
     )
 
 
-def _equations(
-    block: Plant, watched: Plant, t: ca.SX, x: Symbols, u: Symbols, p: Symbols
-) -> tuple[ca.SX, ca.SX]:
+def _equations(block: Plant, watched: Plant, t: ca.SX, x: Symbols, u: Symbols, p: Symbols) -> tuple[ca.SX, ca.SX]:
     values = {**vars(p), **vars(u), **vars(x), "t": t}
     for place, text in block.expressions().items():
         _symbol(("plant", *place), text, values)

@@ -240,8 +240,14 @@ class Experiment:
         """The configuration after ``extends``, ``--set`` and defaults, as plain data."""
         return resolved(self._checked)
 
-    def resolved_text(self) -> Callable[[], str]:
-        """What makes the resolved configuration's YAML, when it is asked for."""
+    @property
+    def resolved_text(self) -> str:
+        """The resolved configuration as YAML."""
+        return resolved_text(self._checked)
+
+    @property
+    def resolved_later(self) -> Callable[[], str]:
+        """What makes :attr:`resolved_text`, which takes longer than a run."""
         return partial(resolved_text, self._checked)
 
 

@@ -65,7 +65,7 @@ def record(run: PreparedRun, raw: Raw) -> Result:
         measurements=_measurements(run, raw, grid, y),
         observers=found,
         config=run.experiment.text,
-        resolved=run.experiment.resolved_text(),
+        resolved=run.experiment.resolved_later,
         seed=blocks.seed,
         windows=asdict(settings),
         integration_error=embedded,
