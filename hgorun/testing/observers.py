@@ -12,7 +12,7 @@ from hgorun.errors import HgorunError, Problem
 from hgorun.observers import base
 from hgorun.observers.base import AnyObserver, ContinuousObserver, Sample, SampledObserver
 from hgorun.observers.capabilities import Differentiator, SlidingMode
-from hgorun.simulation.simulate import prepare
+from hgorun.simulation.preparation import prepare
 from hgorun.symbolic.states import Symmetric
 from hgorun.testing.cases import WRONG_PLANTS, Case, Keys, Subject, as_tuple, built, lent
 from hgorun.testing.contract import Broken, Law, NotApplicable, Report, hold_to

@@ -11,7 +11,8 @@ from hgorun.observers.base import ContinuousObserver, SampledObserver
 from hgorun.observers.capabilities import Differentiator
 from hgorun.result.data import ObserverResult
 from hgorun.result.result import Result
-from hgorun.simulation.simulate import simulate
+from hgorun.simulation.preparation import prepare
+from hgorun.simulation.simulate import integrate, integrate_lanes, simulate
 from hgorun.symbolic.forms import ModelCopy
 from hgorun.symbolic.states import Symmetric
 from hgorun.testing.cases import Case, Subject
@@ -19,6 +20,7 @@ from hgorun.testing.contract import Broken, Law, NotApplicable
 
 STAYS = 1e-6  # of 1 + max |x|: what rounding and the solver may make of an estimate that is right
 STARTS = 1e-9  # relative
+LANES = 8
 
 
 def _starts(subject: Subject) -> None:
@@ -57,6 +59,19 @@ def _in_company(subject: Subject) -> None:
     _same_bits(alone, again, "the second time", "the same bits every time")
     company = case.experiment({"before": other, "it": own, "after": other}, measurement=measurement)
     _same_bits(alone, simulate(company), "beside two others", "the same bits alone and in company")
+
+
+def _in_lanes(subject: Subject) -> None:
+    """Eight starts side by side in vector registers against each of them alone."""
+    case = subject.cases[0]
+    starts = [{name: value * (1 + 0.01 * k) for name, value in case.aside.items()} for k in range(LANES)]
+    runs = [prepare(case.experiment({"it": {"initial": start}})) for start in starts]
+    together = integrate_lanes(runs)
+    for lane, run in enumerate(runs):
+        alone = integrate(run, run.step)
+        if not np.array_equal(together.rows[..., lane], alone.rows[..., 0], equal_nan=True):
+            gap = float(np.nanmax(np.abs(together.rows[..., lane] - alone.rows[..., 0])))
+            raise Broken(f"states that differ by {gap:.3g} in lane {lane} of {LANES}", "the same bits in every lane")
 
 
 def _same_bits(one: Result, other: Result, where: str, expected: str) -> None:
@@ -99,5 +114,6 @@ def _not_moved(result: Result, how: str) -> None:
 RUN_LAWS: tuple[Law[Subject], ...] = (
     Law("initial values", "it starts where initial, internal and its states say", _starts),
     Law("company", "the same bits alone and beside others", _in_company),
+    Law("lanes", "the same bits in one lane and in eight", _in_lanes),
     Law("fixed point", "started at the truth, without noise, it stays there", _stays),
 )

@@ -26,7 +26,7 @@ from hgorun.symbolic.symbols import Symbols
 from hgorun.testing import ContractError, check_observer
 
 FAMILIES = OBSERVERS.all()
-ALWAYS = {"takes a plant", "finite design", "repeatable", "states", "equations", "refusal", "initial values", "company"}
+ALWAYS = {"takes a plant", "finite design", "repeatable", "states", "equations", "refusal", "company", "lanes"}
 
 
 @pytest.mark.parametrize("name", FAMILIES)
