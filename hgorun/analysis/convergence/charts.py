@@ -11,11 +11,12 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from hgorun.analysis.convergence.gains import NotApplicableError
+
 from hgorun.plants.build import BuiltPlant
 from hgorun.symbolic.canonical import CanonicalForm
 from hgorun.symbolic.forms import Form
 from hgorun.symbolic.triangular import TriangularForm
+from hgorun.analysis.reasons import NoValue
 
 _CURVED = 1e-8  # rounding of a second derivative that is zero
 
@@ -89,14 +90,14 @@ def chart_of(form: Form, plant: BuiltPlant) -> Chart:
 
     Raises
     ------
-    NotApplicableError
+    NoValue
         For forms whose theory is another.
     """
     if isinstance(form, CanonicalForm):
         return _of_chains(form, plant)
     if isinstance(form, TriangularForm):
         return _of_triangle(form, plant)
-    raise NotApplicableError("the theory of high-gain observers with a Lipschitz constant is not that of this observer")
+    raise NoValue("the theory of high-gain observers with a Lipschitz constant is not that of this observer")
 
 
 def _of_chains(form: CanonicalForm, plant: BuiltPlant) -> Chart:
@@ -164,7 +165,7 @@ def _require_affine(form: TriangularForm, plant: BuiltPlant, links: list[tuple[i
             first, second = curvature(random.uniform(), point, random.uniform(-1, 1, m.u.numel()), plant.parameters)
             size = float(np.max(np.abs(np.asarray(second.full())))) * (1 + float(np.max(np.abs(point))))
             if size > _CURVED * (1 + abs(float(first))):
-                raise NotApplicableError(
+                raise NoValue(
                     f"the derivative of {m.states[i]} is not affine in {m.states[j]}: F(u, xhat) x + phi(u, x) of "
                     "the theorem is not the plant"
                 )

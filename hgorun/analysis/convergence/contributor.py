@@ -9,7 +9,7 @@ import numpy as np
 
 from hgorun.analysis.convergence import bounds, peaking, time_varying
 from hgorun.analysis.convergence.bounds import Halanay
-from hgorun.analysis.convergence.gains import MU, ErrorDynamics, NotApplicableError, error_dynamics
+from hgorun.analysis.convergence.gains import MU, ErrorDynamics, error_dynamics
 from hgorun.analysis.convergence.peaking import Course
 from hgorun.analysis.convergence.setting import Setting, coarse, setting_of, weights
 from hgorun.analysis.findings import Context, Findings
@@ -18,6 +18,7 @@ from hgorun.result.theory import Transient
 from hgorun.simulation.observer_block import ObserverBlock
 from hgorun.symbolic.canonical import CanonicalForm
 from hgorun.symbolic.triangular import TriangularForm
+from hgorun.analysis.reasons import NoValue
 
 _GAIN = ("poles", "hurwitz", "beta", "chi")
 _BOUNDS = (
@@ -42,7 +43,7 @@ def _of(context: Context, block: ObserverBlock) -> Findings:
     dynamics = None
     try:
         dynamics = error_dynamics(block.observer, block.form)
-    except NotApplicableError as reason:
+    except NoValue as reason:
         found.withhold(str(reason), *_GAIN)
     else:
         _gains(found, dynamics)
@@ -50,7 +51,7 @@ def _of(context: Context, block: ObserverBlock) -> Findings:
         found.give(theta=float(block.observer.theta))
     try:
         setting = setting_of(context, block, dynamics)
-    except NotApplicableError as reason:
+    except NoValue as reason:
         found.withhold(str(reason), *_BOUNDS)
         return found
     found.remarks += setting.amplitudes.remarks
@@ -69,8 +70,8 @@ def _of(context: Context, block: ObserverBlock) -> Findings:
         elif dynamics is not None:
             _hold(found, setting, dynamics)
         else:
-            raise NotApplicableError(found.reasons["beta"])
-    except NotApplicableError as reason:
+            raise NoValue(found.reasons["beta"])
+    except NoValue as reason:
         _unbounded(found, setting)
         found.withhold(str(reason), "theta_bound", "delay_bound", "eta_theta", "peaking_bound")
     return found
@@ -81,7 +82,7 @@ def _gains(found: Findings, dynamics: ErrorDynamics) -> None:
     found.give(poles=certificate.poles, hurwitz=certificate.hurwitz)
     try:
         found.give(beta=certificate.beta, chi=certificate.chi, mu=MU, P=certificate.P)
-    except NotApplicableError as reason:
+    except NoValue as reason:
         found.withhold(str(reason), "beta", "chi")
 
 
@@ -116,7 +117,7 @@ def _follow(found: Findings, s: Setting) -> None:
     observer = s.context.result.observers[s.block.label]
     S = time_varying.gramian(observer)
     if not S.smallest > 0:
-        raise NotApplicableError("S(t) of this run is not positive definite")
+        raise NoValue("S(t) of this run is not positive definite")
     found.give(chi_S=S.chi)
     links = time_varying.largest_links(s.context.run, form, s.context.result, s.block.label)
     if hasattr(s.block.observer, "delta"):

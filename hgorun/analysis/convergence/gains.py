@@ -27,14 +27,11 @@ from hgorun.symbolic.forms import Form
 from hgorun.symbolic.parameters import Parameters
 from hgorun.symbolic.plant import PlantModel
 from hgorun.symbolic.triangular import TriangularForm
+from hgorun.analysis.reasons import NoValue
 
 _ELSEWHERE = 2.0  # another theta, whose powers are read off
 GAINS = ("P", "S", "U")  # matrices that are integrated, and settle
 MU = 1.0  # of P A~ + A~^T P = -2 mu I
-
-
-class NotApplicableError(ValueError):
-    """A piece of theory that is not for this observer or plant; the message says why."""
 
 
 @dataclass(frozen=True)
@@ -104,13 +101,13 @@ class Certificate:
 
         Raises
         ------
-        NotApplicableError
+        NoValue
             When A~ is not Hurwitz, or too near to it for double precision.
         """
         from scipy.linalg import solve_continuous_lyapunov
 
         if not self.hurwitz:
-            raise NotApplicableError("the error's matrix is not Hurwitz: no P exists")
+            raise NoValue("the error's matrix is not Hurwitz: no P exists")
         right = -2 * MU * np.eye(len(self.A))
         P = solve_continuous_lyapunov(self.A.T, right)
         P = 0.5 * (P + P.T)
@@ -120,7 +117,7 @@ class Certificate:
             P = 0.5 * (P + P.T)
         off = np.max(np.abs(P @ self.A + self.A.T @ P - right))
         if not (np.all(np.isfinite(P)) and off < 1e-3 and np.min(np.linalg.eigvalsh(P)) > 0):
-            raise NotApplicableError("the Lyapunov equation of the error's matrix has no solution in double precision")
+            raise NoValue("the Lyapunov equation of the error's matrix has no solution in double precision")
         return np.asarray(P)
 
     @cached_property
@@ -143,7 +140,7 @@ def error_dynamics(observer: Observer, form: Form) -> ErrorDynamics:
 
     Raises
     ------
-    NotApplicableError
+    NoValue
         Where there are no such matrices.
     """
     chains = _chains(observer, form)
@@ -179,10 +176,10 @@ def _chains(observer: Observer, form: Form) -> tuple[int, ...]:
     elif isinstance(form, TriangularForm) and isinstance(observer, RiccatiGain):
         if _is_constant_chain(form):
             return (form.n,)
-        raise NotApplicableError(
+        raise NoValue(
             "the gain follows F(u, xhat) of a plant that is no chain of integrators: there is no constant matrix"
         )
-    raise NotApplicableError(f"the error of {observer.type} is not that of chains of integrators with a constant gain")
+    raise NoValue(f"the error of {observer.type} is not that of chains of integrators with a constant gain")
 
 
 def _is_constant_chain(form: TriangularForm) -> bool:
@@ -283,7 +280,7 @@ def _powers(A: np.ndarray, other: np.ndarray, chains: tuple[int, ...]) -> np.nda
                     or abs(step - round(step)) > 1e-6
                     or known.get(j, known[i] + round(step)) != (known[i] + round(step))
                 ):
-                    raise NotApplicableError(
+                    raise NoValue(
                         "no scaling with powers of theta makes the error's matrix theta times another"
                     )
                 if j not in known:

@@ -10,7 +10,7 @@ import numpy as np
 from hgorun.analysis.convergence import peaking
 from hgorun.analysis.convergence.bounds import Halanay
 from hgorun.analysis.convergence.charts import Chart, chart_of
-from hgorun.analysis.convergence.gains import GAINS, ErrorDynamics, NotApplicableError
+from hgorun.analysis.convergence.gains import GAINS, ErrorDynamics
 from hgorun.analysis.convergence.lipschitz import Lipschitz, lipschitz
 from hgorun.analysis.convergence.signals import Amplitudes, amplitudes
 from hgorun.analysis.findings import Context
@@ -18,6 +18,7 @@ from hgorun.observers.riccati import RiccatiGain
 from hgorun.simulation.observer_block import ObserverBlock
 from hgorun.symbolic.canonical import CanonicalForm
 from hgorun.symbolic.triangular import TriangularForm
+from hgorun.analysis.reasons import NoValue
 
 _FINE = 0.5  # of the fastest time constant: the output grid shows a transient whose steps are shorter
 _RICCATI = 5.0
@@ -71,12 +72,12 @@ def setting_of(context: Context, block: ObserverBlock, dynamics: ErrorDynamics |
 
     Raises
     ------
-    NotApplicableError
+    NoValue
     """
     if block.observer.discrete:
-        raise NotApplicableError(f"{block.observer.type} is a difference equation, the theorems are of flows")
+        raise NoValue(f"{block.observer.type} is a difference equation, the theorems are of flows")
     if not hasattr(block.observer, "theta"):
-        raise NotApplicableError(f"{block.observer.type} has no constant theta")
+        raise NoValue(f"{block.observer.type} has no constant theta")
     run, result = context.run, context.result
     chart = chart_of(block.form, run.plant)
     own = isinstance(block.form, TriangularForm) or chart.own

@@ -15,6 +15,7 @@ import casadi as ca
 import numpy as np
 
 from hgorun.analysis.excitation.gramian import Links, gramians, seen
+from hgorun.analysis.reasons import NoValue
 from hgorun.observers.fhgo2_nuos import FilteredObserver2TimeVarying
 from hgorun.observers.riccati import RiccatiGain
 from hgorun.result.data import ObserverResult
@@ -25,6 +26,7 @@ HORIZONS = np.array([0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0])  # T* tried where none 
 _POINTS = 1_000, 6_000  # fewest and most times
 _WEAK = 0.01  # of what links of 1 give: less counts as not excited
 _NAMED = 3  # stretches of time that are named in words
+_UNIFORM = "uniformly observable: no excitation needed"
 
 
 @dataclass(frozen=True)
@@ -111,7 +113,7 @@ class Excitation:
     words: str
 
 
-def excitation(run: Run, label: str, result: Result, horizon: float | None = None) -> Excitation | str:
+def excitation(run: Run, label: str, result: Result, horizon: float | None = None) -> Excitation:
     """Excitation along a run, as the observer's theorem asks for it.
 
     Parameters
@@ -124,10 +126,10 @@ def excitation(run: Run, label: str, result: Result, horizon: float | None = Non
         T*, a multiple of 1/12. Where it is omitted, that of ``HORIZONS`` which promises most for S, with a
         window not longer than a third of the run.
 
-    Returns
-    -------
-    Excitation or str
-        Why none is needed.
+    Raises
+    ------
+    NoValue
+        Where none is needed, or the run is too short.
 
     Notes
     -----
@@ -136,7 +138,7 @@ def excitation(run: Run, label: str, result: Result, horizon: float | None = Non
     """
     observer = run.experiment.observers[label]
     if not isinstance(observer, RiccatiGain):
-        return "uniformly observable: no excitation needed"
+        raise NoValue(_UNIFORM)
     found = result.observers[label]
     names = _names(run, label)
     filtered = isinstance(observer, FilteredObserver2TimeVarying)
@@ -148,11 +150,11 @@ def excitation(run: Run, label: str, result: Result, horizon: float | None = Non
     return _look(links.behind_integrators(r), observer.theta, horizon, condition, names, r, found)
 
 
-def plant_excitation(run: Run, label: str, result: Result, horizon: float | None = None) -> Excitation | str:
+def plant_excitation(run: Run, label: str, result: Result, horizon: float | None = None) -> Excitation:
     """(3.86), without the filter's integrators, along the plant's state."""
     observer = run.experiment.observers[label]
     if not isinstance(observer, RiccatiGain):
-        return "uniformly observable: no excitation needed"
+        raise NoValue(_UNIFORM)
     links = links_along(run, label, result.time, result.x)
     names = _names(run, label)
     return _look(links, observer.theta, horizon, "(3.86)", names, 0, None)
@@ -192,11 +194,11 @@ def _look(
     names: Sequence[str],
     filters: int,
     found: ObserverResult | None,
-) -> Excitation | str:
+) -> Excitation:
     start, end = float(links.times[0]), float(links.times[-1])
     horizons = HORIZONS[HORIZONS / theta <= (end - start) / 3] if horizon is None else np.array([horizon])
     if not horizons.size or horizons[-1] / theta >= end - start:
-        return "the run is shorter than the window of the Gramian"
+        raise NoValue("the run is shorter than the window of the Gramian")
     at = _times(start + horizons[-1] / theta, end, horizons[0] / theta)
     W = gramians(links, at, theta, horizons)
     values = np.linalg.eigvalsh(W)[..., 0]

@@ -12,6 +12,7 @@ from hgorun.config.yaml_source import Source
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.run import Run
 from hgorun.simulation.simulate import prepare
+from hgorun.analysis.reasons import NoValue
 
 _RATIO = 1e-4  # half of the relative step of the slopes: central differences, error of the order of its square
 
@@ -28,7 +29,7 @@ def pi_eps(linear: Linear, omega: float, eps: float = 1.0, output: int = 0) -> n
 
     Raises
     ------
-    NoTheory
+    NoValue
         When the linearisation is not Hurwitz.
 
     Notes
@@ -68,7 +69,7 @@ def amplitude(
 
     Raises
     ------
-    NoTheory
+    NoValue
         When the linearisation is not Hurwitz.
     """
     run = prepare(run) if isinstance(run, Experiment) else run

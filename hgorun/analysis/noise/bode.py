@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from hgorun.analysis.findings import Context
-from hgorun.analysis.linear.transfer import NoTheory, relevant, response
+from hgorun.analysis.linear.transfer import relevant, response
 from hgorun.analysis.noise.contributor import at_the_end
 from hgorun.analysis.noise.terms import NoiseTerms
 from hgorun.result.theory import Bode
+from hgorun.analysis.reasons import NoValue
 
 _POINTS = 400
 _BEYOND = 30.0  # of the slowest and the fastest frequency shown
@@ -20,7 +21,7 @@ def bode(context: Context) -> Bode:
     for label in context.result.observers:
         try:
             systems[label] = at_the_end(context, label)
-        except NoTheory as reason:
+        except NoValue as reason:
             reasons[label] = str(reason)
     own = sorted(
         {

@@ -7,11 +7,12 @@ import numpy as np
 from hgorun.analysis.findings import Context, Findings
 from hgorun.analysis.linear.linear import Linear, Linearisation
 from hgorun.analysis.linear.sinusoids import exponents
-from hgorun.analysis.linear.transfer import NoTheory, h2, hinf, require_hurwitz, response
+from hgorun.analysis.linear.transfer import h2, hinf, require_hurwitz, response
 from hgorun.analysis.noise.prediction import measured_noise, noise_free, noise_prediction
 from hgorun.analysis.noise.terms import NoiseTerms
 from hgorun.errors import HgorunError
 from hgorun.simulation.simulate import simulate
+from hgorun.analysis.reasons import NoValue
 
 _PREDICTED = ("noise_rms_predicted", "noise_rms_measured")
 _NORMS = ("h2", "hinf")
@@ -56,7 +57,7 @@ def _gains(context: Context, label: str, findings: Findings) -> None:
         largest, _ = hinf(linear)
         findings.give(h2=_by_state(states, h2(linear)), hinf=_by_state(states, largest.max(axis=1)))
         findings.remarks.append(f"h2, hinf: linearised at t = {result.time[-1]:.4g}, output continuous and not late")
-    except NoTheory as reason:
+    except NoValue as reason:
         findings.withhold(str(reason), *_NORMS, *_STEADY)
         return
     stretch = run.channels[0].stretches[-1]
@@ -86,15 +87,15 @@ def at_the_end(context: Context, label: str) -> Linear:
 
     Raises
     ------
-    NoTheory
+    NoValue
         When it is not Hurwitz there, or there is no such system.
     """
     observer = Linearisation(context.run, label)
     if observer.block.observer.discrete:
-        raise NoTheory("the observer jumps at the samples: there is no flow between them")
+        raise NoValue("the observer jumps at the samples: there is no flow between them")
     found = context.result.observers[label]
     if found.diverged_at is not None:
-        raise NoTheory("the observer diverged")
+        raise NoValue("the observer diverged")
     last = context.result.time.size - 1
     linear = observer.at(float(context.result.time[-1]), observer.along(found, last))
     require_hurwitz(linear)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from hgorun.analysis.linear.linear import Linear, Linearisation
-from hgorun.analysis.linear.transfer import NoTheory, relevant
+from hgorun.analysis.linear.transfer import relevant
 from hgorun.analysis.noise.along_run import noise_along
 from hgorun.analysis.noise.continuous import continuous_power
 from hgorun.analysis.noise.jumps import noise_of_jumps
@@ -21,6 +21,7 @@ from hgorun.observers.levant import LevantObserver
 from hgorun.result.result import Result
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.run import Run
+from hgorun.analysis.reasons import NoValue
 
 _POINTS = 20  # of the steady window where the linearisation is looked at
 _CONSTANT = 1e-6  # relative
@@ -49,7 +50,7 @@ def noise_prediction(run: Run, twin: Result, result: Result | None = None) -> di
     for label in twin.observers:
         try:
             found[label] = NoisePrediction(np.sqrt(_power_of(run, twin, result, label)))
-        except NoTheory as error:
+        except NoValue as error:
             found[label] = NoisePrediction(None, str(error))
     return found
 
@@ -57,13 +58,13 @@ def noise_prediction(run: Run, twin: Result, result: Result | None = None) -> di
 def _power_of(run: Run, twin: Result, result: Result | None, label: str) -> np.ndarray:
     try:
         return _power(run, twin, label)
-    except NoTheory:
+    except NoValue:
         observer = run.experiment.observers[label]
         lost = twin.observers[label].diverged_at is not None
         if result is None or lost or isinstance(observer, LevantObserver):
             raise
         if result.observers[label].diverged_at is not None:
-            raise NoTheory("the observer diverged") from None
+            raise NoValue("the observer diverged") from None
         return (noise_of_jumps if observer.discrete else noise_along)(run, label, result, twin)
 
 
@@ -72,15 +73,15 @@ def _power(run: Run, result: Result, label: str) -> np.ndarray:
     for c in run.channels:
         stretch = c.stretches[0]
         if len(c.stretches) > 1 or stretch.multiplicative or not stretch.delay_is_constant:
-            raise NoTheory("only additive noise and a measurement that stays the same have a steady state")
+            raise NoValue("only additive noise and a measurement that stays the same have a steady state")
         sampling = stretch.sampling
         if not stretch.continuous and (not isinstance(sampling, Periodic) or sampling.jitter or sampling.dropout):
-            raise NoTheory("only periodic sampling without jitter and dropout has a steady state")
+            raise NoValue("only periodic sampling without jitter and dropout has a steady state")
         terms.append(NoiseTerms.of(stretch, c.random[0]))
         periods.add((sampling.period, sampling.offset) if isinstance(sampling, Periodic) else None)
         delays.add(float(stretch.delay_at(np.array([stretch.start]))[0]))
     if len(periods) > 1 or len(delays) > 1:
-        raise NoTheory("outputs of different sampling or delay have no common period")
+        raise NoValue("outputs of different sampling or delay have no common period")
     linear = _constant(run, result, label)
     delay, timing = delays.pop(), periods.pop()
     if timing is None:
@@ -91,18 +92,18 @@ def _power(run: Run, result: Result, label: str) -> np.ndarray:
 def _constant(run: Run, result: Result, label: str) -> Linear:
     observer = Linearisation(run, label)
     if observer.block.observer.discrete:
-        raise NoTheory("the observer is a difference equation: it jumps along the run")
+        raise NoValue("the observer is a difference equation: it jumps along the run")
     if result.observers[label].diverged_at is not None:
-        raise NoTheory("the observer diverged")
+        raise NoValue("the observer diverged")
     start, end = result.windows["steady"]
     inside = np.flatnonzero((result.time >= start) & (result.time <= end))
     points = inside[np.unique(np.linspace(0, inside.size - 1, _POINTS).astype(int))]
     systems = relevant(observer.trajectory(result.observers[label], points, result.time[points]))
     for value in vars(systems).values():
         if not np.all(np.isfinite(value)):
-            raise NoTheory("the observer's equations have no derivative on its way")
+            raise NoValue("the observer's equations have no derivative on its way")
         if np.max(np.abs(value - value[0]), initial=0) > _CONSTANT * np.max(np.abs(value), initial=0):
-            raise NoTheory("the linearisation changes along the run: it has no steady state")
+            raise NoValue("the linearisation changes along the run: it has no steady state")
     return Linear(*(value[0] for value in vars(systems).values()))
 
 

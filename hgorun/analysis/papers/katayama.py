@@ -30,6 +30,7 @@ import casadi as ca
 import numpy as np
 
 from hgorun.analysis.papers.region import Points, along, box, evaluated
+from hgorun.analysis.reasons import NoValue
 from hgorun.observers.deadbeat import DeadbeatObserver
 from hgorun.observers.reduced_sampled import ReducedSampledObserver
 from hgorun.result.result import Result
@@ -102,17 +103,17 @@ class KatayamaConditions:
     measured: float | None
 
 
-def katayama_conditions(run: Run, label: str, result: Result) -> KatayamaConditions | str:
-    """Conditions and bounds for `reduced_sampled` and `deadbeat`; a reason for other observers."""
+def katayama_conditions(run: Run, label: str, result: Result) -> KatayamaConditions:
+    """Conditions and bounds for `reduced_sampled` and `deadbeat`; NoValue for others."""
     observer = run.experiment.observers[label]
     if not isinstance(observer, ReducedSampledObserver | DeadbeatObserver):
-        return "the conditions are for reduced_sampled and deadbeat"
+        raise NoValue("the conditions are for reduced_sampled and deadbeat")
     form: Any = run.forms[label]
     samples = run.channels[0].samples
     arrival = samples.arrival[samples.used]
     steps = np.diff(arrival)
     if not steps.size:
-        return "there are no two samples"
+        raise NoValue("there are no two samples")
     T = float(steps.max())
     names = [run.plant.model.states[i] for i in form.hidden]
     rates = (

@@ -24,6 +24,7 @@ import numpy as np
 
 from hgorun.analysis.papers.lmi import Certificate, certificate
 from hgorun.analysis.papers.region import Points, along, box, evaluated
+from hgorun.analysis.reasons import NoValue
 from hgorun.config.expressions import parse
 from hgorun.observers.direct import DirectObserver
 from hgorun.observers.direct_dynamic import DirectDynamicObserver
@@ -126,14 +127,14 @@ class Theorem2:
     mu_0_exact: float | None
 
 
-def meiners_conditions(run: Run, label: str, result: Result) -> Theorem1 | Theorem2 | str:
-    """The theorem of this observer; a reason for observers of other papers."""
+def meiners_conditions(run: Run, label: str, result: Result) -> Theorem1 | Theorem2:
+    """The theorem of this observer; NoValue for observers of other papers."""
     observer = run.experiment.observers[label]
     if isinstance(observer, DirectObserver):
         return _theorem_1(run, label, observer, result)
     if isinstance(observer, DynamicGain):
         return _theorem_2(run, label, observer, result)
-    return "the theorems are for direct, dynamic_gain and direct_dynamic"
+    raise NoValue("the theorems are for direct, dynamic_gain and direct_dynamic")
 
 
 def slope_bound(run: Run, label: str, result: Result) -> SlopeBound:
@@ -181,7 +182,7 @@ def slope_bound(run: Run, label: str, result: Result) -> SlopeBound:
     )
 
 
-def _theorem_1(run: Run, label: str, observer: DirectObserver, result: Result) -> Theorem1 | str:
+def _theorem_1(run: Run, label: str, observer: DirectObserver, result: Result) -> Theorem1:
     from scipy.linalg import solve_continuous_lyapunov
 
     form = _form(run, label)
@@ -199,7 +200,7 @@ def _theorem_1(run: Run, label: str, observer: DirectObserver, result: Result) -
     closed[:, :, 0] -= head[:, None] * l
     mean = closed.mean(axis=0)
     if np.max(np.linalg.eigvals(mean).real) >= 0:
-        return "A - l c is not Hurwitz with the run's mean slopes"
+        raise NoValue("A - l c is not Hurwitz with the run's mean slopes")
     S = solve_continuous_lyapunov(mean.T, -np.eye(n))
     decay = -float(np.max(np.linalg.eigvalsh(closed.swapaxes(1, 2) @ S + S @ closed)))
     lower = np.tril(np.ones((n, n), dtype=bool))

@@ -8,11 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hgorun import Experiment
-from hgorun.analysis.convergence.gains import Certificate, ErrorDynamics, NotApplicableError, error_dynamics
+from hgorun.analysis.convergence.gains import Certificate, ErrorDynamics, error_dynamics
 from hgorun.analysis.linear.linear import Linearisation
 from hgorun.observers.lowpass import F
 from hgorun.simulation.simulate import prepare
 from hgorun.symbolic.matrices import hurwitz_gain
+from hgorun.analysis.reasons import NoValue
 
 
 def experiment(n: int, block: dict[str, Any], **plant: Any) -> Experiment:
@@ -149,7 +150,7 @@ def test_several_chains() -> None:
 
 def test_what_has_no_constant_matrix_says_so() -> None:
     made = experiment(3, {"type": "shgo_riccati", "theta": 3}, type="academic", initial={"x1": 1, "x2": 1, "x3": 1})
-    with pytest.raises(NotApplicableError, match="follows F"):
+    with pytest.raises(NoValue, match="follows F"):
         error_dynamics(made.observers["observer"], made.forms["observer"])
 
 
@@ -189,5 +190,5 @@ def test_a_long_filter_still_has_one() -> None:
 def test_no_certificate_without_decay() -> None:
     found = Certificate(np.array([[0.0, 1.0], [-1.0, 0.0]]))
     assert not found.hurwitz
-    with pytest.raises(NotApplicableError, match="not Hurwitz"):
+    with pytest.raises(NoValue, match="not Hurwitz"):
         _ = found.beta

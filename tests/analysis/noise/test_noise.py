@@ -11,13 +11,14 @@ from scipy.linalg import expm
 import hgorun
 from hgorun.analysis.linear.linear import Linear, Linearisation
 from hgorun.analysis.linear.sinusoids import amplitude, exponents, pi_eps
-from hgorun.analysis.linear.transfer import NoTheory, h2, hinf, relevant, response
+from hgorun.analysis.linear.transfer import h2, hinf, relevant, response
 from hgorun.analysis.noise.continuous import continuous_power
 from hgorun.analysis.noise.prediction import measured_noise, noise_free, noise_prediction
 from hgorun.analysis.noise.sampled import SampledLoop
 from hgorun.analysis.noise.terms import Draws, NoiseTerms, Wave
 from hgorun.simulation.run import Run
 from hgorun.simulation.simulate import prepare
+from hgorun.analysis.reasons import NoValue
 
 
 def chain(n: int, phi: str = "0", **block: Any) -> Run:
@@ -89,7 +90,7 @@ def test_exponents() -> None:
 
 
 def test_marginal_is_refused() -> None:
-    with pytest.raises(NoTheory, match="not Hurwitz"):
+    with pytest.raises(NoValue, match="not Hurwitz"):
         h2(Linear(np.zeros((1, 1)), np.zeros((1, 1)) + 1, np.zeros((1, 1)), np.eye(1), np.zeros((1, 1)), np.eye(1)))
 
 
