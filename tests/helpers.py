@@ -8,6 +8,7 @@ import yaml
 
 import hgorun
 from hgorun import Experiment, Result, simulate
+from hgorun.analysis.finding import Finding, all_findings
 from hgorun.simulation.run import Run
 from hgorun.simulation.simulate import prepare
 
@@ -27,3 +28,8 @@ def run(folder: Path, config: str | Mapping[str, Any], *overrides: str, **option
 def prepared(folder: Path, config: str | Mapping[str, Any], *overrides: str) -> Run:
     """All that is decided before the first step: the engine's tables and numbers."""
     return prepare(load(folder, config, *overrides))
+
+
+def findings(*files: str) -> list[Finding]:
+    """The findings declared in some files of hgorun/analysis/findings."""
+    return [one for one in all_findings() if one.of.__module__.rpartition(".")[2] in files]

@@ -6,13 +6,10 @@ import json as json_text
 from collections.abc import Sequence
 from pathlib import Path
 
-from hgorun.analysis.findings import Context
-from hgorun.analysis.report import CONTRIBUTORS, analysis_of
-from hgorun.analysis.search import critical_theta
+from hgorun.analysis.report import analysis_of
+from hgorun.analysis.subject import Context
 from hgorun.commands.run import RESULTS, execute, warn
 from hgorun.errors import ConfigError
-from hgorun.result.result import Result
-from hgorun.simulation.run import Run
 from hgorun.simulation.simulate import prepare
 from hgorun.study.loading import load
 from hgorun.tables import analysis as table
@@ -37,7 +34,7 @@ def analyze(
     run = prepare(load(config, overrides, seed=seed, run=run_name))
     result = execute(run, quiet or json, check_step=False)
     warn(result)
-    analysis = analysis_of(run, result, (*CONTRIBUTORS, critical_theta) if search else CONTRIBUTORS)
+    analysis = analysis_of(run, result, search=search)
     written: list[Path] = []
     if plots and analysis.transients:
         from hgorun.figures import save
@@ -45,7 +42,7 @@ def analyze(
 
         written = save(peaking(result, analysis.transients), target)
     if plots:
-        written += _bode(run, result, target.with_name(target.name.removesuffix("-analysis") + "-bode"))
+        written += _bode(analysis.context, target.with_name(target.name.removesuffix("-analysis") + "-bode"))
     if json:
         print(json_text.dumps(analysis.as_json(str(config)), indent=2, allow_nan=False))
     elif not quiet:
@@ -64,11 +61,11 @@ def _target(name: str, output: Path | None) -> Path:
     return (output or RESULTS) / f"{name}-analysis"
 
 
-def _bode(run: Run, result: Result, target: Path) -> list[Path]:
+def _bode(context: Context, target: Path) -> list[Path]:
     """The observers' frequency responses, where there are some."""
-    from hgorun.analysis.noise.bode import bode
+    from hgorun.analysis.noise.responses import frequency_responses
     from hgorun.figures import save
     from hgorun.figures.bode import bode_figure
 
-    data = bode(Context(run, result))
-    return save(bode_figure(data, result), target) if data.magnitude else []
+    data = frequency_responses(context)
+    return save(bode_figure(data, context.result), target) if data.magnitude else []

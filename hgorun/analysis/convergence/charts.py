@@ -11,12 +11,11 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-
+from hgorun.analysis.reasons import NoValue
 from hgorun.plants.build import BuiltPlant
 from hgorun.symbolic.canonical import CanonicalForm
 from hgorun.symbolic.forms import Form
 from hgorun.symbolic.triangular import TriangularForm
-from hgorun.analysis.reasons import NoValue
 
 _CURVED = 1e-8  # rounding of a second derivative that is zero
 
@@ -67,10 +66,10 @@ class Chart:
 
     @property
     def straight(self) -> bool:
-        return self.own or not ca.is_equal(self.variables, self.x)
+        return self.identity or not ca.is_equal(self.variables, self.x)
 
     @property
-    def own(self) -> bool:
+    def identity(self) -> bool:
         """Whether z is x."""
         return bool(ca.is_equal(self.map, self.x))
 
@@ -108,14 +107,14 @@ def _of_chains(form: CanonicalForm, plant: BuiltPlant) -> Chart:
     moving = form.jacobian @ m.dynamics  # z'
     raw = ca.jacobian(moving, m.x) - form.shift @ form.jacobian
     slopes_in_x = raw if form.identity else ca.solve(form.jacobian.T, raw.T).T
-    back = z if form.identity else _inverse(form, z)
+    inverse = z if form.identity else _inverse(form, z)
     slopes = slopes_in_x
-    if back is not None and not form.identity:
-        in_z = ca.substitute(ca.cse(moving), m.x, back)
+    if inverse is not None and not form.identity:
+        in_z = ca.substitute(ca.cse(moving), m.x, inverse)
         slopes = ca.jacobian(in_z, z) - form.shift
     return Chart(
         names, positions, m.t, m.x, z, m.u, m.p, m.dynamics, ca.SX(slopes), ca.SX(slopes_in_x), form.phi_map,
-        m.x, ca.SX(raw), plant.parameters, back is not None,
+        m.x, ca.SX(raw), plant.parameters, inverse is not None,
     )  # fmt: skip
 
 
@@ -137,15 +136,15 @@ def _of_triangle(form: TriangularForm, plant: BuiltPlant) -> Chart:
     jacobian = ca.jacobian(m.dynamics, m.x)
     _require_affine(form, plant, [(int(i), int(j)) for i, j in zip(*np.nonzero(links), strict=True)])
     slopes = jacobian * ca.DM(~links)
-    there = _there(form)
-    in_x = ca.substitute(slopes, m.x, there)
+    in_plant = _of_plant(form)
+    in_x = ca.substitute(slopes, m.x, in_plant)
     return Chart(
-        m.states, positions, m.t, outer.x, m.x, m.u, m.p, outer.dynamics, slopes, ca.SX(in_x), there,
+        m.states, positions, m.t, outer.x, m.x, m.u, m.p, outer.dynamics, slopes, ca.SX(in_x), in_plant,
         m.x, slopes, plant.parameters, True,
     )  # fmt: skip
 
 
-def _there(form: TriangularForm) -> ca.SX:
+def _of_plant(form: TriangularForm) -> ca.SX:
     """The coordinates where the plant is triangular, as functions of its own."""
     plant = form.plant
     return plant.x if plant.transform is None else plant.transform(plant.x, plant.p)
@@ -154,7 +153,7 @@ def _there(form: TriangularForm) -> ca.SX:
 def _require_affine(form: TriangularForm, plant: BuiltPlant, links: list[tuple[int, int]]) -> None:
     """f^(k) = F_k(u, x^(1)..x^(k)) x^(k+1) + phi^(k): decided at random points, since symbols may hide it."""
     m, block = form.model, form.block
-    z = ca.Function("z", [form.plant.x, form.plant.p], [_there(form)])(plant.initial, plant.parameters)
+    z = ca.Function("z", [form.plant.x, form.plant.p], [_of_plant(form)])(plant.initial, plant.parameters)
     start, random = np.asarray(z.full()).ravel(), np.random.default_rng(0)
     points = [start * (1 + 0.2 * random.uniform(-1, 1, m.n)) + 0.05 * random.uniform(-1, 1, m.n) for _ in range(5)]
     for i, j in links:

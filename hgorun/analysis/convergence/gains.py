@@ -1,4 +1,4 @@
-"""The error's matrix at theta = 1, its poles, and the certificate P of its decay.
+"""The error's matrix at theta = 1, its poles, and the Lyapunov matrix P that shows its decay.
 
 In z = (xhat - x, filters) with the plant's nonlinearity phi, noise v and disturbance eps, every observer of
 constant gain here has, after a scaling zbar_i = theta^(-s_i) z_i,
@@ -17,6 +17,7 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
+from hgorun.analysis.reasons import NoValue
 from hgorun.observers.base import Observer
 from hgorun.observers.constant_gain import PlacedGain
 from hgorun.observers.fhgo2_nuos import stationary
@@ -27,7 +28,6 @@ from hgorun.symbolic.forms import Form
 from hgorun.symbolic.parameters import Parameters
 from hgorun.symbolic.plant import PlantModel
 from hgorun.symbolic.triangular import TriangularForm
-from hgorun.analysis.reasons import NoValue
 
 _ELSEWHERE = 2.0  # another theta, whose powers are read off
 GAINS = ("P", "S", "U")  # matrices that are integrated, and settle
@@ -59,9 +59,9 @@ class ErrorDynamics:
     known: np.ndarray | None = None
 
     @cached_property
-    def certificate(self) -> Certificate:
+    def lyapunov(self) -> Lyapunov:
         """What decays."""
-        return Certificate(self.A, self.known)
+        return Lyapunov(self.A, self.known)
 
     def scale(self, theta: float) -> np.ndarray:
         """theta^(-s), shape (N,)."""
@@ -69,7 +69,7 @@ class ErrorDynamics:
 
 
 @dataclass(frozen=True)
-class Certificate:
+class Lyapunov:
     """What P A~ + A~^T P = -2 mu I with mu = 1 says of a matrix A~.
 
     beta = mu/(2 lambda_max(P)) and chi = cond(P), (3.23) and (3.35) of Robles Magdaleno 2023. With
@@ -280,9 +280,7 @@ def _powers(A: np.ndarray, other: np.ndarray, chains: tuple[int, ...]) -> np.nda
                     or abs(step - round(step)) > 1e-6
                     or known.get(j, known[i] + round(step)) != (known[i] + round(step))
                 ):
-                    raise NoValue(
-                        "no scaling with powers of theta makes the error's matrix theta times another"
-                    )
+                    raise NoValue("no scaling with powers of theta makes the error's matrix theta times another")
                 if j not in known:
                     known[j] = known[i] + round(step)
                     waiting.append(j)

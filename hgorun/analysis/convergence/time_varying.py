@@ -17,8 +17,8 @@ import casadi as ca
 import numpy as np
 
 from hgorun.analysis.convergence.bounds import Halanay
+from hgorun.analysis.convergence.envelope import Envelope
 from hgorun.analysis.convergence.lipschitz import Lipschitz
-from hgorun.analysis.convergence.peaking import Course
 from hgorun.analysis.convergence.signals import Amplitudes
 from hgorun.observers.fhgo2_nuos import stationary
 from hgorun.result.data import ObserverResult
@@ -105,9 +105,9 @@ def delayed(S: Gramian, filtered: bool, first_link: float, lipschitz: Lipschitz,
     return proved if proved.longest <= printed else Halanay(proved.a, proved.a / printed)
 
 
-def course(
+def envelope(
     S: Gramian, filtered: bool, delay: Halanay, scaled: np.ndarray, scale: np.ndarray, theta: float, a: Amplitudes
-) -> Course:
+) -> Envelope:
     """(3.105) for sqrt V, which bounds |zbar| with 1/sqrt(lambda_min(S)).
 
     Parameters
@@ -121,7 +121,7 @@ def course(
     push = np.sqrt(S.largest) if filtered else 1 / np.sqrt(S.smallest)
     pushed = float(np.linalg.norm(scale * (a.disturbance + a.rounding)))
     drive = theta * float(push) * a.noise + float(np.sqrt(S.largest)) * pushed
-    return Course(1 / float(np.sqrt(S.smallest)), delay.rate(a.delay), start, drive)
+    return Envelope(1 / float(np.sqrt(S.smallest)), delay.rate(a.delay), start, drive)
 
 
 @dataclass(frozen=True)

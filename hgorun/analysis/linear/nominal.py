@@ -30,7 +30,7 @@ def nominal(run: Run) -> Result:
     NoValue
     """
     config = run.experiment.resolved()
-    kept = {label for label, o in run.experiment.observers.items() if not o.discrete}
+    kept = [label for label, o in run.experiment.observers.items() if not o.discrete]
     if not kept:
         raise NoValue("every observer here jumps at the samples")
     if run.plant.block.discretise:

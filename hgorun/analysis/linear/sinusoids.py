@@ -12,7 +12,6 @@ from hgorun.config.yaml_source import Source
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.run import Run
 from hgorun.simulation.simulate import prepare
-from hgorun.analysis.reasons import NoValue
 
 _RATIO = 1e-4  # half of the relative step of the slopes: central differences, error of the order of its square
 

@@ -21,11 +21,11 @@ from hgorun.analysis.linear.exponentials import exponentials
 from hgorun.analysis.linear.linear import Linear, Linearisation
 from hgorun.analysis.linear.transfer import relevant_states, restricted
 from hgorun.analysis.noise.events import Edges, edges_of
+from hgorun.analysis.reasons import NO_SLOPES, NO_SPECTRUM, NoValue
 from hgorun.config.models import ExpressionNoise, Sinusoids
 from hgorun.measurement.schedule import Channel
 from hgorun.result.result import Result
 from hgorun.simulation.run import Run
-from hgorun.analysis.reasons import NoValue
 
 _NUMBERS = 60_000  # states times points of the twin's output grid at which it is linearised
 _POINTS = 3000, 6000  # least and most points
@@ -72,7 +72,7 @@ def noise_along(run: Run, label: str, result: Result, twin: Result) -> np.ndarra
     power: np.ndarray | None = None
     for _ in range(_ROUNDS):
         if not all(np.all(np.isfinite(value)) for value in vars(at).values()):
-            raise NoValue("the observer's equations have no derivative on its way")
+            raise NoValue(NO_SLOPES)
         keep = relevant_states(at)
         moved, e, found = _followed(run, twin, result, edges, waves, times, restricted(at, keep))
         path = np.zeros_like(xi)
@@ -182,7 +182,7 @@ def _waves(channel: Channel) -> _Waves | None:
     if not stretch.undelayed:
         raise NoValue("the output is continuous and late: what is on its way has no finite state")
     if any(isinstance(item, ExpressionNoise) for item in stretch.noise):
-        raise NoValue("noise given as an expression of time has no spectrum that is known")
+        raise NoValue(NO_SPECTRUM)
     terms = [term for item in stretch.noise if isinstance(item, Sinusoids) for term in item.terms]
     return _Waves(np.array([t.amplitude * np.exp(1j * t.phase) for t in terms]), np.array([t.omega for t in terms]))
 

@@ -6,10 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-
+from hgorun.analysis.reasons import NoValue
 from hgorun.result.result import Result
 from hgorun.simulation.run import Run
-from hgorun.analysis.reasons import NoValue
 
 _MOST = 60_000  # stretches, before it is given up
 _SAME = 1e-9  # of the shortest regular stretch: edges closer than that are one

@@ -8,11 +8,10 @@ import casadi as ca
 import numpy as np
 
 from hgorun.analysis.linear.linear import Linearisation
-
 from hgorun.analysis.noise.along_run import GAUSS
+from hgorun.analysis.reasons import NoValue
 from hgorun.result.result import Result
 from hgorun.simulation.run import Run
-from hgorun.analysis.reasons import NoValue
 
 _ROUNDS = 3  # predictions, each from the mean slopes that the one before gives
 

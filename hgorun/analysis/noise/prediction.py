@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from copy import deepcopy
-from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,57 +15,54 @@ from hgorun.analysis.noise.continuous import continuous_power
 from hgorun.analysis.noise.jumps import noise_of_jumps
 from hgorun.analysis.noise.sampled import SampledLoop
 from hgorun.analysis.noise.terms import NoiseTerms
+from hgorun.analysis.reasons import DIVERGED, NO_SLOPES, NoValue, first_of
 from hgorun.config.models import Periodic
 from hgorun.config.yaml_source import Source
 from hgorun.observers.levant import LevantObserver
 from hgorun.result.result import Result
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.run import Run
-from hgorun.analysis.reasons import NoValue
 
 _POINTS = 20  # of the steady window where the linearisation is looked at
 _CONSTANT = 1e-6  # relative
 
 
-@dataclass(frozen=True)
-class NoisePrediction:
-    """Root mean square of the noise in each state of the estimate, shape (n,), or why there is none."""
+def predicted_noise(run: Run, label: str, noise_free: Result, result: Result | None = None) -> np.ndarray:
+    """Root mean square of the noise in each state of the estimate, shape (n,).
 
-    rms: np.ndarray | None
-    reason: str | None = None
-
-
-def noise_prediction(run: Run, twin: Result, result: Result | None = None) -> dict[str, NoisePrediction]:
-    """For every observer, in the steady state of its linearisation where that does not change, or along the run.
+    In the steady state of the observer's linearisation where that does not change, else along the run.
 
     Parameters
     ----------
     run : Run
-    twin : Result
-        Where to linearise: the run of :func:`noise_free`.
+    label : str
+        Of the observer.
+    noise_free : Result
+        Where to linearise: the run of :func:`without_noise`.
     result : Result, optional
         The run with its noise. Without it there are steady states only.
+
+    Raises
+    ------
+    NoValue
     """
-    found = {}
-    for label in twin.observers:
-        try:
-            found[label] = NoisePrediction(np.sqrt(_power_of(run, twin, result, label)))
-        except NoValue as error:
-            found[label] = NoisePrediction(None, str(error))
-    return found
+    observer = run.experiment.observers[label]
+    steady = partial(_power, run, noise_free, label)
+    if result is None or noise_free.observers[label].diverged_at is not None or isinstance(observer, LevantObserver):
+        return np.asarray(np.sqrt(steady()))
+    return np.asarray(np.sqrt(first_of(steady, partial(_power_along, run, label, noise_free, result))))
 
 
-def _power_of(run: Run, twin: Result, result: Result | None, label: str) -> np.ndarray:
-    try:
-        return _power(run, twin, label)
-    except NoValue:
-        observer = run.experiment.observers[label]
-        lost = twin.observers[label].diverged_at is not None
-        if result is None or lost or isinstance(observer, LevantObserver):
-            raise
-        if result.observers[label].diverged_at is not None:
-            raise NoValue("the observer diverged") from None
-        return (noise_of_jumps if observer.discrete else noise_along)(run, label, result, twin)
+def _power_along(run: Run, label: str, noise_free: Result, result: Result) -> np.ndarray:
+    if result.observers[label].diverged_at is not None:
+        raise NoValue(DIVERGED)
+    jumps = run.experiment.observers[label].discrete
+    return (noise_of_jumps if jumps else noise_along)(run, label, result, noise_free)
+
+
+def has_noise(run: Run) -> bool:
+    """Whether any output has noise at any time."""
+    return any(stretch.noise for channel in run.channels for stretch in channel.stretches)
 
 
 def _power(run: Run, result: Result, label: str) -> np.ndarray:
@@ -94,20 +91,20 @@ def _constant(run: Run, result: Result, label: str) -> Linear:
     if observer.block.observer.discrete:
         raise NoValue("the observer is a difference equation: it jumps along the run")
     if result.observers[label].diverged_at is not None:
-        raise NoValue("the observer diverged")
+        raise NoValue(DIVERGED)
     start, end = result.windows["steady"]
     inside = np.flatnonzero((result.time >= start) & (result.time <= end))
     points = inside[np.unique(np.linspace(0, inside.size - 1, _POINTS).astype(int))]
     systems = relevant(observer.trajectory(result.observers[label], points, result.time[points]))
     for value in vars(systems).values():
         if not np.all(np.isfinite(value)):
-            raise NoValue("the observer's equations have no derivative on its way")
+            raise NoValue(NO_SLOPES)
         if np.max(np.abs(value - value[0]), initial=0) > _CONSTANT * np.max(np.abs(value), initial=0):
             raise NoValue("the linearisation changes along the run: it has no steady state")
     return Linear(*(value[0] for value in vars(systems).values()))
 
 
-def noise_free(experiment: Experiment) -> Experiment:
+def without_noise(experiment: Experiment) -> Experiment:
     """The same experiment with noise of size zero: the same events and steps, so nothing else differs."""
     data = deepcopy(experiment.source.data)
     measurement = data.get("measurement") or {}
@@ -128,11 +125,9 @@ def _silent(item: dict[str, Any]) -> dict[str, Any]:
     return {"type": "gaussian", "std": 0} | ({"hold": item["hold"]} if "hold" in item else {})
 
 
-def measured_noise(noisy: Result, twin: Result) -> dict[str, np.ndarray]:
-    """Root mean square over the steady window of what noise has changed, shape (n,) each."""
+def measured_noise(noisy: Result, noise_free: Result, label: str) -> np.ndarray:
+    """Root mean square over the steady window of what noise has changed in an estimate, shape (n,)."""
     start, end = noisy.windows["steady"]
     inside = (noisy.time >= start) & (noisy.time <= end)
-    return {
-        label: np.sqrt(np.mean((o.xhat - twin.observers[label].xhat)[inside] ** 2, axis=0))
-        for label, o in noisy.observers.items()
-    }
+    difference = noisy.observers[label].xhat - noise_free.observers[label].xhat
+    return np.asarray(np.sqrt(np.mean(difference[inside] ** 2, axis=0)))

@@ -10,7 +10,7 @@ from hgorun.analysis.linear.linear import Linear
 from hgorun.analysis.linear.transfer import discrete_covariance, relevant
 from hgorun.analysis.noise.continuous import mean_squares
 from hgorun.analysis.noise.terms import NoiseTerms, aliased
-from hgorun.analysis.reasons import NoValue
+from hgorun.analysis.reasons import NO_SPECTRUM, NoValue
 
 _SHORT = 1e-9  # of a period
 
@@ -114,7 +114,7 @@ class SampledLoop:
             For draws held longer than a period, and expressions.
         """
         if any(t.other for t in terms):
-            raise NoValue("noise given as an expression of time has no spectrum that is known")
+            raise NoValue(NO_SPECTRUM)
         outputs = [i for i, t in enumerate(terms) for _ in aliased(t.waves, self.period, start)]
         waves = [w for t in terms for w in aliased(t.waves, self.period, start)]
         power = np.zeros(self.L.shape[0])

@@ -14,10 +14,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hgorun.analysis.linear.error_system import ErrorSystem, at_end, error_system
+from hgorun.analysis.linear.delay_margin import delay_margin
+from hgorun.analysis.linear.error_system import ErrorSystem, at_end
 from hgorun.analysis.linear.nominal import chain
 from hgorun.analysis.reasons import NoValue
-from hgorun.analysis.linear.delay_margin import delay_margin
 from hgorun.analysis.stability.growth import MOST_PERIODS, growth
 from hgorun.measurement.availability import Stretch
 from hgorun.observers.hgo_fd import ForwardDifferenceObserver, eigenvalues

@@ -7,14 +7,12 @@ import pytest
 
 from hgorun import Experiment
 from hgorun.analysis.convergence.charts import chart_of
-
 from hgorun.analysis.convergence.lipschitz import lipschitz
 from hgorun.analysis.convergence.segments import along
-from hgorun.analysis.findings import Findings
-from hgorun.analysis.report import analyze
+from hgorun.analysis.reasons import NoValue
+from hgorun.analysis.report import Findings, analyze
 from hgorun.reproduce.shipped import experiments
 from hgorun.simulation.simulate import perform, prepare
-from hgorun.analysis.reasons import NoValue
 
 TIME = {"end": 2, "output_step": 0.01}
 

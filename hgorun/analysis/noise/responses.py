@@ -4,25 +4,40 @@ from __future__ import annotations
 
 import numpy as np
 
-from hgorun.analysis.findings import Context
-from hgorun.analysis.linear.transfer import relevant, response
-from hgorun.analysis.noise.contributor import at_the_end
+from hgorun.analysis.linear.linear import Linear, Linearisation
+from hgorun.analysis.linear.transfer import relevant, require_hurwitz, response
 from hgorun.analysis.noise.terms import NoiseTerms
+from hgorun.analysis.reasons import DIVERGED, JUMPS, NoValue, outcomes
+from hgorun.analysis.subject import Context, Subject, once
 from hgorun.result.theory import Bode
-from hgorun.analysis.reasons import NoValue
 
 _POINTS = 400
 _BEYOND = 30.0  # of the slowest and the fastest frequency shown
 
 
-def bode(context: Context) -> Bode:
+@once
+def linear_at_end(observer: Subject) -> Linear:
+    """The linearised observer at the last point of the run, with no innovation.
+
+    Raises
+    ------
+    NoValue
+        When it is not Hurwitz there, or there is no such system.
+    """
+    if observer.observer.discrete:
+        raise NoValue(JUMPS)
+    if observer.found.diverged_at is not None:
+        raise NoValue(DIVERGED)
+    linearisation, last = Linearisation(observer.run, observer.label), observer.result.time.size - 1
+    linear = linearisation.at(float(observer.result.time[-1]), linearisation.along(observer.found, last))
+    require_hurwitz(linear)
+    return linear
+
+
+def frequency_responses(context: Context) -> Bode:
     """Of every observer, linearised at the end of the run as if the output were continuous and not late."""
-    systems, reasons = {}, {}
-    for label in context.result.observers:
-        try:
-            systems[label] = at_the_end(context, label)
-        except NoValue as reason:
-            reasons[label] = str(reason)
+    subjects = context.subjects
+    systems, reasons = outcomes(subjects, lambda label: linear_at_end(subjects[label]))
     own = sorted(
         {
             abs(wave.omega)
