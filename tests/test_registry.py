@@ -10,7 +10,7 @@ from typing import TypeGuard
 import pytest
 
 from hgorun.errors import HgorunError
-from hgorun.observers.base import OBSERVERS, Observer
+from hgorun.observers.base import OBSERVERS, ContinuousObserver
 from hgorun.plants.base import PLANTS
 from hgorun.registry import Registry
 
@@ -123,10 +123,10 @@ def test_what_is_no_observer_or_plant_is_refused(registry: Registry[object], thi
 
 
 def test_an_observer_with_something_left_to_define_is_refused() -> None:
-    class Unfinished(Observer):
+    class Unfinished(ContinuousObserver):
         """No equations."""
 
-    with pytest.raises(HgorunError, match=r"found the class .*Unfinished: design, equations, states abstract"):
+    with pytest.raises(HgorunError, match=r"found the class .*Unfinished: design, equations abstract"):
         OBSERVERS.register("unfinished")(Unfinished)
 
 

@@ -20,7 +20,6 @@ K = TypeVar("K")
 DIVERGED = "the observer diverged"
 JUMPS = "the observer jumps at the samples: there is no flow between them"
 NO_SLOPES = "the observer's equations have no derivative on its way"
-NO_SPECTRUM = "noise given as an expression of time has no spectrum that is known"
 NEEDS_HOLD = "random noise of a continuous output needs hold"
 
 
@@ -84,3 +83,8 @@ def first_of(*functions: Callable[[], T]) -> T:
         if one.reason is None:
             return one.value
     return last()
+
+
+def no_spectrum(*kinds: str) -> str:
+    """Why kinds of noise cannot be predicted."""
+    return f"noise of type {' and '.join(kinds)} has no spectrum that is known"

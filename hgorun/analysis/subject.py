@@ -8,7 +8,7 @@ from functools import wraps
 from typing import TypeVar, cast
 
 from hgorun.analysis.reasons import Outcome, outcome
-from hgorun.observers.base import Observer
+from hgorun.observers.base import AnyObserver
 from hgorun.result.data import ObserverResult
 from hgorun.result.result import Result
 from hgorun.simulation.observer_block import ObserverBlock
@@ -77,7 +77,7 @@ class Subject:
         return self.result.observers[self.label]
 
     @property
-    def observer(self) -> Observer:
+    def observer(self) -> AnyObserver:
         """The observer's block of the configuration."""
         return self.block.observer
 

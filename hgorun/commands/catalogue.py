@@ -17,20 +17,20 @@ from hgorun.config.models import File
 from hgorun.config.types import pole_text
 from hgorun.errors import ConfigError, HgorunError
 from hgorun.files import write_text
+from hgorun.measurement.blocks import Measurement
+from hgorun.noise.base import NOISE, Noise
 from hgorun.observers.base import OBSERVERS, Observer
 from hgorun.plants.base import PLANTS, Plant
 from hgorun.plants.inline import InlinePlant
+from hgorun.registry import Registry
 from hgorun.reproduce.shipped import experiments
 
-_KINDS = ("plants", "observers", "experiments")
+_REGISTRIES: dict[str, Registry[Any]] = {"plants": PLANTS, "observers": OBSERVERS, "noise": NOISE}
+_KINDS = (*_REGISTRIES, "experiments")
 
 
 def _first_line(cls: type) -> str:
     return (inspect.getdoc(cls) or "").split("\n\n")[0].replace("\n", " ")
-
-
-def _classes(kind: str) -> dict[str, type[Plant]] | dict[str, type[Observer]]:
-    return PLANTS.all() if kind == "plants" else OBSERVERS.all()
 
 
 def _titles() -> dict[str, str]:
@@ -46,7 +46,7 @@ def list_all(kind: str, *, json: bool) -> int:
     if kind not in (*_KINDS, "all"):
         raise ConfigError(f"expected one of {', '.join(_KINDS)}, all; found {kind!r}.{nearest(kind, _KINDS)}")
     found = {
-        k: _titles() if k == "experiments" else {name: _first_line(cls) for name, cls in _classes(k).items()}
+        k: _titles() if k == "experiments" else {name: _first_line(cls) for name, cls in _REGISTRIES[k].all().items()}
         for k in _KINDS
         if kind in (k, "all")
     }
@@ -63,10 +63,10 @@ def list_all(kind: str, *, json: bool) -> int:
 
 def show(name: str, *, json: bool) -> int:
     """Everything about one entry."""
-    for kind in ("observers", "plants"):
-        classes = _classes(kind)
+    for registry in _REGISTRIES.values():
+        classes = registry.all()
         if name in classes:
-            described = _described(name, kind, classes[name])
+            described = _described(name, registry.kind, classes[name])
             print(json_text.dumps(described, indent=2) if json else _as_text(described))
             return 0
     shipped = experiments()
@@ -75,14 +75,14 @@ def show(name: str, *, json: bool) -> int:
             text = file.read_text(encoding="utf-8")
             print(json_text.dumps({"name": path, "kind": "experiment", "text": text}) if json else text)
             return 0
-    known = [*OBSERVERS.names(), *PLANTS.names(), *shipped]
+    known = [*(name for registry in _REGISTRIES.values() for name in registry.names()), *shipped]
     raise ConfigError(f"nothing is called {name!r}.{nearest(name, known)} See hgorun list")
 
 
-def _described(name: str, kind: str, cls: type[Plant] | type[Observer]) -> dict[str, Any]:
+def _described(name: str, kind: str, cls: type[Plant] | type[Observer] | type[Noise]) -> dict[str, Any]:
     found: dict[str, Any] = {
         "name": name,
-        "kind": kind[:-1],
+        "kind": kind,
         "reference": cls.reference,
         "description": inspect.getdoc(cls) or "",
         "keys": [_key(key, field) for key, field in cls.model_fields.items() if key != "type"],
@@ -142,7 +142,7 @@ def _as_text(d: dict[str, Any]) -> str:
 
 
 def schema() -> int:
-    """The JSON schema, with the keys of every plant and observer."""
+    """The JSON schema, with the keys of every plant, observer and kind of noise."""
     print(json_text.dumps(build_schema(), indent=2))
     return 0
 
@@ -152,10 +152,11 @@ def build_schema() -> dict[str, Any]:
     top = File.model_json_schema()
     definitions = top.setdefault("$defs", {})
 
-    def add(model: type[BaseModel], name: str, constant: str | None) -> dict[str, str]:
+    def add(model: type[BaseModel], name: str, constant: str | None = None, *, whole: bool = False) -> dict[str, str]:
         own = model.model_json_schema(ref_template="#/$defs/{model}")
         definitions.update(own.pop("$defs", {}))
-        own.pop("required", None)  # a file that extends another one may leave anything out
+        if not whole:  # a file that extends another one may leave anything out, except in the items of a list
+            own.pop("required", None)
         if constant is not None:
             own["properties"]["type"] = {"const": constant}
         definitions[name] = own
@@ -172,6 +173,8 @@ def build_schema() -> dict[str, Any]:
         ]
     }
     top["properties"]["observers"]["additionalProperties"] = {"anyOf": observers}
+    top["properties"]["measurement"] = add(Measurement, "Measurement")
+    definitions["Noise"] = {"anyOf": [add(cls, f"noise-{name}", name, whole=True) for name, cls in NOISE.all().items()]}
     top.pop("required", None)
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **top}
 

@@ -12,7 +12,6 @@ from hgorun.config.types import (
     ExpressionText,
     Name,
     NonEmpty,
-    NonNegative,
     Number,
     Positive,
     describe,
@@ -38,134 +37,6 @@ class Time(Block):
         if not self.end > self.start:
             raise ValueError(f"end must be after start, found end {self.end:g}, start {self.start:g}")
         return self
-
-
-class Term(Block):
-    """One sinusoid: amplitude * sin(omega t + phase)."""
-
-    amplitude: Number
-    omega: Number = Field(description="angular frequency, rad per time unit")
-    phase: Number = 0.0
-
-
-class Sinusoids(Block):
-    """A sum of sinusoids."""
-
-    type: Literal["sinusoids"]
-    terms: Annotated[tuple[Term, ...], NonEmpty]
-
-
-class ExpressionNoise(Block):
-    """Noise as an expression of time t and, for samples, of the sample's number k."""
-
-    type: Literal["expression"]
-    value: ExpressionText
-
-
-class UniformNoise(Block):
-    """Uniform noise between low and high: a draw a sample, or one every ``hold``."""
-
-    type: Literal["uniform"]
-    low: Number
-    high: Number
-    hold: Positive | None = Field(default=None, description="a new draw every hold from start, constant between")
-
-    @model_validator(mode="after")
-    def _order(self) -> UniformNoise:
-        if not self.low < self.high:
-            raise ValueError(f"low must be below high, found low {self.low:g}, high {self.high:g}")
-        return self
-
-
-class GaussianNoise(Block):
-    """Gaussian noise of standard deviation ``std``, or of a signal-to-noise ratio."""
-
-    type: Literal["gaussian"]
-    std: NonNegative | None = Field(default=None, description="standard deviation")
-    snr_db: Number | None = Field(
-        default=None,
-        description="variance = mean of the noise-free output squared over the run / 10^(snr_db/10)",
-    )
-    hold: Positive | None = Field(default=None, description="a new draw every hold from start, constant between")
-
-    @model_validator(mode="after")
-    def _one(self) -> GaussianNoise:
-        if (self.std is None) == (self.snr_db is None):
-            raise ValueError("give either std or snr_db")
-        return self
-
-
-Noise = Annotated[Sinusoids | ExpressionNoise | UniformNoise | GaussianNoise, Field(discriminator="type")]
-
-
-class Periodic(Block):
-    """Samples at start + offset + k period, each moved by jitter or lost by chance."""
-
-    period: Positive
-    offset: NonNegative = 0.0
-    jitter: NonNegative = Field(default=0.0, description="uniform on +-jitter")
-    dropout: Annotated[NonNegative, Field(le=1)] = Field(default=0.0, description="probability that a sample is lost")
-
-
-class Times(Block):
-    """Samples at the given times."""
-
-    times: Annotated[tuple[Number, ...], NonEmpty]
-
-    @model_validator(mode="after")
-    def _increasing(self) -> Times:
-        for a, b in zip(self.times, self.times[1:], strict=False):
-            if not b > a:
-                raise ValueError(f"times must increase, found {a:g} before {b:g}")
-        return self
-
-
-class Steps(Block):
-    """Samples at t_0 = start, t_(k+1) = t_k + steps(k)."""
-
-    steps: ExpressionText = Field(description="expression of k, positive")
-
-
-def _sampling(value: Any) -> Any:
-    """Tell the three forms apart by their main key, so that errors speak of one of them."""
-    if value == "continuous" or isinstance(value, Block):
-        return value
-    if not isinstance(value, dict):
-        raise ValueError(f"expected continuous or a mapping with period, times or steps, found {describe(value)}")
-    kinds: dict[str, type[Block]] = {"period": Periodic, "times": Times, "steps": Steps}
-    found = [key for key in kinds if key in value]
-    if len(found) != 1:
-        raise ValueError(
-            "expected exactly one of period, times and steps"
-            + (f", found {' and '.join(found)}" if found else f", found {', '.join(map(str, value)) or 'none'}")
-        )
-    return kinds[found[0]].model_validate(value)
-
-
-Sampling = Annotated[Literal["continuous"] | Periodic | Times | Steps, BeforeValidator(_sampling)]
-
-
-class Availability(Block):
-    """How an output reaches the observers. Omitted keys are taken from the enclosing block."""
-
-    sampling: Sampling | None = Field(default=None, description="continuous, or when samples arrive")
-    delay: ExpressionText | None = Field(default=None, description="number or expression of t, >= 0")
-    noise: tuple[Noise, ...] | None = Field(default=None, description="summed")
-    mode: Literal["additive", "multiplicative"] | None = Field(default=None, description="y + v or y (1 + v)")
-
-
-class Phase(Availability):
-    """A stretch of time with its own availability."""
-
-    until: Number = Field(description="end of the phase")
-    outputs: dict[Name, Availability] = Field(default_factory=dict)
-
-
-class Measurement(Availability):
-    """What the observers are told: for all outputs, for some of them, and in phases of time."""
-
-    outputs: dict[Name, Availability] = Field(default_factory=dict, description="overrides for single outputs")
-    phases: tuple[Phase, ...] = Field(default=(), description="one after the other in time")
 
 
 def _step(value: Any) -> Any:
@@ -355,14 +226,14 @@ class StudyBlocks(Block):
 
 
 class Experiment(Block):
-    """A whole configuration file. Plants and observers are checked by the classes that their type names."""
+    """A whole configuration file. Plant, measurement and observers are checked by classes of their own rooms."""
 
     title: str = ""
     reference: str = ""
     extends: str | None = Field(default=None, description="another file that this one changes")
     time: Time
     plant: dict[str, Any]
-    measurement: Measurement = Field(default_factory=Measurement)
+    measurement: dict[str, Any] = Field(default_factory=dict)
     observers: dict[str, dict[str, Any]]
     solver: Solver = Field(default_factory=Solver)
     seed: Annotated[int, Field(ge=0, lt=2**63, strict=True)] = 0

@@ -5,14 +5,32 @@ from __future__ import annotations
 from typing import Any, TypeVar
 
 from pydantic import ValidationError
+from pydantic_core import ErrorDetails
 
-from hgorun.config.expressions import nearest
 from hgorun.config.types import Block, describe
 from hgorun.config.yaml_source import Source
 from hgorun.errors import ConfigError
 
 _B = TypeVar("_B", bound=Block)
-_NOISE_TYPES = {"sinusoids", "expression", "uniform", "gaussian"}  # pydantic puts them into the path
+
+_OUR_OWN = frozenset({"unknown_key", "no_value", "not_a_mapping", "unknown_type"})  # with messages of ours
+_EXPECTED = {
+    "bool_parsing": "true or false",
+    "bool_type": "true or false",
+    "dict_type": "a mapping",
+    "float_type": "a number",
+    "greater_than": "a number above {gt}",
+    "greater_than_equal": "a number of at least {ge}",
+    "int_from_float": "a whole number",
+    "int_type": "a whole number",
+    "less_than": "a number below {lt}",
+    "less_than_equal": "a number of at most {le}",
+    "list_type": "a list",
+    "literal_error": "{expected}",
+    "string_type": "text",
+    "too_long": "a list of at most {max_length}",
+    "tuple_type": "a list",
+}
 
 
 def validate(model: type[_B], data: Any, source: Source, path: tuple[str | int, ...]) -> _B:
@@ -27,7 +45,7 @@ def _explained(error: ValidationError, source: Source, path: tuple[str | int, ..
     candidates = []
     for item in error.errors(include_url=False):
         where = _known_path(source, path, item["loc"])
-        if item["type"] in ("unknown_key", "no_value"):
+        if item["type"] in ("unknown_key", "no_value", "unknown_type"):
             where = (*where, item["ctx"]["key"])
         file, line = source.where(where)
         candidates.append((line, where, file, _sentence(item)))
@@ -39,30 +57,27 @@ def _known_path(source: Source, path: tuple[str | int, ...], location: tuple[str
     """The part of pydantic's location that is in the file: names of union members are not."""
     for i, part in enumerate(location):
         if (*path, part) in source.positions or (
-            # a missing key is not in the file; neither is the name of a member of a list
-            i == len(location) - 1
-            and isinstance(part, str)
-            and part.isidentifier()
-            and not (path and isinstance(path[-1], int) and part in _NOISE_TYPES)
+            # a missing key is not in the file
+            i == len(location) - 1 and isinstance(part, str) and part.isidentifier()
         ):
             path = (*path, part)
     return path
 
 
-def _sentence(item: Any) -> str:
-    kind, message = item["type"], str(item["msg"])
+def _sentence(item: ErrorDetails) -> str:
+    """What is wrong, by the type of the error: pydantic's sentences change between its versions."""
+    kind, found = item["type"], item["input"]
     if kind == "missing":
-        return "this key is missing"
+        last = item["loc"][-1]
+        return "this key is missing" if isinstance(last, str) else _too_few(found, last + 1)
     if kind == "value_error":
-        return message.removeprefix("Value error, ")
-    if kind in ("unknown_key", "no_value", "not_a_mapping"):
-        return message
-    if kind == "union_tag_invalid":
-        known = item["ctx"]["expected_tags"].replace("'", "").split(", ")
-        tag = str(item["ctx"]["tag"])
-        return f"no type is called {tag!r}.{nearest(tag, known)} Known: {', '.join(known)}"
-    if kind == "union_tag_not_found":
-        return f"type is missing; one of {', '.join(sorted(_NOISE_TYPES))}"
-    if kind in ("tuple_type", "dict_type", "list_type"):
-        return f"expected {'a mapping' if kind == 'dict_type' else 'a list'}, found {describe(item['input'])}"
-    return f"{message[0].lower()}{message[1:]}, found {describe(item['input'])}"
+        return str(item["ctx"]["error"])
+    if kind in _OUR_OWN:
+        return item["msg"]
+    expected = _EXPECTED.get(kind, "another value").format_map(item.get("ctx", {}))
+    return f"expected {expected}, found {describe(found)}"
+
+
+def _too_few(found: Any, least: int) -> str:
+    count = len(found) if isinstance(found, (list, tuple)) else 0
+    return f"expected a list of at least {least}, found {count}"

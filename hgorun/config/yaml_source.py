@@ -17,6 +17,7 @@ import yaml
 
 from hgorun.config.expressions import nearest
 from hgorun.config.paths import KeyPath, at, copy, dotted, walk
+from hgorun.config.yaml_errors import LINE_BREAK, explain
 from hgorun.errors import ConfigError, Problem
 
 Place: TypeAlias = tuple[str, int]
@@ -24,11 +25,13 @@ Place: TypeAlias = tuple[str, int]
 MAX_BYTES = 2**20
 MAX_NODES = 100_000
 MAX_DEPTH = 50
+_TOO_DEEP = f"more than {MAX_DEPTH} lists and mappings inside each other"
+_MAX_BRACKETS = 10 * MAX_DEPTH
 _MAX_DIGITS = 300  # no float has more than 309; Python's int() refuses more than 4,300
 
 # U+0085, U+2028 and U+2029 end a line for YAML but not for editors: with them lines would be miscounted.
 _REFUSED = re.compile("[^\t\n\r\x20-\x7e\xa0-\u2027\u202a-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00010000-\U0010ffff]")
-_LINE_BREAK = re.compile(r"\r\n?|\n")
+_BRACKETS = re.compile(r"[][{}]")
 _INTEGER = re.compile(r"[-+]?[0-9]+")
 _NUMBER = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?|[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)")
 _WORDS = {
@@ -133,17 +136,38 @@ def parse(text: str, file: str) -> Source:
     """
     text = text.removeprefix("\ufeff")
     if bad := _REFUSED.search(text):
-        line = len(_LINE_BREAK.findall(text, 0, bad.start())) + 1
-        raise ConfigError(f"the character U+{ord(bad[0]):04X} cannot stand in YAML", file=file, line=line)
+        raise ConfigError(f"U+{ord(bad[0]):04X} is not allowed in YAML", file=file, line=_line(text, bad.start()))
+    if (deep := _too_deep(text)) is not None:
+        raise ConfigError(_TOO_DEEP, file=file, line=_line(text, deep))
     builder = _Builder(file)
     try:
         for event in yaml.parse(text, Loader=_LOADER):
             builder.take(event)
     except yaml.YAMLError as error:
-        raise _syntax_error(error, text, file) from error
+        sentence, line = explain(error, text, builder.bracket)
+        raise ConfigError(sentence, file=file, line=line) from error
     if not builder.root:
         raise ConfigError("the file is empty; `hgorun init` writes one to start from", file=file)
     return Source(builder.root[0], builder.positions)
+
+
+def _line(text: str, index: int) -> int:
+    return len(LINE_BREAK.findall(text, 0, index)) + 1
+
+
+def _too_deep(text: str) -> int | None:
+    """The place of an opening bracket inside too many others, if there is one.
+
+    The parsers look many brackets ahead of the events that the builder counts: libyaml refuses a thousand of them in
+    words of its own (0.2.6) or takes minutes for them (0.2.5). Brackets in quotes and comments are counted too, so
+    this bound is far above the builder's.
+    """
+    depth = 0
+    for match in _BRACKETS.finditer(text):
+        depth = depth + 1 if match[0] in "[{" else max(depth - 1, 0)
+        if depth > _MAX_BRACKETS:
+            return match.start()
+    return None
 
 
 class _Builder:
@@ -153,15 +177,20 @@ class _Builder:
         self.file = file
         self.positions: dict[KeyPath, Place] = {}
         self.root: list[Any] = []  # the document, once it has begun
-        self.open: list[tuple[KeyPath, Any]] = [((), self.root)]
+        self.open: list[tuple[KeyPath, Any, int | None]] = [((), self.root, None)]  # with the line of a `[` or `{`
         self.key: str | None = None  # what waits for its value in the innermost mapping
         self.anchors: dict[str, KeyPath] = {}
         self.nodes = 0
 
+    @property
+    def bracket(self) -> int | None:
+        """The line of the innermost bracket that is open."""
+        return self.open[-1][2]
+
     def take(self, event: yaml.Event) -> None:
         line = event.start_mark.line + 1 if event.start_mark else 1
         tag = getattr(event, "tag", None)
-        path, parent = self.open[-1]
+        path, parent, _ = self.open[-1]
         if isinstance(event, (yaml.MappingEndEvent, yaml.SequenceEndEvent)):
             self.open.pop()
         elif isinstance(event, yaml.DocumentStartEvent) and self.root:
@@ -206,9 +235,9 @@ class _Builder:
                 self.anchors[event.anchor] = here
             if isinstance(event, yaml.ScalarEvent):
                 value = event.value if event.style else self.plain(event.value, here, line)
-            else:
+            elif isinstance(event, yaml.CollectionStartEvent):
                 value = {} if isinstance(event, yaml.MappingStartEvent) else []
-                self.open.append((here, value))
+                self.open.append((here, value, line if event.flow_style else None))
         if self.key is None:
             parent.append(value)
             self.positions[here] = self.file, line
@@ -222,7 +251,7 @@ class _Builder:
             message = f"there is no `&{anchor}` above `*{anchor}`; text that starts with `*` needs quotes"
             raise self.error(message, line, here)
         origin = self.anchors[anchor]
-        if any(path == origin for path, _ in self.open[1:]):
+        if any(path == origin for path, _, _ in self.open[1:]):
             raise self.error(f"the alias `*{anchor}` stands inside its own anchor", line, here)
         value = at(self.root[0], origin)
         for path, _ in walk(value):
@@ -246,46 +275,9 @@ class _Builder:
             message = f"more than {MAX_NODES:,} values, aliases written out: recordings belong in data files"
             raise self.error(message, line)
         if len(here) > MAX_DEPTH:
-            raise self.error(f"more than {MAX_DEPTH} lists and mappings inside each other", line)
+            raise self.error(_TOO_DEEP, line)
 
     def error(self, message: str, line: int, path: KeyPath = ()) -> ConfigError:
         if len(message) > 300:  # a key, tag or anchor may be as long as the file
             message = message[:297] + "..."
         return ConfigError(message, file=self.file, line=line, key=dotted(path))
-
-
-# What the parsers say in their own words (libyaml's differ from PyYAML's), and what helps.
-_TAB = "a tab cannot indent: use spaces"
-_SENTENCES = [
-    ("tab character", _TAB),
-    ("block scalar", "after `|` or `>` the line must end; text that starts with one needs quotes"),
-    ("alias|anchor", "text that starts with `*` or `&` needs quotes"),
-    ("cannot start any token", "a value cannot start with `{char}`: put it in quotes"),
-    (
-        "mapping values",
-        "a `:` too many on this line, or wrong indentation; text with `: ` in it needs quotes",
-    ),
-    ("simple key", "this line has no `:` after its key (write `key: value`)"),
-    ("flow", "the bracket opened on line {opened} is not closed, or a comma or a value is missing"),
-    ("directive", "a line that starts with `%` is a directive, which has no use here"),
-    ("escape|hex", "an unknown escape `\\` in double quotes: use single quotes"),
-    ("quoted scalar", "the quote opened on line {opened} is not closed"),
-    ("entries are not", "a list entry `- ` cannot start here: put it on a line of its own"),
-    ("block|document start", "this does not fit the lines above: check indentation, brackets and quotes"),
-]
-
-
-def _syntax_error(error: yaml.YAMLError, text: str, file: str) -> ConfigError:
-    if not isinstance(error, yaml.MarkedYAMLError) or error.problem_mark is None:
-        return ConfigError(f"not valid YAML: {error}", file=file)
-    problem = f"{error.context or ''} {error.problem}".strip()
-    opened = error.context_mark or error.problem_mark
-    mark = opened if re.search("simple key|end of stream", problem) else error.problem_mark
-    lines = _LINE_BREAK.split(text)
-    number = min(mark.line, len(lines) - 1)
-    char = lines[number][mark.column : mark.column + 1]
-    sentence = next((sentence for words, sentence in _SENTENCES if re.search(words, problem)), problem)
-    if char == "\t" or re.match(" *\t", lines[number]):
-        sentence = _TAB
-    sentence = sentence.replace("{char}", char).replace("{opened}", str(opened.line + 1))
-    return ConfigError(sentence, file=file, line=number + 1)

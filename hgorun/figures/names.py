@@ -9,7 +9,7 @@ from typing import Literal
 from hgorun.config.expressions import nearest
 from hgorun.config.models import Figure, Inset, Panel
 from hgorun.errors import Problem
-from hgorun.figures.scaling import QUANTITIES, ScalingData
+from hgorun.figures.scaling import ScalingData, quantities
 from hgorun.figures.style import LARGEST, LOWEST, NARROWEST
 from hgorun.result.data import ResultData
 from hgorun.result.run_names import run_names
@@ -109,7 +109,7 @@ def _check_panel(panel: Panel, names: Names, path: Path) -> None:
     _require(panel.output, "output", outputs, (*path, "output"), where)
     if panel.scaling is not None:
         _require(panel.scaling.state, "state", states, (*path, "scaling", "state"), where)
-        _require(panel.scaling.of, "quantity", list(QUANTITIES), (*path, "scaling", "of"))
+        _require(panel.scaling.of, "quantity", list(quantities()), (*path, "scaling", "of"))
     _check_fit(panel, outputs, path)
     _check_ranges(panel, [n.span for n in picked.values() if n.span is not None], path)
 

@@ -10,22 +10,18 @@ import numpy as np
 
 from hgorun.figures.looks import Look
 from hgorun.figures.style import POINTS, THEORY
+from hgorun.result.metrics.base import all_metrics
 from hgorun.tables.typeset import symbol, unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-# What can be shown, and how the vertical axis calls it; {} is the error.
-QUANTITIES = {
-    "amplitude": "amplitude of ${}$",
-    "rmse": "rms of ${}$",
-    "sup": "largest $|{}|$",
-    "peak": "peak of $|{}|$",
-    "std": "standard deviation of ${}$",
-    "hf": "high-frequency part of ${}$",
-    "tv": "relative total variation of ${}$",
-    "settling": "settling time of ${}$",
-}
+_BESIDE_METRICS = {"amplitude": "amplitude of ${}$", "std": "standard deviation of ${}$"}
+
+
+def quantities() -> dict[str, str]:
+    """What can be shown, and how the vertical axis calls it; {} is the error."""
+    return _BESIDE_METRICS | {name: m.phrase or f"{name} of ${{}}$" for name, m in all_metrics().items()}
 
 
 @dataclass(frozen=True)
@@ -83,7 +79,7 @@ def draw_scaling(
     labels : mapping of str to int
         The observers shown: their places, keys of ``looks``.
     quantity : str
-        One of QUANTITIES.
+        One of :func:`quantities`.
     """
     ax.set_xscale("log")
     ax.set_yscale("log")
@@ -99,7 +95,7 @@ def draw_scaling(
         ax.plot([], [], **POINTS)
     _limit(ax, data.values, drawn)
     error = f"{symbol(data.state, hat=True)} - {symbol(data.state)}"
-    ax.set_ylabel(QUANTITIES[quantity].format(error) + unit(data.unit))
+    ax.set_ylabel(quantities()[quantity].format(error) + unit(data.unit))
     ax.set_xlabel(f"${symbol(data.name)}$")
 
 

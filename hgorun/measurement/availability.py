@@ -11,8 +11,10 @@ import casadi as ca
 import numpy as np
 
 from hgorun.config.expressions import ExpressionError, nearest, parse
-from hgorun.config.models import Availability, ExpressionNoise, Measurement, Noise, Sinusoids, Time
+from hgorun.config.models import Time
 from hgorun.errors import Problem
+from hgorun.measurement.blocks import Availability, Measurement, Steps
+from hgorun.noise.base import Noise, TimeFunction
 
 Path = tuple[str | int, ...]
 
@@ -55,6 +57,10 @@ class Stretch:
     def delay_is_constant(self) -> bool:
         """Whether the delay is a number."""
         return not parse(self.delay).names
+
+    def fastest(self) -> float:
+        """The highest frequency of its noise that an automatic step has to follow, in rad per time unit; 0 for none."""
+        return max((item.fastest() for item in self.noise if isinstance(item, TimeFunction)), default=0.0)
 
     def delay_symbol(self, t: ca.SX) -> ca.SX:
         return parse(self.delay, names=("t",)).symbol({"t": t})
@@ -150,19 +156,18 @@ def _stretch(start: float, end: float, values: dict[str, Any], paths: dict[str, 
         values.get("mode", "additive"),
         {key: paths.get(key, ("measurement",)) for key in ("sampling", "delay", "noise", "mode")},
     )
-    _check(stretch, stretch.paths["delay"], stretch.delay, ("t",))
-    if not isinstance(stretch.sampling, str) and hasattr(stretch.sampling, "steps"):
-        _check(stretch, (*stretch.paths["sampling"], "steps"), stretch.sampling.steps, ("k",))
+    _check(stretch.paths["delay"], stretch.delay, ("t",))
+    if isinstance(stretch.sampling, Steps):
+        _check((*stretch.paths["sampling"], "steps"), stretch.sampling.steps, ("k",))
     for i, item in enumerate(stretch.noise):
-        path = (*stretch.paths["noise"], i)
-        if isinstance(item, ExpressionNoise):
-            _check(stretch, (*path, "value"), item.value, ("t",) if stretch.continuous else ("t", "k"))
-        elif stretch.continuous and not isinstance(item, Sinusoids) and item.hold is None:
-            raise Problem(path, f"{item.type} noise on a continuous measurement needs hold: the time between two draws")
+        try:
+            item.check(continuous=stretch.continuous)
+        except Problem as problem:
+            raise Problem((*stretch.paths["noise"], i, *problem.path), problem.message) from problem
     return stretch
 
 
-def _check(stretch: Stretch, path: Path, text: str, names: tuple[str, ...]) -> None:
+def _check(path: Path, text: str, names: tuple[str, ...]) -> None:
     try:
         expression = parse(text, names=names)
         if not expression.names:

@@ -1,20 +1,19 @@
-"""Measurement noise: deterministic parts as expressions, random parts drawn before the run.
+"""The noise of an output: its functions of time, and what is drawn before the run.
 
-Each random channel has its own generator, a child of the seed named by the channel, so a draw depends on
+Each random item has a generator of its own, a child of the seed named by the channel, so a draw depends on
 the seed and on the channel and on nothing else.
 """
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
 
-from hgorun.config.expressions import parse
-from hgorun.config.models import ExpressionNoise, GaussianNoise, Sinusoids, UniformNoise
 from hgorun.measurement.availability import Stretch
+from hgorun.noise.base import Noise, RandomNoise, TimeFunction
 from hgorun.symbolic.parameters import Parameters
 
 
@@ -25,80 +24,90 @@ def generator(seed: int, *channel: object) -> np.random.Generator:
     return np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed, spawn_key=key)))
 
 
-def continuous_noise(stretch: Stretch, t: ca.SX, parameters: Parameters, name: str) -> ca.SX:
-    """v(t) of a continuous output without its random parts; amplitudes and frequencies are run-time numbers."""
-    total = ca.SX(0)
-    for i, item in enumerate(stretch.noise):
-        if isinstance(item, Sinusoids):
-            a, omega, phase = (
-                parameters.add(f"{name}.{i}.{key}", [getattr(term, key) for term in item.terms])
-                for key in ("amplitude", "omega", "phase")
-            )
-            for k in range(len(item.terms)):
-                total += a[k] * ca.sin(omega[k] * t + phase[k])
-        elif isinstance(item, ExpressionNoise):
-            total += parse(item.value, names=("t",)).symbol({"t": t})
-    return total
+def absolute(items: tuple[Noise, ...], mean_square: float) -> tuple[Noise, ...]:
+    """Items of noise with their sizes as numbers, whether or not they were given relative to the output's."""
+    return tuple(i.absolute(mean_square) if isinstance(i, RandomNoise) else i for i in items)
 
 
-class RandomNoise:
-    """The random parts of one output's noise in one stretch.
+def is_relative(stretch: Stretch) -> bool:
+    """Whether the size of its noise depends on the mean square of the noise-free output."""
+    return any(isinstance(item, RandomNoise) and item.relative() for item in stretch.noise)
+
+
+class StretchNoise:
+    """The noise of one output in one stretch.
 
     Parameters
     ----------
     stretch : Stretch
+    items : tuple of Noise
+        Its noise, of :func:`absolute` size.
     seed : int
     channel : str
         Name of the output and phase.
     start, end : float
         Of the run: held noise changes at start + m hold.
-    mean_square : callable
-        The mean of the noise-free output squared, asked for only where a signal-to-noise ratio needs it.
+
+    Attributes
+    ----------
+    functions : tuple of TimeFunction
+    random : tuple of RandomNoise
     """
 
     def __init__(
-        self,
-        stretch: Stretch,
-        seed: int,
-        channel: str,
-        start: float,
-        end: float,
-        mean_square: Callable[[], float],
+        self, stretch: Stretch, items: tuple[Noise, ...], seed: int, channel: str, start: float, end: float
     ) -> None:
         self.start, self.end = start, end
+        self.functions = tuple(item for item in items if isinstance(item, TimeFunction))
+        self.random = tuple(item for item in items if isinstance(item, RandomNoise))
+        self.items = items
         self._span = stretch.start, stretch.end
-        self.items: list[UniformNoise | GaussianNoise] = [
-            item for item in stretch.noise if isinstance(item, (UniformNoise, GaussianNoise))
-        ]
         self._seed, self._channel = seed, channel
-        self._std = [self._standard_deviation(item, mean_square) for item in self.items]
-        # of the run's draws those that the stretch needs: the first one's number, and they
-        self._first: list[int] = []
-        self._draws: list[np.ndarray] = []
-        for j, item in enumerate(self.items):
-            first, stop = self.needed(item.hold) if item.hold is not None else (0, 0)
-            self._first.append(first)
-            self._draws.append(self._draw(j, stop)[first:].copy())
 
-    @staticmethod
-    def _standard_deviation(item: UniformNoise | GaussianNoise, mean_square: Callable[[], float]) -> float:
-        if isinstance(item, UniformNoise):
-            return 0.0
-        if item.std is not None:
-            return item.std
-        assert item.snr_db is not None
-        return float(np.sqrt(mean_square() / 10 ** (item.snr_db / 10)))
+    def symbol(self, t: ca.SX, parameters: Parameters, name: str) -> ca.SX:
+        """v(t) without its random parts; the numbers of its functions become run-time parameters called by a name."""
+        total = ca.SX(0)
+        for i, item in enumerate(self.functions):
+            numbers = {key: parameters.add(f"{name}.{i}.{key}", values) for key, values in item.numbers().items()}
+            total += item.symbol(t, numbers)
+        return total
 
-    def moments(self) -> list[tuple[float, float, float | None]]:
-        """Mean, variance and hold of every random part."""
-        return [
-            (0.5 * (item.low + item.high), (item.high - item.low) ** 2 / 12, item.hold)
-            if isinstance(item, UniformNoise)
-            else (0.0, std**2, item.hold)
-            for item, std in zip(self.items, self._std, strict=True)
-        ]
+    def change_times(self) -> np.ndarray:
+        """When a held part changes."""
+        times = [self.start + np.arange(first, first + draws.size) * hold for hold, first, draws in self._held]
+        return np.unique(np.concatenate(times)) if times else np.zeros(0)
 
-    def needed(self, hold: float) -> tuple[int, int]:
+    def held(self, times: np.ndarray) -> np.ndarray:
+        """The sum of the held parts at several times."""
+        total = np.zeros(times.size)
+        for hold, first, draws in self._held:
+            index = self._index(times, hold) - first
+            total += draws[np.clip(index, 0, draws.size - 1)]
+        return total
+
+    def sampled(self, times: np.ndarray, numbers: np.ndarray) -> np.ndarray:
+        """The noise of samples at times t_k, numbered k: held parts at t_k, one draw a sample of the others."""
+        drawn = self.held(times)
+        count = int(numbers.max()) + 1 if numbers.size else 0
+        for j, item in enumerate(self.random):
+            if item.hold is None:
+                drawn += self._draw(j, count)[numbers]
+        total = np.zeros(times.size)
+        for function in self.functions if times.size else ():
+            total += function.at(times, numbers)
+        return np.asarray(total + drawn)
+
+    @cached_property
+    def _held(self) -> list[tuple[float, int, np.ndarray]]:
+        """Of every held part the hold, the number of the first draw that the stretch needs, and its draws."""
+        found = []
+        for j, item in enumerate(self.random):
+            if item.hold is not None:
+                first, stop = self._needed(item.hold)
+                found.append((item.hold, first, self._draw(j, stop)[first:].copy()))
+        return found
+
+    def _needed(self, hold: float) -> tuple[int, int]:
         """First and last + 1 of the run's draws that the stretch may need."""
         first, last = (self._index(np.array(t), hold) for t in self._span)
         whole = int(np.floor((self.end - self.start) / hold * (1 + 1e-12))) + 1
@@ -111,49 +120,4 @@ class RandomNoise:
 
     def _draw(self, j: int, count: int) -> np.ndarray:
         """The first draws of an item: the same ones at every call."""
-        item, random = self.items[j], generator(self._seed, "noise", self._channel, j)
-        if isinstance(item, UniformNoise):
-            return random.uniform(item.low, item.high, count)
-        return random.normal(0.0, 1.0, count) * self._std[j]
-
-    def change_times(self) -> np.ndarray:
-        """When a held part changes."""
-        times = [
-            self.start + np.arange(first, first + draws.size) * item.hold
-            for item, first, draws in zip(self.items, self._first, self._draws, strict=True)
-            if item.hold is not None
-        ]
-        return np.unique(np.concatenate(times)) if times else np.zeros(0)
-
-    def held(self, times: np.ndarray) -> np.ndarray:
-        """The sum of the held parts at several times."""
-        total = np.zeros(times.size)
-        for item, first, draws in zip(self.items, self._first, self._draws, strict=True):
-            if item.hold is not None:
-                index = self._index(times, item.hold) - first
-                total += draws[np.clip(index, 0, draws.size - 1)]
-        return total
-
-    def sampled(self, times: np.ndarray, numbers: np.ndarray) -> np.ndarray:
-        """The random noise of samples: held parts at t_k, one draw a sample of the others."""
-        total = self.held(times)
-        count = int(numbers.max()) + 1 if numbers.size else 0
-        for j, item in enumerate(self.items):
-            if item.hold is None:
-                total += self._draw(j, count)[numbers]
-        return total
-
-
-def sampled_noise(stretch: Stretch, times: np.ndarray, numbers: np.ndarray) -> np.ndarray:
-    """The deterministic noise of samples at times t_k, numbered k."""
-    total = np.zeros(times.size)
-    for item in stretch.noise:
-        if isinstance(item, Sinusoids):
-            for term in item.terms:
-                total += term.amplitude * np.sin(term.omega * times + term.phase)
-        elif isinstance(item, ExpressionNoise) and times.size:
-            t, k = ca.SX.sym("t"), ca.SX.sym("k")
-            expression = parse(item.value, names=("t", "k")).symbol({"t": t, "k": k})
-            values = ca.Function("v", [t, k], [expression])(ca.DM(times[None, :]), ca.DM(numbers[None, :]))
-            total += np.asarray(values.full()).ravel()
-    return total
+        return self.random[j].draw(generator(self._seed, "noise", self._channel, j), count)

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from hgorun.config.expressions import ExpressionError, parse
-from hgorun.config.models import Periodic, Times
 from hgorun.errors import Problem
 from hgorun.measurement.availability import Stretch
+from hgorun.measurement.blocks import Periodic, Times
 from hgorun.measurement.noise import generator
 
 SAMPLE_BYTES = 1000  # of memory that a sample takes in the end: events, segments, actions, numbers

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
@@ -13,8 +12,9 @@ from hgorun.engine.layout import CONTINUOUS, DELAYED, HELD, SILENT, Variant
 from hgorun.errors import Problem
 from hgorun.measurement.availability import Stretch
 from hgorun.measurement.events import LEVELS, merge, repeated
-from hgorun.measurement.noise import RandomNoise
+from hgorun.measurement.noise import StretchNoise, absolute, is_relative
 from hgorun.measurement.sampling import SAMPLE_BYTES, Samples, find_samples
+from hgorun.noise.base import RandomNoise
 
 _SHORT = 1e-9  # events closer than this part of a step are one
 _DRAW_BYTES = 16  # of memory that a draw takes until the stretch's own are left
@@ -22,12 +22,12 @@ _DRAW_BYTES = 16  # of memory that a draw takes until the stretch's own are left
 
 @dataclass
 class Channel:
-    """One output: its stretches, its samples, its random noise."""
+    """One output: its stretches, its samples, and its noise in each stretch."""
 
     name: str
     stretches: list[Stretch]
     samples: Samples
-    random: list[RandomNoise]
+    noise: list[StretchNoise]
 
     def stretch_at(self, times: np.ndarray) -> np.ndarray:
         """Index of the stretch that starts at or before each time."""
@@ -85,7 +85,7 @@ def find_channels(
     seed: int,
     mean_square: Callable[[int], float],
 ) -> list[Channel]:
-    """Samples and random noise of every output."""
+    """Samples and noise of every output."""
     left = time.max_memory
     channels = []
     for i, (name, stretches) in enumerate(zip(outputs, resolved, strict=True)):
@@ -93,11 +93,12 @@ def find_channels(
             left -= _held_bytes(stretch, time, left)
         samples = find_samples(stretches, time.start, seed, name, int(left / SAMPLE_BYTES))
         left -= samples.arrival.size * SAMPLE_BYTES
-        random = [
-            RandomNoise(s, seed, f"{name}/{k}", time.start, time.end, partial(mean_square, i))
+        size = mean_square(i) if any(map(is_relative, stretches)) else np.nan
+        noise = [
+            StretchNoise(s, absolute(s.noise, size), seed, f"{name}/{k}", time.start, time.end)
             for k, s in enumerate(stretches)
         ]
-        channels.append(Channel(name, stretches, samples, random))
+        channels.append(Channel(name, stretches, samples, noise))
     return channels
 
 
@@ -105,10 +106,9 @@ def _held_bytes(stretch: Stretch, time: Time, left: float) -> float:
     """Memory of the held noise of a stretch: its draws from the start of the run, its changes as events."""
     total = 0.0
     for j, item in enumerate(stretch.noise):
-        hold = getattr(item, "hold", None)
-        if hold is not None:
-            draws = (stretch.end - time.start) / hold
-            events = (stretch.end - stretch.start) / hold if stretch.continuous else 0.0
+        if isinstance(item, RandomNoise) and item.hold is not None:
+            draws = (stretch.end - time.start) / item.hold
+            events = (stretch.end - stretch.start) / item.hold if stretch.continuous else 0.0
             total += draws * _DRAW_BYTES + events * SAMPLE_BYTES
             if total > left:
                 raise Problem(
@@ -159,7 +159,7 @@ def build_schedule(channels: list[Channel], time: Time, kinks: np.ndarray, step:
     times = [np.array([time.start, time.end]), kinks]
     for c in channels:
         times += [c.samples.arrival, c.samples.taken, np.array([s.start for s in c.stretches])]
-        for s, noise in zip(c.stretches, c.random, strict=True):
+        for s, noise in zip(c.stretches, c.noise, strict=True):
             if s.continuous:
                 changes = noise.change_times()
                 times.append(changes[(changes > s.start) & (changes < s.end)])

@@ -2,25 +2,42 @@
 
 An observer's file holds its equations and its gain design and nothing else. The class is also the
 model of its YAML block: each field is a key, with its admissible range.
+
+What an observer does is the base class that it derives from:
+
+- :class:`ContinuousObserver`: differential equations, between samples driven by the one innovation;
+- :class:`SampledObserver`: difference equations, it jumps at the samples and holds in between;
+- :class:`HybridObserver`: both, a flow between the samples and a jump at each.
+
+What else theory may ask of it is in :mod:`hgorun.observers.capabilities`.
 """
 
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from inspect import isabstract
-from types import SimpleNamespace
-from typing import Any, ClassVar, Literal, TypeGuard
+from typing import Any, ClassVar, Generic, Literal, NamedTuple, TypeAlias, TypeGuard
 
 import casadi as ca
 import numpy as np
 from pydantic import Field
+from typing_extensions import TypeVar
 
 from hgorun.config.types import Block, Interval, Name, Number
 from hgorun.registry import Registry
+from hgorun.symbolic.canonical import CanonicalForm, PlantCopy
+from hgorun.symbolic.forms import Copy, Form, FormFinder
 from hgorun.symbolic.observability import canonical_form
 from hgorun.symbolic.states import Symmetric
+from hgorun.symbolic.symbols import Symbols
+
+# The class of plants that an observer is for, and the copy of the plant that this class gives it.
+FormT = TypeVar("FormT", bound=Form, default=CanonicalForm)
+CopyT = TypeVar("CopyT", bound=Copy, default=PlantCopy)
+
+Role: TypeAlias = Literal["filter", "gain", "signal"]
 
 
 @dataclass(frozen=True)
@@ -31,18 +48,37 @@ class Flow:
     ----------
     derivatives : mapping of str to casadi.SX
         d/dt of ``xhat`` and of every state that the observer declares.
-    correction : casadi.SX, shape (q,)
+    correction : casadi.SX, shape (q,), optional
         c: for each output the term that the equation of its measured state subtracts. The innovation's
-        alpha' = -c removes the observer's own correction from the delayed comparison.
+        alpha' = -c removes the observer's own correction from the delayed comparison. Left out, it is
+        C_x (copy(xhat) - xhat') with C_x = d(C xhat)/dxhat: what xhat' has beside the copy of the plant.
+        An observer without such a copy has to give it.
     """
 
     derivatives: Mapping[str, ca.SX]
-    correction: ca.SX
+    correction: ca.SX | None = None
+
+
+@dataclass(frozen=True)
+class Sample:
+    """What arrives at a sample.
+
+    Attributes
+    ----------
+    y, previous : casadi.SX, shape (q,)
+        This sample and the one before.
+    interval : casadi.SX
+        The time between them.
+    """
+
+    y: ca.SX
+    previous: ca.SX
+    interval: ca.SX
 
 
 @dataclass(frozen=True)
 class SampleSchedule:
-    """When a discrete-time observer will be called.
+    """When an observer that jumps will be called.
 
     Attributes
     ----------
@@ -59,15 +95,32 @@ class SampleSchedule:
     path: tuple[str | int, ...]
 
 
-class Observer(Block):
-    """Base of all observers; its fields are the keys that every observer block has."""
+class PeriodLimit(NamedTuple):
+    """The longest constant period of sampling at which an observer's error decays.
+
+    Attributes
+    ----------
+    value : float or None
+        None where there is none.
+    where : str
+        Of which linear system it is the limit, or why there is none.
+    """
+
+    value: float | None
+    where: str
+
+
+class Observer(Block, Generic[FormT, CopyT]):
+    """Base of all observers; its fields are the keys that every observer block has.
+
+    Derive from :class:`ContinuousObserver`, :class:`SampledObserver` or :class:`HybridObserver`. The type
+    parameters are the class of plants that the observer is for and the copy of the plant that its equations
+    get; left out, they are those of :func:`~hgorun.symbolic.observability.canonical_form`.
+    """
 
     reference: ClassVar[str] = ""
-    # the class of plants: a function (plant, at, parameters) -> Form that refuses others
-    form: ClassVar[Callable[..., Any]] = staticmethod(canonical_form)
-
-    # a discrete-time observer: it jumps at the samples and holds in between
-    discrete: ClassVar[bool] = False
+    # the class of plants: a function that gives a plant's form, and refuses other plants
+    form: ClassVar[FormFinder] = staticmethod(canonical_form)
 
     type: str = Field(description="name of the observer family")
     initial: dict[Name, Number] = Field(
@@ -84,8 +137,8 @@ class Observer(Block):
     )
 
     @abstractmethod
-    def design(self, form: Any) -> dict[str, np.ndarray]:
-        """The numbers that the equations use, from the gains of the block.
+    def design(self, form: FormT) -> Mapping[str, np.ndarray]:
+        """The numbers that the equations use, from the gains of the block: ``k`` of the equations.
 
         Raises
         ------
@@ -93,47 +146,88 @@ class Observer(Block):
             When the gains do not fit the plant; its path starts at the key of this block.
         """
 
-    @abstractmethod
-    def states(self, form: Any) -> dict[str, np.ndarray | Symmetric]:
-        """Internal states other than xhat: their names, shapes and default initial values."""
+    def states(self, form: FormT) -> Mapping[str, np.ndarray | Symmetric]:
+        """Internal states other than xhat: their names, shapes and default initial values; none by default."""
+        return {}
+
+    def roles(self, form: FormT) -> Mapping[str, Role]:
+        """What each internal state is, for the theory.
+
+        ``filter``
+            It passes the innovation on, and is zero while the estimate is right.
+        ``gain``
+            The correction is multiplied by it: it follows the plant, and small errors do not move it.
+        ``signal``
+            It estimates something of the plant beside the state, such as derivatives of the output.
+
+        By default symmetric matrices are gains, and all other states are filters.
+        """
+        return {name: "gain" if isinstance(value, Symmetric) else "filter" for name, value in self.states(form).items()}
+
+    def fastest_rate(self, form: FormT) -> float:
+        """The largest modulus of the error dynamics' eigenvalues (1/time), for ``step: auto``; 0: unknown."""
+        return 0.0
+
+    def error_rate(self, form: FormT) -> float:
+        """The rate at which the error itself moves, where gains move faster (1/time); 0: unknown."""
+        return self.fastest_rate(form)
+
+    @classmethod
+    def example(cls, states: tuple[str, ...]) -> Mapping[str, object]:
+        """Keys of a block that works, for a family whose keys have no defaults.
+
+        Parameters
+        ----------
+        states : tuple of str
+            Names of the plant's states.
+        """
+        return {}
+
+
+class ContinuousObserver(Observer[FormT, CopyT]):
+    """Base of the observers that are differential equations."""
 
     @abstractmethod
-    def equations(self, plant: Any, s: SimpleNamespace, e: ca.SX, k: SimpleNamespace) -> Flow:
+    def equations(self, plant: CopyT, s: Symbols, e: ca.SX, k: Symbols) -> Flow:
         """The flow.
 
         Parameters
         ----------
-        plant : PlantCopy or another form's copy
-            The observer's copy of the plant in the coordinates where it computes.
-        s : namespace of casadi.SX
+        plant : the form's copy of the plant
+            In the coordinates where the observer computes.
+        s : Symbols
             ``s.xhat`` and the states declared by :meth:`states`, same shapes.
         e : casadi.SX, shape (q,)
             The innovation C xhat(t-d) - y_d(t) + alpha(t) - alpha(t-d); C xhat - y when the output is
             continuous and not late.
-        k : namespace of casadi.SX
+        k : Symbols
             The numbers of :meth:`design`, as run-time arguments of the compiled code.
         """
 
-    def jump(
-        self, plant: Any, before: Any, s: SimpleNamespace, sample: SimpleNamespace, k: SimpleNamespace
-    ) -> Mapping[str, ca.SX]:
-        """What the states become when a sample arrives, for discrete-time observers.
+
+class SampledObserver(Observer[FormT, CopyT]):
+    """Base of the observers that are difference equations at the samples, from the second one on.
+
+    Every output must be sampled, all at the same times and without delay.
+    """
+
+    @abstractmethod
+    def jump(self, plant: CopyT, before: CopyT, s: Symbols, sample: Sample, k: Symbols) -> Mapping[str, ca.SX]:
+        """What the states become when a sample arrives; those left out stay.
 
         Parameters
         ----------
-        plant, before : copies of the plant
+        plant, before : the form's copies of the plant
             With the inputs at this sample and at the one before.
-        s : namespace of casadi.SX
+        s : Symbols
             The states since the sample before.
-        sample : namespace
-            ``y`` and ``previous``, this sample and the one before, shape (q,); ``interval``, the time
-            between them.
-        k : namespace of casadi.SX
+        sample : Sample
+        k : Symbols
+            The numbers of :meth:`~Observer.design`.
         """
-        raise NotImplementedError
 
-    def check_samples(self, form: Any, samples: SampleSchedule) -> None:
-        """Refuse a schedule that the observer's theorem excludes; for discrete-time observers.
+    def check_samples(self, form: FormT, samples: SampleSchedule) -> None:
+        """Refuse a schedule that the observer's theorem excludes.
 
         Raises
         ------
@@ -141,40 +235,37 @@ class Observer(Block):
             With a path inside this block, or starting at ``measurement``.
         """
 
-    def fastest_rate(self, form: Any) -> float:
-        """The largest modulus of the error dynamics' eigenvalues (1/time), for ``step: auto``; 0: unknown."""
-        return 0.0
+    def longest_period(self, form: FormT) -> PeriodLimit:
+        """The longest constant period at which the error of the plant's Euler model decays."""
+        return PeriodLimit(None, "the observer declares no limit")
 
 
-class DiscreteObserver(Observer):
-    """Base of the observers that are difference equations at the samples, from the second one on.
+class HybridObserver(ContinuousObserver[FormT, CopyT], SampledObserver[FormT, CopyT]):
+    """Base of the observers that follow a flow between the samples and jump at each of them.
 
-    Every output must be sampled, all at the same times and without delay.
+    ``e`` of :meth:`~ContinuousObserver.equations` is the innovation as continuous observers get it; an
+    observer that corrects at the samples alone leaves it out. As for :class:`SampledObserver`, every output
+    must be sampled, all at the same times and without delay.
     """
 
-    discrete: ClassVar[bool] = True
 
-    def equations(self, plant: Any, s: SimpleNamespace, e: ca.SX, k: SimpleNamespace) -> Flow:
-        """Nothing moves between samples."""
-        still = {name: ca.SX.zeros(*value.shape) for name, value in vars(s).items() if name != "alpha"}
-        return Flow(still, ca.SX.zeros(e.shape))
-
-    @abstractmethod
-    def jump(
-        self, plant: Any, before: Any, s: SimpleNamespace, sample: SimpleNamespace, k: SimpleNamespace
-    ) -> Mapping[str, ca.SX]: ...
+# Any observer, where its class of plants does not matter.
+AnyObserver: TypeAlias = "Observer[Any, Any]"
 
 
-def is_observer(thing: object) -> TypeGuard[type[Observer]]:
+def is_observer(thing: object) -> TypeGuard[type[AnyObserver]]:
     """Whether it is an observer's class, with nothing left abstract."""
-    return isinstance(thing, type) and issubclass(thing, Observer) and not isabstract(thing)
+    return (
+        isinstance(thing, type) and issubclass(thing, (ContinuousObserver, SampledObserver)) and not isabstract(thing)
+    )
 
 
-OBSERVERS: Registry[type[Observer]] = Registry(
+OBSERVERS: Registry[type[AnyObserver]] = Registry(
     "observer",
     package="hgorun.observers",
     group="hgorun.observers",
     accepts=is_observer,
-    expected="a class derived from hgorun.observers.base.Observer that defines its design, states and equations",
+    expected="a class derived from ContinuousObserver, SampledObserver or HybridObserver of hgorun.observers.base "
+    "that defines its design and equations",
 )
 observer = OBSERVERS.register

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from pydantic import Field, model_validator
 
-from hgorun.config.types import Number, Poles, Positive
+from hgorun.config.types import Block, Number, Poles, Positive
 from hgorun.errors import Problem
-from hgorun.observers.base import Observer
+from hgorun.observers.base import ContinuousObserver
+from hgorun.observers.capabilities import FilterOrder, HighGain
 from hgorun.symbolic.canonical import CanonicalForm
 from hgorun.symbolic.matrices import hurwitz_gain
 from hgorun.symbolic.states import Symmetric
 
 
-class PlacedGain(Observer):
+class PlacedGain(Block):
     """Either ``poles`` or ``gains`` of an order that the family decides."""
 
     poles: Poles = Field(
@@ -38,6 +41,12 @@ class PlacedGain(Observer):
             raise Problem((key,), f"expected {order} numbers{alternative}; found {len(given)}")
         return np.asarray(self.gains) if self.gains is not None else hurwitz_gain(order, self.poles)
 
+    def placed_poles(self, order: int) -> np.ndarray:
+        """The poles that are asked for, shape (order,); all at -1 where the gain itself is given."""
+        if self.gains is not None:
+            return np.full(order, -1.0)
+        return np.resize(np.atleast_1d(np.asarray(self.poles, dtype=complex)), order)
+
     def chain_gains(self, form: CanonicalForm, filter_order: int = 0) -> tuple[np.ndarray, np.ndarray]:
         """(K_r; K_n) of every chain: K_r with one column a chain, shape (r, q), K_n stacked, shape (n,)."""
         gains = [self.gain(filter_order + length) for length in form.chains]
@@ -45,17 +54,24 @@ class PlacedGain(Observer):
         return K_r, np.concatenate([gain[filter_order:] for gain in gains])
 
 
-class ConstantGain(PlacedGain):
+class ConstantGain(HighGain, PlacedGain, ContinuousObserver):
     """theta, and a gain that places the eigenvalues at theta times the poles."""
 
     theta: Positive = Field(description="high gain theta > 0: the error's eigenvalues are theta times the poles")
+
+    @classmethod
+    def example(cls, states: tuple[str, ...]) -> Mapping[str, object]:
+        return {"theta": 2.0}
+
+    def nominal_poles(self, order: int) -> np.ndarray:
+        return self.placed_poles(order)
 
     def _rate(self, form: CanonicalForm, filter_order: int = 0) -> float:
         roots = [np.roots([1.0, *self.gain(filter_order + length)]) for length in form.chains]
         return self.theta * max(float(np.max(np.abs(r))) for r in roots)
 
 
-class FilteredGain(ConstantGain):
+class FilteredGain(FilterOrder, ConstantGain):
     """A gain (K_r; K_n) of order r + n: its first r numbers belong to a filter with state eta, one a chain."""
 
     r: int = Field(default=1, ge=0, le=20, strict=True, description="order of the filter, r >= 0; 0 is the SHGO")

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from types import SimpleNamespace
 
 import casadi as ca
 import numpy as np
 
-from hgorun.observers.base import DiscreteObserver, observer
-from hgorun.symbolic.states import Symmetric
-from hgorun.symbolic.strict_feedback import StrictFeedbackCopy, StrictFeedbackForm, strict_feedback_form
+from hgorun.observers.base import PeriodLimit, Sample, observer
+from hgorun.observers.reduced_order import ReducedOrder
+from hgorun.symbolic.strict_feedback import StrictFeedbackCopy, StrictFeedbackForm
+from hgorun.symbolic.symbols import Symbols
 
 
 @observer("deadbeat")
-class DeadbeatObserver(DiscreteObserver):
+class DeadbeatObserver(ReducedOrder):
     """Two-step deadbeat reduced-order observer for sampled plants of strict-feedback-like form.
 
     For x' = f_1(x, u) + g(x, u) z, z' = f_2(x, z, u), y(k) = x(t_k), with T = t_(k+1) - t_k,
@@ -28,21 +28,23 @@ class DeadbeatObserver(DiscreteObserver):
     """
 
     reference = "Katayama, (6), (9)"
-    form = staticmethod(strict_feedback_form)
 
     def design(self, form: StrictFeedbackForm) -> dict[str, np.ndarray]:
         return {}
 
-    def states(self, form: StrictFeedbackForm) -> dict[str, np.ndarray | Symmetric]:
-        return {}
+    def rates(self, form: StrictFeedbackForm) -> None:
+        return None
+
+    def longest_period(self, form: StrictFeedbackForm) -> PeriodLimit:
+        return PeriodLimit(None, "the estimate does not depend on earlier ones: no period makes it unstable")
 
     def jump(
         self,
         plant: StrictFeedbackCopy,
         before: StrictFeedbackCopy,
-        s: SimpleNamespace,
-        sample: SimpleNamespace,
-        k: SimpleNamespace,
+        s: Symbols,
+        sample: Sample,
+        k: Symbols,
     ) -> Mapping[str, ca.SX]:
         y = sample.previous
         Psi = before.Psi(y, sample.y, sample.interval)

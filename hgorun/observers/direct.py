@@ -2,54 +2,22 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import casadi as ca
 import numpy as np
 from pydantic import Field, model_validator
 
-from hgorun.config.types import NonNegative, Number, Poles, Positive
-from hgorun.errors import Problem
-from hgorun.observers.base import Flow, Observer, observer
+from hgorun.config.types import NonNegative, Positive
+from hgorun.observers.base import Flow, Role, observer
+from hgorun.observers.capabilities import HighGain
 from hgorun.observers.levant import levant_flow, levant_gains
-from hgorun.symbolic.lower_triangular import LowerTriangularCopy, LowerTriangularForm, lower_triangular_form
-from hgorun.symbolic.matrices import hurwitz_gain
+from hgorun.observers.output_injection import Blend, OutputInjection
+from hgorun.symbolic.lower_triangular import LowerTriangularCopy, LowerTriangularForm
 from hgorun.symbolic.states import Symmetric
-
-
-class OutputInjection(Observer):
-    """The vector l of a correction Theta l (y - yhat): given itself, or through poles."""
-
-    form = staticmethod(lower_triangular_form)
-
-    l: tuple[Number, ...] | None = Field(  # noqa: E741  # the papers' letter
-        default=None, description="n gains, Theta l (y - yhat); in place of poles"
-    )
-    poles: Poles = Field(
-        default=complex(-1),
-        description="eigenvalues of A - l c at theta = 1: a number or n; real part < 0; for slopes of 1",
-    )
-
-    @model_validator(mode="after")
-    def _one_of_poles_and_l(self) -> OutputInjection:
-        if self.l is not None and "poles" in self.model_fields_set:
-            raise ValueError("give either poles or l, not both")
-        return self
-
-    def injection(self, form: LowerTriangularForm) -> np.ndarray:
-        """l, shape (n,)."""
-        given = self.l if self.l is not None else self.poles
-        if isinstance(given, tuple) and len(given) != form.n:
-            key = "poles" if self.l is None else "l"
-            raise Problem((key,), f"expected {form.n} numbers, one a state; found {len(given)}")
-        return np.asarray(self.l) if self.l is not None else hurwitz_gain(form.n, self.poles)
-
-    def _rate(self, form: LowerTriangularForm) -> float:
-        return float(np.max(np.abs(np.roots([1.0, *self.injection(form)])), initial=0.0))
+from hgorun.symbolic.symbols import Symbols
 
 
 @observer("direct")
-class DirectObserver(OutputInjection):
+class DirectObserver(HighGain, OutputInjection):
     """High-gain observer for lower triangular plants (1), blended with a direct reconstruction of the state.
 
         xhat' = f(xhat, u) + w Theta l (y - yhat) + (1 - w) Gamma (x^d - xhat)
@@ -72,7 +40,6 @@ class DirectObserver(OutputInjection):
 
     reference = "Meiners, Adamy 2025, (1)-(4), (13), theorem 1"
 
-    theta: Positive = Field(description="high gain theta > 0")
     mu: NonNegative = Field(default=0.0, description="sharpness of the blend, >= 0; 0: no reconstruction")
     phi: Positive | None = Field(default=None, description="Gamma = Theta l c + (phi/2) I, phi > 0; with mu")
     G: Positive | None = Field(default=None, description="Lipschitz constant of y^(n-1), > 0; with mu")
@@ -82,6 +49,10 @@ class DirectObserver(OutputInjection):
         if self.mu > 0 and (self.phi is None or self.G is None):
             raise ValueError("with mu > 0 the reconstruction needs phi and G")
         return self
+
+    @property
+    def blend(self) -> Blend | None:
+        return Blend(self.mu, self.phi) if self.mu > 0 and self.phi is not None else None
 
     def design(self, form: LowerTriangularForm) -> dict[str, np.ndarray]:
         numbers = {"theta": np.array(self.theta), "l": self.injection(form)}
@@ -96,7 +67,14 @@ class DirectObserver(OutputInjection):
     def states(self, form: LowerTriangularForm) -> dict[str, np.ndarray | Symmetric]:
         return {"z": np.zeros(form.n)} if self.mu > 0 else {}
 
-    def equations(self, plant: LowerTriangularCopy, s: SimpleNamespace, e: ca.SX, k: SimpleNamespace) -> Flow:
+    def roles(self, form: LowerTriangularForm) -> dict[str, Role]:
+        return {"z": "signal"} if self.mu > 0 else {}
+
+    @classmethod
+    def example(cls, states: tuple[str, ...]) -> dict[str, object]:
+        return {"theta": 2.0, "mu": 5.0, "phi": 40.0, "G": 1.0}
+
+    def equations(self, plant: LowerTriangularCopy, s: Symbols, e: ca.SX, k: Symbols) -> Flow:
         xhat, c = s.xhat, plant.slope(s.xhat)
         Theta_l = plant.Theta(k.theta) @ plant.along(k.l)
         correction, derivatives = -Theta_l * e, {}

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import casadi as ca
 import numpy as np
 from pydantic import Field
 
 from hgorun.config.types import Positive
-from hgorun.observers.base import Flow, observer
-from hgorun.observers.dynamic_gain import DynamicGain
+from hgorun.observers.base import Flow, Role, observer
 from hgorun.observers.levant import levant_flow, levant_gains
+from hgorun.observers.output_injection import Blend
+from hgorun.observers.praly_gain import DynamicGain
 from hgorun.symbolic.lower_triangular import LowerTriangularCopy, LowerTriangularForm
 from hgorun.symbolic.states import Symmetric
+from hgorun.symbolic.symbols import Symbols
 
 
 @observer("direct_dynamic")
@@ -40,6 +40,10 @@ class DirectDynamicObserver(DynamicGain):
     phi: Positive = Field(description="Gamma(theta) = A + theta (phi/2) I, phi > a")
     G: Positive = Field(description="Lipschitz constant of y^(n-1), > 0")
 
+    @property
+    def blend(self) -> Blend:
+        return Blend(self.mu_0, self.phi)
+
     def design(self, form: LowerTriangularForm) -> dict[str, np.ndarray]:
         own = {"mu_0": np.array(self.mu_0), "phi": np.array(self.phi), "gains": levant_gains(form.n, self.G)}
         return {**super().design(form), **own}
@@ -47,7 +51,14 @@ class DirectDynamicObserver(DynamicGain):
     def states(self, form: LowerTriangularForm) -> dict[str, np.ndarray | Symmetric]:
         return {**super().states(form), "z": np.zeros(form.n)}
 
-    def equations(self, plant: LowerTriangularCopy, s: SimpleNamespace, e: ca.SX, k: SimpleNamespace) -> Flow:
+    def roles(self, form: LowerTriangularForm) -> dict[str, Role]:
+        return {**super().roles(form), "z": "signal"}
+
+    @classmethod
+    def example(cls, states: tuple[str, ...]) -> dict[str, object]:
+        return {**super().example(states), "mu_0": 5.0, "phi": 40.0, "G": 1.0}
+
+    def equations(self, plant: LowerTriangularCopy, s: Symbols, e: ca.SX, k: Symbols) -> Flow:
         xhat, theta = s.xhat, s.theta
         y = plant.output(xhat) - e
         w = ca.exp(-k.mu_0 / theta ** (2 * k.b) * e**2)

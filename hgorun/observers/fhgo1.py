@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import casadi as ca
 import numpy as np
-from pydantic import Field
 
-from hgorun.config.types import Positive
 from hgorun.observers.base import Flow, observer
+from hgorun.observers.capabilities import FilterCascade
 from hgorun.observers.riccati import RiccatiGain, riccati
 from hgorun.symbolic.matrices import A, C
 from hgorun.symbolic.states import Symmetric
+from hgorun.symbolic.symbols import Symbols
 from hgorun.symbolic.triangular import TriangularCopy, TriangularForm
 
 
 @observer("fhgo1")
-class FilteredObserver1(RiccatiGain):
+class FilteredObserver1(FilterCascade, RiccatiGain):
     """Filtered high-gain observer with a filter as long as the plant (FHGO I), for triangular plants.
 
     For triangular plants that need not be uniformly observable, with one or several outputs:
@@ -45,7 +43,9 @@ class FilteredObserver1(RiccatiGain):
 
     reference = "Robles Magdaleno 2023, (2.36)-(2.39), (2.75)"
 
-    delta: Positive = Field(description="bandwidth of the filters over theta, delta > 0")
+    @classmethod
+    def example(cls, states: tuple[str, ...]) -> dict[str, object]:
+        return {"theta": 2.0, "delta": 3.0}
 
     def design(self, form: TriangularForm) -> dict[str, np.ndarray]:
         self.check(self.states(form))
@@ -55,7 +55,7 @@ class FilteredObserver1(RiccatiGain):
         q = max(form.block) + 1
         return {"eta": np.zeros((q, len(form.measured))), "P": Symmetric(np.eye(form.n))}
 
-    def equations(self, plant: TriangularCopy, s: SimpleNamespace, e: ca.SX, k: SimpleNamespace) -> Flow:
+    def equations(self, plant: TriangularCopy, s: Symbols, e: ca.SX, k: Symbols) -> Flow:
         F, q = plant.F(s.xhat), s.eta.shape[0]
         K = s.P @ plant.C.T
         kappa = k.theta * ca.sum2(K * s.eta[list(plant.form.block), :])
@@ -67,6 +67,13 @@ class FilteredObserver1(RiccatiGain):
             },
             correction=plant.measured(kappa),
         )
+
+    def nominal_poles(self, order: int) -> np.ndarray:
+        return np.resize(np.roots([1.0, self.delta, self.delta]), order)
+
+    @property
+    def settling_rate(self) -> float:
+        return self.theta * min(1.0, self.delta)
 
     def fastest_rate(self, form: TriangularForm) -> float:
         filters = self.theta * float(np.max(np.abs(np.roots([1.0, self.delta, self.delta]))))

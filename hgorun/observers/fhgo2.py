@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import casadi as ca
 
 from hgorun.observers.base import Flow, observer
 from hgorun.observers.constant_gain import FilteredGain
 from hgorun.symbolic.canonical import PlantCopy
 from hgorun.symbolic.matrices import A, B, C
+from hgorun.symbolic.symbols import Symbols
 
 
 @observer("fhgo2")
@@ -32,7 +31,7 @@ class FilteredObserver2(FilteredGain):
 
     reference = "Robles Magdaleno 2023, (3.33), (3.64)-(3.67), (3.144)-(3.146)"
 
-    def equations(self, plant: PlantCopy, s: SimpleNamespace, e: ca.SX, k: SimpleNamespace) -> Flow:
+    def equations(self, plant: PlantCopy, s: Symbols, e: ca.SX, k: Symbols) -> Flow:
         r, derivatives, filtered = self.r, {}, e
         if r > 0:  # one column of eta and of K_r a chain
             filtered = (C(r) @ s.eta).T

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from math import comb
-from types import SimpleNamespace
 from typing import Literal
 
 import casadi as ca
@@ -11,15 +9,17 @@ import numpy as np
 from pydantic import Field
 
 from hgorun.errors import Problem
-from hgorun.observers.base import Flow, observer
-from hgorun.observers.riccati import RiccatiGain, gain_of, lyapunov, riccati
+from hgorun.observers.base import Flow, Role, observer
+from hgorun.observers.capabilities import FilterOrder
+from hgorun.observers.riccati import RiccatiGain, gain_of, lyapunov, riccati, stationary
 from hgorun.symbolic.matrices import A, B, C, hurwitz_gain
 from hgorun.symbolic.states import Symmetric
+from hgorun.symbolic.symbols import Symbols
 from hgorun.symbolic.triangular import TriangularCopy, TriangularForm
 
 
 @observer("fhgo2_nuos")
-class FilteredObserver2TimeVarying(RiccatiGain):
+class FilteredObserver2TimeVarying(FilterOrder, RiccatiGain):
     """Filtered high-gain observer of order r with time-varying gain (FHGO II), for triangular plants.
 
     For triangular plants with one output that need not be uniformly observable (NUOS), the functions
@@ -78,7 +78,16 @@ class FilteredObserver2TimeVarying(RiccatiGain):
         couplings = {"U": np.zeros((r, n))} if r else {}
         return {**filters, **couplings, "P": Symmetric(np.eye(n))}
 
-    def equations(self, plant: TriangularCopy, s: SimpleNamespace, e: ca.SX, k: SimpleNamespace) -> Flow:
+    def roles(self, form: TriangularForm) -> dict[str, Role]:
+        return {name: "filter" if name == "eta" else "gain" for name in self.states(form)}
+
+    def settled(self, n: int) -> dict[str, np.ndarray]:
+        """S = S_inf of order r + n; of its blocks, U = -S_1^-1 S_2 and P^-1 = S_3 - S_2^T S_1^-1 S_2."""
+        r, S = self.r, stationary(self.r + n)
+        U = -np.linalg.solve(S[:r, :r], S[:r, r:])
+        return {"S": S, "U": U, "P": np.linalg.inv(S[r:, r:] + S[r:, :r] @ U)}
+
+    def equations(self, plant: TriangularCopy, s: Symbols, e: ca.SX, k: Symbols) -> Flow:
         r, gain = self.r, self._full if self.gain == "full" else self._reduced
         K_r, K_n, derivatives = gain(plant, s, k)
         filtered = s.eta[0] if r else e
@@ -88,9 +97,7 @@ class FilteredObserver2TimeVarying(RiccatiGain):
         derivatives["xhat"] = plant.copy(s.xhat) - kappa
         return Flow(derivatives, correction=plant.measured(kappa))
 
-    def _reduced(
-        self, plant: TriangularCopy, s: SimpleNamespace, k: SimpleNamespace
-    ) -> tuple[ca.SX, ca.SX, dict[str, ca.SX]]:
+    def _reduced(self, plant: TriangularCopy, s: Symbols, k: Symbols) -> tuple[ca.SX, ca.SX, dict[str, ca.SX]]:
         """K_r, K_n and the derivatives of U and P, (3.128), (3.133)."""
         r, F = self.r, plant.F(s.xhat)
         if not r:
@@ -100,9 +107,7 @@ class FilteredObserver2TimeVarying(RiccatiGain):
         U = (A(r) - k.b @ C(r)) @ s.U - s.U @ F + B(r) @ plant.C
         return k.b + s.U @ K_n, K_n, {"U": k.theta * U, "P": k.theta * riccati(s.P, F, first)}
 
-    def _full(
-        self, plant: TriangularCopy, s: SimpleNamespace, k: SimpleNamespace
-    ) -> tuple[ca.SX, ca.SX, dict[str, ca.SX]]:
+    def _full(self, plant: TriangularCopy, s: Symbols, k: Symbols) -> tuple[ca.SX, ca.SX, dict[str, ca.SX]]:
         """K_r, K_n and the derivative of S, (3.97), (3.99), (3.102)."""
         r, n, F = self.r, plant.n, plant.F(s.xhat)
         if not r:
@@ -114,9 +119,3 @@ class FilteredObserver2TimeVarying(RiccatiGain):
 
     def fastest_rate(self, form: TriangularForm) -> float:
         return (2.5 if self.gain == "full" else 1.0) * self.rate(self.r + max(form.block) + 1)
-
-
-def stationary(r: int) -> np.ndarray:
-    """S_1inf of (3.130), shape (r, r): (-1)^(i+j) binomial(i+j-2, j-1), whose S_1inf^-1 C_r^T is (3.131)."""
-    i, j = np.indices((r, r))
-    return np.asarray((-1.0) ** (i + j) * np.vectorize(comb, otypes=[float])(i + j, j))

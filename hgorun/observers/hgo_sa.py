@@ -10,7 +10,7 @@ from hgorun.config.expressions import ExpressionError, parse
 from hgorun.config.types import ExpressionText, Positive
 from hgorun.errors import Problem
 from hgorun.observers.base import SampleSchedule, observer
-from hgorun.observers.hgo_fd import ForwardDifferenceObserver, eigenvalues
+from hgorun.observers.forward_differences import ForwardDifferences, eigenvalues
 from hgorun.symbolic.canonical import CanonicalForm
 
 _FIRST = 100_000  # samples whose b(k) are all looked at; then powers of two
@@ -19,7 +19,7 @@ _LOGARITHMS = 0.05  # of an exponent: factors log(k) make so little of it at 2^1
 
 
 @observer("hgo_sa")
-class StochasticApproximationObserver(ForwardDifferenceObserver):
+class StochasticApproximationObserver(ForwardDifferences):
     """High-gain observer of an integrator chain whose steps get shorter, so that white noise averages out.
 
     With q = D xhat, D = diag(1, eps, ..., eps^(n-1)),

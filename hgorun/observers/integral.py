@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import casadi as ca
 from pydantic import Field
 
@@ -11,6 +9,7 @@ from hgorun.observers.base import Flow, observer
 from hgorun.observers.constant_gain import FilteredGain
 from hgorun.symbolic.canonical import PlantCopy
 from hgorun.symbolic.matrices import A, B, C, inv_Delta
+from hgorun.symbolic.symbols import Symbols
 
 
 @observer("integral")
@@ -36,7 +35,7 @@ class IntegralObserver(FilteredGain):
 
     r: int = Field(default=1, ge=0, le=20, strict=True, description="number of integrators, r >= 0; 0 is the SHGO")
 
-    def equations(self, plant: PlantCopy, s: SimpleNamespace, e: ca.SX, k: SimpleNamespace) -> Flow:
+    def equations(self, plant: PlantCopy, s: Symbols, e: ca.SX, k: Symbols) -> Flow:
         r, derivatives, eta_1 = self.r, {}, e
         if r > 0:  # one column of eta and of K_r a chain
             eta_1 = (C(r) @ s.eta).T

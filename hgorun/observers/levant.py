@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from types import SimpleNamespace
 from typing import Any, Literal
 
 import casadi as ca
 import numpy as np
-from pydantic import Field
+from pydantic import Field, ModelWrapValidatorHandler, model_validator
 
 from hgorun.config.types import Positive
 from hgorun.errors import Problem
-from hgorun.observers.base import Flow, Observer, observer
+from hgorun.observers.base import ContinuousObserver, Flow, Observer, Sample, SampledObserver, observer
+from hgorun.observers.capabilities import Differentiator, SlidingMode
 from hgorun.symbolic.lower_triangular import DerivativeCopy, DerivativeForm, derivative_form
-from hgorun.symbolic.states import Symmetric
+from hgorun.symbolic.symbols import Symbols
 
 COEFFICIENTS = (1.1, 1.5, 2.0, 3.0, 5.0, 8.0)
 _NEWTON_STEPS = 12
@@ -50,8 +49,39 @@ def levant_flow(z: ca.SX, error: ca.SX, gains: ca.SX) -> ca.SX:
     return ca.vertcat(*rates)
 
 
+class LevantDifferentiator(Differentiator, SlidingMode, Observer[DerivativeForm, DerivativeCopy]):
+    """The keys and the gain that both discretisations share."""
+
+    reference = "Levant 2003; Meiners, Adamy 2025, section IV"
+    form = staticmethod(derivative_form)
+
+    G: Positive = Field(description="Lipschitz constant of the derivative y^(n-1), > 0")
+    discretisation: Literal["explicit", "implicit"] = Field(
+        default="explicit",
+        description="explicit: by the solver; implicit: an implicit Euler step at each sample",
+    )
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _by_discretisation(
+        cls, data: Any, check: ModelWrapValidatorHandler[LevantDifferentiator]
+    ) -> LevantDifferentiator:
+        """A block with ``discretisation: implicit`` is an observer of another kind: it jumps."""
+        found = check(data)
+        if found.discretisation == "explicit" or isinstance(found, SampledObserver):
+            return found
+        return ImplicitLevantObserver.model_construct(found.model_fields_set, **dict(found))
+
+    def design(self, form: DerivativeForm) -> dict[str, np.ndarray]:
+        return {"gains": levant_gains(form.plant.n, self.G)}
+
+    @classmethod
+    def example(cls, states: tuple[str, ...]) -> dict[str, object]:
+        return {"G": 1.0}
+
+
 @observer("levant")
-class LevantObserver(Observer):
+class LevantObserver(LevantDifferentiator, ContinuousObserver[DerivativeForm, DerivativeCopy]):
     """Levant's arbitrary-order exact differentiator, for lower triangular plants with one output.
 
         z_0'     = v_0     = z_1 - k_0 |z_0 - y|^((n-1)/n) sign(z_0 - y)
@@ -74,36 +104,18 @@ class LevantObserver(Observer):
     Meiners and Adamy print order 1 of it (n = 2), which is right.
     """
 
-    reference = "Levant 2003; Meiners, Adamy 2025, section IV"
-    form = staticmethod(derivative_form)
-
-    G: Positive = Field(description="Lipschitz constant of the derivative y^(n-1), > 0")
-    discretisation: Literal["explicit", "implicit"] = Field(
-        default="explicit",
-        description="explicit: by the solver; implicit: an implicit Euler step at each sample",
-    )
-
-    @property
-    def discrete(self) -> bool:  # type: ignore[override]  # here a key decides it
-        """Whether the observer jumps at the samples."""
-        return self.discretisation == "implicit"
-
-    def design(self, form: DerivativeForm) -> dict[str, np.ndarray]:
-        return {"gains": levant_gains(form.plant.n, self.G)}
-
-    def states(self, form: DerivativeForm) -> dict[str, np.ndarray | Symmetric]:
-        return {}
-
-    def equations(self, plant: DerivativeCopy, s: SimpleNamespace, e: ca.SX, k: SimpleNamespace) -> Flow:
-        if self.discrete:
-            return Flow({"xhat": ca.SX.zeros(s.xhat.shape)}, correction=ca.SX.zeros(e.shape))
+    def equations(self, plant: DerivativeCopy, s: Symbols, e: ca.SX, k: Symbols) -> Flow:
         z, rates = s.xhat, levant_flow(s.xhat, e, k.gains)
         drift = z[1] if z.numel() > 1 else 0
         return Flow({"xhat": rates}, correction=drift - rates[0])
 
+
+class ImplicitLevantObserver(LevantDifferentiator, SampledObserver[DerivativeForm, DerivativeCopy]):
+    """Levant's differentiator with one implicit Euler step a sample; see :class:`LevantObserver`."""
+
     def jump(
-        self, plant: Any, before: Any, s: SimpleNamespace, sample: SimpleNamespace, k: SimpleNamespace
-    ) -> Mapping[str, ca.SX]:
+        self, plant: DerivativeCopy, before: DerivativeCopy, s: Symbols, sample: Sample, k: Symbols
+    ) -> dict[str, ca.SX]:
         return {"xhat": levant_implicit_step(s.xhat, sample.y, sample.interval, k.gains)}
 
 

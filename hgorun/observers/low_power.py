@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import casadi as ca
 import numpy as np
 from pydantic import Field
@@ -18,6 +16,7 @@ from hgorun.symbolic.matrices import A
 from hgorun.symbolic.observability import canonical_form
 from hgorun.symbolic.plant import PlantModel
 from hgorun.symbolic.states import Symmetric
+from hgorun.symbolic.symbols import Symbols
 
 
 def phase_variable_form(plant: PlantModel, at: np.ndarray, parameters: np.ndarray) -> CanonicalForm:
@@ -81,7 +80,7 @@ class LowPowerObserver(ConstantGain):
     def states(self, form: CanonicalForm) -> dict[str, np.ndarray | Symmetric]:
         return {"e": np.zeros(form.plant.n - 2)} if form.plant.n > 2 else {}
 
-    def equations(self, plant: PlantCopy, s: SimpleNamespace, e: ca.SX, k: SimpleNamespace) -> Flow:
+    def equations(self, plant: PlantCopy, s: Symbols, e: ca.SX, k: Symbols) -> Flow:
         # xi_(i,2) = xi_(i+1,1) + e_(i+1), so (xhat, e_2..e_(n-1)) is xi in other coordinates, and in
         # e_i' = xi_(i-1,2)' - xi_i1' both have xi_i2: e is driven by itself and the innovation alone, and
         # xhat' is the plant's copy minus a correction kappa, as in any other observer.

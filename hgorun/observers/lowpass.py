@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import casadi as ca
 import numpy as np
 from pydantic import Field
@@ -11,14 +9,16 @@ from pydantic import Field
 from hgorun.config.types import Number, Poles, Positive
 from hgorun.errors import Problem
 from hgorun.observers.base import Flow, observer
+from hgorun.observers.capabilities import FilterOrder
 from hgorun.observers.constant_gain import ConstantGain
 from hgorun.symbolic.canonical import CanonicalForm, PlantCopy
 from hgorun.symbolic.matrices import A, B, C
 from hgorun.symbolic.states import Symmetric
+from hgorun.symbolic.symbols import Symbols
 
 
 @observer("lowpass")
-class LowPassObserver(ConstantGain):
+class LowPassObserver(FilterOrder, ConstantGain):
     """High-gain observer with r equal low-pass filters on the innovation, for uniformly observable plants.
 
     The correction uses the innovation e after r filters of time constant rho/theta,
@@ -50,6 +50,10 @@ class LowPassObserver(ConstantGain):
     r: int = Field(default=1, ge=0, le=20, strict=True, description="order of the filter, r >= 0; 0 is the SHGO")
     rho: Positive = Field(description="time constant of each filter times theta; F(rho) must be Hurwitz")
 
+    @classmethod
+    def example(cls, states: tuple[str, ...]) -> dict[str, object]:
+        return {"theta": 2.0, "rho": 0.2}
+
     def design(self, form: CanonicalForm) -> dict[str, np.ndarray]:
         _, G = self.chain_gains(form)
         self._require_hurwitz(form)
@@ -58,7 +62,7 @@ class LowPassObserver(ConstantGain):
     def states(self, form: CanonicalForm) -> dict[str, np.ndarray | Symmetric]:
         return {"eta": np.zeros((self.r, len(form.chains)))} if self.r else {}
 
-    def equations(self, plant: PlantCopy, s: SimpleNamespace, e: ca.SX, k: SimpleNamespace) -> Flow:
+    def equations(self, plant: PlantCopy, s: Symbols, e: ca.SX, k: Symbols) -> Flow:
         r, derivatives, filtered = self.r, {}, e
         if r > 0:  # one column of eta a chain
             filtered = (B(r).T @ s.eta).T

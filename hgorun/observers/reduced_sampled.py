@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from types import SimpleNamespace
 from typing import Annotated, Any
 
 import casadi as ca
@@ -12,9 +11,10 @@ from pydantic import BeforeValidator, Field, WithJsonSchema
 
 from hgorun.config.types import describe, number
 from hgorun.errors import Problem
-from hgorun.observers.base import DiscreteObserver, observer
-from hgorun.symbolic.states import Symmetric
-from hgorun.symbolic.strict_feedback import StrictFeedbackCopy, StrictFeedbackForm, strict_feedback_form
+from hgorun.observers.base import PeriodLimit, Sample, observer
+from hgorun.observers.reduced_order import ReducedOrder
+from hgorun.symbolic.strict_feedback import StrictFeedbackCopy, StrictFeedbackForm
+from hgorun.symbolic.symbols import Symbols
 
 
 def _rates(value: Any) -> float | tuple[float, ...]:
@@ -37,7 +37,7 @@ Rates = Annotated[
 
 
 @observer("reduced_sampled")
-class ReducedSampledObserver(DiscreteObserver):
+class ReducedSampledObserver(ReducedOrder):
     """Reduced-order observer for sampled plants of strict-feedback-like form.
 
     For x' = f_1(x, u) + g(x, u) z, z' = f_2(x, z, u), y(k) = x(t_k), with T = t_(k+1) - t_k,
@@ -58,7 +58,6 @@ class ReducedSampledObserver(DiscreteObserver):
     """
 
     reference = "Katayama, (6), (8)"
-    form = staticmethod(strict_feedback_form)
 
     H: Rates = Field(description="h_i of every unmeasured state, or one number for all; 0 < h_i < 2/T")
 
@@ -71,16 +70,23 @@ class ReducedSampledObserver(DiscreteObserver):
             )
         return {"H": np.broadcast_to(self.H, len(names))}
 
-    def states(self, form: StrictFeedbackForm) -> dict[str, np.ndarray | Symmetric]:
-        return {}
+    def rates(self, form: StrictFeedbackForm) -> np.ndarray:
+        return np.broadcast_to(self.H, len(form.hidden))
+
+    def longest_period(self, form: StrictFeedbackForm) -> PeriodLimit:
+        return PeriodLimit(2 / float(np.max(self.H)), "|1 - T h_i| of the plant's Euler model, A3")
+
+    @classmethod
+    def example(cls, states: tuple[str, ...]) -> Mapping[str, object]:
+        return {"H": 0.5}
 
     def jump(
         self,
         plant: StrictFeedbackCopy,
         before: StrictFeedbackCopy,
-        s: SimpleNamespace,
-        sample: SimpleNamespace,
-        k: SimpleNamespace,
+        s: Symbols,
+        sample: Sample,
+        k: Symbols,
     ) -> Mapping[str, ca.SX]:
         T, y, zhat = sample.interval, sample.previous, before.hidden(s.xhat)
         Psi = before.Psi(y, sample.y, T)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from math import comb
 from typing import Any
 
 import casadi as ca
@@ -10,9 +12,12 @@ from pydantic import Field
 
 from hgorun.config.types import Positive
 from hgorun.errors import Problem
-from hgorun.observers.base import Observer
+from hgorun.observers.base import ContinuousObserver
+from hgorun.observers.capabilities import HighGain
 from hgorun.symbolic.states import StateBlock, Symmetric
-from hgorun.symbolic.triangular import triangular_form
+from hgorun.symbolic.triangular import TriangularCopy, TriangularForm, triangular_form
+
+_ERROR = 5.0  # of theta
 
 
 def riccati(P: ca.SX, F: ca.SX, C: ca.SX) -> ca.SX:
@@ -33,7 +38,7 @@ def gain_of(S: ca.SX, C: ca.SX) -> ca.SX:
     return ca.solve(R, ca.solve(R.T, C.T))
 
 
-class RiccatiGain(Observer):
+class RiccatiGain(HighGain, ContinuousObserver[TriangularForm, TriangularCopy]):
     """theta, and a symmetric matrix that is integrated beside the estimate."""
 
     form = staticmethod(triangular_form)
@@ -41,6 +46,22 @@ class RiccatiGain(Observer):
     theta: Positive = Field(
         description="high gain theta > 0: where the plant is uniformly observable the error decays like exp(-theta t)"
     )
+
+    @classmethod
+    def example(cls, states: tuple[str, ...]) -> Mapping[str, object]:
+        return {"theta": 2.0}
+
+    def error_rate(self, form: TriangularForm) -> float:
+        """A few theta: :meth:`fastest_rate` is that of the peaks of P."""
+        return _ERROR * self.theta
+
+    def settled(self, n: int) -> dict[str, np.ndarray]:
+        """The gain's matrices where they come to rest on a chain of n integrators.
+
+        S = S_inf of order n, whose S^-1 C^T are the binomial coefficients, and P = S^-1.
+        """
+        S = stationary(n)
+        return {"S": S, "P": np.linalg.inv(S)}
 
     def rate(self, order: int) -> float:
         """What ``step: auto`` goes by for a gain of this order, (r + q) for q blocks behind r integrators.
@@ -81,3 +102,9 @@ def _require_positive_definite(name: str, given: Any, default: Symmetric) -> Non
             ("internal", name),
             f"{name} must be positive definite at the start; its smallest eigenvalue is {smallest:g}",
         )
+
+
+def stationary(r: int) -> np.ndarray:
+    """S_1inf of (3.130), shape (r, r): (-1)^(i+j) binomial(i+j-2, j-1), whose S_1inf^-1 C_r^T is (3.131)."""
+    i, j = np.indices((r, r))
+    return np.asarray((-1.0) ** (i + j) * np.vectorize(comb, otypes=[float])(i + j, j))

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import casadi as ca
 import numpy as np
 
 from hgorun.observers.base import Flow, observer
 from hgorun.observers.constant_gain import ConstantGain
 from hgorun.symbolic.canonical import CanonicalForm, PlantCopy
-from hgorun.symbolic.states import Symmetric
+from hgorun.symbolic.symbols import Symbols
 
 
 @observer("shgo")
@@ -37,10 +35,7 @@ class StandardObserver(ConstantGain):
         _, G = self.chain_gains(form)
         return {"theta": np.array(self.theta), "G": G}
 
-    def states(self, form: CanonicalForm) -> dict[str, np.ndarray | Symmetric]:
-        return {}
-
-    def equations(self, plant: PlantCopy, s: SimpleNamespace, e: ca.SX, k: SimpleNamespace) -> Flow:
+    def equations(self, plant: PlantCopy, s: Symbols, e: ca.SX, k: Symbols) -> Flow:
         kappa = k.theta * plant.inv_Delta(k.theta) @ (k.G * plant.along_chains(e))
         return Flow(
             {"xhat": plant.copy(s.xhat) - plant.lift(s.xhat, kappa)},

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
 from typing import Literal
 
 import casadi as ca
@@ -12,6 +11,7 @@ from pydantic import Field
 from hgorun.observers.base import Flow, observer
 from hgorun.observers.riccati import RiccatiGain, gain_of, lyapunov, riccati
 from hgorun.symbolic.states import Symmetric
+from hgorun.symbolic.symbols import Symbols
 from hgorun.symbolic.triangular import TriangularCopy, TriangularForm
 
 
@@ -56,7 +56,7 @@ class StandardRiccatiObserver(RiccatiGain):
     def states(self, form: TriangularForm) -> dict[str, np.ndarray | Symmetric]:
         return {"P" if self.equation == "riccati" else "S": Symmetric(np.eye(form.n))}
 
-    def equations(self, plant: TriangularCopy, s: SimpleNamespace, e: ca.SX, k: SimpleNamespace) -> Flow:
+    def equations(self, plant: TriangularCopy, s: Symbols, e: ca.SX, k: Symbols) -> Flow:
         F, C = plant.F(s.xhat), plant.C
         if self.equation == "riccati":
             K, derivatives = s.P @ C.T, {"P": k.theta * riccati(s.P, F, C)}

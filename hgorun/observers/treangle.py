@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from decimal import Decimal, localcontext
-from types import SimpleNamespace
 
 import casadi as ca
 import numpy as np
@@ -16,6 +15,7 @@ from hgorun.observers.constant_gain import ConstantGain
 from hgorun.symbolic.canonical import CanonicalForm, PlantCopy
 from hgorun.symbolic.matrices import C
 from hgorun.symbolic.states import Symmetric
+from hgorun.symbolic.symbols import Symbols
 
 
 @observer("treangle")
@@ -56,7 +56,7 @@ class TreangleObserver(ConstantGain):
     def states(self, form: CanonicalForm) -> dict[str, np.ndarray | Symmetric]:
         return {"e": np.zeros(form.plant.n)}
 
-    def equations(self, plant: PlantCopy, s: SimpleNamespace, e: ca.SX, k: SimpleNamespace) -> Flow:
+    def equations(self, plant: PlantCopy, s: Symbols, e: ca.SX, k: Symbols) -> Flow:
         A_n = plant.form.shift
         C_n = ca.diagcat(*[C(length) for length in plant.chains])
         kappa = k.theta * k.K * s.e

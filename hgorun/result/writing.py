@@ -18,6 +18,7 @@ import numpy as np
 
 from hgorun.files import written_whole
 from hgorun.result.data import ObserverResult, ResultData
+from hgorun.result.metrics.base import all_metrics
 
 FORMAT = "hgorun-result-1"
 
@@ -162,8 +163,16 @@ def _write_observer(w: _Writer, result: ResultData, label: str, o: ObserverResul
     attributes["dimension"] = o.dimension
     if o.diverged_at is not None:
         attributes["diverged_at"] = o.diverged_at
+    known, of_time = all_metrics(), result.units.get("time") or None
     for name, values in o.metrics.items():
-        w.data(f"metrics/{label}/{name}", values, ("plant_state",))
+        metric = known.get(name)
+        w.data(
+            f"metrics/{label}/{name}",
+            values,
+            ("plant_state",),
+            units={"state": units, "time": of_time, "1": "1"}[metric.unit] if metric else None,
+            long_name=metric.meaning if metric else None,
+        )
 
 
 def _root_attributes(result: ResultData) -> dict[str, Any]:

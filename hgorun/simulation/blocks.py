@@ -10,7 +10,8 @@ from hgorun.config.types import describe
 from hgorun.config.validation import validate
 from hgorun.config.yaml_source import Source
 from hgorun.errors import ConfigError
-from hgorun.observers.base import OBSERVERS, Observer
+from hgorun.measurement.blocks import Measurement
+from hgorun.observers.base import OBSERVERS, AnyObserver
 from hgorun.plants.base import PLANTS, Plant
 from hgorun.plants.inline import InlinePlant
 from hgorun.registry import Registry
@@ -18,8 +19,8 @@ from hgorun.registry import Registry
 T = TypeVar("T")
 
 
-def check(source: Source) -> tuple[Blocks, Plant, dict[str, Observer]]:
-    """The blocks of a configuration, its plant and its observers.
+def check(source: Source) -> tuple[Blocks, Plant, Measurement, dict[str, AnyObserver]]:
+    """The blocks of a configuration, its plant, its measurement and its observers.
 
     Raises
     ------
@@ -28,7 +29,13 @@ def check(source: Source) -> tuple[Blocks, Plant, dict[str, Observer]]:
     """
     blocks = validate(Blocks, source.data, source, ())
     plant = _plant(blocks, source)
-    return blocks, plant, {label: _observer(label, block, source) for label, block in blocks.observers.items()}
+    measurement = validate(Measurement, blocks.measurement, source, ("measurement",))
+    return (
+        blocks,
+        plant,
+        measurement,
+        {label: _observer(label, block, source) for label, block in blocks.observers.items()},
+    )
 
 
 def _plant(blocks: Blocks, source: Source) -> Plant:
@@ -48,7 +55,7 @@ def _plant(blocks: Blocks, source: Source) -> Plant:
     return validate(cls, block, source, ("plant",))
 
 
-def _observer(label: str, block: dict[str, Any], source: Source) -> Observer:
+def _observer(label: str, block: dict[str, Any], source: Source) -> AnyObserver:
     path = ("observers", label)
     file, line = source.where(path)
     if not label or "/" in label or "." in label:

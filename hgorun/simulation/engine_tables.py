@@ -9,7 +9,6 @@ import numpy as np
 from hgorun.engine.layout import ARRIVE, JUMP, NOISE, REBASE, RECORD, SET, TAKE, Structure
 from hgorun.engine.plan import Plan
 from hgorun.errors import Problem
-from hgorun.measurement.noise import sampled_noise
 from hgorun.measurement.schedule import Channel, Schedule, nearest_event
 
 _PIECE = 1 << 14  # steps between two looks at the keyboard, more only where there were too many pieces
@@ -203,11 +202,11 @@ def _measured(c: Channel) -> tuple[np.ndarray, np.ndarray]:
     """gain and bias of every sample: y_k = gain h + bias."""
     s = c.samples
     gain, bias = np.ones(s.arrival.size), np.zeros(s.arrival.size)
-    for i, (stretch, random) in enumerate(zip(c.stretches, c.random, strict=True)):
+    for i, (stretch, noise) in enumerate(zip(c.stretches, c.noise, strict=True)):
         mine = s.stretch == i
         if mine.any():
             times, numbers = s.arrival[mine], s.number[mine]
-            v = sampled_noise(stretch, times, numbers) + random.sampled(times, numbers)
+            v = noise.sampled(times, numbers)
             if not np.all(np.isfinite(v)):
                 first = times[np.argmin(np.isfinite(v))]
                 raise Problem(stretch.paths["noise"], f"the noise is not a finite number at t = {first:g}")
@@ -221,11 +220,11 @@ def _measured(c: Channel) -> tuple[np.ndarray, np.ndarray]:
 def _held_changes(c: Channel) -> tuple[np.ndarray, np.ndarray]:
     """Times and values of the held noise in the continuous stretches; each of them starts with its own."""
     times, values = [np.zeros(0)], [np.zeros(0)]
-    if any(r.items for r in c.random):
-        for stretch, random in zip(c.stretches, c.random, strict=True):
+    if any(noise.random for noise in c.noise):
+        for stretch, noise in zip(c.stretches, c.noise, strict=True):
             if stretch.continuous:
-                changes = random.change_times()
+                changes = noise.change_times()
                 inside = changes[(changes > stretch.start) & (changes < stretch.end)]
                 times.append(np.concatenate([[stretch.start], inside]))
-                values.append(random.held(times[-1]))
+                values.append(noise.held(times[-1]))
     return np.concatenate(times), np.concatenate(values)

@@ -13,6 +13,7 @@ from hgorun.config.yaml_source import Source, parse
 from hgorun.errors import ConfigError, NotObservableForm, Problem
 from hgorun.measurement.availability import Stretch, resolve
 from hgorun.plants.build import BuiltPlant, build_plant
+from hgorun.result.windows import points_in
 from hgorun.simulation.blocks import check
 from hgorun.symbolic.forms import Form
 
@@ -35,6 +36,7 @@ class Experiment:
         The configuration with everything merged, and where each part was written.
     blocks : hgorun.config.models.Experiment
     plant_block : Plant
+    measurement : Measurement
     observers : dict of str to Observer
 
     Raises
@@ -52,7 +54,7 @@ class Experiment:
             text = _yaml(dict(config))
             config = parse(text, name)
         self.name, self.text, self.source = name, text or "", config
-        self.blocks, self.plant_block, self.observers = check(config)
+        self.blocks, self.plant_block, self.measurement, self.observers = check(config)
         self.prepared: object = None  # what hgorun.simulation.simulate has made of it
 
     def located(self) -> AbstractContextManager[None]:
@@ -85,7 +87,7 @@ class Experiment:
     def stretches(self) -> list[list[Stretch]]:
         """Every output's availability, phase by phase."""
         with self.located():
-            return resolve(self.blocks.measurement, self.plant.model.outputs, self.blocks.time)
+            return resolve(self.measurement, self.plant.model.outputs, self.blocks.time)
 
     @property
     def metric_step(self) -> float:
@@ -123,10 +125,10 @@ class Experiment:
                     f"time.max_memory allows {time.max_memory / 2**30:.3g} GiB",
                 )
             points = time.start + np.arange(int(count)) * fine
+            measured = points[:: ratios[1]]
             for key in ("window", "transient"):
                 window = getattr(self.blocks.metrics, key)
-                slack = 1e-9 * fine
-                if window is not None and not np.any((points >= window[0] - slack) & (points <= window[1] + slack)):
+                if window is not None and measured[points_in(measured, window)].size == 0:
                     raise Problem(("metrics", key), f"no output point lies in [{window[0]:g}, {window[1]:g}]")
         return points, ratios[0], ratios[1]
 
@@ -138,6 +140,7 @@ class Experiment:
     def resolved(self) -> dict[str, Any]:
         """The configuration after ``extends``, ``--set`` and defaults."""
         values = self.blocks.model_dump(mode="json", exclude={"plant", "observers", "extends"}, exclude_none=True)
+        values["measurement"] = self.measurement.model_dump(mode="json", exclude_none=True)
         values["plant"] = self.plant_block.model_dump(mode="json", exclude_none=True)
         values["observers"] = {label: _plain(o.model_dump(exclude_none=True)) for label, o in self.observers.items()}
         return values

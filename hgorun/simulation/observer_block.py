@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-from typing import Any
-
 import casadi as ca
 import numpy as np
 
 from hgorun.errors import Problem
-from hgorun.observers.base import Observer
+from hgorun.observers.base import AnyObserver, ContinuousObserver, Flow, Sample, SampledObserver
 from hgorun.plants.build import BuiltPlant
-from hgorun.symbolic.forms import Form
+from hgorun.symbolic.forms import Copy, Form, ModelCopy
 from hgorun.symbolic.parameters import Parameters
 from hgorun.symbolic.states import StateBlock, Symmetric
+from hgorun.symbolic.symbols import Symbols
 
 
 class ObserverBlock:
@@ -28,7 +26,7 @@ class ObserverBlock:
     """
 
     def __init__(
-        self, label: str, observer: Observer, form: Form, start: int, has_alpha: bool, parameters: Parameters
+        self, label: str, observer: AnyObserver, form: Form, start: int, has_alpha: bool, parameters: Parameters
     ) -> None:
         self.label, self.observer, self.form = label, observer, form
         self.canonical = observer.coordinates == "canonical"
@@ -37,7 +35,7 @@ class ObserverBlock:
             self.design = observer.design(form)
         except Problem as problem:
             raise Problem(("observers", label, *problem.path), problem.message) from problem
-        self.k = SimpleNamespace(**{n: parameters.add(f"{label}.{n}", v) for n, v in self.design.items()})
+        self.k = Symbols({n: parameters.add(f"{label}.{n}", v) for n, v in self.design.items()})
         self.bounds = {}
         for state, interval in observer.saturation.items():
             both = parameters.add(f"{label}.sat.{state}", interval)
@@ -64,9 +62,9 @@ class ObserverBlock:
                 if name not in known:
                     raise self._fail(key, f"unknown state {name!r}; here they are {', '.join(known)}")
 
-    def symbols(self, z: ca.SX) -> SimpleNamespace:
+    def symbols(self, z: ca.SX) -> Symbols:
         """The observer's states as parts of z, in their shapes."""
-        return SimpleNamespace(**{name: block.symbol(z) for name, block in self.states.items()})
+        return Symbols({name: block.symbol(z) for name, block in self.states.items()})
 
     def guess(self, t: ca.SX, u: ca.SX, p: ca.SX, z: ca.SX) -> ca.SX:
         """C xhat."""
@@ -78,20 +76,39 @@ class ObserverBlock:
 
     def flow(self, t: ca.SX, u: ca.SX, p: ca.SX, z: ca.SX, e: ca.SX) -> ca.SX:
         """d/dt of the block, alpha' = -c last."""
-        flow = self.observer.equations(self.copy(t, u, p), self.symbols(z), e, self.k)
-        derivatives = dict(flow.derivatives)
+        derivatives, correction = self.equations(self.copy(t, u, p), self.symbols(z), e)
         if "alpha" in self.states:
-            derivatives["alpha"] = -flow.correction
+            derivatives["alpha"] = -correction
         return ca.vertcat(*[block.flat(derivatives[name]) for name, block in self.states.items()])
 
-    def jump(self, t: ca.SX, u: ca.SX, u_before: ca.SX, p: ca.SX, z: ca.SX, sample: SimpleNamespace) -> ca.SX:
+    def equations(self, copy: Copy, s: Symbols, e: ca.SX) -> tuple[dict[str, ca.SX], ca.SX]:
+        """The derivatives of xhat and the observer's own states, and the correction c, shape (q,)."""
+        if not isinstance(self.observer, ContinuousObserver):  # it holds between samples
+            still = {name: ca.SX.zeros(*value.shape) for name, value in vars(s).items() if name != "alpha"}
+            return still, ca.SX.zeros(e.shape)
+        flow = self.observer.equations(copy, s, e, self.k)
+        correction = self._felt(copy, s.xhat, flow) if flow.correction is None else flow.correction
+        return dict(flow.derivatives), correction
+
+    def _felt(self, copy: Copy, xhat: ca.SX, flow: Flow) -> ca.SX:
+        """C_x (copy(xhat) - xhat'): what the outputs of the estimate feel beside the copy of the plant."""
+        if not isinstance(copy, ModelCopy):
+            raise Problem(
+                ("observers", self.label, "type"),
+                f"{type(self.observer).__name__} has no copy of the plant: the Flow of its equations has to give "
+                "its correction",
+            )
+        return ca.jtimes(copy.output(xhat), xhat, copy.copy(xhat) - flow.derivatives["xhat"])
+
+    def jump(self, t: ca.SX, u: ca.SX, u_before: ca.SX, p: ca.SX, z: ca.SX, sample: Sample) -> ca.SX:
         """What the block becomes when a sample arrives."""
         plant, before = self.copy(t, u, p), self.copy(t - sample.interval, u_before, p)
         s = self.symbols(z)
+        assert isinstance(self.observer, SampledObserver)
         values = {**vars(s), **self.observer.jump(plant, before, s, sample, self.k)}
         return ca.vertcat(*[block.flat(values[name]) for name, block in self.states.items()])
 
-    def copy(self, t: ca.SX, u: ca.SX, p: ca.SX) -> Any:
+    def copy(self, t: ca.SX, u: ca.SX, p: ca.SX) -> Copy:
         """The plant as the observer copies it."""
         return self.form.copy(t, u, p, self.canonical, self.bounds)
 

@@ -13,8 +13,9 @@ from hgorun.measurement.availability import evaluate
 from hgorun.measurement.events import merge
 from hgorun.measurement.schedule import nearest_event
 from hgorun.result.data import Measurements, ObserverResult
-from hgorun.result.metrics import Windows, measure
+from hgorun.result.measure import measure
 from hgorun.result.result import Result
+from hgorun.result.windows import MetricSettings
 from hgorun.simulation.run import Run
 
 
@@ -25,9 +26,12 @@ def record(run: Run, raw: Raw) -> Result:
     rows = raw.rows[:, :, 0]
     u, y, *estimates = (np.asarray(v.full()).T for v in s.report(ca.DM(run.grid[None, :]), ca.DM(s.p), ca.DM(rows.T)))
     x = rows[:, : model.n]
-    windows = Windows.of(blocks.metrics, run.time)
+    settings = MetricSettings.of(blocks.metrics, run.time)
     metric = slice(None, None, every_metric)
     shown = slice(None, None, every_output)
+    labels = [b.label for b in s.observers]
+    measured = {label: xhat[metric] for label, xhat in zip(labels, estimates, strict=True)}
+    metrics = measure(run.grid[metric], x[metric], measured, settings)
     found = {}
     for j, (b, xhat) in enumerate(zip(s.observers, estimates, strict=True)):
         lost_at = float(raw.diverged[j, 0])
@@ -38,7 +42,7 @@ def record(run: Run, raw: Raw) -> Result:
             {name: np.asarray(value).tolist() for name, value in b.design.items()},
             sum(st.size for name, st in b.states.items() if name != "alpha"),
             lost_at if np.isfinite(lost_at) else None,
-            measure(run.grid[metric], x[metric], xhat[metric], windows),
+            metrics[b.label],
         )
     embedded = None
     if METHODS[run.solver.method].error:
@@ -61,7 +65,7 @@ def record(run: Run, raw: Raw) -> Result:
         run.experiment.text,
         run.experiment.resolved_text,
         blocks.seed,
-        asdict(windows),
+        asdict(settings),
         embedded,
         blocks.figures,
     )
@@ -106,5 +110,5 @@ def _noisy(run: Run, i: int, k: int, t: np.ndarray, truth: np.ndarray) -> np.nda
     """A continuous output with its noise."""
     signal = run.signals[i, k]
     f = ca.Function("v", [run.plant.model.t, run.parameters.symbol], [signal.noise])
-    v = evaluate(f, t, run.parameters.values) + run.channels[i].random[k].held(t)
+    v = evaluate(f, t, run.parameters.values) + run.channels[i].noise[k].held(t)
     return np.asarray(truth * (1 + v) if signal.multiplicative else truth + v)

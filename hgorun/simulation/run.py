@@ -14,9 +14,8 @@ from hgorun.engine.program import Program, Raw, Start, Tolerance, history_bytes,
 from hgorun.errors import Problem
 from hgorun.measurement.availability import Stretch
 from hgorun.measurement.events import kinks
-from hgorun.measurement.noise import continuous_noise
 from hgorun.measurement.schedule import build_schedule, check_delays, continuous_delays, find_channels
-from hgorun.observers.base import SampleSchedule
+from hgorun.observers.base import SampledObserver, SampleSchedule
 from hgorun.simulation.engine_tables import build_plan, count_steps
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.plant_alone import PlantRun
@@ -47,7 +46,7 @@ class Run:
         t = self.plant.model.t
         self.signals = {
             (i, k): Signal(
-                continuous_noise(s, t, self.parameters, f"noise.{channel.name}.{k}"),
+                channel.noise[k].symbol(t, self.parameters, f"noise.{channel.name}.{k}"),
                 s.multiplicative,
                 s.delay_symbol(t),
             )
@@ -109,10 +108,9 @@ class Run:
             step = min(step, 0.05 / max(rates))
         for stretches in self.experiment.stretches:
             for s in stretches:
-                for item in s.noise if s.continuous else ():
-                    for term in getattr(item, "terms", ()):
-                        if term.omega != 0:
-                            step = min(step, 2 * np.pi / abs(term.omega) / 60)
+                fastest = s.fastest() if s.continuous else 0.0
+                if fastest > 0:
+                    step = min(step, 2 * np.pi / fastest / 60)
         return step / 100 if self.solver.method == "euler" else step
 
     def _plant_kinks(self) -> np.ndarray:
@@ -182,7 +180,7 @@ class Run:
 
     def _check_jumps(self) -> None:
         """What is stepped at samples needs all outputs sampled, together and in time."""
-        stepped = [("observers", b.label) for b in self.system.observers if b.observer.discrete]
+        stepped = [("observers", b.label) for b in self.system.observers if isinstance(b.observer, SampledObserver)]
         if self.plant.block.discretise:
             stepped.insert(0, ("plant", "discretise"))
         if not stepped:
@@ -204,7 +202,7 @@ class Run:
         steps = getattr(stretch.sampling, "steps", None) if len(self.channels[0].stretches) == 1 else None
         schedule = SampleSchedule(intervals, steps, stretch.paths["sampling"])
         for b in self.system.observers:
-            if b.observer.discrete:
+            if isinstance(b.observer, SampledObserver):
                 try:
                     b.observer.check_samples(b.form, schedule)
                 except Problem as problem:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from types import SimpleNamespace
 
 import casadi as ca
 import numpy as np
@@ -26,7 +25,7 @@ from hgorun.engine.layout import (
     Variant,
     is_delayed,
 )
-from hgorun.observers.base import Observer
+from hgorun.observers.base import AnyObserver, Sample, SampledObserver
 from hgorun.plants.build import BuiltPlant
 from hgorun.simulation.observer_block import ObserverBlock
 from hgorun.symbolic.forms import Form
@@ -68,7 +67,7 @@ class System:
 def build_system(
     plant: BuiltPlant,
     forms: Mapping[str, Form],
-    observers: Mapping[str, Observer],
+    observers: Mapping[str, AnyObserver],
     signals: Mapping[tuple[int, int], Signal],
     variants: Sequence[Variant],
     parameters: Parameters,
@@ -149,7 +148,7 @@ def build_system(
     )
     dz = ca.SX.sym("dz", start)
     slopes = ca.jtimes(channels, z, dz) + ca.jacobian(channels, t)
-    sample = SimpleNamespace(
+    sample = Sample(
         y=ca.vertcat(*[w[i * width + OUTPUT] for i in range(q)]),
         previous=ca.vertcat(*[w[i * width + PREVIOUS] for i in range(q)]),
         interval=w[-1],
@@ -158,7 +157,7 @@ def build_system(
     jumps = [
         (b.start, b.end, compiled("jump", b.jump(t, u, u_before, plant_symbol, z, sample)))
         for b in blocks
-        if b.observer.discrete
+        if isinstance(b.observer, SampledObserver)
     ]
     if stepped:
         rate = model.f(t - sample.interval, x, u_before, plant_symbol)

@@ -15,8 +15,10 @@ from typing import Any
 import numpy as np
 
 from hgorun.config.expressions import Expression, ExpressionError, nearest, parse
-from hgorun.result.metrics import NAMES, Windows, measure
+from hgorun.result.measure import measure
+from hgorun.result.metrics.base import METRICS, all_metrics
 from hgorun.result.result import Result
+from hgorun.result.windows import MetricSettings, points_in
 
 Of = tuple[tuple[str, str | None], ...]  # (run, observer) each
 Window = tuple[float, float] | None
@@ -108,11 +110,12 @@ def read_sentence(text: str, runs: tuple[str, ...]) -> Sentence:
 
 
 def _quantity(function: str, names: list[str], rest: str, runs: tuple[str, ...]) -> Quantity:
-    if function not in FUNCTIONS:
+    known = kinds()
+    if function not in known:
         raise ExpressionError(
-            f"no quantity is called {function!r}.{nearest(function, FUNCTIONS)} Known: {', '.join(FUNCTIONS)}"
+            f"no quantity is called {function!r}.{nearest(function, known)} Known: {', '.join(known)}"
         )
-    kind = FUNCTIONS[function]
+    kind = known[function]
     if len(names) != kind.names:
         raise ExpressionError(f"{function} takes {kind.names} name(s) in quotes, found {len(names)}")
     arguments = [part.strip() for part in rest.split(",") if part.strip()]
@@ -144,12 +147,7 @@ def _named(name: str, runs: tuple[str, ...], kind: Kind) -> tuple[str, str | Non
 
 def measure_quantity(quantity: Quantity, results: Mapping[str, Result]) -> float:
     """A quantity's value, from the results of the runs that it names; infinite where an observer diverged."""
-    if quantity.function in NAMES and quantity.window is None:
-        (run, label), *_ = quantity.of
-        result = results[run]
-        values = result.observers[str(label)].metrics[quantity.function]
-        return float(values[result.states.index(str(quantity.state))])
-    kind = FUNCTIONS[quantity.function]
+    kind = kinds()[quantity.function]
     assert kind.measure is not None
     return kind.measure(quantity, results)
 
@@ -163,12 +161,11 @@ def _column(quantity: Quantity, results: Mapping[str, Result], i: int = 0) -> tu
     return result, x, x if label is None else result.observers[label].xhat[:, j]
 
 
-def _inside(quantity: Quantity, result: Result, default: Window) -> np.ndarray:
+def _inside(quantity: Quantity, result: Result, default: Window) -> slice:
     window = quantity.window or default
     if window is None:
-        return np.ones(result.time.size, dtype=bool)
-    slack = 1e-9 * float(result.time[1] - result.time[0])
-    return (result.time >= window[0] - slack) & (result.time <= window[1] + slack)
+        return slice(None)
+    return points_in(result.time, window)
 
 
 def _steady(result: Result) -> Window:
@@ -177,12 +174,15 @@ def _steady(result: Result) -> Window:
 
 
 def _metric(quantity: Quantity, results: Mapping[str, Result]) -> float:
+    """Without a window what the run has measured; else, or where a file lacks it, from the output grid."""
     result, x, xhat = _column(quantity, results)
-    assert quantity.window is not None
-    windows = Windows(
-        quantity.window, quantity.window, float(result.windows["average"]), float(result.windows["settling"])
-    )
-    return float(measure(result.time, x[:, None], xhat[:, None], windows)[quantity.function][0])
+    stored = result.observers[str(quantity.of[0][1])].metrics
+    if quantity.window is None and quantity.function in stored:
+        return float(stored[quantity.function][result.states.index(str(quantity.state))])
+    steady, transient = (quantity.window or tuple(result.windows[key]) for key in ("steady", "transient"))
+    settings = MetricSettings(steady, transient, float(result.windows["average"]), float(result.windows["settling"]))
+    asked = METRICS.find(quantity.function)
+    return float(measure(result.time, x[:, None], {"": xhat[:, None]}, settings, [asked])[""][asked.name][0])
 
 
 def _of_error(of: Callable[[np.ndarray], float]) -> Callable[[Quantity, Mapping[str, Result]], float]:
@@ -253,8 +253,7 @@ class Kind:
     keyed: bool = False
 
 
-FUNCTIONS: dict[str, Kind] = {
-    **{name: Kind(_metric) for name in NAMES},
+_OTHERS: dict[str, Kind] = {
     "std": Kind(_of_error(lambda e: float(np.std(e)))),
     "mean": Kind(_of_error(lambda e: float(np.mean(e)))),
     "amplitude": Kind(_of_error(_half_range)),
@@ -265,6 +264,11 @@ FUNCTIONS: dict[str, Kind] = {
     "exponent": Kind(None),
     "analysis": Kind(None, keyed=True),
 }
+
+
+def kinds() -> dict[str, Kind]:
+    """All quantities by their names: the metrics, and what else can be measured."""
+    return dict.fromkeys(all_metrics(), Kind(_metric)) | _OTHERS
 
 
 def exponent(varied: Any, amplitudes: Any, window: Window) -> float:

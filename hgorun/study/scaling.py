@@ -8,7 +8,6 @@ import numpy as np
 
 from hgorun.analysis.linear.linear import Linearisation
 from hgorun.analysis.linear.transfer import response
-from hgorun.config.models import Sinusoids
 from hgorun.figures.scaling import ScaledObserver, ScalingData
 from hgorun.simulation.simulate import prepare
 from hgorun.study.study import Run, Study
@@ -56,16 +55,12 @@ def _predicted(run: Run) -> dict[str, np.ndarray]:
     found: dict[str, list[np.ndarray]] = {}
     for experiment in run.members():
         prepared = prepare(experiment)
-        terms = [
-            term
-            for item in experiment.blocks.measurement.noise or ()
-            if isinstance(item, Sinusoids)
-            for term in item.terms
-        ]
+        spectra = [item.spectrum() for item in experiment.measurement.noise or ()]
+        waves = [wave for spectrum in spectra if spectrum is not None for wave in spectrum.waves]
         for label in experiment.observers:
             at = Linearisation(prepared, label)
             linear = at.at(experiment.blocks.time.start, at.at_rest(experiment.plant.initial))
-            gains = np.abs(response(linear, np.array([t.omega for t in terms])))
-            sizes = np.abs([t.amplitude for t in terms])
+            gains = np.abs(response(linear, np.array([w.omega for w in waves])))
+            sizes = np.abs([w.phasor for w in waves])
             found.setdefault(label, []).append(np.tensordot(sizes, gains, axes=1).max(axis=1))
     return {label: np.array(values) for label, values in found.items()}

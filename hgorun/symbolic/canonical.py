@@ -72,6 +72,10 @@ class CanonicalForm:
         """The plant's states, in whichever coordinates the observer computes."""
         return self.plant.states
 
+    def coordinates(self, canonical: bool) -> ca.SX:
+        """z = Phi(x), or x."""
+        return self.phi_map if canonical and not self.identity else self.plant.x
+
     def start(self, x: np.ndarray, parameters: np.ndarray, canonical: bool) -> np.ndarray:
         """The initial estimate in the observer's coordinates; ValueError where J is singular."""
         if canonical and not self.identity and self.plant.inverse is None:

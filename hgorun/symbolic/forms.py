@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Protocol
+from typing import Protocol, runtime_checkable
 
 import casadi as ca
 import numpy as np
@@ -23,7 +23,7 @@ def saturate(x: ca.SX, names: Sequence[str], bounds: Bounds) -> ca.SX:
 
 
 class Copy(Protocol):
-    """The copy of the plant that an observer runs."""
+    """What an observer knows of the plant: at least the way from its own coordinates to the plant's."""
 
     def state(self, xhat: ca.SX) -> ca.SX:
         """The estimate in the plant's coordinates."""
@@ -31,6 +31,15 @@ class Copy(Protocol):
 
     def output(self, xhat: ca.SX) -> ca.SX:
         """C xhat, the outputs of the estimate, shape (q,)."""
+        ...
+
+
+@runtime_checkable
+class ModelCopy(Copy, Protocol):
+    """A copy of the plant: its vector field as well."""
+
+    def copy(self, xhat: ca.SX) -> ca.SX:
+        """The plant's vector field at the estimate, in the coordinates where the observer computes."""
         ...
 
 
@@ -46,10 +55,67 @@ class Form(Protocol):
         """Names of the states that can be saturated in the observer's coordinates."""
         ...
 
+    def coordinates(self, canonical: bool) -> ca.SX:
+        """z = T(x), where the observer computes, in the plant's symbols t, x and p; shape (n,)."""
+        ...
+
     def start(self, x: np.ndarray, parameters: np.ndarray, canonical: bool) -> np.ndarray:
         """The initial estimate in the observer's coordinates; ValueError says why there is none."""
         ...
 
-    def copy(self, t: ca.SX, u: ca.SX, p: ca.SX, canonical: bool, bounds: Bounds) -> Any:
+    def copy(self, t: ca.SX, u: ca.SX, p: ca.SX, canonical: bool, bounds: Bounds) -> Copy:
         """The copy of the plant with these inputs and parameters."""
+        ...
+
+
+class FormFinder(Protocol):
+    """A class of plants as a function: the form of a plant, or why it has none."""
+
+    def __call__(self, plant: PlantModel, at: np.ndarray, parameters: np.ndarray) -> Form:
+        """The plant's form, decided near the state ``at`` (n,); NotObservableForm where it has none."""
+        ...
+
+
+@runtime_checkable
+class ChainForm(Form, Protocol):
+    """A form whose coordinates z = Phi(x) are chains, one an output: z_i' = z_(i+1) + phi_i(u, z)."""
+
+    @property
+    def chains(self) -> tuple[int, ...]:
+        """Length of each output's chain."""
+        ...
+
+    @property
+    def phi_map(self) -> ca.SX:
+        """Phi(x, p), shape (n,)."""
+        ...
+
+    @property
+    def jacobian(self) -> ca.SX:
+        """dPhi/dx, shape (n, n)."""
+        ...
+
+    @property
+    def identity(self) -> bool:
+        """Whether z is x."""
+        ...
+
+
+@runtime_checkable
+class BlockForm(Form, Protocol):
+    """A form whose model is triangular, block by block, in coordinates where every output is a state."""
+
+    @property
+    def model(self) -> PlantModel:
+        """The plant in these coordinates."""
+        ...
+
+    @property
+    def block(self) -> tuple[int, ...]:
+        """For each state of ``model`` the number of its block, 0 for the measured ones."""
+        ...
+
+    @property
+    def measured(self) -> tuple[int, ...]:
+        """For each output the state that it is."""
         ...

@@ -99,6 +99,11 @@ class DerivativeForm:
         """A differentiator has no copy of the plant whose arguments could be saturated."""
         return ()
 
+    def coordinates(self, canonical: bool) -> ca.SX:
+        """The derivatives of the output at x with the inputs at zero."""
+        model = self.lower.model
+        return output_derivatives(model)(model.t, self.lower.coordinates(canonical), model.p)
+
     def start(self, x: np.ndarray, parameters: np.ndarray, canonical: bool) -> np.ndarray:
         """The derivatives of the output at x with the inputs at zero and t = 0."""
         at = self.lower.start(x, parameters, canonical)

@@ -41,6 +41,9 @@ class StrictFeedbackForm:
         """None: the arguments of f_1, f_2 and g are measurements."""
         return ()
 
+    def coordinates(self, canonical: bool) -> ca.SX:
+        return self.plant.x
+
     def start(self, x: np.ndarray, parameters: np.ndarray, canonical: bool) -> np.ndarray:
         return x
 

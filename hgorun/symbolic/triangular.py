@@ -45,6 +45,10 @@ class TriangularForm:
     def saturable(self, canonical: bool) -> tuple[str, ...]:
         return self.model.states
 
+    def coordinates(self, canonical: bool) -> ca.SX:
+        plant = self.plant
+        return plant.x if plant.transform is None else plant.transform(plant.x, plant.p)
+
     def start(self, x: np.ndarray, parameters: np.ndarray, canonical: bool) -> np.ndarray:
         if self.plant.transform is None:
             return x

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from hgorun.result.data import ObserverResult
-from hgorun.result.metrics import NAMES
+from hgorun.result.metrics.base import all_metrics
 from hgorun.result.result import Result
 from hgorun.result.run_names import run_names
 from hgorun.tables.typeset import columns, latex_words, printable, shortened, symbol
@@ -58,8 +58,10 @@ def _rows(results: Sequence[Result]) -> list[_Row]:
 
 
 def _metrics(rows: Sequence[_Row]) -> list[str]:
+    """Those of any row: the known ones in their order, then what only files know."""
     found = dict.fromkeys(metric for row in rows for metric in row.observer.metrics)
-    return sorted(found, key=lambda metric: NAMES.index(metric) if metric in NAMES else len(NAMES))
+    known = [name for name in all_metrics() if name in found]
+    return [*known, *(name for name in found if name not in known)]
 
 
 def _states(results: Sequence[Result]) -> list[str]:
@@ -150,15 +152,19 @@ def text(results: Sequence[Result], predicted: Sequence[Predicted] = ()) -> str:
 def _windows(result: Result) -> str:
     """Where the numbers are from."""
     windows, unit = result.windows, printable(result.units.get("time", ""))
+    named = {name for o in result.observers.values() for name in o.metrics}
+    shown = [metric for metric in all_metrics().values() if metric.name in named or not named]
+    groups: dict[str, list[str]] = {}
+    for metric in shown:
+        groups.setdefault(metric.window, []).append(metric.name)
     parts = [
-        f"{metrics}: {windows[key][0]:g} to {windows[key][1]:g} {unit}".rstrip()
-        for key, metrics in (("steady", "rmse, sup, hf, tv"), ("transient", "peak"))
-        if key in windows
+        f"{', '.join(names)}: {windows[window][0]:g} to {windows[window][1]:g} {unit}".rstrip()
+        for window, names in groups.items()
+        if window in windows
     ]
-    if "average" in windows:
-        parts.append(f"hf: moving mean of {windows['average']:g} {unit}".rstrip())
-    if "settling" in windows:
-        parts.append(f"settling: {100 * windows['settling']:g} % of peak")
+    for metric in sorted(shown, key=lambda m: m.setting or ""):
+        if metric.setting and metric.setting in windows:
+            parts.append(f"{metric.name}: {metric.told(windows[metric.setting], unit)}")
     return "; ".join(parts)
 
 
@@ -282,7 +288,9 @@ def _best(metric: str, values: Sequence[float | None]) -> str | None:
     finite = [value for value in values if value is not None and math.isfinite(value)]
     if not finite or len(set(map(number, values))) < 2:
         return None
-    return number(min(finite, key=lambda v: abs(math.log(v)) if metric == "tv" and v > 0 else v))
+    known = all_metrics().get(metric)
+    ideal = known.ideal if known else 0.0
+    return number(min(finite, key=lambda v: abs(math.log(v / ideal)) if ideal and v > 0 else v))
 
 
 def _latex_number(value: float | None, best: str | None) -> str:

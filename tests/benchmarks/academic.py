@@ -13,7 +13,6 @@ import shutil
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
-from types import SimpleNamespace
 
 import casadi as ca
 import numpy as np
@@ -23,10 +22,11 @@ import hgorun
 from hgorun.engine.layout import ACTION_WORDS
 from hgorun.engine.plan import Plan
 from hgorun.engine.program import Program, Start
-from hgorun.observers.base import Flow, Observer, observer
+from hgorun.observers.base import ContinuousObserver, Flow, observer
 from hgorun.simulation.simulate import prepare
 from hgorun.simulation.system import System
 from hgorun.symbolic.matrices import A, B, C, hurwitz_gain
+from hgorun.symbolic.symbols import Symbols
 from hgorun.symbolic.triangular import TriangularCopy, TriangularForm, triangular_form
 
 Run = Callable[[Plan], np.ndarray]
@@ -37,7 +37,7 @@ NOISE = (0.25, 387.0, 0.5, 987.0)  # amplitude and frequency, twice
 
 
 @observer("benchmark_fhgo2_nuos")
-class ReducedRiccatiObserver(Observer):
+class ReducedRiccatiObserver(ContinuousObserver[TriangularForm, TriangularCopy]):
     """Filtered high-gain observer FHGO II with the reduced Riccati gain, for triangular plants.
 
     With F the superdiagonal of df/dx at xhat, e the innovation and K_n = P U^T C_r^T, K_r = b + U K_n,
@@ -62,7 +62,7 @@ class ReducedRiccatiObserver(Observer):
     def states(self, form: TriangularForm) -> dict[str, np.ndarray]:
         return {"eta": np.zeros(self.r), "U": np.zeros((self.r, form.n)), "P": np.eye(form.n)}
 
-    def equations(self, plant: TriangularCopy, s: SimpleNamespace, e: ca.SX, k: SimpleNamespace) -> Flow:
+    def equations(self, plant: TriangularCopy, s: Symbols, e: ca.SX, k: Symbols) -> Flow:
         r, F = self.r, plant.F(s.xhat)
         K_n = s.P @ s.U.T @ C(r).T
         K_r = k.b + s.U @ K_n

@@ -13,7 +13,7 @@ from typing import Any
 import matplotlib
 import numpy as np
 import pytest
-from helpers import run
+from examples import run
 from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.colors import to_rgb

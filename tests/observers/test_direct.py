@@ -6,6 +6,7 @@ from functools import cache
 from typing import Any
 
 import casadi as ca
+import examples
 import numpy as np
 import pytest
 
@@ -29,14 +30,8 @@ NOISE = [{"type": "gaussian", "snr_db": 30, "hold": 1e-3}]
 
 
 def experiment(observers: dict[str, Any], end: float, plant: dict[str, Any] = BIOREACTOR, **more: Any) -> Any:
-    config = {
-        "time": {"end": end, "output_step": 1e-3},
-        "plant": plant,
-        "observers": observers,
-        "solver": {"method": "euler", "step": H},
-        **more,
-    }
-    return hgorun.Experiment(config, name="test")
+    more = {"end": end, "output_step": 1e-3, "solver": {"method": "euler", "step": H}, **more}
+    return examples.experiment(plant, observers, **more)
 
 
 def naive(noise: np.ndarray) -> dict[str, np.ndarray]:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from examples import VAN_DER_POL, chain, simulated
 
 import hgorun
 from hgorun.analysis.papers.lmi import certificate
@@ -18,16 +19,7 @@ BLOCK = {"type": "dynamic_gain", "l": [2, 1], "a": 1.06, "b": 2.3, "q": 0.15, "g
 
 
 def simulate(observers: dict[str, Any], plant: dict[str, Any], end: float = 10.0) -> hgorun.Result:
-    config = {
-        "time": {"end": end, "output_step": 0.01},
-        "plant": plant,
-        "observers": observers,
-        "solver": {"step": 1e-3},
-    }
-    return hgorun.simulate(hgorun.Experiment(config, name="test"))
-
-
-VAN_DER_POL = {"type": "van_der_pol", "initial": {"x1": 1, "x2": 0.5}}
+    return simulated(plant, observers, end=end, output_step=0.01, step=1e-3)
 
 
 @pytest.mark.parametrize(("a", "b"), [(1.17, 2.42), (1.06, 2.3)], ids=["b = 2.42 repairs it", "a = 1.06 repairs it"])
@@ -71,7 +63,7 @@ def test_certificates_of_higher_order(gains: tuple[float, ...]) -> None:
 
 
 def test_at_constant_output_theta_goes_to_its_equilibrium() -> None:
-    plant = {"type": "integrator_chain", "initial": {"x1": 2, "x2": 0}}
+    plant = chain(2, start=[2, 0])
     result = simulate({"o": {**BLOCK, "initial": {"x1": 2}}}, plant, 60)
     expected = 1 + 6 * 0.5 * 2**2 / (1.06 * np.sqrt(0.15))
     assert result.observers["o"].internal["theta"][-1] == pytest.approx(expected, rel=1e-6)
@@ -99,7 +91,7 @@ def test_converges_with_a_certified_gain() -> None:
     [
         ({"internal": {"theta": 0.5}}, "1 or above, found 0.5"),
         ({"gamma": "4*x"}, "`x` is not known"),
-        ({"q": 2}, "less than or equal to 1"),
+        ({"q": 2}, "a number of at most 1"),
     ],
 )
 def test_keys_that_do_not_fit(change: dict[str, Any], words: str) -> None:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
+import examples
 import numpy as np
 import pytest
+from examples import chain
 
 import hgorun
 from hgorun.simulation.simulate import prepare
@@ -14,17 +16,10 @@ from hgorun.simulation.simulate import prepare
 STATIONARY = {2: [[2, 1], [1, 1]], 3: [[3, 3, 1], [3, 5, 2], [1, 2, 1]]}
 
 
-def experiment(n: int, observers: dict[str, Any], **more: Any) -> hgorun.Experiment:
+def experiment(n: int, observers: dict[str, Any], start: float = 0.5, **more: Any) -> hgorun.Experiment:
     """A chain with P at its stationary value from the start."""
-    plant = {"type": "integrator_chain", "n": n, "phi": "0", "initial": {f"x{i + 1}": 0.5 for i in range(n)}}
-    config = {
-        "time": {"end": 4, "output_step": 0.1},
-        "plant": plant,
-        "observers": {k: {"internal": {"P": STATIONARY[n]}, **v} for k, v in observers.items()},
-        "solver": {"step": 0.002},
-        **more,
-    }
-    return hgorun.Experiment(config, name="test")
+    at_rest = {label: {"internal": {"P": STATIONARY[n]}, **block} for label, block in observers.items()}
+    return examples.experiment(chain(n, start=start), at_rest, **{"end": 4, "step": 0.002, **more})
 
 
 @pytest.mark.parametrize("theta", [1.0, 3.0])
@@ -87,12 +82,11 @@ def test_noise_passes_as_many_filters_as_there_are_components() -> None:
 @pytest.mark.parametrize(("delta", "limit"), [(2, 1.079), (3, 1.307), (7, 2.028)])
 def test_largest_sampling_period(delta: float, limit: float) -> None:
     """With the first form of alpha' in (2.75); the second has 0.623 for delta = 3 and 0.373 for 7."""
-    plant = {"type": "integrator_chain", "n": 3, "phi": "0", "initial": {"x1": 0, "x2": 0, "x3": 0}}
     block = {"type": "fhgo1", "theta": 1, "delta": delta, "initial": {"x1": 1}}
-    more = {"plant": plant, "time": {"end": 2000, "output_step": 1}, "solver": {"step": 0.05}}
+    more: dict[str, Any] = {"end": 2000, "output_step": 1, "step": 0.05}
     for period, grows in ((0.99 * limit, False), (1.01 * limit, True)):
         more["measurement"] = {"sampling": {"period": period}}
-        result = hgorun.simulate(experiment(3, {"o": block}, **more))
+        result = hgorun.simulate(experiment(3, {"o": block}, start=0, **more))
         size = np.max(np.abs(result.observers["o"].xhat), axis=1)
         early, late = np.max(size[400:500]), np.max(size[1500:1600])
         assert (not np.isfinite(late) or late > 2 * early) if grows else late < 0.5 * early

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from examples import simulated
 
 import hgorun
 from hgorun.errors import ConfigError
@@ -26,24 +27,13 @@ SCENARIOS = [
 ]
 
 
-def run(plant: dict[str, Any], observers: dict[str, Any], end: float, step: float, **more: Any) -> hgorun.Result:
-    config = {
-        "time": {"end": end, "output_step": 0.1},
-        "plant": plant,
-        "observers": observers,
-        "solver": {"step": step},
-        **more,
-    }
-    return hgorun.simulate(hgorun.Experiment(config, name="test"))
-
-
 @pytest.mark.parametrize("r", [1, 2, 3])
 def test_full_and_reduced_gain_are_one(r: int) -> None:
     """Two discretisations of order four of one observer: their distance falls like h^4."""
     blocks = {g: {"type": "fhgo2_nuos", "theta": 4, "r": r, "gain": g} for g in ("reduced", "full")}
     gaps, gain_gaps = [], []
     for step in (0.002, 0.001, 0.0005):
-        reduced, full = run(ACADEMIC, blocks, 6, step, measurement=SCENARIOS[0]).observers.values()
+        reduced, full = simulated(ACADEMIC, blocks, end=6, step=step, measurement=SCENARIOS[0]).observers.values()
         gaps.append(np.max(np.abs(reduced.xhat - full.xhat)))
         U, P, S = reduced.internal["U"], reduced.internal["P"], full.internal["S"]
         b = np.array([math.comb(r, j) for j in range(1, r + 1)])
@@ -72,7 +62,7 @@ def test_order_zero_is_the_standard_observer(gain: str, equation: str, measureme
         "zero": {"type": "fhgo2_nuos", "theta": 3, "r": 0, "gain": gain},
         "standard": {"type": "shgo_riccati", "theta": 3, "equation": equation},
     }
-    zero, standard = run(ACADEMIC, blocks, 4, 0.01, measurement=measurement).observers.values()
+    zero, standard = simulated(ACADEMIC, blocks, end=4, step=0.01, measurement=measurement).observers.values()
     np.testing.assert_array_equal(zero.xhat, standard.xhat)
     assert zero.dimension == standard.dimension == 9
 
@@ -80,7 +70,7 @@ def test_order_zero_is_the_standard_observer(gain: str, equation: str, measureme
 @pytest.mark.parametrize("r", [1, 2, 4])
 def test_on_a_chain_the_gain_becomes_the_binomial_one(r: int) -> None:
     plant = {"type": "integrator_chain", "n": 2, "phi": "-x1", "initial": {"x1": 1, "x2": 0}}
-    observer = run(plant, {"o": {"type": "fhgo2_nuos", "theta": 2, "r": r}}, 30, 0.002).observers["o"]
+    observer = simulated(plant, {"o": {"type": "fhgo2_nuos", "theta": 2, "r": r}}, end=30, step=0.002).observers["o"]
     U, P = observer.internal["U"][-1].reshape(r, 2), observer.internal["P"][-1]
     K_n = P @ U[0]
     K_r = [math.comb(r, j) for j in range(1, r + 1)] + U @ K_n
@@ -96,7 +86,7 @@ def test_on_a_chain_it_becomes_the_observer_of_constant_gain(r: int, measurement
         "varying": {"type": "fhgo2_nuos", "theta": 3, "r": r},
         "constant": {"type": "fhgo2", "theta": 3, "r": r},
     }
-    varying, constant = run(plant, blocks, 30, 0.005, measurement=measurement).observers.values()
+    varying, constant = simulated(plant, blocks, end=30, step=0.005, measurement=measurement).observers.values()
     gap = np.max(np.abs(varying.xhat - constant.xhat), axis=1)
     assert np.max(gap) > 1e-3
     assert np.max(gap[-50:]) < 1e-7
@@ -110,7 +100,7 @@ def test_several_outputs_are_refused() -> None:
         "initial": {"a": 0, "b": 0, "c": 1},
     }
     with pytest.raises(ConfigError, match="one output, and the plant has 2: a, b; fhgo1") as error:
-        run(plant, {"o": {"type": "fhgo2_nuos", "theta": 2}}, 1, 0.01)
+        simulated(plant, {"o": {"type": "fhgo2_nuos", "theta": 2}}, end=1, step=0.01)
     assert error.value.key == "observers.o"
 
 
@@ -120,7 +110,7 @@ def test_several_outputs_are_refused() -> None:
 )
 def test_wrong_input_is_refused(more: dict[str, Any], key: str) -> None:
     with pytest.raises(ConfigError) as error:
-        run(ACADEMIC, {"o": {"type": "fhgo2_nuos", "theta": 2, **more}}, 1, 0.01)
+        simulated(ACADEMIC, {"o": {"type": "fhgo2_nuos", "theta": 2, **more}}, end=1, step=0.01)
     assert error.value.key == f"observers.o.{key}"
 
 

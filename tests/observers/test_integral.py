@@ -7,14 +7,14 @@ from math import comb
 
 import numpy as np
 import pytest
-from test_treangle import (
+from examples import chain
+from plain import (
     PLANTS,
     SCENARIOS,
     START,
     Array,
     as_text,
     assert_assigned,
-    chain,
     error_dynamics,
     experiment,
     measured,

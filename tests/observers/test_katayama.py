@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from examples import VAN_DER_POL, simulated
 from scipy.integrate import solve_ivp
 
 import hgorun
 from hgorun.errors import ConfigError
 from hgorun.result.data import ObserverResult
 
-VAN_DER_POL = {"type": "van_der_pol", "initial": {"x1": 1, "x2": 0.5}}
 BOTH = {"reduced": {"type": "reduced_sampled", "H": 0.5}, "deadbeat": {"type": "deadbeat"}}
 
 
@@ -23,15 +23,8 @@ def noise(T: float, amplitude: float = 0.2) -> list[dict[str, Any]]:
 
 def simulate(plant: dict[str, Any], observers: dict[str, Any], T: float, end: float, **more: Any) -> hgorun.Result:
     """With one row at every sample."""
-    config = {
-        "time": {"end": end, "output_step": T},
-        "plant": plant,
-        "observers": observers,
-        "solver": {"step": 0.005},
-        "measurement": {"sampling": {"period": T}},
-        **more,
-    }
-    return hgorun.simulate(hgorun.Experiment(config, name="test"))
+    more = {"step": 0.005, "measurement": {"sampling": {"period": T}}, **more}
+    return simulated(plant, observers, end=end, output_step=T, **more)
 
 
 def sampled(f: Callable[[float, np.ndarray], Any], x0: list[float], t: np.ndarray) -> np.ndarray:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from examples import simulated
 from scipy.linalg import solve_discrete_lyapunov
 
 import hgorun
@@ -22,15 +23,9 @@ SA = {"type": "hgo_sa", "eps": EPS, "gains": [2, 2]}
 def simulate(
     observer: dict[str, Any], end: float, sampling: dict[str, Any], plant: dict[str, Any] = LEE, **more: Any
 ) -> hgorun.Result:
-    config = {
-        "time": {"end": end, "output_step": 4e-4},
-        "plant": plant,
-        "measurement": {"sampling": sampling, "noise": NOISE},
-        "observers": {"o": observer},
-        "solver": {"method": "euler", "step": 1},
-        **more,
-    }
-    return hgorun.simulate(hgorun.Experiment(config, name="test"))
+    measurement = {"sampling": sampling, "noise": NOISE}
+    common = {"end": end, "output_step": 4e-4, "measurement": measurement, "solver": {"method": "euler", "step": 1}}
+    return simulated(plant, {"o": observer}, **{**common, **more})
 
 
 def lee(x: np.ndarray) -> np.ndarray:
@@ -236,7 +231,7 @@ SCHEDULE = "measurement.sampling"
         ({"alpha": 0.04, "b": "1/(1 + j)"}, STEPS, "observers.o.b", "`j`"),
         ({"gains": [2, -1]}, STEPS, "observers.o.gains", "must be Hurwitz"),
         ({"gains": [2]}, STEPS, "observers.o.gains", "expected 2 numbers; found 1"),
-        ({"eps": 0}, STEPS, "observers.o.eps", "greater than 0"),
+        ({"eps": 0}, STEPS, "observers.o.eps", "a number above 0"),
         ({"poles": -1}, STEPS, "observers.o", "either poles or gains"),
         ({"saturation": {"x1": [0, 1]}}, STEPS, "observers.o.saturation", "no state that could be given"),
     ],

@@ -7,6 +7,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
+from examples import chain, simulated
 
 import hgorun
 from hgorun.errors import ConfigError, Problem
@@ -16,16 +17,9 @@ H = 1e-3
 
 
 def simulate(n: int, block: dict[str, Any], end: float, phi: str = "0", start: Any = None, **more: Any) -> Any:
-    states = [f"x{i + 1}" for i in range(n)]
-    config = {
-        "time": {"end": end, "output_step": H},
-        "plant": {"type": "integrator_chain", "n": n, "phi": phi,
-                  "initial": dict(zip(states, start or [1.0] * n, strict=True))},
-        "observers": {"z": {"type": "levant", **block}},
-        "solver": {"method": "euler", "step": H},
-        **more,
-    }  # fmt: skip
-    return hgorun.simulate(hgorun.Experiment(config, name="test"))
+    plant = chain(n, phi, start or 1.0)
+    more = {"end": end, "output_step": H, "solver": {"method": "euler", "step": H}, **more}
+    return simulated(plant, {"z": {"type": "levant", **block}}, **more)
 
 
 SAMPLED = {"sampling": {"period": H}}

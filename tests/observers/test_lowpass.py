@@ -6,12 +6,12 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from test_treangle import (
+from examples import chain
+from plain import (
     PLANTS,
     SCENARIOS,
     START,
     Array,
-    chain,
     error_dynamics,
     experiment,
     measured,

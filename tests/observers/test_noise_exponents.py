@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from test_treangle import Array, chain, error_dynamics, experiment
+from examples import chain
+from plain import Array, error_dynamics, experiment
 
 import hgorun
 

@@ -8,16 +8,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from examples import simulated
 
 import hgorun
 from hgorun.errors import ConfigError
 
 
 def run(plant: dict[str, Any], observer: dict[str, Any], end: float, step: float, **more: Any) -> hgorun.Result:
-    time = {"end": end, "output_step": more.pop("output_step", 0.1)}
-    solver = {"step": step, **more.pop("solver", {})}
-    config = {"time": time, "plant": plant, "observers": {"o": observer}, "solver": solver, **more}
-    return hgorun.simulate(hgorun.Experiment(config, name="test"))
+    return simulated(plant, {"o": observer}, end=end, step=step, **more)
 
 
 # ---- the oracle: plain numpy, from the mathematics alone ----
@@ -515,7 +513,7 @@ def test_a_late_continuous_output_is_no_obstacle(block: dict[str, Any], delay: s
 @pytest.mark.parametrize(
     ("more", "key", "words"),
     [
-        ({"theta": 0}, "theta", "greater than 0"),
+        ({"theta": 0}, "theta", "a number above 0"),
         ({"equation": "both"}, "equation", "lyapunov"),
         ({"coordinates": "canonical"}, "coordinates", "triangular"),
         ({"internal": {"P": -1}}, "internal.P", "positive definite"),

@@ -1,4 +1,4 @@
-"""The Treangle observer; and what the tests of its relatives use too: a plain simulator, the Jacobian."""
+"""The Treangle observer."""
 
 from __future__ import annotations
 
@@ -6,166 +6,26 @@ from collections.abc import Callable
 from math import comb
 from typing import Any
 
-import casadi as ca
 import numpy as np
 import pytest
+from examples import chain
+from plain import (
+    PLANTS,
+    SCENARIOS,
+    START,
+    Array,
+    as_text,
+    assert_assigned,
+    error_dynamics,
+    experiment,
+    measured,
+    random_poles,
+    run_both,
+)
 
 import hgorun
 from hgorun.errors import ConfigError
-from hgorun.result.data import ObserverResult
 from hgorun.simulation.simulate import prepare
-
-Array = np.ndarray
-STEP, END = 0.01, 3.0
-SCENARIOS: dict[str, dict[str, float]] = {
-    "continuous": {},
-    "sampled": {"period": 0.2},
-    "sampled late": {"period": 0.2, "delay": 0.13},
-    "late": {"delay": 0.17},
-}
-
-
-def experiment(plant: dict[str, Any], observers: dict[str, Any], **more: Any) -> hgorun.Experiment:
-    config = {
-        "time": {"end": END, "output_step": STEP},
-        "plant": plant,
-        "observers": observers,
-        "solver": {"step": STEP},
-        **more,
-    }
-    return hgorun.Experiment(config, name="test")
-
-
-def chain(n: int, phi: str = "0", start: float = 0.5) -> dict[str, Any]:
-    return {"type": "integrator_chain", "n": n, "phi": phi, "initial": {f"x{i + 1}": start for i in range(n)}}
-
-
-def measured(period: float | None = None, delay: float = 0.0) -> dict[str, Any]:
-    noise = [{"type": "sinusoids", "terms": [{"amplitude": 0.1, "omega": 3, "phase": 0.5}]}]
-    return {"noise": noise, "delay": delay, **({"sampling": {"period": period}} if period else {})}
-
-
-def noise(t: float) -> float:
-    return 0.1 * np.sin(3 * t + 0.5)
-
-
-def random_poles(count: int, seed: int) -> list[complex]:
-    """A stable set with about as many complex pairs as real poles."""
-    rng = np.random.default_rng(seed)
-    poles: list[complex] = []
-    while len(poles) < count:
-        real, imaginary = -rng.uniform(0.3, 3), rng.uniform(0.1, 3)
-        pair = count - len(poles) > 1 and rng.random() < 0.6
-        poles += [complex(real, imaginary), complex(real, -imaginary)] if pair else [complex(real)]
-    return poles
-
-
-def as_text(poles: list[complex]) -> list[str]:
-    return [f"{p.real!r}{p.imag:+.17g}j" if p.imag else repr(p.real) for p in poles]
-
-
-def error_dynamics(plant: dict[str, Any], block: dict[str, Any]) -> tuple[Array, Array]:
-    """M, b of w' = M w + b v near x = 0, from the flow that is compiled; w = (xhat, internal)."""
-    system = prepare(experiment(plant, {"o": block})).system
-    (flow,) = system.structure.flows.values()
-    t, p, z, w = (ca.SX.sym(name, flow.size_in(i)) for i, name in enumerate("tpzw"))
-    jacobian = ca.Function("J", [t, p, z, w], [ca.jacobian(flow(t, p, z, w), z)])
-    J = np.asarray(jacobian(0, system.p, np.zeros(z.shape), np.zeros(w.shape)).full())
-    n = len(plant["initial"])
-    return J[n:, n:], J[n:, 0]  # the noise comes the way of x_1
-
-
-def assert_assigned(M: Array, poles: list[complex]) -> None:
-    """The characteristic polynomials agree, coefficient by coefficient."""
-    np.testing.assert_allclose(np.poly(M), np.real(np.poly(poles)), rtol=1e-9)
-
-
-# ---- a plain simulator: RK4 of plant x, observer w and alpha ----
-
-
-def naive(
-    plant: Callable[[Array], Array],
-    observer: Callable[[Array, float], tuple[Array, float]],
-    x0: Array,
-    w0: Array,
-    period: float | None = None,
-    delay: float = 0.0,
-) -> Array:
-    """w on the grid. ``observer(w, e)`` is w' and the correction c; w[0] is xhat_1.
-
-    Period and delay are multiples of the step; between grid points the past is a cubic.
-    """
-    n, late = len(x0), round(delay / STEP)
-    z = np.concatenate([x0, w0, [0.0]])
-    rows, s_y, slopes, held = [z], [], [], 0.0
-
-    def past(half_steps: int) -> Array:
-        i, odd = divmod(max(half_steps, 0), 2)
-        if not odd:
-            return s_y[i]
-        return (s_y[i] + s_y[i + 1]) / 2 + STEP * (slopes[i] - slopes[i + 1]) / 8
-
-    for i in range(round(END / STEP)):
-        s_y.append(np.array([z[n] - z[-1], z[0]]))
-        if period and i % round(period / STEP) == 0:
-            s, y = s_y[max(i - late, 0)]
-            held = s - y - noise(i * STEP)
-
-        def rate(z: Array, half: int, i: int = i, held: float = held) -> Array:
-            x, w, alpha, t = z[:n], z[n:-1], z[-1], (i + half / 2) * STEP
-            if period:
-                e = held + alpha
-            elif late:
-                s, y = past(2 * (i - late) + half)
-                e = s + alpha - y - noise(t)
-            else:
-                e = w[0] - x[0] - noise(t)
-            dw, c = observer(w, e)
-            return np.concatenate([plant(x), dw, [-c]])
-
-        k1 = rate(z, 0)
-        slopes.append(np.array([k1[n] - k1[-1], k1[0]]))
-        k2 = rate(z + STEP / 2 * k1, 1)
-        k3 = rate(z + STEP / 2 * k2, 1)
-        k4 = rate(z + STEP * k3, 2)
-        z = z + STEP / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-        rows.append(z)
-    return np.array(rows)[:, n:-1]
-
-
-def pendulum(x: Array) -> Array:
-    return np.array([x[1], x[2], -np.sin(x[1])])
-
-
-def van_der_pol(x: Array) -> Array:
-    return np.array([x[1], -x[0] + 0.5 * (1 - x[0] ** 2) * x[1]])
-
-
-PLANTS = {
-    "pendulum": (pendulum, chain(3, "-sin(x2)")),
-    "van der pol": (van_der_pol, {"type": "van_der_pol", "initial": {"x1": 0.5, "x2": 0.5}}),
-}
-START = np.array([0.2, -0.1, 0.3])
-
-
-def run_both(
-    block: dict[str, Any],
-    observer: Callable[[Callable[[Array], Array], int], Callable[[Array, float], tuple[Array, float]]],
-    internal: Callable[[int], Array],
-    plant: str,
-    scenario: str,
-) -> tuple[ObserverResult, Array]:
-    """hgorun's run and the plain one: ``observer(f, n)`` is its w' and c, ``internal(n)`` what w has more."""
-    f, config = PLANTS[plant]
-    n = len(config["initial"])
-    initial = {f"x{i + 1}": float(START[i]) for i in range(n)}
-    measurement = measured(**SCENARIOS[scenario])
-    result = hgorun.simulate(experiment(config, {"o": block | {"initial": initial}}, measurement=measurement))
-    plain = naive(f, observer(f, n), np.full(n, 0.5), internal(n), **SCENARIOS[scenario])
-    return result.observers["o"], plain
-
-
-# ---- the Treangle observer ----
 
 
 @pytest.mark.parametrize("n", range(1, 9))

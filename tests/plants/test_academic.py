@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import examples
 import numpy as np
 import pytest
 
@@ -28,9 +29,7 @@ NOISE = [{"type": "sinusoids", "terms": [{"amplitude": 0.25, "omega": 387}, {"am
 
 
 def experiment(plant: dict[str, Any], observer: dict[str, Any], end: float, **more: Any) -> hgorun.Experiment:
-    time = {"end": end, "output_step": more.pop("output_step", 0.1)}
-    config = {"time": time, "plant": plant, "observers": {"o": observer}, **more}
-    return hgorun.Experiment(config, name="test")
+    return examples.experiment(plant, {"o": observer}, end=end, **more)
 
 
 @pytest.mark.parametrize("observer", [{"type": "shgo_riccati"}, {"type": "fhgo1", "delta": 3}, {"type": "fhgo2_nuos"}])

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import casadi as ca
+import examples
 import numpy as np
 import pytest
 
@@ -35,16 +36,12 @@ START = {
 
 
 def experiment(observer: dict[str, Any], end: float = 6, **more: Any) -> hgorun.Experiment:
-    config = {
+    common = {
         "time": {"end": end, "output_step": 1e-3, "unit": "d"},
-        "plant": PLANT,
         "measurement": {"sampling": {"period": T_S}, "noise": NOISE, "mode": "multiplicative"},
-        "observers": {"o": observer},
-        "solver": {"step": 1e-3},
         "metrics": {"window": [2, 6], "transient": [0, 2], "average": 5 * T_S} if end == 6 else {},
-        **more,
     }
-    return hgorun.Experiment(config, name="test")
+    return examples.experiment(PLANT, {"o": observer}, step=1e-3, **{**common, **more})
 
 
 def test_the_model_is_triangular_in_the_coordinates_of_the_thesis() -> None:

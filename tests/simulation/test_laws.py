@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from helpers import prepared, run
+from examples import prepared, run
 from scipy.integrate import solve_ivp
 from scipy.linalg import block_diag, expm, solve_discrete_lyapunov
 

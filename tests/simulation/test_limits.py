@@ -6,13 +6,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from helpers import load, prepared, run
+from examples import load, prepared, run
 
 import hgorun.simulation.engine_tables as plan_module
 from hgorun import simulate
 from hgorun.cli import main
 from hgorun.engine.program import history_pieces
 from hgorun.errors import ConfigError
+from hgorun.measurement.noise import generator
 from hgorun.simulation.engine_tables import count_steps, in_pieces
 from hgorun.simulation.simulate import prepare
 from hgorun.symbolic.observability import _chain_lengths
@@ -115,21 +116,17 @@ def test_a_phase_keeps_only_its_own_draws(tmp_path):
     noise = [DRAWN | {"hold": 0.01}, {"type": "gaussian", "std": 1, "hold": 0.03}]
     phases = [{"until": 10 * (i + 1) / 5} for i in range(5)]
     channel = prepared(tmp_path, with_measurement(noise=noise, phases=phases)).channels[0]
-    for stretch, random in zip(channel.stretches, channel.random, strict=True):
-        assert all(
-            kept.size <= 2 / item.hold + 4 for kept, item in zip(random._draws, noise_items(random), strict=True)
-        )
+    for k, (stretch, noise) in enumerate(zip(channel.stretches, channel.noise, strict=True)):
+        assert len(noise._held) == 2
+        assert all(kept.size <= 2 / hold + 4 for hold, _, kept in noise._held)
         times = np.linspace(stretch.start, stretch.end, 997)
         expected = np.zeros(times.size)
-        for j, item in enumerate(random.items):
-            whole = random._draw(j, int(10 / item.hold * (1 + 1e-12)) + 1)
+        for j, item in enumerate(noise.random):
+            draws = generator(0, "noise", f"{channel.name}/{k}", j)
+            whole = item.draw(draws, int(10 / item.hold * (1 + 1e-12)) + 1)
             index = np.floor(times / item.hold * (1 + 1e-12) + 1e-9).astype(int)
             expected += whole[np.clip(index, 0, whole.size - 1)]
-        np.testing.assert_array_equal(random.held(times), expected)
-
-
-def noise_items(random):
-    return [item for item in random.items if item.hold is not None]
+        np.testing.assert_array_equal(noise.held(times), expected)
 
 
 def test_the_history_of_a_long_delay(tmp_path):

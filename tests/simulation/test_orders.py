@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from helpers import run
+from examples import run
 
 SINE = [{"type": "sinusoids", "terms": [{"amplitude": 0.1, "omega": 3}]}]
 DRAWN = [{"type": "gaussian", "std": 0.1}]

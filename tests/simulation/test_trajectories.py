@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from helpers import prepared, run
+from examples import prepared, run
 from naive import Field, binomial_gains, saturated
 from naive import simulate as plainly
 from scipy.integrate import solve_ivp

@@ -77,7 +77,7 @@ def test_an_interrupted_ensemble_goes_on_where_it_was(tmp_path: Path) -> None:
 
 def test_members_of_vary_differ_in_what_is_set(tmp_path: Path) -> None:
     run = hgorun.load_study(written(tmp_path, BASE)).runs["eps"]
-    omegas = [member.blocks.measurement.noise[0].terms[0].omega for member in run.members()]
+    omegas = [member.measurement.noise[0].terms[0].omega for member in run.members()]
     assert omegas == pytest.approx([100, 50, 20])
 
 

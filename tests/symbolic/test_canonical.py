@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import casadi as ca
+import examples
 import numpy as np
 import pytest
 
@@ -16,15 +17,7 @@ MEASURED = {"sampling": {"period": 0.1}, "noise": [{"type": "sinusoids", "terms"
 
 
 def experiment(plant: dict[str, Any], observers: dict[str, Any], **more: Any) -> hgorun.Experiment:
-    config = {
-        "time": {"end": 2, "output_step": 0.1},
-        "plant": plant,
-        "observers": observers,
-        "solver": {"step": 0.01},
-        "measurement": MEASURED,
-        **more,
-    }
-    return hgorun.Experiment(config, name="test")
+    return examples.experiment(plant, observers, **{"end": 2, "step": 0.01, "measurement": MEASURED, **more})
 
 
 def inline(states: str, dynamics: dict[str, str], output: Any, **more: Any) -> dict[str, Any]:

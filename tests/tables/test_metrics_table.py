@@ -11,15 +11,16 @@ from typing import Any
 
 import numpy as np
 import pytest
-from helpers import run
+from examples import run
 from hypothesis import given
 from hypothesis import strategies as st
 
 from hgorun import Result
-from hgorun.result.metrics import NAMES
+from hgorun.result.metrics.base import all_metrics
 from hgorun.tables import metrics as tables
 from hgorun.tables.typeset import columns
 
+NAMES = tuple(all_metrics())
 CONFIG: dict[str, Any] = {
     "title": "Van der Pol",
     "time": {"end": 3, "output_step": 0.01, "unit": "s"},

@@ -10,17 +10,16 @@ import numpy as np
 from hgorun.analysis.convergence import envelope
 from hgorun.analysis.convergence.bounds import Halanay
 from hgorun.analysis.convergence.charts import Chart, chart_of
-from hgorun.analysis.convergence.gains import GAINS, ErrorDynamics, error_dynamics
+from hgorun.analysis.convergence.gains import ErrorDynamics, error_dynamics
 from hgorun.analysis.convergence.lipschitz import Lipschitz, lipschitz
 from hgorun.analysis.convergence.signals import Amplitudes, amplitudes
 from hgorun.analysis.reasons import NoValue, outcome
 from hgorun.analysis.subject import Subject, once
-from hgorun.observers.riccati import RiccatiGain
-from hgorun.symbolic.canonical import CanonicalForm
-from hgorun.symbolic.triangular import TriangularForm
+from hgorun.observers.base import SampledObserver
+from hgorun.observers.capabilities import HighGain
+from hgorun.symbolic.forms import BlockForm, ChainForm
 
 _FINE = 0.5  # of the fastest time constant: the output grid shows a transient whose steps are shorter
-_RICCATI = 5.0
 _MORE = 1.5  # than the bound on a transient without delay: that with one is a little larger
 
 
@@ -62,10 +61,9 @@ def theta_of(subject: Subject) -> float:
     NoValue
         When it has none.
     """
-    theta = getattr(subject.observer, "theta", None)
-    if theta is None:
+    if not isinstance(subject.observer, HighGain):
         raise NoValue(f"{subject.observer.type} has no constant theta")
-    return float(theta)
+    return float(subject.observer.theta)
 
 
 @once
@@ -77,16 +75,16 @@ def premises_of(subject: Subject) -> Premises:
     NoValue
         Where there is no theorem to start from.
     """
-    if subject.observer.discrete:
+    if isinstance(subject.observer, SampledObserver):
         raise NoValue(f"{subject.observer.type} is a difference equation, the theorems are of flows")
     theta = theta_of(subject)
     chart = chart_of(subject.form, subject.run.plant)
-    limited = isinstance(subject.form, TriangularForm) or chart.identity
+    limited = isinstance(subject.form, BlockForm) or chart.identity
     saturation = {name: (low, high) for name, (low, high) in subject.observer.saturation.items()} if limited else {}
     a = amplitudes(subject.run, chart, subject.result)
     start = _start(subject, chart)
     dynamics = outcome(lambda: dynamics_of(subject)).found
-    bounded = dynamics is not None and dynamics.lyapunov.hurwitz and isinstance(subject.form, CanonicalForm)
+    bounded = dynamics is not None and dynamics.lyapunov.hurwitz and isinstance(subject.form, ChainForm)
     reach = _reach(dynamics, start, theta, a) if dynamics is not None and bounded and is_coarse(subject) else None
     slopes = lipschitz(subject.run, chart, saturation, subject.result, subject.label, reach)
     return Premises(theta=theta, chart=chart, lipschitz=slopes, amplitudes=a, reach=reach, start=start)
@@ -95,8 +93,9 @@ def premises_of(subject: Subject) -> Premises:
 def _start(subject: Subject, chart: Chart) -> dict[str, np.ndarray]:
     error = chart.image(subject.found.xhat[:1]) - chart.image(subject.run.plant.initial[None])
     start = {"xhat": error[0]}
+    roles = subject.observer.roles(subject.form)
     for name, state in subject.block.states.items():
-        if name not in ("xhat", "alpha", *GAINS) and state.size:
+        if name not in ("xhat", "alpha") and roles.get(name) != "gain" and state.size:
             start[name] = np.ravel(state.numbers(np.asarray(subject.found.internal[name][0])))
     return start
 
@@ -104,9 +103,7 @@ def _start(subject: Subject, chart: Chart) -> dict[str, np.ndarray]:
 def is_coarse(subject: Subject) -> bool:
     """Whether a transient fits between two points of the output grid."""
     time, observer = subject.result.time, subject.observer
-    # a Riccati gain's own rate is that of the peaks of P, the error's a few theta
-    rate = _RICCATI * observer.theta if isinstance(observer, RiccatiGain) else observer.fastest_rate(subject.form)
-    return bool(time.size < 2 or (time[1] - time[0]) * rate > _FINE)
+    return bool(time.size < 2 or (time[1] - time[0]) * observer.error_rate(subject.form) > _FINE)
 
 
 def _reach(dynamics: ErrorDynamics, start: Mapping[str, np.ndarray], theta: float, a: Amplitudes) -> np.ndarray:

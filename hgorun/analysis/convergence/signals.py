@@ -9,14 +9,9 @@ import numpy as np
 
 from hgorun.analysis.convergence.charts import Chart
 from hgorun.analysis.convergence.lipschitz import ranges
-from hgorun.config.expressions import parse
-from hgorun.config.models import ExpressionNoise, GaussianNoise, Sinusoids
-from hgorun.measurement.availability import Stretch
-from hgorun.measurement.noise import sampled_noise
 from hgorun.measurement.schedule import Channel
 from hgorun.result.result import Result
 from hgorun.simulation.run import Run
-from hgorun.symbolic.intervals import Enclosure
 
 _PIECES = 4096  # of a stretch in which an expression of time is enclosed
 _WIDER = 1.05  # what is known on a grid may be larger between its points
@@ -50,8 +45,9 @@ class Amplitudes:
 def amplitudes(run: Run, chart: Chart, result: Result) -> Amplitudes:
     """All of them."""
     remarks = []
-    if any(isinstance(item, GaussianNoise) for c in run.channels for s in c.stretches for item in s.noise):
-        remarks.append("Gaussian noise has no bound: delta_v is the largest draw of this run")
+    unbounded = dict.fromkeys(i.type for c in run.channels for noise in c.noise for i in noise.random if not i.bounded)
+    for kind in unbounded:
+        remarks.append(f"{kind.capitalize()} noise has no bound: delta_v is the largest draw of this run")
     if run.plant.block.discretise:
         remarks.append("the plant is a difference equation")
     size = np.max(np.abs(result.y), axis=0, initial=0.0)
@@ -92,35 +88,21 @@ def _noise_of(channel: Channel, output: float) -> float:
     found = 0.0
     for k, stretch in enumerate(channel.stretches):
         if stretch.continuous:
-            size = _continuous(stretch) + _held(channel, k)
+            functions = channel.noise[k].functions
+            size = sum(item.bound(stretch.start, stretch.end) for item in functions) + _held(channel, k)
         else:
             mine = channel.samples.stretch == k
             times, numbers = channel.samples.arrival[mine], channel.samples.number[mine]
-            values = sampled_noise(stretch, times, numbers) + channel.random[k].sampled(times, numbers)
+            values = channel.noise[k].sampled(times, numbers)
             size = float(np.max(np.abs(values), initial=0.0))
         found = max(found, size * output * _WIDER if stretch.multiplicative else size)
     return found
 
 
-def _continuous(stretch: Stretch) -> float:
-    """The most that the deterministic parts can be together."""
-    total = 0.0
-    for item in stretch.noise:
-        if isinstance(item, Sinusoids):
-            total += sum(abs(term.amplitude) for term in item.terms)
-        elif isinstance(item, ExpressionNoise):
-            t = ca.SX.sym("t")
-            value = ca.densify(ca.SX(parse(item.value, names=("t",)).symbol({"t": t})))
-            edges = np.linspace(stretch.start, stretch.end, _PIECES + 1)[:, None]
-            low, high = Enclosure(ca.Function("v", [t], [value]))(edges[:-1], edges[1:])
-            total += float(np.max(np.maximum(np.abs(low), np.abs(high))))
-    return total
-
-
 def _held(channel: Channel, k: int) -> float:
     """The largest that held draws were together."""
-    times = np.append(channel.random[k].change_times(), channel.stretches[k].start)
-    return float(np.max(np.abs(channel.random[k].held(times)), initial=0.0))
+    times = np.append(channel.noise[k].change_times(), channel.stretches[k].start)
+    return float(np.max(np.abs(channel.noise[k].held(times)), initial=0.0))
 
 
 def _disturbance(run: Run, chart: Chart, result: Result) -> np.ndarray:

@@ -13,10 +13,10 @@ from hgorun.analysis.convergence.premises import Premises, dynamics_of, is_coars
 from hgorun.analysis.convergence.time_varying import FilterTheorem, Gramian
 from hgorun.analysis.reasons import DIVERGED, NoValue, outcome
 from hgorun.analysis.subject import Subject, once
+from hgorun.observers.capabilities import FilterCascade
 from hgorun.observers.riccati import RiccatiGain
 from hgorun.result.theory import Transient
-from hgorun.symbolic.canonical import CanonicalForm
-from hgorun.symbolic.triangular import TriangularForm
+from hgorun.symbolic.forms import BlockForm, ChainForm
 
 _ROUNDING = 16 * np.finfo(float).eps
 
@@ -57,7 +57,7 @@ def theorem_of(subject: Subject) -> Theorem:
     if not isinstance(subject.observer, RiccatiGain):
         return _constant_gain(subject, premises)
     gramian = gramian_of(subject)
-    if hasattr(subject.observer, "delta"):
+    if isinstance(subject.observer, FilterCascade):
         raise NoValue("theorems 2.3.1 and 2.4.1 are of a period, not of a delay, and name no smallest theta")
     return _time_varying_gain(subject, premises, gramian)
 
@@ -100,13 +100,13 @@ def gramian_of(subject: Subject) -> Gramian:
 
 
 def _links(subject: Subject) -> tuple[float, float]:
-    assert isinstance(subject.form, TriangularForm)
+    assert isinstance(subject.form, BlockForm)
     return time_varying.largest_links(subject.run, subject.form, subject.result, subject.label)
 
 
 def _time_varying_gain(subject: Subject, p: Premises, S: Gramian) -> Theorem:
     """Theorem 3.5.1."""
-    filtered = "eta" in subject.block.states
+    filtered = "filter" in subject.observer.roles(subject.form).values()
     delay = time_varying.delayed(S, filtered, _links(subject)[0], p.lipschitz, p.theta)
     scale = p.theta ** -p.chart.positions.astype(float)
     filters = [values for name, values in p.start.items() if name != "xhat"]
@@ -124,12 +124,12 @@ def filter_theorem_of(subject: Subject) -> FilterTheorem:
     NoValue
         For other observers.
     """
-    delta = getattr(subject.observer, "delta", None)
-    if delta is None or not isinstance(subject.observer, RiccatiGain):
+    observer = subject.observer
+    if not isinstance(observer, FilterCascade) or not isinstance(observer, RiccatiGain):
         raise NoValue("theorem 2.4.1 is for fhgo1")
     p, S = premises_of(subject), gramian_of(subject)
     blocks = int(np.max(p.chart.positions)) + 1
-    return time_varying.filter_theorem(S, blocks, float(delta), _links(subject), p.lipschitz, p.theta)
+    return time_varying.filter_theorem(S, blocks, float(observer.delta), _links(subject), p.lipschitz, p.theta)
 
 
 @once
@@ -219,7 +219,7 @@ def _lacking(subject: Subject) -> list[str]:
         found.append(DIVERGED)
     if run.plant.block.discretise:
         found.append("the plant is a difference equation")
-    if isinstance(subject.form, CanonicalForm) and not p.chart.identity and _clipped(subject):
+    if isinstance(subject.form, ChainForm) and not p.chart.identity and _clipped(subject):
         found.append("the estimate leaves its saturation, which is in x and not in z")
     if not run.adaptive and observer.fastest_rate(subject.form) * run.step > 1:
         found.append(f"steps of {run.step:.3g} are too long for the observer's error to be followed")

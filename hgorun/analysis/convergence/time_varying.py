@@ -20,11 +20,12 @@ from hgorun.analysis.convergence.bounds import Halanay
 from hgorun.analysis.convergence.envelope import Envelope
 from hgorun.analysis.convergence.lipschitz import Lipschitz
 from hgorun.analysis.convergence.signals import Amplitudes
-from hgorun.observers.fhgo2_nuos import stationary
+from hgorun.observers.riccati import stationary
 from hgorun.result.data import ObserverResult
 from hgorun.result.result import Result
 from hgorun.simulation.run import Run
-from hgorun.symbolic.triangular import TriangularForm, superdiagonal
+from hgorun.symbolic.forms import BlockForm
+from hgorun.symbolic.triangular import superdiagonal
 
 _KEPT = 0.25  # of theta: what of the decay of sqrt V is left for theta >= theta_bound
 
@@ -70,16 +71,16 @@ def _matrices(observer: ObserverResult) -> np.ndarray:
     return np.block([[whole, cross], [np.transpose(cross, (0, 2, 1)), corner]])
 
 
-def largest_links(run: Run, form: TriangularForm, result: Result, label: str) -> tuple[float, float]:
+def largest_links(run: Run, form: BlockForm, result: Result, label: str) -> tuple[float, float]:
     """(F_1, F_M): the largest norm of F's first block row, and of F, along the estimate."""
     m = form.model
     F = superdiagonal(m, form.block)(m.t, m.x, m.u, m.p)
-    there = m.x if form.plant.transform is None else form.plant.transform(form.plant.x, form.plant.p)
-    x = m.x if form.plant.transform is None else form.plant.x
+    there = form.coordinates(False)
+    x = form.plant.x
     f = ca.Function("F", [m.t, x, m.u, m.p], [ca.densify(ca.substitute(F, m.x, there))])
     xhat = result.observers[label].xhat
     values = f(ca.DM(result.time[None]), ca.DM(xhat.T), ca.DM(result.u.T), ca.DM(run.plant.parameters))
-    stack = np.moveaxis(np.asarray(values.full()).reshape(form.n, -1, form.n), 1, 0)
+    stack = np.moveaxis(np.asarray(values.full()).reshape(m.n, -1, m.n), 1, 0)
     stack = stack[np.all(np.isfinite(stack), axis=(1, 2))]
     norms = np.linalg.norm(stack, 2, axis=(1, 2))
     first = np.linalg.norm(stack[:, list(form.measured)], 2, axis=(1, 2))

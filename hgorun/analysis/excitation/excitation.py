@@ -9,18 +9,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import cast
 
 import casadi as ca
 import numpy as np
 
 from hgorun.analysis.excitation.gramian import Links, gramians, seen
+from hgorun.analysis.linear.coordinates import transformed
 from hgorun.analysis.reasons import NoValue
-from hgorun.observers.fhgo2_nuos import FilteredObserver2TimeVarying
+from hgorun.observers.capabilities import FilterOrder
 from hgorun.observers.riccati import RiccatiGain
 from hgorun.result.data import ObserverResult
 from hgorun.result.result import Result
 from hgorun.simulation.run import Run
+from hgorun.symbolic.forms import BlockForm
+from hgorun.symbolic.triangular import TriangularCopy
 
 HORIZONS = np.array([0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0])  # T* tried where none is given
 _POINTS = 1_000, 6_000  # fewest and most times
@@ -141,8 +144,8 @@ def excitation(run: Run, label: str, result: Result, horizon: float | None = Non
         raise NoValue(_UNIFORM)
     found = result.observers[label]
     names = _names(run, label)
-    filtered = isinstance(observer, FilteredObserver2TimeVarying)
-    r = observer.r if isinstance(observer, FilteredObserver2TimeVarying) else 0
+    filtered = isinstance(observer, FilterOrder)
+    r = observer.r if isinstance(observer, FilterOrder) else 0
     x = result.x if filtered or found.diverged_at is not None else found.xhat
     links = links_along(run, label, result.time, x)
     condition = f"(3.101), r = {r}" if r else "(3.86)" if filtered else "(2.43)"
@@ -162,11 +165,11 @@ def plant_excitation(run: Run, label: str, result: Result, horizon: float | None
 
 def links_along(run: Run, label: str, times: np.ndarray, x: np.ndarray) -> Links:
     """F and C of a triangular model along states x (Nt, n) in the plant's coordinates."""
-    form: Any = run.forms[label]
+    form = _form(run, label)
     plant, model = run.plant, form.model
     t, p = model.t, model.p
-    copy = form.copy(t, plant.inputs, p, False, {})
-    own = x if form.plant.transform is None else _mapped(form, x, plant.parameters)
+    copy = cast(TriangularCopy, form.copy(t, plant.inputs, p, False, {}))  # what every RiccatiGain is for
+    own = transformed(form, x, plant.parameters)
     symbolic = copy.F(model.x)
     F = ca.Function("F", [t, model.x, p], [ca.densify(symbolic)])
     present = np.asarray(ca.DM(symbolic.sparsity(), 1.0).full()) > 0
@@ -176,14 +179,13 @@ def links_along(run: Run, label: str, times: np.ndarray, x: np.ndarray) -> Links
 
 
 def _names(run: Run, label: str) -> list[str]:
-    form: Any = run.forms[label]
-    return list(form.model.states)
+    return list(_form(run, label).model.states)
 
 
-def _mapped(form: Any, x: np.ndarray, parameters: np.ndarray) -> np.ndarray:
-    plant = form.plant
-    z = ca.Function("T", [plant.x, plant.p], [plant.transform(plant.x, plant.p)])
-    return np.asarray(z(ca.DM(x.T), ca.DM(parameters)).full()).T
+def _form(run: Run, label: str) -> BlockForm:
+    form = run.forms[label]
+    assert isinstance(form, BlockForm)
+    return form
 
 
 def _look(

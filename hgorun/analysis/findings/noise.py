@@ -11,9 +11,10 @@ from hgorun.analysis.linear.transfer import hinf as hinf_norm
 from hgorun.analysis.linear.transfer import response
 from hgorun.analysis.noise.prediction import has_noise, measured_noise, predicted_noise, without_noise
 from hgorun.analysis.noise.responses import linear_at_end
-from hgorun.analysis.noise.terms import NoiseTerms, Wave
+from hgorun.analysis.noise.terms import NoiseTerms
 from hgorun.analysis.reasons import DIVERGED, NoValue
 from hgorun.analysis.subject import Context, Subject, once
+from hgorun.noise.base import Wave
 from hgorun.result.result import Result
 from hgorun.simulation.simulate import simulate
 
@@ -67,7 +68,7 @@ def _waves(observer: Subject) -> tuple[Wave, ...]:
     linear_at_end(observer)
     channel = observer.run.channels[0]
     stretch = channel.stretches[-1]
-    waves = NoiseTerms.of(stretch, channel.random[-1]).waves
+    waves = NoiseTerms.of(channel.noise[-1]).waves
     if not stretch.continuous or not stretch.undelayed or not waves:
         raise NoValue("they are of sinusoids on a continuous output that is not late")
     return waves

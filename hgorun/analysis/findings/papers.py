@@ -9,16 +9,14 @@ from hgorun.analysis.papers.katayama import katayama_conditions
 from hgorun.analysis.papers.lee import lee_conditions
 from hgorun.analysis.papers.meiners import meiners_conditions
 from hgorun.analysis.subject import Subject
-from hgorun.observers.deadbeat import DeadbeatObserver
-from hgorun.observers.direct import DirectObserver
-from hgorun.observers.dynamic_gain import DynamicGain
-from hgorun.observers.hgo_fd import ForwardDifferenceObserver
-from hgorun.observers.reduced_sampled import ReducedSampledObserver
+from hgorun.observers.forward_differences import ForwardDifferences
+from hgorun.observers.output_injection import OutputInjection
+from hgorun.observers.reduced_order import ReducedOrder
 
 
 @finding(
     "what Lee, Choi, Khalil 2016 assume and conclude: conditions, constants, a certificate, bounds",
-    applies=lambda o: isinstance(o.observer, ForwardDifferenceObserver),
+    applies=lambda o: isinstance(o.observer, ForwardDifferences),
 )
 def lee(observer: Subject) -> dict[str, object]:
     return asdict(lee_conditions(observer.run, observer.label, observer.result))
@@ -26,7 +24,7 @@ def lee(observer: Subject) -> dict[str, object]:
 
 @finding(
     "the same of Meiners, Adamy 2025",
-    applies=lambda o: isinstance(o.observer, DirectObserver | DynamicGain),
+    applies=lambda o: isinstance(o.observer, OutputInjection),
 )
 def meiners(observer: Subject) -> dict[str, object]:
     return asdict(meiners_conditions(observer.run, observer.label, observer.result))
@@ -34,7 +32,7 @@ def meiners(observer: Subject) -> dict[str, object]:
 
 @finding(
     "the same of Katayama",
-    applies=lambda o: isinstance(o.observer, ReducedSampledObserver | DeadbeatObserver),
+    applies=lambda o: isinstance(o.observer, ReducedOrder),
 )
 def katayama(observer: Subject) -> dict[str, object]:
     return asdict(katayama_conditions(observer.run, observer.label, observer.result))

@@ -18,6 +18,7 @@ from hgorun.analysis.stability.critical import (
     jumping_period,
 )
 from hgorun.analysis.subject import Context, Subject, once
+from hgorun.observers.base import SampledObserver
 from hgorun.result.result import Result
 
 _UNDELAYED = "the observer takes samples without delay"
@@ -58,8 +59,8 @@ def _remarked(name: str, limit: Limit) -> Remarked:
     places=("json", "table", "compare"),
 )
 def period_critical(observer: Subject) -> Remarked:
-    if observer.observer.discrete:
-        return _remarked("period_critical", jumping_period(observer.run, observer.label))
+    if isinstance(observer.observer, SampledObserver):
+        return _remarked("period_critical", jumping_period(observer.observer, observer.form))
     return _limit(observer, "period_critical", critical_period, _along_run)
 
 
@@ -70,20 +71,20 @@ def period_critical(observer: Subject) -> Remarked:
     places=("json", "table", "compare"),
 )
 def delay_critical(observer: Subject) -> Remarked:
-    if observer.observer.discrete:
+    if isinstance(observer.observer, SampledObserver):
         raise NoValue(_UNDELAYED)
     return _limit(observer, "delay_critical", critical_delay, _along_run)
 
 
 @finding("`period_critical`, exactly, for chains of integrators", unit="time")
 def period_critical_chain(observer: Subject) -> Remarked:
-    if observer.observer.discrete:
+    if isinstance(observer.observer, SampledObserver):
         raise NoValue("the observer's own limit does not depend on phi")
     return _limit(observer, "period_critical_chain", critical_period, _on_chain)
 
 
 @finding("`delay_critical`, exactly, for chains of integrators", unit="time")
 def delay_critical_chain(observer: Subject) -> Remarked:
-    if observer.observer.discrete:
+    if isinstance(observer.observer, SampledObserver):
         raise NoValue(_UNDELAYED)
     return _limit(observer, "delay_critical_chain", critical_delay, _on_chain)

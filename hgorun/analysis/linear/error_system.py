@@ -21,12 +21,12 @@ import numpy as np
 
 from hgorun.analysis.linear.linear import Linearisation
 from hgorun.analysis.reasons import JUMPS, NoValue
-from hgorun.observers.levant import LevantObserver
+from hgorun.observers.base import SampledObserver
+from hgorun.observers.capabilities import SlidingMode
 from hgorun.result.data import ObserverResult
 from hgorun.result.result import Result
 from hgorun.simulation.run import Run
 
-_FILTERS = ("eta", "e")  # states of filters: zero where the estimate is right
 _SAME = 1e-7  # relative change below which the systems along a trajectory are one
 _MOST_TIMES = 4000  # along a run, at which it is linearised
 _NOTHING = 1e-12  # relative size of an influence that is rounding
@@ -115,9 +115,9 @@ def error_system(run: Run, label: str, result: Result) -> ErrorSystem:
         Where the observer has no slopes, or no flow, along this run.
     """
     observer = run.experiment.observers[label]
-    if isinstance(observer, LevantObserver):
-        raise NoValue("the differentiator's right-hand side has no slope where its error is zero")
-    if observer.discrete:
+    if isinstance(observer, SlidingMode):
+        raise NoValue("the right-hand side has no slope where the observer's error is zero")
+    if isinstance(observer, SampledObserver):
         raise NoValue(JUMPS)
     if label not in result.observers:
         raise NoValue("the run to look along does not have this observer")
@@ -163,8 +163,8 @@ def _states(linearisation: Linearisation, found: ObserverResult, chosen: np.ndar
     """The observer's states at points of a run, filters empty, shape (M, N)."""
     b = linearisation.block
     xi = linearisation.states(found, chosen)
-    for name in _FILTERS:
-        if name in b.states:
+    for name, role in b.observer.roles(b.form).items():
+        if role == "filter":
             place = b.states[name]
             xi[:, place.start - b.start :][:, : place.size] = 0.0
     return xi

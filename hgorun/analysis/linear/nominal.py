@@ -8,11 +8,13 @@ import numpy as np
 
 from hgorun.analysis.reasons import NoValue
 from hgorun.errors import HgorunError
+from hgorun.observers.base import SampledObserver
+from hgorun.observers.capabilities import HighGain
 from hgorun.result.result import Result
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.run import Run
 from hgorun.simulation.simulate import perform, prepare
-from hgorun.symbolic.canonical import CanonicalForm
+from hgorun.symbolic.forms import BlockForm, ChainForm, Form
 
 _POINTS = 2_000, 20_000  # fewest and most output points of a nominal run
 _MEMORY = 40.0  # of 1/(slowest rate): a chain's Riccati equation has come to rest
@@ -30,7 +32,7 @@ def nominal(run: Run) -> Result:
     NoValue
     """
     config = run.experiment.resolved()
-    kept = [label for label, o in run.experiment.observers.items() if not o.discrete]
+    kept = [label for label, o in run.experiment.observers.items() if not isinstance(o, SampledObserver)]
     if not kept:
         raise NoValue("every observer here jumps at the samples")
     if run.plant.block.discretise:
@@ -74,13 +76,13 @@ def chain(run: Run, label: str) -> tuple[Run, Result]:
     names = [[f"x{i + 1}_{j + 1}" for j in range(k)] for i, k in enumerate(lengths)]
     rates = {state: following for one in names for state, following in zip(one, [*one[1:], "0"], strict=True)}
     states = [one[j] for j in range(max(lengths)) for one in names if j < len(one)]
-    if isinstance(run.forms[label], CanonicalForm):
+    if isinstance(run.forms[label], ChainForm):
         states = [s for one in names for s in one]
     block = run.experiment.resolved()["observers"][label]
     for name in ("initial", "saturation", "coordinates"):
         block.pop(name, None)
     observer = run.experiment.observers[label]
-    slowest = float(getattr(observer, "theta", 1.0)) * min(1.0, float(getattr(observer, "delta", 1.0)))
+    slowest = observer.settling_rate if isinstance(observer, HighGain) else 1.0
     end = _MEMORY / slowest
     return _simulated(
         {
@@ -100,14 +102,13 @@ def chain(run: Run, label: str) -> tuple[Run, Result]:
     )
 
 
-def chain_lengths(form: Any) -> tuple[int, ...] | None:
+def chain_lengths(form: Form) -> tuple[int, ...] | None:
     """How long the chain of every output is; None where the blocks do not make chains."""
-    if isinstance(form, CanonicalForm):
+    if isinstance(form, ChainForm):
         return form.chains
-    block = getattr(form, "block", None)
-    if block is None:
+    if not isinstance(form, BlockForm):
         return None
-    sizes = np.bincount(block)
+    sizes = np.bincount(form.block)
     return (len(sizes),) * int(sizes[0]) if np.all(sizes == sizes[0]) else None
 
 

@@ -21,9 +21,9 @@ from hgorun.analysis.linear.exponentials import exponentials
 from hgorun.analysis.linear.linear import Linear, Linearisation
 from hgorun.analysis.linear.transfer import relevant_states, restricted
 from hgorun.analysis.noise.events import Edges, edges_of
-from hgorun.analysis.reasons import NO_SLOPES, NO_SPECTRUM, NoValue
-from hgorun.config.models import ExpressionNoise, Sinusoids
+from hgorun.analysis.reasons import NO_SLOPES, NoValue, no_spectrum
 from hgorun.measurement.schedule import Channel
+from hgorun.noise.base import Wave
 from hgorun.result.result import Result
 from hgorun.simulation.run import Run
 
@@ -57,8 +57,8 @@ def noise_along(run: Run, label: str, result: Result, twin: Result) -> np.ndarra
     Raises
     ------
     NoValue
-        For what has no linear answer: outputs both continuous and late, noise given as an expression of a
-        continuous output, runs with more events than can be followed, noise too large for slopes.
+        For what has no linear answer: outputs both continuous and late, continuous outputs with noise
+        whose spectrum is not known, runs with more events than can be followed, noise too large for slopes.
     """
     observer = Linearisation(run, label)
     most = int(np.clip(_NUMBERS / observer.size, *_POINTS))
@@ -181,10 +181,13 @@ def _waves(channel: Channel) -> _Waves | None:
     stretch = channel.stretches[0]
     if not stretch.undelayed:
         raise NoValue("the output is continuous and late: what is on its way has no finite state")
-    if any(isinstance(item, ExpressionNoise) for item in stretch.noise):
-        raise NoValue(NO_SPECTRUM)
-    terms = [term for item in stretch.noise if isinstance(item, Sinusoids) for term in item.terms]
-    return _Waves(np.array([t.amplitude * np.exp(1j * t.phase) for t in terms]), np.array([t.omega for t in terms]))
+    waves: list[Wave] = []
+    for item in channel.noise[0].functions:  # of what is drawn the values themselves are known
+        spectrum = item.spectrum()
+        if spectrum is None:
+            raise NoValue(no_spectrum(item.type))
+        waves += spectrum.waves
+    return _Waves(np.array([w.phasor for w in waves]), np.array([w.omega for w in waves]))
 
 
 def _start(at: Linear, waves: list[_Waves | None], t: float) -> np.ndarray:

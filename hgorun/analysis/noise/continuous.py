@@ -6,8 +6,9 @@ import numpy as np
 
 from hgorun.analysis.linear.linear import Linear
 from hgorun.analysis.linear.transfer import discrete_covariance, relevant, require_hurwitz, response
-from hgorun.analysis.noise.terms import Draws, NoiseTerms, grouped
-from hgorun.analysis.reasons import NEEDS_HOLD, NO_SPECTRUM, NoValue
+from hgorun.analysis.noise.terms import NoiseTerms, grouped, require_spectra
+from hgorun.analysis.reasons import NEEDS_HOLD, NoValue
+from hgorun.noise.base import Draws
 
 _LOBES = 200  # of the spectrum of held noise: what is behind them is 1/(pi^2 lobes) of the power, filtered
 
@@ -34,8 +35,7 @@ def continuous_power(linear: Linear, terms: list[NoiseTerms], delay: float = 0.0
     """
     linear = relevant(linear)
     require_hurwitz(linear)
-    if any(t.other for t in terms):
-        raise NoValue(NO_SPECTRUM)
+    require_spectra(terms)
     power: np.ndarray = constant(linear, terms, delay) ** 2
     outputs = [i for i, t in enumerate(terms) for _ in grouped(t.waves)]
     waves = [w for t in terms for w in grouped(t.waves)]

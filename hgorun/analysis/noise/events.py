@@ -56,7 +56,7 @@ def edges_of(run: Run, result: Result, twin: Result, stretches: int) -> Edges:
         samples = channel.samples
         parts += [samples.arrival[samples.used], samples.taken[samples.used]]
         if channel.stretches[0].continuous:
-            parts.append(channel.random[0].change_times())
+            parts.append(channel.noise[0].change_times())
     times = np.sort(np.concatenate(parts))
     times = times[(times >= start) & (times <= end)]
     times = times[np.diff(times, prepend=-np.inf) > _SAME * (end - start) / stretches]
@@ -73,7 +73,7 @@ def edges_of(run: Run, result: Result, twin: Result, stretches: int) -> Edges:
             arriving.setdefault(_nearest(times, s.arrival[j]), []).append((i, int(j), v))
     inside = times + _SAME * (end - start)  # the side of a change that the stretch is on
     held = {
-        i: channel.random[0].held(inside) for i, channel in enumerate(run.channels) if channel.stretches[0].continuous
+        i: channel.noise[0].held(inside) for i, channel in enumerate(run.channels) if channel.stretches[0].continuous
     }
     return Edges(times, taken, arriving, held)
 

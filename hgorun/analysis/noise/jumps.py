@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import casadi as ca
 import numpy as np
 
 from hgorun.analysis.linear.linear import Linearisation
 from hgorun.analysis.noise.along_run import GAUSS
 from hgorun.analysis.reasons import NoValue
+from hgorun.observers.base import Sample
 from hgorun.result.result import Result
 from hgorun.simulation.run import Run
 
@@ -69,7 +68,7 @@ def _slopes(
     model, p = run.plant.model, run.plant_symbol
     t, q = model.t, len(model.outputs)
     z = ca.SX.sym("z", run.system.structure.states)
-    sample = SimpleNamespace(y=ca.SX.sym("y", q), previous=ca.SX.sym("y_before", q), interval=ca.SX.sym("T"))
+    sample = Sample(y=ca.SX.sym("y", q), previous=ca.SX.sym("y_before", q), interval=ca.SX.sym("T"))
     u = ca.substitute(run.plant.inputs, model.p, p)
     u_before = ca.substitute(u, t, t - sample.interval)
     own = z[b.start : b.stop]

@@ -16,9 +16,10 @@ from hgorun.analysis.noise.jumps import noise_of_jumps
 from hgorun.analysis.noise.sampled import SampledLoop
 from hgorun.analysis.noise.terms import NoiseTerms
 from hgorun.analysis.reasons import DIVERGED, NO_SLOPES, NoValue, first_of
-from hgorun.config.models import Periodic
 from hgorun.config.yaml_source import Source
-from hgorun.observers.levant import LevantObserver
+from hgorun.measurement.blocks import Measurement, Periodic, Phase
+from hgorun.observers.base import SampledObserver
+from hgorun.observers.capabilities import SlidingMode
 from hgorun.result.result import Result
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.run import Run
@@ -48,7 +49,7 @@ def predicted_noise(run: Run, label: str, noise_free: Result, result: Result | N
     """
     observer = run.experiment.observers[label]
     steady = partial(_power, run, noise_free, label)
-    if result is None or noise_free.observers[label].diverged_at is not None or isinstance(observer, LevantObserver):
+    if result is None or noise_free.observers[label].diverged_at is not None or isinstance(observer, SlidingMode):
         return np.asarray(np.sqrt(steady()))
     return np.asarray(np.sqrt(first_of(steady, partial(_power_along, run, label, noise_free, result))))
 
@@ -56,7 +57,7 @@ def predicted_noise(run: Run, label: str, noise_free: Result, result: Result | N
 def _power_along(run: Run, label: str, noise_free: Result, result: Result) -> np.ndarray:
     if result.observers[label].diverged_at is not None:
         raise NoValue(DIVERGED)
-    jumps = run.experiment.observers[label].discrete
+    jumps = isinstance(run.experiment.observers[label], SampledObserver)
     return (noise_of_jumps if jumps else noise_along)(run, label, result, noise_free)
 
 
@@ -74,7 +75,7 @@ def _power(run: Run, result: Result, label: str) -> np.ndarray:
         sampling = stretch.sampling
         if not stretch.continuous and (not isinstance(sampling, Periodic) or sampling.jitter or sampling.dropout):
             raise NoValue("only periodic sampling without jitter and dropout has a steady state")
-        terms.append(NoiseTerms.of(stretch, c.random[0]))
+        terms.append(NoiseTerms.of(c.noise[0]))
         periods.add((sampling.period, sampling.offset) if isinstance(sampling, Periodic) else None)
         delays.add(float(stretch.delay_at(np.array([stretch.start]))[0]))
     if len(periods) > 1 or len(delays) > 1:
@@ -88,7 +89,7 @@ def _power(run: Run, result: Result, label: str) -> np.ndarray:
 
 def _constant(run: Run, result: Result, label: str) -> Linear:
     observer = Linearisation(run, label)
-    if observer.block.observer.discrete:
+    if isinstance(observer.block.observer, SampledObserver):
         raise NoValue("the observer is a difference equation: it jumps along the run")
     if result.observers[label].diverged_at is not None:
         raise NoValue(DIVERGED)
@@ -106,23 +107,19 @@ def _constant(run: Run, result: Result, label: str) -> Linear:
 
 def without_noise(experiment: Experiment) -> Experiment:
     """The same experiment with noise of size zero: the same events and steps, so nothing else differs."""
-    data = deepcopy(experiment.source.data)
+    data, blocks = deepcopy(experiment.source.data), experiment.measurement
     measurement = data.get("measurement") or {}
-    blocks = [measurement, *(measurement.get("outputs") or {}).values()]
-    for phase in measurement.get("phases") or ():
-        blocks += [phase, *(phase.get("outputs") or {}).values()]
-    for block in blocks:
-        if block and block.get("noise"):
-            block["noise"] = [_silent(item) for item in block["noise"]]
+    _silence(measurement, blocks)
+    for written, phase in zip(measurement.get("phases") or (), blocks.phases, strict=True):
+        _silence(written, phase)
     return Experiment(Source(data, experiment.source.positions), name=experiment.name, text=experiment.text)
 
 
-def _silent(item: dict[str, Any]) -> dict[str, Any]:
-    if item["type"] == "sinusoids":
-        return item | {"terms": [term | {"amplitude": 0} for term in item["terms"]]}
-    if item["type"] == "expression":
-        return item | {"value": "0"}
-    return {"type": "gaussian", "std": 0} | ({"hold": item["hold"]} if "hold" in item else {})
+def _silence(written: dict[str, Any], block: Measurement | Phase) -> None:
+    """Replace the noise of all outputs, and that of single ones, in a configuration."""
+    for mapping, own in ((written, block), *((written["outputs"][name], o) for name, o in block.outputs.items())):
+        if own.noise is not None:
+            mapping["noise"] = [item.silent() for item in own.noise]
 
 
 def measured_noise(noisy: Result, noise_free: Result, label: str) -> np.ndarray:

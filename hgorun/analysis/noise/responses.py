@@ -9,6 +9,7 @@ from hgorun.analysis.linear.transfer import relevant, require_hurwitz, response
 from hgorun.analysis.noise.terms import NoiseTerms
 from hgorun.analysis.reasons import DIVERGED, JUMPS, NoValue, outcomes
 from hgorun.analysis.subject import Context, Subject, once
+from hgorun.observers.base import SampledObserver
 from hgorun.result.theory import Bode
 
 _POINTS = 400
@@ -24,7 +25,7 @@ def linear_at_end(observer: Subject) -> Linear:
     NoValue
         When it is not Hurwitz there, or there is no such system.
     """
-    if observer.observer.discrete:
+    if isinstance(observer.observer, SampledObserver):
         raise NoValue(JUMPS)
     if observer.found.diverged_at is not None:
         raise NoValue(DIVERGED)
@@ -42,8 +43,8 @@ def frequency_responses(context: Context) -> Bode:
         {
             abs(wave.omega)
             for channel in context.run.channels
-            for stretch, random in zip(channel.stretches, channel.random, strict=True)
-            for wave in NoiseTerms.of(stretch, random).waves
+            for noise in channel.noise
+            for wave in NoiseTerms.of(noise).waves
         }
     )
     speeds = [np.abs(np.linalg.eigvals(relevant(linear).A)) for linear in systems.values()]

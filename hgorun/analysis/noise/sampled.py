@@ -9,8 +9,8 @@ import numpy as np
 from hgorun.analysis.linear.linear import Linear
 from hgorun.analysis.linear.transfer import discrete_covariance, relevant
 from hgorun.analysis.noise.continuous import mean_squares
-from hgorun.analysis.noise.terms import NoiseTerms, aliased
-from hgorun.analysis.reasons import NO_SPECTRUM, NoValue
+from hgorun.analysis.noise.terms import NoiseTerms, aliased, require_spectra
+from hgorun.analysis.reasons import NoValue
 
 _SHORT = 1e-9  # of a period
 
@@ -111,10 +111,9 @@ class SampledLoop:
         Raises
         ------
         NoValue
-            For draws held longer than a period, and expressions.
+            For draws held longer than a period, and noise whose spectrum is not known.
         """
-        if any(t.other for t in terms):
-            raise NoValue(NO_SPECTRUM)
+        require_spectra(terms)
         outputs = [i for i, t in enumerate(terms) for _ in aliased(t.waves, self.period, start)]
         waves = [w for t in terms for w in aliased(t.waves, self.period, start)]
         power = np.zeros(self.L.shape[0])

@@ -7,26 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hgorun.config.models import ExpressionNoise, Sinusoids
-from hgorun.measurement.availability import Stretch
-from hgorun.measurement.noise import RandomNoise
-
-
-@dataclass(frozen=True)
-class Wave:
-    """The imaginary part of ``phasor`` exp(j omega t): a sinusoid with its phase."""
-
-    phasor: complex
-    omega: float
-
-
-@dataclass(frozen=True)
-class Draws:
-    """Independent draws, one a sample, or one every ``hold``; ``hold`` infinite: one for ever, a constant."""
-
-    mean: float
-    variance: float
-    hold: float | None
+from hgorun.analysis.reasons import NoValue, no_spectrum
+from hgorun.measurement.noise import StretchNoise
+from hgorun.noise.base import Draws, Wave
 
 
 @dataclass(frozen=True)
@@ -38,34 +21,43 @@ class NoiseTerms:
     waves : tuple of Wave
         None of frequency 0.
     draws : tuple of Draws
-    other : bool
-        Whether there are terms of another kind: expressions.
+    other : tuple of str
+        Types of noise whose spectrum is not known.
     """
 
-    waves: tuple[Wave, ...]
-    draws: tuple[Draws, ...]
-    other: bool
+    waves: tuple[Wave, ...] = ()
+    draws: tuple[Draws, ...] = ()
+    other: tuple[str, ...] = ()
 
     @classmethod
-    def of(cls, stretch: Stretch, random: RandomNoise) -> NoiseTerms:
+    def of(cls, noise: StretchNoise) -> NoiseTerms:
         """Of one output's noise in one stretch."""
-        terms = [term for item in stretch.noise if isinstance(item, Sinusoids) for term in item.terms]
-        waves = [Wave(term.amplitude * np.exp(1j * term.phase), term.omega) for term in terms]
+        found = [(item.type, item.spectrum()) for item in noise.items]
+        spectra = [spectrum for _, spectrum in found if spectrum is not None]
+        waves = [wave for spectrum in spectra for wave in spectrum.waves]
+        draws = [draws for spectrum in spectra for draws in spectrum.draws]
         constant = sum(wave.phasor.imag for wave in waves if wave.omega == 0)
-        draws = [Draws(*moments) for moments in random.moments()]
         if constant:
             draws.append(Draws(constant, 0.0, np.inf))
-        other = any(isinstance(item, ExpressionNoise) for item in stretch.noise)
+        other = tuple(dict.fromkeys(kind for kind, spectrum in found if spectrum is None))
         return cls(tuple(wave for wave in waves if wave.omega != 0), tuple(draws), other)
-
-    @property
-    def silent(self) -> bool:
-        return not (self.waves or self.draws or self.other)
 
     @property
     def mean(self) -> float:
         """The constant part."""
         return sum(d.mean for d in self.draws)
+
+
+def require_spectra(terms: Sequence[NoiseTerms]) -> None:
+    """Refuse noise whose spectrum is not known.
+
+    Raises
+    ------
+    NoValue
+    """
+    unknown = dict.fromkeys(kind for t in terms for kind in t.other)
+    if unknown:
+        raise NoValue(no_spectrum(*unknown))
 
 
 def grouped(waves: Sequence[Wave]) -> list[Wave]:

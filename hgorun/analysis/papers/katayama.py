@@ -31,8 +31,7 @@ import numpy as np
 
 from hgorun.analysis.papers.region import Points, along, box, evaluated
 from hgorun.analysis.reasons import NoValue
-from hgorun.observers.deadbeat import DeadbeatObserver
-from hgorun.observers.reduced_sampled import ReducedSampledObserver
+from hgorun.observers.reduced_order import ReducedOrder
 from hgorun.result.result import Result
 from hgorun.simulation.run import Run
 from hgorun.symbolic.strict_feedback import StrictFeedbackForm
@@ -106,7 +105,7 @@ class KatayamaConditions:
 def katayama_conditions(run: Run, label: str, result: Result) -> KatayamaConditions:
     """Conditions and bounds for `reduced_sampled` and `deadbeat`; NoValue for others."""
     observer = run.experiment.observers[label]
-    if not isinstance(observer, ReducedSampledObserver | DeadbeatObserver):
+    if not isinstance(observer, ReducedOrder):
         raise NoValue("the conditions are for reduced_sampled and deadbeat")
     form: Any = run.forms[label]
     samples = run.channels[0].samples
@@ -116,12 +115,8 @@ def katayama_conditions(run: Run, label: str, result: Result) -> KatayamaConditi
         raise NoValue("there are no two samples")
     T = float(steps.max())
     names = [run.plant.model.states[i] for i in form.hidden]
-    rates = (
-        np.broadcast_to(observer.H, len(names))
-        if isinstance(observer, ReducedSampledObserver)
-        else np.full(len(names), np.nan)
-    )
-    factors = np.where(np.isnan(rates), 0.0, 1 - T * rates)
+    rates = observer.rates(form)
+    factors = np.zeros(len(names)) if rates is None else 1 - T * rates
     noise, slope = _noise(run, result)
     constants, smallest = _constants(run, form, result, T, noise, slope)
     A2 = smallest > np.sqrt(_CONDITION) * constants.l_1
@@ -132,7 +127,7 @@ def katayama_conditions(run: Run, label: str, result: Result) -> KatayamaConditi
             return None
         c = constants
         p = _gap(c, n, w)
-        if isinstance(observer, DeadbeatObserver):
+        if rates is None:  # deadbeat: gone in one step
             return T * c.gamma + (1 + T * c.L_2) * p + T * c.L_2 * n
         # 1 - |1 - T h| is smallest at the longest or the shortest period
         worst = max(float(np.max(np.abs(1 - period * rates))) for period in (T, float(steps.min())))

@@ -23,12 +23,12 @@ import numpy as np
 from hgorun.analysis.papers.region import along, evaluated
 from hgorun.analysis.reasons import NoValue
 from hgorun.config.expressions import parse
-from hgorun.config.models import GaussianNoise, UniformNoise
-from hgorun.observers.hgo_fd import ForwardDifferenceObserver, eigenvalues
+from hgorun.observers.forward_differences import ForwardDifferences, eigenvalues
 from hgorun.result.result import Result
 from hgorun.simulation.run import Run
 
 _FAR = 2.0**99  # a sample's number that stands for infinity
+_CENTRED = 5e-13  # a mean no larger is rounding
 _LOGARITHMS = 0.05  # of an exponent: what factors log(k) make of it there
 
 
@@ -95,7 +95,7 @@ def lee_conditions(run: Run, label: str, result: Result) -> LeeConditions:
     from scipy.linalg import solve_continuous_lyapunov
 
     observer = run.experiment.observers[label]
-    if not isinstance(observer, ForwardDifferenceObserver):
+    if not isinstance(observer, ForwardDifferences):
         raise NoValue("the conditions are for hgo_fd and hgo_sa")
     n, eps = run.plant.model.n, observer.eps
     H_0 = observer.H_0(n)
@@ -179,18 +179,24 @@ def _steps_condition(p: float) -> Condition:
 
 def _noise_condition(run: Run) -> Condition:
     """(A.3) and assumption 2: independent, zero mean, finite variance, bounded."""
-    items = [item for stretch in run.channels[0].stretches for item in stretch.noise]
+    items = [item for noise in run.channels[0].noise for item in noise.items]
     if not items:
         return Condition(True, "there is no noise")
-    random = [item for item in items if isinstance(item, UniformNoise | GaussianNoise)]
+    random = [item for noise in run.channels[0].noise for item in noise.random]
     if len(random) < len(items):
         return Condition(False, "a part of the noise is a function of time: it is not a martingale difference")
     if any(item.hold is not None for item in random):
         return Condition(False, "the noise is held: samples of one hold are not independent")
-    if any(isinstance(item, UniformNoise) and abs(item.low + item.high) > 1e-12 for item in random):
+    spectra = [item.spectrum() for item in random]
+    if None in spectra:
+        return Condition(False, "nothing says that the draws of the noise are independent")
+    if any(abs(draws.mean) > _CENTRED for spectrum in spectra if spectrum for draws in spectrum.draws):
         return Condition(False, "the noise has a mean")
-    if any(isinstance(item, GaussianNoise) for item in random):
-        return Condition(True, "independent samples of zero mean; Gaussian, so not bounded as assumption 2 has it")
+    unbounded = [item.type.capitalize() for item in random if not item.bounded]
+    if unbounded:
+        return Condition(
+            True, f"independent samples of zero mean; {unbounded[0]}, so not bounded as assumption 2 has it"
+        )
     return Condition(True, "independent, bounded samples of zero mean")
 
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -20,9 +21,9 @@ from hgorun.analysis.linear.nominal import chain
 from hgorun.analysis.reasons import NoValue
 from hgorun.analysis.stability.growth import MOST_PERIODS, growth
 from hgorun.measurement.availability import Stretch
-from hgorun.observers.hgo_fd import ForwardDifferenceObserver, eigenvalues
-from hgorun.observers.reduced_sampled import ReducedSampledObserver
+from hgorun.observers.base import SampledObserver
 from hgorun.simulation.run import Run
+from hgorun.symbolic.forms import Form
 
 _RATIO_CONSTANT, _RATIO_VARYING = 1.04, 1.12  # of neighbouring values in a search for a first crossing
 _SHORTEST, _LONGEST = 1e-2, 3e2  # of 1/rate, where the search starts and ends
@@ -193,19 +194,15 @@ def _search(
     return Limit(0.5 * (low + high), where)
 
 
-def jumping_period(run: Run, label: str) -> Limit:
-    """The critical period of an observer that jumps at the samples, as the error of the Euler model has it.
+def jumping_period(observer: SampledObserver[Any, Any], form: Form) -> Limit:
+    """The critical period of an observer that jumps at the samples, as the observer declares it.
 
     Raises
     ------
     NoValue
         Where no period makes it unstable.
     """
-    observer = run.experiment.observers[label]
-    if isinstance(observer, ForwardDifferenceObserver):
-        poles = eigenvalues(observer.H_0(run.forms[label].plant.n))
-        value = observer.eps * float(np.min(-2 * poles.real / np.abs(poles) ** 2))
-        return Limit(value, "spectral radius of I + (T/eps) A_0")
-    if isinstance(observer, ReducedSampledObserver):
-        return Limit(2 / float(np.max(observer.H)), "|1 - T h_i| of the plant's Euler model, A3")
-    raise NoValue("the estimate does not depend on earlier ones: no period makes it unstable")
+    value, where = observer.longest_period(form)
+    if value is None:
+        raise NoValue(where)
+    return Limit(value, where)

@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from examples import chain, experiment
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import brentq
@@ -19,13 +20,7 @@ BETA, CHI = 1 / (2 * (2 + np.sqrt(2))), 3 + 2 * np.sqrt(2)  # n = 2, poles -1
 
 
 def dynamics(n: int, r: int) -> ErrorDynamics:
-    made = Experiment(
-        {
-            "time": {"end": 1, "output_step": 0.1},
-            "plant": {"type": "integrator_chain", "n": n, "initial": {f"x{i + 1}": 0 for i in range(n)}},
-            "observers": {"observer": {"type": "fhgo2", "theta": 1, "r": r}},
-        }
-    )
+    made = experiment(chain(n, start=0), {"observer": {"type": "fhgo2", "theta": 1, "r": r}})
     return error_dynamics(made.observers["observer"], made.forms["observer"])
 
 
@@ -34,13 +29,10 @@ def slopes(M: Any) -> Lipschitz:
     return Lipschitz(M, M, "interval over box", "", {}, np.arange(len(M)))
 
 
-def second_order(phi: str, theta: float = 100, **measurement: Any) -> dict[str, Any]:
-    return {
-        "time": {"end": 0.1, "output_step": 0.01},
-        "plant": {"type": "integrator_chain", "n": 2, "phi": phi, "initial": {"x1": 1, "x2": 0.5}},
-        "measurement": measurement,
-        "observers": {"observer": {"type": "shgo", "theta": theta}},
-    }
+def second_order(phi: str, theta: float = 100, **measurement: Any) -> Experiment:
+    observer = {"type": "shgo", "theta": theta}
+    plant = chain(2, phi, [1, 0.5])
+    return experiment(plant, {"observer": observer}, end=0.1, output_step=0.01, measurement=measurement)
 
 
 def exact_limit(dynamics: ErrorDynamics) -> float:
@@ -78,20 +70,20 @@ def test_sufficient_and_exact_delays_of_a_chain(r: int, exact: float, bound: flo
 
 def test_theta_bound_by_hand() -> None:
     """phi_2 = L sin x_2: c_1 = L; phi_2 = L x_1: c_1 = L/theta, so that theta^2 = L/beta."""
-    found = analyze(Experiment(second_order("3*sin(x2)"))).observers["observer"].values
+    found = analyze(second_order("3*sin(x2)")).observers["observer"].values
     assert found["lipschitz"] == pytest.approx(3, rel=0.02)
     assert found["theta_bound"] == pytest.approx(found["lipschitz"] / BETA, rel=1e-9)
     assert found["theta_bound_printed"] == pytest.approx(2 * found["lipschitz"] / BETA, rel=1e-9)
-    found = analyze(Experiment(second_order("-3*x1"))).observers["observer"].values
+    found = analyze(second_order("-3*x1")).observers["observer"].values
     assert found["lipschitz"] == 3
     assert found["theta_bound"] == pytest.approx(np.sqrt(3 / BETA), rel=1e-9)
-    found = analyze(Experiment(second_order("0"))).observers["observer"].values
+    found = analyze(second_order("0")).observers["observer"].values
     assert (found["lipschitz"], found["theta_bound"]) == (0, 1)
 
 
 def test_delay_bound_and_rate_by_hand() -> None:
     d = 1e-5
-    found = analyze(Experiment(second_order("-3*x1", sampling={"period": 4e-6}, delay=6e-6))).observers["observer"]
+    found = analyze(second_order("-3*x1", sampling={"period": 4e-6}, delay=6e-6)).observers["observer"]
     values, theta, L = found.values, 100, 3
     assert (values["beta"], values["chi"]) == pytest.approx((BETA, CHI), rel=1e-12)
     assert values["delay_max"] == pytest.approx(d, rel=1e-9)
@@ -102,7 +94,7 @@ def test_delay_bound_and_rate_by_hand() -> None:
 
 def test_a_standard_observer_with_a_large_gain_needs_more_than_chi() -> None:
     """|G|^2 > chi: sqrt(chi) |G| stands in its place."""
-    found = Experiment(second_order("0") | {"observers": {"observer": {"type": "shgo", "theta": 1, "poles": [-3, -4]}}})
+    found = experiment(chain(2), {"observer": {"type": "shgo", "theta": 1, "poles": [-3, -4]}})
     made = error_dynamics(found.observers["observer"], found.forms["observer"])
     chi, G = made.lyapunov.chi, np.hypot(7, 12)
     assert chi < G**2

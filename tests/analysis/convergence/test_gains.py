@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import examples
 import numpy as np
 import pytest
 from hypothesis import given
@@ -17,14 +18,7 @@ from hgorun.symbolic.matrices import hurwitz_gain
 
 
 def experiment(n: int, block: dict[str, Any], **plant: Any) -> Experiment:
-    initial = {f"x{i + 1}": 0 for i in range(n)}
-    return Experiment(
-        {
-            "time": {"end": 1, "output_step": 0.1},
-            "plant": plant or {"type": "integrator_chain", "n": n, "initial": initial},
-            "observers": {"observer": block},
-        }
-    )
+    return examples.experiment(plant or examples.chain(n, start=0), {"observer": block})
 
 
 def dynamics(n: int, **block: Any) -> ErrorDynamics:

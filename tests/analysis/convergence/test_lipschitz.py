@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from examples import experiment
 
 from hgorun import Experiment
 from hgorun.analysis.convergence.charts import chart_of
@@ -18,8 +19,7 @@ TIME = {"end": 2, "output_step": 0.01}
 
 
 def found(plant: dict[str, Any], block: dict[str, Any], **more: Any) -> Findings:
-    config = {"time": TIME, "plant": plant, "observers": {"observer": block}, **more}
-    return analyze(Experiment(config)).observers["observer"]
+    return analyze(experiment(plant, {"observer": block}, **{"time": TIME, **more})).observers["observer"]
 
 
 def inline(n: int, **dynamics: str) -> dict[str, Any]:

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from helpers import findings
+from examples import findings
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

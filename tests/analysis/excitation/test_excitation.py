@@ -4,10 +4,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from examples import ACADEMIC, experiment
 
-from hgorun import ConfigError, Experiment
+from hgorun import ConfigError
 from hgorun.analysis.excitation.excitation import Excitation, excitation, links_along, plant_excitation
 from hgorun.analysis.excitation.gramian import gramians
+from hgorun.analysis.reasons import NoValue
 from hgorun.result.result import Result
 from hgorun.simulation.run import Run
 from hgorun.simulation.simulate import perform, prepare
@@ -21,13 +23,13 @@ OBSERVERS = {
 
 
 def finished(plant: dict[str, Any], observers: dict[str, Any], end: float = 30) -> tuple[Run, Result]:
-    run = prepare(Experiment({"time": {"end": end, "output_step": 0.01}, "plant": plant, "observers": observers}))
+    run = prepare(experiment(plant, observers, end=end, output_step=0.01))
     return run, perform(run)
 
 
 @pytest.fixture(scope="module")
 def academic() -> tuple[Run, Result]:
-    return finished({"type": "academic", "initial": {"x1": 1, "x2": 1, "x3": 1}}, OBSERVERS, end=60)
+    return finished(ACADEMIC, OBSERVERS, end=60)
 
 
 def looked(run: Run, label: str, result: Result, horizon: float | None = None) -> Excitation:
@@ -186,9 +188,11 @@ def test_where_none_is_needed() -> None:
         {"o": {"type": "shgo", "theta": 2}, "short": {"type": "shgo_riccati", "theta": 0.01}},
         end=1,
     )
-    assert excitation(run, "o", result) == "uniformly observable: no excitation needed"
-    assert plant_excitation(run, "o", result) == "uniformly observable: no excitation needed"
-    assert excitation(run, "short", result) == "the run is shorter than the window of the Gramian"
+    for condition in (excitation, plant_excitation):
+        with pytest.raises(NoValue, match="uniformly observable: no excitation needed"):
+            condition(run, "o", result)
+    with pytest.raises(NoValue, match="shorter than the window of the Gramian"):
+        excitation(run, "short", result)
 
 
 def test_several_outputs_and_blocks() -> None:

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers import findings
+from examples import findings
 
 import hgorun
 from hgorun.analysis.noise.responses import frequency_responses

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
+import examples
 import numpy as np
 import pytest
+from examples import experiment
 from scipy.linalg import expm
 
 import hgorun
@@ -15,17 +17,15 @@ from hgorun.analysis.linear.transfer import h2, hinf, relevant, response
 from hgorun.analysis.noise.continuous import continuous_power
 from hgorun.analysis.noise.prediction import measured_noise, predicted_noise, without_noise
 from hgorun.analysis.noise.sampled import SampledLoop
-from hgorun.analysis.noise.terms import Draws, NoiseTerms, Wave
+from hgorun.analysis.noise.terms import NoiseTerms
 from hgorun.analysis.reasons import NoValue
+from hgorun.noise.base import Draws, Wave
 from hgorun.simulation.run import Run
 from hgorun.simulation.simulate import prepare
 
 
 def chain(n: int, phi: str = "0", **block: Any) -> Run:
-    zero = {f"x{i + 1}": 0 for i in range(n)}
-    plant = {"type": "integrator_chain", "n": n, "phi": phi, "initial": zero}
-    config = {"time": {"end": 1, "output_step": 0.01}, "plant": plant, "observers": {"o": block}}
-    return prepare(hgorun.Experiment(config, name="test"))
+    return prepare(experiment(examples.chain(n, phi, 0), {"o": block}, output_step=0.01))
 
 
 def linear(n: int, **block: Any) -> Linear:
@@ -97,7 +97,7 @@ def test_marginal_is_refused() -> None:
 def test_held_noise_is_a_long_sum() -> None:
     """The covariance of a sum of independent holds, from powers of the exponential."""
     system, hold = linear(2, type="shgo", theta=2), 0.05
-    found = continuous_power(system, [NoiseTerms((), (Draws(0.5, 0.3, hold),), False)])
+    found = continuous_power(system, [NoiseTerms(draws=(Draws(0.5, 0.3, hold),))])
     fine = 40
     F = expm(system.A * hold / fine)
     G = np.linalg.solve(system.A, (F - np.eye(2)) @ system.B[:, 0])
@@ -112,7 +112,7 @@ def test_held_noise_is_a_long_sum() -> None:
 
 def test_spectrum_and_lyapunov_equation_agree_on_held_noise() -> None:
     """The delayed way, by the spectrum, at a delay that makes no difference."""
-    system, terms = linear(2, type="fhgo2", theta=2, r=1), [NoiseTerms((), (Draws(0.0, 0.3, 0.2),), False)]
+    system, terms = linear(2, type="fhgo2", theta=2, r=1), [NoiseTerms(draws=(Draws(0.0, 0.3, 0.2),))]
     np.testing.assert_allclose(continuous_power(system, terms, 1e-6), continuous_power(system, terms), rtol=2e-3)
 
 
@@ -132,7 +132,7 @@ def test_sampled_sinusoid_is_the_simulation(delay: float) -> None:
     for label in ("a", "b"):
         observer = Linearisation(run, label)
         loop = SampledLoop(observer.at(0.0, observer.at_rest(np.zeros(2))), 0.1, delay)
-        found = np.sqrt(loop.power([NoiseTerms((Wave(0.7, 25.0),), (), False)], 0.0))
+        found = np.sqrt(loop.power([NoiseTerms(waves=(Wave(0.7, 25.0),))], 0.0))
         measured = np.sqrt(np.mean(result.observers[label].xhat[late] ** 2, axis=0))
         np.testing.assert_allclose(found, measured, rtol=0.01)
 

@@ -4,9 +4,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from examples import experiment
 
 from hgorun import Experiment
 from hgorun.analysis.papers.lee import LeeConditions, lee_conditions
+from hgorun.analysis.reasons import NoValue
 from hgorun.simulation.simulate import perform, prepare
 
 SA = {"type": "hgo_sa", "eps": 0.01, "gains": [2, 2]}
@@ -15,17 +17,14 @@ UNIFORM = [{"type": "uniform", "low": -0.5, "high": 0.5}]
 STEPS = {"steps": "0.0004/(1 + k/20000)"}
 
 
-def example(observer: dict[str, Any], sampling: dict[str, Any], noise: list[Any], end: float = 2.0) -> dict[str, Any]:
-    return {
-        "time": {"end": end, "output_step": 0.01},
-        "plant": {"type": "lee_second_order", "discretise": "euler", "initial": {"x1": 10, "x2": 10}},
-        "observers": {"o": observer},
-        "measurement": {"sampling": sampling, "noise": noise},
-    }
+def example(observer: dict[str, Any], sampling: dict[str, Any], noise: list[Any], end: float = 2.0) -> Experiment:
+    plant = {"type": "lee_second_order", "discretise": "euler", "initial": {"x1": 10, "x2": 10}}
+    measurement = {"sampling": sampling, "noise": noise}
+    return experiment(plant, {"o": observer}, end=end, output_step=min(0.01, end / 10), measurement=measurement)
 
 
-def conditions(config: dict[str, Any]) -> LeeConditions:
-    run = prepare(Experiment(config))
+def conditions(config: Experiment) -> LeeConditions:
+    run = prepare(config)
     found = lee_conditions(run, "o", perform(run))
     assert isinstance(found, LeeConditions)
     return found
@@ -102,9 +101,7 @@ def test_the_steps() -> None:
     slow = conditions(example(FD, {"steps": "4e-4/(1 + k)**0.4"}, UNIFORM, 0.01)).A2
     assert not slow.holds
     assert "k^-0.4" in slow.why
-    fast = conditions(
-        example(FD, {"steps": "4e-4/(1 + k)**1.5"}, UNIFORM, 1e-3) | {"time": {"end": 1e-3, "output_step": 1e-4}}
-    ).A2
+    fast = conditions(example(FD, {"steps": "4e-4/(1 + k)**1.5"}, UNIFORM, 1e-3)).A2
     assert not fast.holds
     assert "stops on its way" in fast.why
     assert conditions(example(SA, {"steps": "4e-4/(1 + k)**0.7"}, UNIFORM, 0.01)).A2.holds
@@ -132,7 +129,7 @@ def test_the_lipschitz_constant() -> None:
 
 
 def test_other_observers() -> None:
-    config = example({"type": "shgo", "theta": 1}, {"period": 0.1}, [], 1.0)
-    config["plant"].pop("discretise")
-    run = prepare(Experiment(config))
-    assert lee_conditions(run, "o", perform(run)) == "the conditions are for hgo_fd and hgo_sa"
+    plant = {"type": "lee_second_order", "initial": {"x1": 10, "x2": 10}}
+    run = prepare(experiment(plant, {"o": {"type": "shgo", "theta": 1}}, measurement={"sampling": {"period": 0.1}}))
+    with pytest.raises(NoValue, match="the conditions are for"):
+        lee_conditions(run, "o", perform(run))

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from examples import ACADEMIC, VAN_DER_POL, Block, chain, experiment, inline
 
-from hgorun import Experiment
 from hgorun.analysis.linear.error_system import error_system
 from hgorun.analysis.linear.nominal import nominal
 from hgorun.analysis.reasons import NoValue
@@ -19,27 +19,16 @@ from hgorun.analysis.stability.critical import (
     jumping_period,
 )
 from hgorun.analysis.stability.growth import growth
+from hgorun.observers.base import SampledObserver
 from hgorun.simulation.run import Run
 from hgorun.simulation.simulate import perform, prepare
 
-CHAIN = {"type": "integrator_chain", "n": 3, "initial": {"x1": 0, "x2": 0, "x3": 0}}
+CHAIN = chain(3, start=0)
 SHGO = {"type": "shgo", "theta": 1}
-Config = dict[str, Any]
 
 
-def chain_config(
-    observers: dict[str, Any], measurement: dict[str, Any] | None = None, end: float = 5
-) -> dict[str, Any]:
-    return {
-        "time": {"end": end, "output_step": end / 1000},
-        "plant": CHAIN,
-        "observers": observers,
-        "measurement": measurement or {},
-    }
-
-
-def prepared(config: Config) -> Run:
-    return prepare(Experiment(config))
+def prepared(observers: dict[str, Block], plant: Block = CHAIN, end: float = 5, **more: Any) -> Run:
+    return prepare(experiment(plant, observers, end=end, output_step=end / 1000, **more))
 
 
 def chain_period(run: Run, label: str) -> float:
@@ -48,6 +37,13 @@ def chain_period(run: Run, label: str) -> float:
 
 def chain_delay(run: Run, label: str) -> float:
     return critical_delay(availability_of(run), chain_system(run, label)).value
+
+
+def own_period(run: Run, label: str) -> float:
+    """What an observer that jumps at the samples declares."""
+    observer = run.experiment.observers[label]
+    assert isinstance(observer, SampledObserver)
+    return jumping_period(observer, run.forms[label]).value
 
 
 def along(limit: Callable[[Any, Any], Limit], run: Run, label: str) -> float:
@@ -76,22 +72,20 @@ def test_periods_of_three_integrators() -> None:
             for delta, T in ((1, 0.698), (2, 1.079), (3, 1.307), (5, 1.785), (7, 2.028), (10, 2.241), (100, 2.820))
         },
     }
-    run = prepared(chain_config({name: {**block, "theta": 4} for name, (block, _) in known.items()}))
+    run = prepared({name: {**block, "theta": 4} for name, (block, _) in known.items()})
     for label, (_, T) in known.items():
         assert 4 * chain_period(run, label) == pytest.approx(T, abs=6e-4), label
 
 
 def test_delays_of_three_integrators() -> None:
-    run = prepared(chain_config({f"r={r}": {"type": "fhgo2", "theta": 3, "r": r} for r in range(4)}))
+    run = prepared({f"r={r}": {"type": "fhgo2", "theta": 3, "r": r} for r in range(4)})
     for r, d in enumerate((0.927, 1.103, 1.255, 1.400)):
         assert 3 * chain_delay(run, f"r={r}") == pytest.approx(d, abs=6e-4)
 
 
 def test_one_integrator_in_closed_form() -> None:
     """x' = 0, poles at -1: e(t) = e_k exp(-theta t) for ever; with a delay the same."""
-    config = chain_config({"o": SHGO})
-    config["plant"] = {"type": "integrator_chain", "n": 1, "initial": {"x1": 0}}
-    run = prepared(config)
+    run = prepared({"o": SHGO}, chain(1, start=0))
     with pytest.raises(NoValue, match="stable at every period"):
         chain_period(run, "o")
     with pytest.raises(NoValue, match="stable at every delay"):
@@ -107,15 +101,7 @@ def test_an_unstable_first_order_plant_in_closed_form() -> None:
     from scipy.optimize import brentq
 
     a, g = 0.5, 2.0
-    config = chain_config({"o": {"type": "shgo", "theta": 1, "poles": -g}})
-    config["plant"] = {
-        "type": "inline",
-        "states": ["x"],
-        "dynamics": {"x": f"{a}*x"},
-        "output": "x",
-        "initial": {"x": 0},
-    }
-    run = prepared(config)
+    run = prepared({"o": {"type": "shgo", "theta": 1, "poles": -g}}, inline({"x": f"{a}*x"}, "x", start=0))
     T = brentq(lambda T: np.exp(a * T) * a + g * np.exp(-g * T) - a - g, 0.1, 10)
     assert along(critical_period, run, "o") == pytest.approx(T, rel=1e-3)
     # the root that passes through zero: alpha(t) - alpha(t - d) = -d g e, xi = g e/a
@@ -138,8 +124,7 @@ def test_runs_beside_the_critical_period(block: dict[str, Any], delay: float) ->
 
     def at(period: float, end: float = 5) -> Run:
         block_ = {**block, "initial": {"x1": 1, "x2": -1, "x3": 1}}
-        config = chain_config({"o": block_}, {"sampling": {"period": period}, "delay": delay}, end)
-        return prepared(config)
+        return prepared({"o": block_}, end=end, measurement={"sampling": {"period": period}, "delay": delay})
 
     if delay == 2.0:  # later than the observer bears at any period
         with pytest.raises(NoValue, match="unstable at every period"):
@@ -153,9 +138,7 @@ def test_runs_beside_the_critical_period(block: dict[str, Any], delay: float) ->
 def test_runs_beside_the_critical_delay(sampling: Any) -> None:
     def at(delay: float, end: float = 5) -> Run:
         block = {"type": "fhgo2", "theta": 1, "r": 1, "initial": {"x1": 1, "x2": -1, "x3": 1}}
-        config = chain_config({"o": block}, {"sampling": sampling, "delay": delay}, end)
-        config["solver"] = {"method": "rk4", "step": 0.02}
-        return prepared(config)
+        return prepared({"o": block}, end=end, step=0.02, measurement={"sampling": sampling, "delay": delay})
 
     d = chain_delay(at(0.0), "o")
     assert decay(at(0.98 * d, 300), "o") < 0 < decay(at(1.02 * d, 300), "o")
@@ -163,46 +146,36 @@ def test_runs_beside_the_critical_delay(sampling: Any) -> None:
 
 def test_sampling_ever_faster_is_the_continuous_output() -> None:
     """A held sample is period/2 old in the mean."""
-    run = prepared(chain_config({"o": SHGO}))
-    fast = prepared(chain_config({"o": SHGO}, {"sampling": {"period": 0.01}}))
+    run = prepared({"o": SHGO})
+    fast = prepared({"o": SHGO}, measurement={"sampling": {"period": 0.01}})
     continuous, sampled = (chain_delay(r, "o") for r in (run, fast))
     assert sampled + 0.005 == pytest.approx(continuous, abs=2e-4)
 
 
 def test_two_chains_have_the_limit_of_the_slower_one() -> None:
     """Two outputs that do not know of each other: as much as each alone."""
-    config = chain_config({"o": SHGO})
-    config["plant"] = {
-        "type": "inline",
-        "states": ["a1", "a2", "b1", "b2", "b3"],
-        "dynamics": {"a1": "a2", "a2": "0", "b1": "b2", "b2": "b3", "b3": "0"},
-        "output": ["a1", "b1"],
-        "initial": {"a1": 0, "a2": 0, "b1": 0, "b2": 0, "b3": 0},
-    }
-    run = prepared(config)
+    dynamics = {"a1": "a2", "a2": "0", "b1": "b2", "b2": "b3", "b3": "0"}
+    run = prepared({"o": SHGO}, inline(dynamics, ["a1", "b1"], start=0))
     assert chain_period(run, "o") == pytest.approx(2.896, abs=6e-4)
     assert chain_delay(run, "o") == pytest.approx(0.9273, abs=6e-4)
     assert along(critical_period, run, "o") == pytest.approx(2.896, abs=6e-4)
 
 
-ACADEMIC = {
-    "time": {"end": 60, "output_step": 0.01},
-    "plant": {"type": "academic", "initial": {"x1": 1, "x2": 1, "x3": 1}},
-    "observers": {"o": {"type": "shgo_riccati", "theta": 5, "initial": {"x1": 1.001, "x2": 0.999, "x3": 1.001}}},
-    "measurement": {"sampling": {"period": 0.1}},
-}
-
-
 def test_a_time_varying_plant_against_its_own_run() -> None:
     """The small error's growth over [20, 60], from runs that sample a little below and above the limit."""
-    run = prepared(ACADEMIC)
+
+    def at(period: float) -> Run:
+        observer = {"type": "shgo_riccati", "theta": 5, "initial": {"x1": 1.001, "x2": 0.999, "x3": 1.001}}
+        measurement = {"sampling": {"period": period}}
+        return prepare(experiment(ACADEMIC, {"o": observer}, end=60, output_step=0.01, measurement=measurement))
+
+    run = at(0.1)
     system = error_system(run, "o", nominal(run))
     T = critical_period(availability_of(run), system).value
     assert not system.constant
     for factor in (0.9, 1.1):
         period = factor * T
-        other = prepared({**ACADEMIC, "measurement": {"sampling": {"period": period}}})
-        finished = perform(other)
+        finished = perform(at(period))
         e = np.linalg.norm(finished.observers["o"].xhat - finished.x, axis=1)
         if factor < 1:
             samples = finished.measurements.time
@@ -218,7 +191,7 @@ def test_growth_along_a_trajectory_is_that_of_the_one_system() -> None:
     """A system that is told to vary, and does not."""
     from dataclasses import replace
 
-    run = prepared(chain_config({"o": {"type": "fhgo2", "theta": 2, "r": 1}}, end=30))
+    run = prepared({"o": {"type": "fhgo2", "theta": 2, "r": 1}}, end=30)
     one = error_system(run, "o", nominal(run))
     assert one.constant
     many = replace(
@@ -231,24 +204,15 @@ def test_growth_along_a_trajectory_is_that_of_the_one_system() -> None:
 
 
 def test_discrete_observers() -> None:
-    plant = {"type": "van_der_pol", "initial": {"x1": 1, "x2": 0.5}}
-    config = {
-        "time": {"end": 2, "output_step": 0.1},
-        "plant": plant,
-        "observers": {"k": {"type": "reduced_sampled", "H": 0.5}, "d": {"type": "deadbeat"}},
-        "measurement": {"sampling": {"period": 0.1}},
-    }
-    run = prepared(config)
-    assert jumping_period(run, "k").value == 4.0
+    observers = {"k": {"type": "reduced_sampled", "H": 0.5}, "d": {"type": "deadbeat"}}
+    run = prepared(observers, VAN_DER_POL, measurement={"sampling": {"period": 0.1}})
+    assert own_period(run, "k") == 4.0
     with pytest.raises(NoValue, match="no period"):
-        jumping_period(run, "d")
-    lee = {
-        "time": {"end": 0.1, "output_step": 0.01},
-        "plant": {"type": "lee_second_order", "initial": {"x1": 1, "x2": 1}},
-        "observers": {"o": {"type": "hgo_fd", "eps": 0.01, "gains": [2, 2]}},
-        "measurement": {"sampling": {"period": 0.0004}},
-    }
-    period = jumping_period(prepared(lee), "o").value
+        own_period(run, "d")
+    plant = {"type": "lee_second_order", "initial": {"x1": 1, "x2": 1}}
+    observer = {"type": "hgo_fd", "eps": 0.01, "gains": [2, 2]}
+    lee = prepared({"o": observer}, plant, 0.1, measurement={"sampling": {"period": 0.0004}})
+    period = own_period(lee, "o")
     assert period == pytest.approx(0.01, rel=1e-12)
     A_0 = np.array([[-2.0, 1.0], [-2.0, 0.0]])
     radius = [np.max(np.abs(np.linalg.eigvals(np.eye(2) + f * period / 0.01 * A_0))) for f in (0.99, 1.01)]
@@ -256,11 +220,9 @@ def test_discrete_observers() -> None:
 
 
 def test_reasons() -> None:
-    config = chain_config({"l": {"type": "levant", "G": 1}, "o": SHGO})
-    run = prepared(config)
+    run = prepared({"l": {"type": "levant", "G": 1}, "o": SHGO})
     with pytest.raises(NoValue, match="no slope"):
         error_system(run, "l", nominal(run))
-    stepped = chain_config({"o": SHGO}, {"sampling": {"period": 0.1}})
-    stepped["plant"] = {**CHAIN, "discretise": "euler"}
+    stepped = prepared({"o": SHGO}, CHAIN | {"discretise": "euler"}, measurement={"sampling": {"period": 0.1}})
     with pytest.raises(NoValue, match="stepped at the samples"):
-        nominal(prepared(stepped))
+        nominal(stepped)

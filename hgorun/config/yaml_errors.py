@@ -1,0 +1,130 @@
+"""What to tell somebody whose text is not YAML.
+
+The sentences of the parsers differ between libyaml, PyYAML and their versions, so none of them is read here. What is
+wrong follows from the class of the error, from the characters at its two marks (where the problem is, and where that
+which was being read began) and from the bracket that is open there.
+"""
+
+from __future__ import annotations
+
+import re
+from bisect import bisect_right
+from dataclasses import dataclass
+
+import yaml
+
+LINE_BREAK = re.compile(r"\r\n?|\n")
+_QUOTED = {"'": re.compile(r"'(?:[^']|'')*'"), '"': re.compile(r'"(?:[^"\\]|\\.)*"', re.DOTALL)}
+_TAB_INDENT = re.compile(" *\t")
+_NEW_DOCUMENT = re.compile(r"(?:---|\.\.\.)(?:\s|$)")
+
+_TAB = "a tab cannot indent: use spaces"
+_BLOCK_TEXT = "after `|` or `>` the line must end; text that starts with one needs quotes"
+_ALIAS = "text that starts with `*` or `&` needs quotes"
+_TAG = "text that starts with `!` needs quotes; values carry no tags here"
+_START = "a value cannot start with `{}`: put it in quotes"
+_COLON = "a `:` too many on this line, or wrong indentation; text with `: ` in it needs quotes"
+_KEY = "this line has no `:` after its key (write `key: value`)"
+_BRACKET = "the bracket opened on line {} is not closed, or a comma or a value is missing"
+_DIRECTIVE = "a line that starts with `%` is a directive, which has no use here"
+_ESCAPE = "an unknown escape `\\` in double quotes: use single quotes"
+_QUOTE = "the quote opened on line {} is not closed"
+_ENTRY = "a list entry `- ` cannot start here: put it on a line of its own"
+_MISFIT = "this does not fit the lines above: check indentation, brackets and quotes"
+
+
+@dataclass(frozen=True)
+class _Place:
+    """A character of the text; lines and columns count from 0."""
+
+    text: str
+    starts: tuple[int, ...]  # of the lines
+    index: int
+
+    @property
+    def line(self) -> int:
+        # a mark behind the last line break speaks of the last line that has something in it
+        return min(bisect_right(self.starts, self.index), len(self.starts)) - 1
+
+    @property
+    def column(self) -> int:
+        return self.index - self.starts[self.line]
+
+    @property
+    def char(self) -> str:
+        return self.text[self.index : self.index + 1]
+
+    @property
+    def after_tab(self) -> bool:
+        return self.char == "\t" or _TAB_INDENT.match(self.text, self.starts[self.line]) is not None
+
+
+def explain(error: yaml.YAMLError, text: str, bracket: int | None) -> tuple[str, int]:
+    """Say what is wrong with a text that a parser has refused.
+
+    Parameters
+    ----------
+    error : yaml.YAMLError
+    text : str
+    bracket : int or None
+        The line, from 1, of the innermost bracket that is open when the parser gives up.
+
+    Returns
+    -------
+    str
+        The sentence.
+    int
+        The line that it is about, from 1.
+    """
+    if not isinstance(error, yaml.MarkedYAMLError) or error.problem_mark is None:
+        return "this is not YAML", 1
+    starts = (0, *(match.end() for match in LINE_BREAK.finditer(text)))
+
+    def place(mark: yaml.Mark) -> _Place:
+        line = min(mark.line, len(starts) - 1)
+        return _Place(text, starts, min(starts[line] + mark.column, len(text)))
+
+    problem = place(error.problem_mark)
+    # libyaml gives every error a second mark; one that stands at the problem says nothing
+    began = place(error.context_mark) if error.context_mark is not None else problem
+    if problem.after_tab:
+        return _TAB, problem.line + 1
+    if isinstance(error, yaml.scanner.ScannerError):
+        if began.index == problem.index:
+            return _misplaced(problem), problem.line + 1
+        return _unfinished(began, problem)
+    if bracket is not None:  # at the end of the text its own line tells more
+        return _BRACKET.format(bracket), problem.line + 1 if problem.char else bracket
+    return _unfitting(problem), problem.line + 1
+
+
+def _misplaced(problem: _Place) -> str:
+    """A sign that means something in YAML, where it can mean nothing."""
+    return {":": _COLON, "-": _ENTRY}.get(problem.char, _START.format(problem.char))
+
+
+def _unfinished(began: _Place, problem: _Place) -> tuple[str, int]:
+    """Something that began well and did not end well."""
+    same_line = began.line == problem.line
+    if began.char in _QUOTED:
+        quoted = _QUOTED[began.char].match(began.text, began.index)
+        if quoted is None and (not problem.char or _NEW_DOCUMENT.match(problem.text, problem.index)):
+            return _QUOTE.format(began.line + 1), began.line + 1
+        if quoted is None or problem.index < quoted.end():
+            return _ESCAPE, problem.line + 1
+    elif began.char in ("|", ">"):
+        return _BLOCK_TEXT, problem.line + 1
+    elif began.char in ("*", "&") and same_line:
+        return _ALIAS, problem.line + 1
+    elif began.char == "!" and same_line:
+        return _TAG, problem.line + 1
+    elif began.char == "%" and began.column == 0:
+        return _DIRECTIVE, problem.line + 1
+    return _KEY, began.line + 1
+
+
+def _unfitting(problem: _Place) -> str:
+    """Something well-formed, in the wrong place."""
+    if problem.char == "%" and problem.column == 0:
+        return _DIRECTIVE
+    return _TAG if problem.char == "!" else _MISFIT

@@ -1,0 +1,110 @@
+"""The block ``measurement`` of a configuration: how each output reaches the observers."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field, SerializeAsAny, model_validator
+from pydantic_core import PydanticCustomError
+
+from hgorun.config.expressions import nearest
+from hgorun.config.types import Block, ExpressionText, Name, NonEmpty, NonNegative, Number, Positive, describe
+from hgorun.noise.base import NOISE, Noise
+
+
+class Periodic(Block):
+    """Samples at start + offset + k period, each moved by jitter or lost by chance."""
+
+    period: Positive
+    offset: NonNegative = 0.0
+    jitter: NonNegative = Field(default=0.0, description="uniform on +-jitter")
+    dropout: Annotated[NonNegative, Field(le=1)] = Field(default=0.0, description="probability that a sample is lost")
+
+
+class Times(Block):
+    """Samples at the given times."""
+
+    times: Annotated[tuple[Number, ...], NonEmpty]
+
+    @model_validator(mode="after")
+    def _increasing(self) -> Times:
+        for a, b in zip(self.times, self.times[1:], strict=False):
+            if not b > a:
+                raise ValueError(f"times must increase, found {a:g} before {b:g}")
+        return self
+
+
+class Steps(Block):
+    """Samples at t_0 = start, t_(k+1) = t_k + steps(k)."""
+
+    steps: ExpressionText = Field(description="expression of k, positive")
+
+
+def _sampling(value: Any) -> Any:
+    """Tell the three forms apart by their main key, so that errors speak of one of them."""
+    if value == "continuous" or isinstance(value, Block):
+        return value
+    if not isinstance(value, dict):
+        raise ValueError(f"expected continuous or a mapping with period, times or steps, found {describe(value)}")
+    kinds: dict[str, type[Block]] = {"period": Periodic, "times": Times, "steps": Steps}
+    found = [key for key in kinds if key in value]
+    if len(found) != 1:
+        raise ValueError(
+            "expected exactly one of period, times and steps"
+            + (f", found {' and '.join(found)}" if found else f", found {', '.join(map(str, value)) or 'none'}")
+        )
+    return kinds[found[0]].model_validate(value)
+
+
+Sampling = Annotated[Literal["continuous"] | Periodic | Times | Steps, BeforeValidator(_sampling)]
+
+
+def _noise(value: Any) -> Any:
+    """One item of noise, checked by the class that its type names."""
+    if isinstance(value, Noise):
+        return value
+    if not isinstance(value, dict):
+        raise ValueError(f"expected a mapping with type: {', '.join(NOISE.names())}; found {describe(value)}")
+    if "type" not in value:
+        raise ValueError(f"type is missing; one of {', '.join(NOISE.names())}")
+    try:
+        cls = NOISE.find(str(value["type"]))
+    except KeyError:
+        known = NOISE.names()
+        raise PydanticCustomError(
+            "unknown_type",
+            "no noise is called {name}.{hint} Known: {known}",
+            {
+                "key": "type",
+                "name": describe(value["type"]),
+                "hint": nearest(str(value["type"]), known),
+                "known": ", ".join(known),
+            },
+        ) from None
+    return cls.model_validate(value)
+
+
+NoiseItem = Annotated[SerializeAsAny[Noise], BeforeValidator(_noise)]
+
+
+class Availability(Block):
+    """How an output reaches the observers. Omitted keys are taken from the enclosing block."""
+
+    sampling: Sampling | None = Field(default=None, description="continuous, or when samples arrive")
+    delay: ExpressionText | None = Field(default=None, description="number or expression of t, >= 0")
+    noise: tuple[NoiseItem, ...] | None = Field(default=None, description="summed")
+    mode: Literal["additive", "multiplicative"] | None = Field(default=None, description="y + v or y (1 + v)")
+
+
+class Phase(Availability):
+    """A stretch of time with its own availability."""
+
+    until: Number = Field(description="end of the phase")
+    outputs: dict[Name, Availability] = Field(default_factory=dict)
+
+
+class Measurement(Availability):
+    """What the observers are told: for all outputs, for some of them, and in phases of time."""
+
+    outputs: dict[Name, Availability] = Field(default_factory=dict, description="overrides for single outputs")
+    phases: tuple[Phase, ...] = Field(default=(), description="one after the other in time")

@@ -1,0 +1,1 @@
+"""Kinds of measurement noise, one file each."""

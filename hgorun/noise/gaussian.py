@@ -1,0 +1,50 @@
+"""Gaussian noise."""
+
+from __future__ import annotations
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from hgorun.config.types import NonNegative, Number
+from hgorun.noise.base import Draws, RandomNoise, Spectrum, noise
+
+
+@noise("gaussian")
+class GaussianNoise(RandomNoise):
+    """Gaussian noise of standard deviation ``std``, or of a signal-to-noise ratio: a draw a sample, or one every hold.
+
+    The ratio is 10 log10(mean of the noise-free output squared over the run / std^2) dB.
+    """
+
+    std: NonNegative | None = Field(default=None, description="standard deviation")
+    snr_db: Number | None = Field(
+        default=None,
+        description="variance = mean of the noise-free output squared over the run / 10^(snr_db/10)",
+    )
+
+    @model_validator(mode="after")
+    def _one(self) -> GaussianNoise:
+        if (self.std is None) == (self.snr_db is None):
+            raise ValueError("give either std or snr_db")
+        return self
+
+    def relative(self) -> bool:
+        return self.snr_db is not None
+
+    def absolute(self, mean_square: float) -> GaussianNoise:
+        if self.snr_db is None:
+            return self
+        std = float(np.sqrt(mean_square / 10 ** (self.snr_db / 10)))
+        return self.model_copy(update={"std": std, "snr_db": None})
+
+    def draw(self, random: np.random.Generator, count: int) -> np.ndarray:
+        return random.normal(0.0, 1.0, count) * self._deviation
+
+    def spectrum(self) -> Spectrum:
+        return Spectrum(draws=(Draws(0.0, self._deviation**2, self.hold),))
+
+    @property
+    def _deviation(self) -> float:
+        """std, which a relative size has to become first; see :meth:`absolute`."""
+        assert self.std is not None
+        return self.std

@@ -1,0 +1,34 @@
+"""Uniform noise."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+from pydantic import model_validator
+
+from hgorun.config.types import Number
+from hgorun.noise.base import Draws, RandomNoise, Spectrum, noise
+
+
+@noise("uniform")
+class UniformNoise(RandomNoise):
+    """Uniform noise between low and high: a draw a sample, or one every ``hold``."""
+
+    bounded: ClassVar[bool] = True
+
+    low: Number
+    high: Number
+
+    @model_validator(mode="after")
+    def _order(self) -> UniformNoise:
+        if not self.low < self.high:
+            raise ValueError(f"low must be below high, found low {self.low:g}, high {self.high:g}")
+        return self
+
+    def draw(self, random: np.random.Generator, count: int) -> np.ndarray:
+        return random.uniform(self.low, self.high, count)
+
+    def spectrum(self) -> Spectrum:
+        mean, variance = 0.5 * (self.low + self.high), (self.high - self.low) ** 2 / 12
+        return Spectrum(draws=(Draws(mean, variance, self.hold),))

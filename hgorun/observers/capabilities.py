@@ -1,0 +1,62 @@
+"""What theory may ask of an observer beside its equations, one small base class each.
+
+An observer derives from those that it has; the analysis asks for them by type, never for a family::
+
+    class Mine(HighGain, ContinuousObserver[CanonicalForm, PlantCopy]): ...
+
+Each is a part of a YAML block: the keys that it declares can be declared again, with a description of their
+own.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from pydantic import Field
+
+from hgorun.config.types import Block, Positive
+
+
+class HighGain(Block):
+    """One number theta that sets the speed of the error: its eigenvalues are in proportion to it.
+
+    What it gives: poles, beta, chi and the bounds on theta and delay (on plants that are chains), the smallest
+    theta found by trying, exponents of the noise in theta.
+    """
+
+    theta: Positive = Field(description="high gain theta > 0")
+
+    def nominal_poles(self, order: int) -> np.ndarray:
+        """Eigenvalues of the error's matrix at theta = 1 that the design asks for, shape (order,).
+
+        They are compared with the matrix itself and taken where they are right, since eigenvalues that are
+        found numerically lose digits where several are equal.
+        """
+        return np.full(order, -1.0)
+
+    @property
+    def settling_rate(self) -> float:
+        """The rate at which the slowest of error and gain come to rest on chains of integrators (1/time)."""
+        return self.theta
+
+
+class FilterOrder(Block):
+    """A filter of order r on the innovation."""
+
+    r: int = Field(default=1, ge=0, le=20, strict=True, description="order of the filter, r >= 0")
+
+
+class FilterCascade(Block):
+    """As many first-order filters of bandwidth delta theta as the plant has blocks."""
+
+    delta: Positive = Field(description="bandwidth of the filters over theta, delta > 0")
+
+
+class Differentiator(Block):
+    """The observer does without the plant's equations: what it does not know of them stays in its error.
+
+    Without this, an observer that starts at the truth has to stay there while nothing disturbs it.
+    """
+
+
+class SlidingMode(Block):
+    """The right-hand side is discontinuous where the error is zero: there is no linearisation."""

@@ -1,0 +1,57 @@
+"""The output injection of the observers for lower triangular plants."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from hgorun.config.types import Number, Poles
+from hgorun.errors import Problem
+from hgorun.observers.base import ContinuousObserver
+from hgorun.symbolic.lower_triangular import LowerTriangularCopy, LowerTriangularForm, lower_triangular_form
+from hgorun.symbolic.matrices import hurwitz_gain
+
+
+class Blend(NamedTuple):
+    """w = exp(-mu (y - yhat)^2) for the observer, 1 - w for a reconstruction that pulls with Gamma, of phi/2."""
+
+    mu: float
+    phi: float
+
+
+class OutputInjection(ContinuousObserver[LowerTriangularForm, LowerTriangularCopy]):
+    """The vector l of a correction Theta l (y - yhat): given itself, or through poles."""
+
+    form = staticmethod(lower_triangular_form)
+
+    l: tuple[Number, ...] | None = Field(  # noqa: E741  # the papers' letter
+        default=None, description="n gains, Theta l (y - yhat); in place of poles"
+    )
+    poles: Poles = Field(
+        default=complex(-1),
+        description="eigenvalues of A - l c at theta = 1: a number or n; real part < 0; for slopes of 1",
+    )
+
+    @model_validator(mode="after")
+    def _one_of_poles_and_l(self) -> OutputInjection:
+        if self.l is not None and "poles" in self.model_fields_set:
+            raise ValueError("give either poles or l, not both")
+        return self
+
+    def injection(self, form: LowerTriangularForm) -> np.ndarray:
+        """l, shape (n,)."""
+        given = self.l if self.l is not None else self.poles
+        if isinstance(given, tuple) and len(given) != form.n:
+            key = "poles" if self.l is None else "l"
+            raise Problem((key,), f"expected {form.n} numbers, one a state; found {len(given)}")
+        return np.asarray(self.l) if self.l is not None else hurwitz_gain(form.n, self.poles)
+
+    @property
+    def blend(self) -> Blend | None:
+        """How a direct reconstruction of the state is blended in; None: not at all."""
+        return None
+
+    def _rate(self, form: LowerTriangularForm) -> float:
+        return float(np.max(np.abs(np.roots([1.0, *self.injection(form)])), initial=0.0))

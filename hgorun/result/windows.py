@@ -1,0 +1,56 @@
+"""Windows of time on a grid."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hgorun.config.models import Metrics, Time
+
+_SLACK = 1e-9  # of a grid step: so far outside of a window a point still belongs to it
+
+
+def points_in(time: np.ndarray, window: tuple[float, float]) -> slice:
+    """The points of a grid that lie in a window, its ends included in spite of rounding.
+
+    Parameters
+    ----------
+    time : ndarray, shape (Nt,)
+        Increasing; evenly spaced at the start.
+    window : (from, to)
+    """
+    slack = _SLACK * float(time[1] - time[0]) if time.size > 1 else 0.0
+    first = np.searchsorted(time, window[0] - slack, side="left")
+    return slice(int(first), int(np.searchsorted(time, window[1] + slack, side="right")))
+
+
+@dataclass(frozen=True)
+class MetricSettings:
+    """Where the metrics look, with nothing omitted.
+
+    Attributes
+    ----------
+    steady, transient : (from, to)
+    average : float
+        Length of the moving mean that hf takes away.
+    settling : float
+        Settled below this part of the transient peak.
+    """
+
+    steady: tuple[float, float]
+    transient: tuple[float, float]
+    average: float
+    settling: float
+
+    @classmethod
+    def of(cls, metrics: Metrics, time: Time) -> MetricSettings:
+        """Defaults: the last two thirds, the first third, 1 % of the run."""
+        span = time.end - time.start
+        third = time.start + span / 3
+        return cls(
+            metrics.window or (third, time.end),
+            metrics.transient or (time.start, third),
+            metrics.average or span / 100,
+            metrics.settling,
+        )

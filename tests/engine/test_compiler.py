@@ -1,0 +1,104 @@
+"""Compiled code is kept, found again, and never executed where somebody else could have written it."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+from pathlib import Path
+
+import pytest
+
+from hgorun.engine import compiler
+from hgorun.engine.compiler import NativeModule, cache_folder
+
+IR = "define dso_local double @number() {\n  ret double 42.0\n}"
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("HGORUN_CACHE_DIR", str(tmp_path / "cache"))
+    return tmp_path / "cache"
+
+
+@pytest.fixture
+def compiled(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """What has been compiled and not taken from the cache."""
+    seen: list[str] = []
+    original = compiler._compile
+
+    def spy(ir: str, machine: object) -> bytes:
+        seen.append(ir)
+        return original(ir, machine)
+
+    monkeypatch.setattr(compiler, "_compile", spy)
+    return seen
+
+
+def number(module: NativeModule) -> float:
+    return float(ctypes.CFUNCTYPE(ctypes.c_double)(module.address["number"])())
+
+
+def test_a_second_time_nothing_is_compiled(folder: Path, compiled: list[str]) -> None:
+    modules = [NativeModule(IR, ("number",)) for _ in range(2)]  # two of them live side by side
+    assert [number(m) for m in modules] == [42.0, 42.0]
+    assert compiled == [IR]
+    assert [path.suffix for path in folder.iterdir()] == [".o"]
+    assert folder.stat().st_mode & 0o077 == 0
+
+
+def test_other_code_is_another_entry(folder: Path, compiled: list[str]) -> None:
+    other = IR.replace("42.0", "43.0")
+    assert [number(NativeModule(ir, ("number",))) for ir in (IR, other)] == [42.0, 43.0]
+    assert len(list(folder.iterdir())) == 2
+
+
+@pytest.mark.parametrize("damage", [lambda data: data[:-1], lambda data: b"\0" + data[1:], lambda data: b""])
+def test_a_damaged_entry_is_compiled_again(folder: Path, compiled: list[str], damage: object) -> None:
+    NativeModule(IR, ("number",))
+    (entry,) = folder.iterdir()
+    whole = entry.read_bytes()
+    entry.write_bytes(damage(whole))  # type: ignore[operator]
+    assert number(NativeModule(IR, ("number",))) == 42.0
+    assert len(compiled) == 2
+    assert entry.read_bytes() == whole
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="modes are POSIX's")
+@pytest.mark.parametrize("mode", [0o720, 0o702])
+def test_a_folder_that_others_can_write_is_neither_read_nor_written(
+    folder: Path, compiled: list[str], mode: int
+) -> None:
+    NativeModule(IR, ("number",))
+    folder.chmod(mode)
+    assert number(NativeModule(IR, ("number",))) == 42.0
+    assert len(compiled) == 2
+    NativeModule(IR.replace("42.0", "44.0"), ("number",))
+    assert len(list(folder.iterdir())) == 1
+
+
+def test_without_a_cache_it_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("HGORUN_CACHE_DIR", str(tmp_path / "file" / "below"))
+    assert number(NativeModule(IR, ("number",))) == 42.0
+
+
+def test_nothing_is_left_when_an_entry_cannot_be_put_in_its_place(
+    folder: Path, compiled: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object) -> None:
+        raise OSError
+
+    monkeypatch.setattr(os, "replace", refuse)
+    assert number(NativeModule(IR, ("number",))) == 42.0
+    assert list(folder.iterdir()) == []
+
+
+def test_where_the_cache_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("HGORUN_CACHE_DIR", raising=False)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    assert cache_folder() == tmp_path / "hgorun"
+    monkeypatch.delenv("XDG_CACHE_HOME")
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert cache_folder() == tmp_path / ".cache" / "hgorun"
+    monkeypatch.setenv("HGORUN_CACHE_DIR", str(tmp_path / "there"))
+    assert cache_folder() == tmp_path / "there"

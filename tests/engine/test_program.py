@@ -1,0 +1,254 @@
+"""Compiled programs against the plain interpreter of their tables: random plans, all actions, lanes, masks."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from itertools import pairwise
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+import pytest
+from interpreter import Interpreter, Run
+
+from hgorun.engine.layout import (
+    ARRIVE,
+    CONTINUOUS,
+    DELAYED,
+    HELD,
+    JUMP,
+    REBASE,
+    RECORD,
+    SET,
+    SILENT,
+    TAKE,
+    Structure,
+    Variant,
+)
+from hgorun.engine.plan import Plan
+from hgorun.engine.program import Program, Raw, Start, Tolerance
+from hgorun.errors import SimulationError
+
+Array = npt.NDArray[np.float64]
+PLANT, OBSERVERS, OUTPUTS, PARAMETERS = 2, 2, 2, 2
+OWN = 2 + OUTPUTS  # states of an observer, then its alphas
+STATES = PLANT + OBSERVERS * OWN
+HELD_WIDTH = 3 + OBSERVERS
+END = 2.0
+BOUND = (5.0, 1.5)
+VARIANTS: dict[bool, list[Variant]] = {
+    False: [
+        ((SILENT, 0), (CONTINUOUS, 0)),
+        ((CONTINUOUS, 0), (HELD, 0)),
+        ((HELD, 0), (HELD, 0)),
+    ],
+    True: [
+        ((SILENT, 0), (HELD, 0)),
+        ((DELAYED, 0), (HELD, 0)),
+        ((DELAYED, 1), (DELAYED, 0)),
+    ],
+}
+
+
+def block(j: int) -> slice:
+    """Where an observer's own states and alphas are in z."""
+    return slice(PLANT + j * OWN, PLANT + (j + 1) * OWN)
+
+
+def heard(w: ca.SX, variant: Variant, j: int) -> ca.SX:
+    """What reaches observer j: the noise of each output, and what has been measured where that is told."""
+    parts = []
+    for i, (what, _) in enumerate(variant):
+        base = i * HELD_WIDTH
+        parts.append(w[base])
+        if what in (HELD, DELAYED):
+            parts += [w[base + 2], w[base + 3 + j]]
+        if what == HELD:
+            parts += [w[base + 1], w[OUTPUTS * HELD_WIDTH]]
+    return ca.vertcat(*parts)
+
+
+@cache
+def structure(delayed: bool) -> Structure:
+    """Random coefficients; an observer knows the plant and itself, the plant only itself and time."""
+    rng = np.random.default_rng(7)
+    t, p, z, w = ca.SX.sym("t"), ca.SX.sym("p", PARAMETERS), ca.SX.sym("z", STATES), ca.SX.sym("w", 11)
+    x = z[:PLANT]
+
+    def matrix(rows: int, columns: int, scale: float = 1.0) -> ca.DM:
+        return ca.DM(scale * rng.normal(size=(rows, columns)))
+
+    def flow(variant: Variant) -> ca.Function:
+        late = 1.0 + variant[0][1]
+        rates = [ca.DM([[-0.3, 1.5], [-1.5, 0.1]]) @ x + ca.vertcat(ca.sin(9 * t), p[0] * ca.cos(t))]
+        for j in range(OBSERVERS):
+            own, told = z[block(j)], heard(w, variant, j)
+            pull = ca.tanh(matrix(OWN, told.numel()) @ told) + late * matrix(OWN, PLANT) @ x
+            rates.append(matrix(OWN, OWN, 0.4) @ own + 5 * p[1] * j * own + pull + ca.sin(5 * t))
+        return ca.Function("flow", [t, p, z, w], [ca.vertcat(*rates)])
+
+    def channels() -> ca.SX:
+        found = []
+        for i in range(OUTPUTS):
+            found.append(x[i] * p[0] + ca.sin(x[1 - i]) + t * w[i * HELD_WIDTH])
+            found += [z[block(j)][0] - z[block(j)][2 + i] for j in range(OBSERVERS)]
+        return ca.vertcat(*found)
+
+    variants = VARIANTS[delayed]
+    slope = ca.SX.sym("slope", STATES)
+    smooth = ca.substitute(channels(), w, ca.SX.zeros(11))  # a history is of what is smooth
+    lag = ca.vertcat(0.35 + 0.1 * ca.sin(3 * t), 0.45 - 0.1 * ca.cos(t))
+    jumps = [(0, PLANT, ca.vertcat(x[1], -0.5 * x[0] + w[0]))]
+    own = z[block(1)]
+    jumps.append((block(1).start, block(1).stop, ca.vertcat(own[1], own[0], 0, 0) + 0.1 * ca.sin(t) + p[0]))
+    return Structure(
+        states=STATES,
+        plant_states=PLANT,
+        held=11,
+        parameters=PARAMETERS,
+        outputs=OUTPUTS,
+        observers=OBSERVERS,
+        has_alpha=True,
+        blocks=tuple((block(j).start, block(j).start + 2, block(j).stop) for j in range(OBSERVERS)),
+        flows={v: flow(v) for v in variants},
+        lags={v: ca.Function("lag", [t, p, z, w], [lag]) for v in variants if any(k == DELAYED for k, _ in v)},
+        channels=ca.Function("channels", [t, p, z, w], [channels() if not delayed else smooth]),
+        channel_slopes=ca.Function(
+            "slopes", [t, p, z, slope], [ca.vertcat(smooth, ca.jacobian(smooth, z) @ slope + ca.jacobian(smooth, t))]
+        ),
+        jumps=tuple((start, stop, ca.Function("jump", [t, p, z, w], [new])) for start, stop, new in jumps),
+    )
+
+
+def plan(seed: int, *, most_steps: int = 6) -> Plan:
+    """Random events with random actions, segments cut into pieces, and rows at events and between."""
+    rng = np.random.default_rng(seed)
+    events = np.concatenate([[0.0], np.sort(rng.uniform(0.1, END - 0.1, 6)), [END]])
+    slots = 5
+    spans: list[tuple[float, ...]] = []
+    counts: list[tuple[int, ...]] = []
+    actions: list[tuple[int, ...]] = []
+    for start, end in pairwise(events):
+        steps = int(np.ceil((end - start) / 0.2)) + int(rng.integers(0, most_steps))
+        cuts = [0, *sorted(rng.choice(np.arange(1, steps), min(2, steps - 1), replace=False)), steps]
+        first = len(actions)
+        for _ in range(rng.integers(0, 6)):
+            op = int(rng.choice([TAKE, ARRIVE, RECORD, SET, REBASE, JUMP, ARRIVE]))
+            output, low = int(rng.integers(0, OUTPUTS)), int(rng.integers(0, slots))
+            place = output * HELD_WIDTH if rng.random() < 0.5 else OUTPUTS * HELD_WIDTH
+            where = place if op == SET else output
+            actions.append((op, where, int(rng.integers(0, slots)), low, int(rng.integers(low, slots + 1))))
+        inward = rng.uniform(0, 1e-3, 2)
+        for k, (a, b) in enumerate(pairwise(cuts)):
+            spans.append((start, end, start + inward[0], end - inward[1]))
+            many = (first, len(actions)) if k == 0 else (len(actions), len(actions))
+            variant = int(rng.integers(0, 3)) if k == 0 else counts[-1][3]
+            counts.append((steps, a, b, variant, *many, 1))
+    grid = np.sort(np.concatenate([[0.0, END, events[2]], rng.uniform(0, END, 30)]))
+    return Plan(
+        spans=np.array(spans),
+        counts=np.array(counts, dtype=np.int64),
+        actions=np.array(actions, dtype=np.int64).reshape(-1, 5),
+        grid=grid,
+        slots=slots,
+        gain=rng.uniform(0.5, 1.5, slots),
+        bias=rng.normal(size=slots),
+        holds=rng.normal(size=slots),
+        reach=0.5,
+    )
+
+
+def whole(made: Plan) -> Plan:
+    """The same with one piece a segment, as adaptive methods have it."""
+    kept = made.counts[:, 1] == 0
+    return replace(made, spans=made.spans[kept], counts=made.counts[kept])
+
+
+@cache
+def program(method: str, *, delayed: bool = False, adaptive: bool = False, lanes: int = 1) -> Program:
+    return Program(structure(delayed), method, adaptive=adaptive, lanes=lanes)
+
+
+def start_of(seed: int) -> tuple[Array, Array]:
+    rng = np.random.default_rng(1000 + seed)
+    return rng.normal(size=STATES), rng.uniform(0.1, 0.6, PARAMETERS)
+
+
+def assert_same(found: Raw, expected: Run) -> None:
+    def close(a: Array, b: Array, scale: float = 1.0) -> None:
+        np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-10 * scale)
+
+    close(found.rows[:, :, 0], np.array(expected.rows), 10)
+    close(found.measured[:, 0], expected.measured)
+    close(found.diverged[:, 0], expected.diverged)
+    close(found.error[:, 0], expected.error)
+
+
+@pytest.mark.parametrize("method", ["euler", "rk4", "dopri5"])
+@pytest.mark.parametrize("delayed", [False, True])
+@pytest.mark.parametrize("seed", range(6))
+def test_fixed_steps(seed: int, delayed: bool, method: str) -> None:
+    made = plan(seed)
+    z, p = start_of(seed)
+    found = program(method, delayed=delayed).run(made, Start(z[:, None], p[:, None], BOUND))
+    assert_same(found, Interpreter(structure(delayed), made, method, z, p, BOUND).fixed())
+
+
+def test_some_of_these_observers_diverge_and_some_do_not() -> None:
+    times = [Interpreter(structure(False), plan(seed), "rk4", *start_of(seed), BOUND).fixed() for seed in range(6)]
+    diverged = np.isfinite([run.diverged for run in times])
+    assert 0 < diverged.sum() < diverged.size
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_adaptive_steps(seed: int) -> None:
+    made = whole(plan(seed))
+    z, p = start_of(seed)
+    tolerance = Tolerance(rtol=1e-5, atol=1e-7, max_step=0.15, first_step=1e-3)
+    found = program("dopri5", adaptive=True).run(made, Start(z[:, None], p[:, None], BOUND), tolerance)
+    expected = Interpreter(structure(False), made, "dopri5", z, p, BOUND).adaptive(tolerance)
+    assert expected.steps > len(made.spans)
+    np.testing.assert_allclose(found.rows[:, :, 0], expected.rows, rtol=1e-7, atol=1e-8)
+    np.testing.assert_allclose(found.measured[:, 0], expected.measured, rtol=1e-7, atol=1e-8)
+    np.testing.assert_allclose(found.error[:, 0], expected.error, rtol=1e-4, atol=1e-10)
+    np.testing.assert_allclose(found.diverged[:, 0], expected.diverged, rtol=1e-7)
+
+
+@pytest.mark.parametrize("lanes", [2, 4, 8])
+@pytest.mark.parametrize("delayed", [False, True])
+def test_lanes_are_runs_of_their_own(lanes: int, delayed: bool) -> None:
+    """Bit for bit: other states, parameters, noise and gains a lane."""
+    made = plan(3)
+    rng = np.random.default_rng(lanes)
+    z, p = rng.normal(size=(STATES, lanes)), rng.uniform(0.1, 0.6, (PARAMETERS, lanes))
+    gain, bias, holds = (rng.normal(size=(made.slots, lanes)) for _ in range(3))
+    many = replace(made, gain=gain, bias=bias, holds=holds)
+    together = program("rk4", delayed=delayed, lanes=lanes).run(many, Start(z, p, BOUND))
+    for lane in range(lanes):
+        one = replace(made, gain=gain[:, lane], bias=bias[:, lane], holds=holds[:, lane])
+        alone = program("rk4", delayed=delayed).run(one, Start(z[:, lane, None], p[:, lane, None], BOUND))
+        for name in ("rows", "measured", "diverged", "error"):
+            a, b = getattr(together, name)[..., lane], getattr(alone, name)[..., 0]
+            np.testing.assert_array_equal(a, b, err_msg=name)
+
+
+@pytest.mark.parametrize("adaptive", [False, True])
+def test_a_plant_that_diverges_ends_the_run(adaptive: bool) -> None:
+    made = plan(0)
+    z, p = start_of(0)
+    z[0] = 1e301
+    tolerance = Tolerance(1e-5, 1e-7, 1.0, 1e-3) if adaptive else None
+    with pytest.raises(SimulationError, match=r"the plant itself diverged at t = \S+: nothing can be said"):
+        program("dopri5", adaptive=adaptive).run(
+            whole(made) if adaptive else made, Start(z[:, None], p[:, None]), tolerance
+        )
+
+
+def test_progress_grows_to_one() -> None:
+    told: list[float] = []
+    z, p = start_of(1)
+    program("rk4").run(plan(1), Start(z[:, None], p[:, None]), progress=told.append)
+    assert told == sorted(told)
+    assert told[-1] == 1.0
+    assert 0 < told[0] < 1

@@ -1,0 +1,175 @@
+"""The rooms of the package and who may import whom: rooms import rooms of lower floors, and no files go in a circle.
+
+Imports inside functions and for type checkers count: whoever reads a file has to know what they name.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PACKAGE = ROOT / "hgorun"
+PAGE = ROOT / "docs" / "architecture.md"
+
+# From the ground up. A room may import the rooms of lower floors; rooms of one floor do not know each other.
+FLOORS: list[set[str]] = [
+    {"errors", "version"},
+    {"files", "registry"},
+    {"config"},
+    {"symbolic"},
+    {"plants", "observers", "noise", "engine"},
+    {"measurement"},
+    {"result"},
+    {"simulation"},
+    {"analysis"},
+    {"tables"},
+    {"figures"},
+    {"study"},
+    {"reproduce"},
+    {"hgorun"},  # __init__.py, what `import hgorun` offers
+    {"commands"},
+    {"cli"},
+    {"__main__"},
+]
+ANALYSIS_FLOORS: list[set[str]] = [
+    {"reasons"},
+    {"subject"},
+    {"finding"},
+    {"linear"},
+    {"excitation"},
+    {"convergence", "noise", "papers", "search", "stability"},
+    {"findings"},
+    {"report"},
+]
+# (importing file, imported room): why it points upwards. At most three.
+EXCEPTIONS = {
+    ("simulation/simulate.py", "figures"): "figures are checked before the first step",
+    ("result/result.py", "figures"): "Result.plot() draws the default figure; imported when it is called",
+}
+
+
+def floor_of(floors: list[set[str]]) -> dict[str, int]:
+    return {room: floor for floor, rooms in enumerate(floors) for room in rooms}
+
+
+def modules() -> dict[str, Path]:
+    """Every module of the package by its dotted name."""
+    found = {}
+    for path in PACKAGE.rglob("*.py"):
+        parts = path.relative_to(ROOT).with_suffix("").parts
+        found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
+    return found
+
+
+MODULES = modules()
+
+
+def imports(path: Path) -> Iterator[str]:
+    """The package's modules that a file imports, anywhere in it."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom) and node.module and node.module.split(".")[0] == "hgorun":
+            for alias in node.names:
+                inner = f"{node.module}.{alias.name}"
+                yield inner if inner in MODULES else node.module
+        elif isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names if alias.name.split(".")[0] == "hgorun")
+
+
+GRAPH = {name: {m for m in imports(path) if m != name} for name, path in MODULES.items()}
+
+
+def room_of(module: str, package: str = "hgorun") -> str:
+    """The part of a module's name behind the package's; the package itself for its ``__init__``."""
+    return module.removeprefix(package).strip(".").split(".")[0] or package
+
+
+def arrows(package: str) -> dict[tuple[str, str], set[str]]:
+    """(room, room) and the files whose imports go from the one to the other, inside a package."""
+    found: dict[tuple[str, str], set[str]] = {}
+    for name, targets in GRAPH.items():
+        for target in targets:
+            if not (f"{name}.".startswith(f"{package}.") and f"{target}.".startswith(f"{package}.")):
+                continue
+            pair = room_of(name, package), room_of(target, package)
+            if pair[0] != pair[1]:
+                file = MODULES[name].relative_to(PACKAGE).as_posix()
+                found.setdefault(pair, set()).add(file)
+    return found
+
+
+def upward(package: str, floors: list[set[str]]) -> set[tuple[str, str]]:
+    floor = floor_of(floors)
+    return {
+        (file, there)
+        for (here, there), files in arrows(package).items()
+        if floor[there] >= floor[here]
+        for file in files
+    }
+
+
+def circles() -> list[set[str]]:
+    """Sets of files that import each other, directly or by way of others."""
+
+    def reach(start: str) -> set[str]:
+        seen: set[str] = set()
+        waiting = list(GRAPH[start])
+        while waiting:
+            name = waiting.pop()
+            if name not in seen and name in GRAPH:
+                seen.add(name)
+                waiting += GRAPH[name]
+        return seen
+
+    reached = {name: reach(name) for name in GRAPH}
+    found: list[set[str]] = []
+    for name, beyond in reached.items():
+        if name in beyond and not any(name in circle for circle in found):
+            found.append({other for other in beyond if name in reached[other]})
+    return found
+
+
+def test_every_room_has_a_floor() -> None:
+    rooms = {path.stem for path in PACKAGE.iterdir() if path.suffix == ".py" or (path / "__init__.py").exists()}
+    assert rooms - {"__init__"} == set(floor_of(FLOORS)) - {"hgorun"}
+
+
+def test_imports_run_downwards() -> None:
+    assert sorted(upward("hgorun", FLOORS) - set(EXCEPTIONS)) == []
+
+
+def test_rooms_of_the_analysis_import_downwards() -> None:
+    inner = [{"hgorun.analysis"}, *ANALYSIS_FLOORS]
+    assert sorted(upward("hgorun.analysis", inner)) == []
+
+
+def test_exceptions_are_few_and_up_to_date() -> None:
+    assert sorted(set(EXCEPTIONS) - upward("hgorun", FLOORS)) == []
+    assert len(EXCEPTIONS) <= 3
+
+
+def test_no_circle_of_files() -> None:
+    assert [sorted(circle) for circle in circles()] == []
+
+
+@pytest.mark.parametrize("package", [p.name for p in PACKAGE.iterdir() if (p / "__init__.py").exists()])
+def test_a_room_says_what_it_is(package: str) -> None:
+    assert ast.get_docstring(ast.parse((PACKAGE / package / "__init__.py").read_text(encoding="utf-8")))
+
+
+def test_the_page_shows_the_floors() -> None:
+    """docs/architecture.md has a table of floors from the top down, equal to the one here."""
+    rows = re.findall(r"^\| (\d+) \| (.+?) \|", PAGE.read_text(encoding="utf-8"), re.MULTILINE)
+    shown = {int(floor): set(re.findall(r"`(\w+)`", rooms)) for floor, rooms in rows}
+    assert shown == dict(enumerate(FLOORS))
+
+
+def test_the_page_names_what_exists() -> None:
+    text = PAGE.read_text(encoding="utf-8")
+    paths = re.findall(r"`((?:hgorun|tests|docs|tools|experiments)/[\w./]*)`", text)
+    assert paths
+    assert [p for p in paths if not (ROOT / p).exists()] == []
