@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from typed import assert_strictly_typed
 
 import hgorun
 from hgorun.cli import main
@@ -76,3 +77,12 @@ def test_the_tutorial_observer_runs_from_outside_the_package(tmp_path: Path, mon
     assert "w" in result.observers["PI"].internal
     metrics = result.metrics()
     assert metrics["PI"]["rmse"]["x1"] < 0.5 * metrics["P"]["rmse"]["x1"]
+
+
+def test_the_tutorial_passes_strict_type_checking_as_an_outside_package(tmp_path: Path) -> None:
+    """What a newcomer meets has its types said: no Any comes in from hgorun."""
+    shown = "        reveal_type((plant.copy(s.xhat), k.theta, e))\n"
+    text = block("python", "pi_observer").replace("        kappa =", shown + "        kappa =")
+    (tmp_path / "my_package.py").write_text(text)
+    reported = assert_strictly_typed(tmp_path / "my_package.py")
+    assert 'Revealed type is "tuple[casadi.casadi.SX, casadi.casadi.SX, casadi.casadi.SX]"' in reported

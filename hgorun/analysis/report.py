@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-import numpy as np
-
 from hgorun.analysis.convergence.theorem import transient_of
 from hgorun.analysis.finding import Finding, Remarked, Value, all_findings
 from hgorun.analysis.reasons import outcomes
 from hgorun.analysis.subject import Context, Subject
+from hgorun.files import json_value
 from hgorun.result.result import Result
 from hgorun.result.theory import Transient
 from hgorun.simulation.experiment import Experiment
@@ -91,7 +89,7 @@ class Analysis:
         shown = {finding.name for finding in self.findings if "json" in finding.places}
         observers = {}
         for label, found in self.observers.items():
-            values = {key: plain(value) for key, value in found.values.items() if key in shown}
+            values = {key: json_value(value) for key, value in found.values.items() if key in shown}
             reasons = {key: reason for key, reason in found.reasons.items() if key in shown}
             observers[label] = values | {"reasons": reasons, "remarks": list(found.remarks)}
         return {"name": self.name, "file": file, "observers": observers}
@@ -144,18 +142,3 @@ def _findings_of(subject: Subject, findings: Sequence[Finding]) -> Findings:
         if name in found or name in reasons:
             values[name] = value
     return Findings(values, reasons, tuple(dict.fromkeys(remarks)))
-
-
-def plain(value: Any) -> Any:
-    """A value as JSON holds it."""
-    if isinstance(value, Mapping):
-        return {str(key): plain(part) for key, part in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [plain(part) for part in value]
-    if isinstance(value, (np.ndarray, np.generic)):
-        return plain(value.tolist())
-    if isinstance(value, complex):
-        return [plain(value.real), plain(value.imag)]
-    if isinstance(value, float) and not math.isfinite(value):
-        return str(value)
-    return value

@@ -11,11 +11,13 @@ from typing import Any
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
+from hgorun.commands.options import Init, List, Show
 from hgorun.config import yaml_source
 from hgorun.config.expressions import nearest
 from hgorun.config.models import File
 from hgorun.config.types import pole_text
 from hgorun.errors import ConfigError, HgorunError
+from hgorun.figures.scaling import quantities
 from hgorun.files import write_text
 from hgorun.measurement.blocks import Measurement
 from hgorun.noise.base import NOISE, Noise
@@ -24,9 +26,10 @@ from hgorun.plants.base import PLANTS, Plant
 from hgorun.plants.inline import InlinePlant
 from hgorun.registry import Registry
 from hgorun.reproduce.shipped import experiments
+from hgorun.result.metrics.base import Metric, all_metrics
 
 _REGISTRIES: dict[str, Registry[Any]] = {"plants": PLANTS, "observers": OBSERVERS, "noise": NOISE}
-_KINDS = (*_REGISTRIES, "experiments")
+_KINDS = (*_REGISTRIES, "metrics", "experiments")
 
 
 def _first_line(cls: type) -> str:
@@ -41,16 +44,22 @@ def _titles() -> dict[str, str]:
     return found
 
 
-def list_all(kind: str, *, json: bool) -> int:
+def _entries(kind: str) -> dict[str, str]:
+    """Name: one line, of all things of a kind."""
+    if kind == "experiments":
+        return _titles()
+    if kind == "metrics":
+        return {name: metric.meaning for name, metric in all_metrics().items()}
+    return {name: _first_line(cls) for name, cls in _REGISTRIES[kind].all().items()}
+
+
+def list_all(options: List) -> int:
     """Names and one line each."""
+    kind = options.kind
     if kind not in (*_KINDS, "all"):
         raise ConfigError(f"expected one of {', '.join(_KINDS)}, all; found {kind!r}.{nearest(kind, _KINDS)}")
-    found = {
-        k: _titles() if k == "experiments" else {name: _first_line(cls) for name, cls in _REGISTRIES[k].all().items()}
-        for k in _KINDS
-        if kind in (k, "all")
-    }
-    if json:
+    found = {k: _entries(k) for k in _KINDS if kind in (k, "all")}
+    if options.json:
         print(json_text.dumps(found, indent=2))
         return 0
     width = max(len(name) for entries in found.values() for name in entries)
@@ -61,22 +70,39 @@ def list_all(kind: str, *, json: bool) -> int:
     return 0
 
 
-def show(name: str, *, json: bool) -> int:
+def show(options: Show) -> int:
     """Everything about one entry."""
+    name, json = options.name, options.json
     for registry in _REGISTRIES.values():
         classes = registry.all()
         if name in classes:
             described = _described(name, registry.kind, classes[name])
             print(json_text.dumps(described, indent=2) if json else _as_text(described))
             return 0
+    metrics = all_metrics()
+    if name in metrics:
+        described = _metric(metrics[name])
+        print(json_text.dumps(described, indent=2) if json else "\n".join(f"{k}: {v}" for k, v in described.items()))
+        return 0
     shipped = experiments()
     for path, file in shipped.items():
         if name in (path, Path(path).name):
             text = file.read_text(encoding="utf-8")
             print(json_text.dumps({"name": path, "kind": "experiment", "text": text}) if json else text)
             return 0
-    known = [*(name for registry in _REGISTRIES.values() for name in registry.names()), *shipped]
+    known = [*(name for registry in _REGISTRIES.values() for name in registry.names()), *metrics, *shipped]
     raise ConfigError(f"nothing is called {name!r}.{nearest(name, known)} See hgorun list")
+
+
+def _metric(metric: Metric) -> dict[str, Any]:
+    return {
+        "name": metric.name,
+        "kind": "metric",
+        "meaning": metric.meaning,
+        "unit": {"state": "that of the state", "time": "that of time", "1": "none"}[metric.unit],
+        "window": metric.window,
+        "best": metric.ideal,
+    }
 
 
 def _described(name: str, kind: str, cls: type[Plant] | type[Observer] | type[Noise]) -> dict[str, Any]:
@@ -174,13 +200,15 @@ def build_schema() -> dict[str, Any]:
     }
     top["properties"]["observers"]["additionalProperties"] = {"anyOf": observers}
     top["properties"]["measurement"] = add(Measurement, "Measurement")
+    definitions["Scaling"]["properties"]["of"]["examples"] = list(quantities())
     definitions["Noise"] = {"anyOf": [add(cls, f"noise-{name}", name, whole=True) for name, cls in NOISE.all().items()]}
     top.pop("required", None)
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **top}
 
 
-def init(name: str, folder: Path, *, force: bool) -> int:
+def init(options: Init) -> int:
     """Copy an experiment and the files that it extends."""
+    name, folder = options.name, options.folder
     shipped = experiments()
     matches = [file for path, file in shipped.items() if name in (path, Path(path).name)]
     if not matches:
@@ -189,7 +217,7 @@ def init(name: str, folder: Path, *, force: bool) -> int:
         )
     copies = [(folder / file.name, text) for file, text in _with_bases(matches[0])]
     for target, text in copies:
-        if target.exists() and not force and target.read_text(encoding="utf-8") != text:
+        if target.exists() and not options.force and target.read_text(encoding="utf-8") != text:
             raise HgorunError(f"{target} exists and differs; --force overwrites it")
     for target, text in copies:
         write_text(target, text)

@@ -60,7 +60,8 @@ class Stretch:
 
     def fastest(self) -> float:
         """The highest frequency of its noise that an automatic step has to follow, in rad per time unit; 0 for none."""
-        return max((item.fastest() for item in self.noise if isinstance(item, TimeFunction)), default=0.0)
+        functions = [item for item in self.noise if isinstance(item, TimeFunction)]
+        return max((item.fastest(self.start, self.end) for item in functions), default=0.0)
 
     def delay_symbol(self, t: ca.SX) -> ca.SX:
         return parse(self.delay, names=("t",)).symbol({"t": t})

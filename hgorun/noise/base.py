@@ -98,8 +98,11 @@ class TimeFunction(Noise):
         values = ca.Function("v", [t], [self._of(t)])(ca.DM(times[None, :]))
         return np.asarray(values.full()).ravel()
 
-    def fastest(self) -> float:
-        """The highest frequency, in rad per time unit, that an automatic step has to follow; 0 for none."""
+    def fastest(self, start: float, end: float) -> float:
+        """The highest frequency between start and end that an automatic step has to follow, in rad per time unit.
+
+        0 where there is none.
+        """
         return 0.0
 
     def bound(self, start: float, end: float) -> float:

@@ -40,7 +40,7 @@ class Sinusoids(TimeFunction):
         zero = np.zeros(times.size)
         return sum((term.amplitude * np.sin(term.omega * times + term.phase) for term in self.terms), zero)
 
-    def fastest(self) -> float:
+    def fastest(self, start: float, end: float) -> float:
         return max(abs(term.omega) for term in self.terms)
 
     def bound(self, start: float, end: float) -> float:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from types import SimpleNamespace
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import casadi as ca
 
-from hgorun.plants.base import Plant, Quantity, plant
+from hgorun.plants.base import Expressions, Parameter, Plant, plant
+from hgorun.symbolic.symbols import Symbols
 
 
 @plant("academic")
@@ -28,14 +28,14 @@ class Academic(Plant):
 
     reference = "Robles Magdaleno 2023, (2.84), (3.135)"
     valid = "everywhere; bounded for a > 0"
-    known_parameters: ClassVar[Mapping[str, Quantity]] = {
-        "a": Quantity(0.1, "1/s", "damping of each state"),
-        "c_1": Quantity(1.0, "1/s", "amplitude of the link f_1 from x2 to x1"),
-        "omega_1": Quantity(0.5, "rad/s", "its frequency"),
-        "c_2": Quantity(1.0, "1/s", "amplitude of the link f_2 from x3 to x2"),
-        "omega_2": Quantity(2.7, "rad/s", "its frequency"),
-        "c_u": Quantity(5.0, "1/s", "amplitude of the input"),
-        "omega_u": Quantity(0.5 * math.pi, "rad/s", "its frequency"),
+    known_parameters: ClassVar[Mapping[str, Parameter]] = {
+        "a": Parameter(0.1, "1/s", "damping of each state"),
+        "c_1": Parameter(1.0, "1/s", "amplitude of the link f_1 from x2 to x1"),
+        "omega_1": Parameter(0.5, "rad/s", "its frequency"),
+        "c_2": Parameter(1.0, "1/s", "amplitude of the link f_2 from x3 to x2"),
+        "omega_2": Parameter(2.7, "rad/s", "its frequency"),
+        "c_u": Parameter(5.0, "1/s", "amplitude of the input"),
+        "omega_u": Parameter(0.5 * math.pi, "rad/s", "its frequency"),
     }
 
     @property
@@ -46,7 +46,7 @@ class Academic(Plant):
     def output_names(self) -> tuple[str, ...]:
         return ("x1",)
 
-    def equations(self, t: ca.SX, x: SimpleNamespace, u: SimpleNamespace, p: SimpleNamespace) -> tuple[Any, Any]:
+    def equations(self, t: ca.SX, x: Symbols, u: Symbols, p: Symbols) -> tuple[Expressions, Expressions]:
         f_1, f_2 = p.c_1 * ca.sin(p.omega_1 * t), p.c_2 * ca.sin(p.omega_2 * t)
         phi = ca.tanh(x.x1 * x.x2)
         return [

@@ -2,25 +2,36 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
-from collections.abc import Callable, Mapping
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from inspect import isabstract
-from types import SimpleNamespace
-from typing import Any, ClassVar, Literal, TypeGuard
+from typing import ClassVar, Literal, TypeAlias, TypeGuard
 
 import casadi as ca
 from pydantic import Field
 
 from hgorun.config.types import Block, ExpressionText, Name, Number
 from hgorun.registry import Registry
+from hgorun.symbolic.symbols import Symbols
+
+# One expression each of several states, outputs or coordinates.
+Expressions: TypeAlias = Sequence[ca.SX | float]
 
 
 @dataclass(frozen=True)
-class Quantity:
-    """A parameter, input or state: default value, unit and meaning."""
+class Parameter:
+    """A parameter: its default value (None: it has to be given), unit and meaning."""
 
-    default: float | None = None
+    default: float | None
+    unit: str = ""
+    meaning: str = ""
+
+
+@dataclass(frozen=True)
+class Input:
+    """An input: its unit and meaning."""
+
     unit: str = ""
     meaning: str = ""
 
@@ -30,8 +41,8 @@ class Plant(Block):
 
     reference: ClassVar[str] = ""
     valid: ClassVar[str] = ""
-    known_parameters: ClassVar[Mapping[str, Quantity]] = {}
-    known_inputs: ClassVar[Mapping[str, Quantity]] = {}
+    known_parameters: ClassVar[Mapping[str, Parameter]] = {}
+    known_inputs: ClassVar[Mapping[str, Input]] = {}
     units: ClassVar[Mapping[str, str]] = {}
 
     type: str = Field(description="name of the plant")
@@ -62,20 +73,55 @@ class Plant(Block):
         return tuple(self.known_inputs)
 
     @abstractmethod
-    def equations(self, t: ca.SX, x: SimpleNamespace, u: SimpleNamespace, p: SimpleNamespace) -> tuple[Any, Any]:
-        """(dynamics, outputs): the right-hand side of each state and each output, as lists."""
+    def equations(self, t: ca.SX, x: Symbols, u: Symbols, p: Symbols) -> tuple[Expressions, Expressions]:
+        """(dynamics, outputs): the right-hand side of each state and each output, as lists.
 
-    @property
-    def triangular_coordinates(
-        self,
-    ) -> tuple[Callable[[ca.SX, ca.SX], ca.SX], Callable[[ca.SX, ca.SX], ca.SX]] | None:
-        """(T, T^-1), functions of (x, p) and (z, p): the coordinates where the model is triangular, if not x."""
-        return None
+        Parameters
+        ----------
+        t : casadi.SX
+        x, u, p : Symbols
+            States, inputs and parameters by their names.
+        """
 
-    @property
-    def inverse(self) -> Callable[[ca.SX, ca.SX], ca.SX] | None:
-        """x from canonical coordinates z and the parameter vector, where it is known."""
-        return None
+    def expressions(self) -> Mapping[tuple[str, ...], str]:
+        """Expressions of t, states, inputs and parameters in the block, by their place in it.
+
+        They are checked before :meth:`equations` is called, so that what is wrong in one is reported there.
+        """
+        return {}
+
+    def place_of(self, state: str) -> tuple[str, ...]:
+        """Where in the block the right-hand side of a state stands; empty where it is the class's own."""
+        return ()
+
+    def check(self) -> None:
+        """Refuse what the keys alone do not show to be wrong.
+
+        Raises
+        ------
+        Problem
+            Its path starts at ``plant``.
+        """
+
+
+class Invertible(ABC):
+    """A plant that knows x as a function of its canonical coordinates z = (h, L_f h, ...), drift alone."""
+
+    @abstractmethod
+    def inverse(self, z: ca.SX, p: Symbols) -> Expressions:
+        """The states, in their order, from z, shape (n,)."""
+
+
+class TriangularCoordinates(ABC):
+    """A plant that is triangular in coordinates z = T(x) of its own choice."""
+
+    @abstractmethod
+    def to_triangular(self, x: Symbols, p: Symbols) -> Expressions:
+        """z = T(x)."""
+
+    @abstractmethod
+    def from_triangular(self, z: ca.SX, p: Symbols) -> Expressions:
+        """The states, in their order, from z, shape (n,)."""
 
 
 def is_plant(thing: object) -> TypeGuard[type[Plant]]:

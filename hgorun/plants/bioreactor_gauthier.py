@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from types import SimpleNamespace
-from typing import Any
-
 import casadi as ca
 
-from hgorun.plants.base import Plant, Quantity, plant
+from hgorun.plants.base import Expressions, Input, Invertible, Parameter, Plant, TriangularCoordinates, plant
+from hgorun.symbolic.symbols import Symbols
 
 
 @plant("bioreactor_gauthier")
-class GauthierBioreactor(Plant):
+class GauthierBioreactor(Invertible, TriangularCoordinates, Plant):
     """Micro-organisms eta1 growing on a substrate eta2, with dilution rate u.
 
         eta1' =  g - u eta1
@@ -27,11 +24,11 @@ class GauthierBioreactor(Plant):
     reference = "Meiners, Adamy 2025, (21)-(22)"
     valid = "eta1 > 0, eta2 > 0, eta1 + eta2 <= s_in"
     known_parameters = {
-        "mu": Quantity(3.0, "1/s", "maximal growth rate"),
-        "k_c": Quantity(1.0, "", "Contois constant"),
-        "s_in": Quantity(0.1, "", "substrate in the feed"),
+        "mu": Parameter(3.0, "1/s", "maximal growth rate"),
+        "k_c": Parameter(1.0, "", "Contois constant"),
+        "s_in": Parameter(0.1, "", "substrate in the feed"),
     }
-    known_inputs = {"u": Quantity(None, "1/s", "dilution rate")}
+    known_inputs = {"u": Input("1/s", "dilution rate")}
 
     @property
     def state_names(self) -> tuple[str, ...]:
@@ -41,22 +38,15 @@ class GauthierBioreactor(Plant):
     def output_names(self) -> tuple[str, ...]:
         return ("eta1",)
 
-    def equations(self, t: ca.SX, x: SimpleNamespace, u: SimpleNamespace, p: SimpleNamespace) -> tuple[Any, Any]:
+    def equations(self, t: ca.SX, x: Symbols, u: Symbols, p: Symbols) -> tuple[Expressions, Expressions]:
         g = p.mu * x.eta1 * x.eta2 / (p.k_c * x.eta1 + x.eta2)
         return [g - u.u * x.eta1, -g + u.u * (p.s_in - x.eta2)], [x.eta1]
 
-    @property
-    def triangular_coordinates(
-        self,
-    ) -> tuple[Callable[[ca.SX, ca.SX], ca.SX], Callable[[ca.SX, ca.SX], ca.SX]]:
-        def there(eta: ca.SX, p: ca.SX) -> ca.SX:
-            return ca.vertcat(eta[0], p[0] * eta[0] * eta[1] / (p[1] * eta[0] + eta[1]))
+    def to_triangular(self, x: Symbols, p: Symbols) -> Expressions:
+        return [x.eta1, p.mu * x.eta1 * x.eta2 / (p.k_c * x.eta1 + x.eta2)]
 
-        return there, self.inverse
+    def from_triangular(self, z: ca.SX, p: Symbols) -> Expressions:
+        return [z[0], p.k_c * z[0] * z[1] / (p.mu * z[0] - z[1])]
 
-    @property
-    def inverse(self) -> Callable[[ca.SX, ca.SX], ca.SX]:
-        def eta_of(x: ca.SX, p: ca.SX) -> ca.SX:
-            return ca.vertcat(x[0], p[1] * x[0] * x[1] / (p[0] * x[0] - x[1]))
-
-        return eta_of
+    def inverse(self, z: ca.SX, p: Symbols) -> Expressions:
+        return self.from_triangular(z, p)  # without the dilution the growth rate is the second of both

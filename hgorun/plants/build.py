@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
-from types import SimpleNamespace
+from typing import TypeAlias
 
 import casadi as ca
 import numpy as np
 
 from hgorun.config.expressions import Expression, ExpressionError, nearest, parse
 from hgorun.errors import Problem
-from hgorun.plants.base import Plant
+from hgorun.plants.base import Invertible, Plant, TriangularCoordinates
 from hgorun.symbolic.plant import PlantModel
+from hgorun.symbolic.symbols import Symbols
+
+Map: TypeAlias = Callable[[ca.SX, ca.SX], ca.SX]
 
 
 @dataclass(frozen=True)
@@ -54,8 +57,7 @@ def build_plant(block: Plant) -> BuiltPlant:
     _require_known("plant", "inputs", block.inputs, inputs)
     _require_known("plant", "initial", block.initial, states)
     _require_known("plant", "disturbance", block.disturbance, states)
-    if hasattr(block, "dynamics"):
-        _require_known("plant", "dynamics", block.dynamics, states)
+    block.check()
     values = _parameter_values(block)
     _require_distinct({"states": states, "inputs": inputs, "parameters": tuple(values)})
     for name in inputs:
@@ -67,13 +69,11 @@ def build_plant(block: Plant) -> BuiltPlant:
 
     t = ca.SX.sym("t")
     x, u, p = (ca.vertcat(*[ca.SX.sym(n) for n in names]) for names in (states, inputs, tuple(values)))
-    spaces = [
-        SimpleNamespace(**dict(zip(names, ca.vertsplit(v) if v.numel() else [], strict=True)))
-        for names, v in ((states, x), (inputs, u), (tuple(values), p))
-    ]
+    spaces = [_named(names, v) for names, v in ((states, x), (inputs, u), (tuple(values), p))]
     dynamics, output = _equations(block, t, *spaces)
-    there, back = block.triangular_coordinates or (None, None)
-    model = PlantModel(states, outputs, inputs, tuple(values), t, x, u, p, dynamics, output, block.inverse, there, back)
+    names = tuple(values)
+    maps = (_inverse(block, names), *_triangular(block, states, names))
+    model = PlantModel(states, outputs, inputs, names, t, x, u, p, dynamics, output, *maps)
     symbols = {**vars(spaces[2]), "t": t}
     return BuiltPlant(
         block,
@@ -85,15 +85,31 @@ def build_plant(block: Plant) -> BuiltPlant:
     )
 
 
-def _equations(
-    block: Plant, t: ca.SX, x: SimpleNamespace, u: SimpleNamespace, p: SimpleNamespace
-) -> tuple[ca.SX, ca.SX]:
+def _named(names: Sequence[str], values: ca.SX) -> Symbols:
+    return Symbols(dict(zip(names, ca.vertsplit(values) if values.numel() else [], strict=True)))
+
+
+def _inverse(block: Plant, parameters: Sequence[str]) -> Map | None:
+    """x of the canonical coordinates, where the plant knows it."""
+    if not isinstance(block, Invertible):
+        return None
+    return lambda z, p: ca.vertcat(*block.inverse(z, _named(parameters, p)))
+
+
+def _triangular(block: Plant, states: Sequence[str], parameters: Sequence[str]) -> tuple[Map, Map] | tuple[None, None]:
+    """(T, T^-1) of the coordinates where the plant is triangular, if it gives any."""
+    if not isinstance(block, TriangularCoordinates):
+        return None, None
+    return (
+        lambda x, p: ca.vertcat(*block.to_triangular(_named(states, x), _named(parameters, p))),
+        lambda z, p: ca.vertcat(*block.from_triangular(z, _named(parameters, p))),
+    )
+
+
+def _equations(block: Plant, t: ca.SX, x: Symbols, u: Symbols, p: Symbols) -> tuple[ca.SX, ca.SX]:
     values = {**vars(p), **vars(u), **vars(x), "t": t}
-    for key in ("dynamics", "output"):
-        for name, text in getattr(block, key, {}).items():
-            _symbol(("plant", key, name), text, values)
-    if hasattr(block, "phi"):
-        _symbol(("plant", "phi"), block.phi, values)
+    for place, text in block.expressions().items():
+        _symbol(("plant", *place), text, values)
     dynamics, output = block.equations(t, x, u, p)
     return ca.SX(ca.vertcat(*dynamics)), ca.SX(ca.vertcat(*output))
 

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from types import SimpleNamespace
-from typing import Any
-
 import casadi as ca
 
-from hgorun.plants.base import Plant, Quantity, plant
+from hgorun.plants.base import Expressions, Input, Invertible, Parameter, Plant, plant
+from hgorun.symbolic.symbols import Symbols
 
 
 @plant("contois")
-class Contois(Plant):
+class Contois(Invertible, Plant):
     """Biomass x1 growing on a substrate x2 at the Contois rate, in a continuous culture.
 
         x1' =  g - D x1
@@ -25,11 +22,11 @@ class Contois(Plant):
     reference = "Robles Magdaleno 2023, (3.138)-(3.140)"
     valid = "x1 > 0, x2 > 0"
     known_parameters = {
-        "mu": Quantity(1.064, "1/h", "maximal growth rate"),
-        "k_c": Quantity(4.39, "g/g", "Contois constant"),
-        "s_in": Quantity(20.0, "g/L", "substrate in the feed"),
+        "mu": Parameter(1.064, "1/h", "maximal growth rate"),
+        "k_c": Parameter(4.39, "g/g", "Contois constant"),
+        "s_in": Parameter(20.0, "g/L", "substrate in the feed"),
     }
-    known_inputs = {"D": Quantity(None, "1/h", "dilution rate")}
+    known_inputs = {"D": Input("1/h", "dilution rate")}
     units = {"x1": "g/L", "x2": "g/L"}
 
     @property
@@ -40,14 +37,9 @@ class Contois(Plant):
     def output_names(self) -> tuple[str, ...]:
         return ("x1",)
 
-    def equations(self, t: ca.SX, x: SimpleNamespace, u: SimpleNamespace, p: SimpleNamespace) -> tuple[Any, Any]:
+    def equations(self, t: ca.SX, x: Symbols, u: Symbols, p: Symbols) -> tuple[Expressions, Expressions]:
         g = p.mu * x.x1 * x.x2 / (p.k_c * x.x1 + x.x2)
         return [g - u.D * x.x1, -g + u.D * (p.s_in - x.x2)], [x.x1]
 
-    @property
-    def inverse(self) -> Callable[[ca.SX, ca.SX], ca.SX]:
-        def x_of(z: ca.SX, p: ca.SX) -> ca.SX:
-            mu, k_c = p[0], p[1]
-            return ca.vertcat(z[0], k_c * z[0] * z[1] / (mu * z[0] - z[1]))
-
-        return x_of
+    def inverse(self, z: ca.SX, p: Symbols) -> Expressions:
+        return [z[0], p.k_c * z[0] * z[1] / (p.mu * z[0] - z[1])]

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
+from collections.abc import Mapping
 from typing import Annotated, Any
 
 import casadi as ca
 from pydantic import Field, field_validator, model_validator
 
-from hgorun.config.expressions import parse
+from hgorun.config.expressions import nearest, parse
 from hgorun.config.types import ExpressionText, Name, NonEmpty, describe
-from hgorun.plants.base import Plant
+from hgorun.errors import Problem
+from hgorun.plants.base import Expressions, Plant
+from hgorun.symbolic.symbols import Symbols
 
 
 class InlinePlant(Plant):
@@ -59,7 +61,23 @@ class InlinePlant(Plant):
     def input_names(self) -> tuple[str, ...]:
         return tuple(self.inputs)
 
-    def equations(self, t: ca.SX, x: SimpleNamespace, u: SimpleNamespace, p: SimpleNamespace) -> tuple[Any, Any]:
+    def expressions(self) -> Mapping[tuple[str, ...], str]:
+        dynamics: dict[tuple[str, ...], str] = {("dynamics", name): text for name, text in self.dynamics.items()}
+        return dynamics | {("output", name): text for name, text in self.output.items()}
+
+    def place_of(self, state: str) -> tuple[str, ...]:
+        return ("dynamics", state)
+
+    def check(self) -> None:
+        for name in self.dynamics:
+            if name not in self.states:
+                known = ", ".join(self.states)
+                raise Problem(
+                    ("plant", "dynamics", name),
+                    f"unknown name {name!r}; known here: {known}.{nearest(name, self.states)}",
+                )
+
+    def equations(self, t: ca.SX, x: Symbols, u: Symbols, p: Symbols) -> tuple[Expressions, Expressions]:
         values = {**vars(p), **vars(u), **vars(x), "t": t}
         dynamics = [parse(self.dynamics[s], names=values).symbol(values) for s in self.states]
         outputs = [parse(text, names=values).symbol(values) for text in self.output.values()]

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-from typing import Any
+from collections.abc import Mapping
 
 import casadi as ca
 from pydantic import Field
 
 from hgorun.config.expressions import parse
 from hgorun.config.types import ExpressionText
-from hgorun.plants.base import Plant, plant
+from hgorun.plants.base import Expressions, Plant, plant
+from hgorun.symbolic.symbols import Symbols
 
 
 @plant("integrator_chain")
@@ -41,7 +41,10 @@ class IntegratorChain(Plant):
     def input_names(self) -> tuple[str, ...]:
         return tuple(self.inputs)
 
-    def equations(self, t: ca.SX, x: SimpleNamespace, u: SimpleNamespace, p: SimpleNamespace) -> tuple[Any, Any]:
+    def expressions(self) -> Mapping[tuple[str, ...], str]:
+        return {("phi",): self.phi}
+
+    def equations(self, t: ca.SX, x: Symbols, u: Symbols, p: Symbols) -> tuple[Expressions, Expressions]:
         values = {**vars(p), **vars(u), **vars(x), "t": t}
         phi = parse(self.phi, names=values).symbol(values)
         states = list(vars(x).values())

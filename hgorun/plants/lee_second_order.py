@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-from typing import Any
-
 import casadi as ca
 
-from hgorun.plants.base import Plant, plant
+from hgorun.plants.base import Expressions, Plant, plant
+from hgorun.symbolic.symbols import Symbols
 
 
 @plant("lee_second_order")
@@ -30,5 +28,5 @@ class LeeSecondOrder(Plant):
     def output_names(self) -> tuple[str, ...]:
         return ("x1",)
 
-    def equations(self, t: ca.SX, x: SimpleNamespace, u: SimpleNamespace, p: SimpleNamespace) -> tuple[Any, Any]:
+    def equations(self, t: ca.SX, x: Symbols, u: Symbols, p: Symbols) -> tuple[Expressions, Expressions]:
         return [x.x2, -x.x1 / (1 + x.x1**2) - x.x2], [x.x1]

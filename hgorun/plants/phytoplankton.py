@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from types import SimpleNamespace
-from typing import Any, ClassVar
+from collections.abc import Mapping
+from typing import ClassVar
 
 import casadi as ca
 
-from hgorun.plants.base import Plant, Quantity, plant
+from hgorun.plants.base import Expressions, Input, Parameter, Plant, TriangularCoordinates, plant
+from hgorun.symbolic.symbols import Symbols
 
 
 @plant("phytoplankton")
-class Phytoplankton(Plant):
+class Phytoplankton(TriangularCoordinates, Plant):
     """Biomass x1 that grows on its store x2 of a nutrient, taken up from the substrate x3 (Droop).
 
         x1' = a_2 (1 - 1/x2) x1 - u x1
@@ -31,12 +31,12 @@ class Phytoplankton(Plant):
 
     reference = "Robles Magdaleno 2023, (2.86)-(2.90)"
     valid = "x1 > 0, x2 > 0, x3 > -a_1"
-    known_parameters: ClassVar[Mapping[str, Quantity]] = {
-        "a_1": Quantity(0.02, "g/g", "half-saturation constant of the uptake over the substrate in the feed"),
-        "a_2": Quantity(4.18, "1/d", "maximal growth rate"),
-        "a_3": Quantity(5.32, "1/d", "maximal uptake rate over the minimal quota"),
+    known_parameters: ClassVar[Mapping[str, Parameter]] = {
+        "a_1": Parameter(0.02, "g/g", "half-saturation constant of the uptake over the substrate in the feed"),
+        "a_2": Parameter(4.18, "1/d", "maximal growth rate"),
+        "a_3": Parameter(5.32, "1/d", "maximal uptake rate over the minimal quota"),
     }
-    known_inputs: ClassVar[Mapping[str, Quantity]] = {"u": Quantity(None, "1/d", "dilution rate")}
+    known_inputs: ClassVar[Mapping[str, Input]] = {"u": Input("1/d", "dilution rate")}
 
     @property
     def state_names(self) -> tuple[str, ...]:
@@ -46,7 +46,7 @@ class Phytoplankton(Plant):
     def output_names(self) -> tuple[str, ...]:
         return ("x1",)
 
-    def equations(self, t: ca.SX, x: SimpleNamespace, u: SimpleNamespace, p: SimpleNamespace) -> tuple[Any, Any]:
+    def equations(self, t: ca.SX, x: Symbols, u: Symbols, p: Symbols) -> tuple[Expressions, Expressions]:
         uptake = x.x3 / (p.a_1 + x.x3)
         return [
             p.a_2 * (1 - 1 / x.x2) * x.x1 - u.u * x.x1,
@@ -54,14 +54,8 @@ class Phytoplankton(Plant):
             u.u * (1 - x.x3) - x.x1 * uptake,
         ], [x.x1]
 
-    @property
-    def triangular_coordinates(
-        self,
-    ) -> tuple[Callable[[ca.SX, ca.SX], ca.SX], Callable[[ca.SX, ca.SX], ca.SX]]:
-        def z_of(x: ca.SX, p: ca.SX) -> ca.SX:
-            return ca.vertcat(x[0], 1 / x[1], 1 / (p[0] + x[2]))
+    def to_triangular(self, x: Symbols, p: Symbols) -> Expressions:
+        return [x.x1, 1 / x.x2, 1 / (p.a_1 + x.x3)]
 
-        def x_of(z: ca.SX, p: ca.SX) -> ca.SX:
-            return ca.vertcat(z[0], 1 / z[1], 1 / z[2] - p[0])
-
-        return z_of, x_of
+    def from_triangular(self, z: ca.SX, p: Symbols) -> Expressions:
+        return [z[0], 1 / z[1], 1 / z[2] - p.a_1]

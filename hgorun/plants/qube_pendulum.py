@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-from typing import Any
-
 import casadi as ca
 
-from hgorun.plants.base import Plant, Quantity, plant
+from hgorun.plants.base import Expressions, Input, Parameter, Plant, plant
+from hgorun.symbolic.symbols import Symbols
 
 
 @plant("qube_pendulum")
@@ -29,17 +27,17 @@ class QubePendulum(Plant):
     reference = "Quanser Qube-Servo 2; parameters: Centre Automatique et Systemes, Mines ParisTech, 2022"
     valid = "everywhere"
     known_parameters = {
-        "k_m": Quantity(0.01, "V s/rad", "motor constant"),
-        "R_m": Quantity(14.0, "Ohm", "resistance of the motor"),
-        "m_r": Quantity(0.095, "kg", "mass of the arm"),
-        "L_r": Quantity(0.085, "m", "length of the arm"),
-        "m_p": Quantity(0.024, "kg", "mass of the pendulum"),
-        "L_p": Quantity(0.129, "m", "length of the pendulum"),
-        "D_r": Quantity(5e-4, "N m s/rad", "friction of the arm"),
-        "D_p": Quantity(-3e-5, "N m s/rad", "friction of the pendulum"),
-        "g": Quantity(9.81, "m/s^2", "gravity"),
+        "k_m": Parameter(0.01, "V s/rad", "motor constant"),
+        "R_m": Parameter(14.0, "Ohm", "resistance of the motor"),
+        "m_r": Parameter(0.095, "kg", "mass of the arm"),
+        "L_r": Parameter(0.085, "m", "length of the arm"),
+        "m_p": Parameter(0.024, "kg", "mass of the pendulum"),
+        "L_p": Parameter(0.129, "m", "length of the pendulum"),
+        "D_r": Parameter(5e-4, "N m s/rad", "friction of the arm"),
+        "D_p": Parameter(-3e-5, "N m s/rad", "friction of the pendulum"),
+        "g": Parameter(9.81, "m/s^2", "gravity"),
     }
-    known_inputs = {"V": Quantity(None, "V", "voltage of the motor")}
+    known_inputs = {"V": Input("V", "voltage of the motor")}
     units = {"theta": "rad", "alpha": "rad", "theta_dot": "rad/s", "alpha_dot": "rad/s"}
 
     @property
@@ -50,7 +48,7 @@ class QubePendulum(Plant):
     def output_names(self) -> tuple[str, ...]:
         return ("theta", "alpha")
 
-    def equations(self, t: ca.SX, x: SimpleNamespace, u: SimpleNamespace, p: SimpleNamespace) -> tuple[Any, Any]:
+    def equations(self, t: ca.SX, x: Symbols, u: Symbols, p: Symbols) -> tuple[Expressions, Expressions]:
         sin, cos, sin2 = ca.sin(x.alpha), ca.cos(x.alpha), ca.sin(2 * x.alpha)
         half = p.L_p / 2  # the centre of mass
         coupling = p.m_p * half * p.L_r

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-from typing import Any
-
 import casadi as ca
 
-from hgorun.plants.base import Plant, Quantity, plant
+from hgorun.plants.base import Expressions, Parameter, Plant, plant
+from hgorun.symbolic.symbols import Symbols
 
 
 @plant("van_der_pol")
@@ -23,8 +21,8 @@ class VanDerPol(Plant):
     reference = "Katayama, (26)"
     valid = "everywhere; bounded for stiffness < 0"
     known_parameters = {
-        "mu": Quantity(0.5, "", "damping"),
-        "stiffness": Quantity(-1.0, "", "factor of the stiffness term: -1 oscillates, +1 as printed"),
+        "mu": Parameter(0.5, "", "damping"),
+        "stiffness": Parameter(-1.0, "", "factor of the stiffness term: -1 oscillates, +1 as printed"),
     }
 
     @property
@@ -35,5 +33,5 @@ class VanDerPol(Plant):
     def output_names(self) -> tuple[str, ...]:
         return ("x1",)
 
-    def equations(self, t: ca.SX, x: SimpleNamespace, u: SimpleNamespace, p: SimpleNamespace) -> tuple[Any, Any]:
+    def equations(self, t: ca.SX, x: Symbols, u: Symbols, p: Symbols) -> tuple[Expressions, Expressions]:
         return [x.x2, p.stiffness * x.x1 + p.mu * (1 - x.x1**2) * x.x2], [x.x1]

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 from hgorun.files import remove_leftovers
-from hgorun.reproduce.state import State, claim_key, figure_key, run_key
+from hgorun.reproduce.state import State, number, of_claim, of_figure, of_run
 from hgorun.result.result import Result
 from hgorun.study.check import check
 from hgorun.study.loading import load_study
@@ -111,15 +111,16 @@ class Work:
         return [i for i, claim in enumerate(self.study.claims) if claim.id in self.job.claims]
 
     @cached_property
-    def stale_figures(self) -> list[str]:
-        """Figures to be drawn."""
-        return [n for n in self.job.figures if not self.state.holds("figures", n, figure_key(self.study, n))]
+    def stale_figures(self) -> dict[str, str]:
+        """The figures to be drawn, each with the reason why in one phrase."""
+        reasons = {name: self.state.why("figures", name, of_figure(self.study, name)) for name in self.job.figures}
+        return {name: reason for name, reason in reasons.items() if reason is not None}
 
     @cached_property
     def stale_claims(self) -> list[int]:
         """Numbers of the claims to be measured."""
         claims = self.study.claims
-        return [i for i in self._numbers if not self.state.holds("claims", claims[i].id, claim_key(self.study, i))]
+        return [i for i in self._numbers if not self.state.holds("claims", claims[i].id, of_claim(self.study, i))]
 
     @property
     def done(self) -> bool:
@@ -128,20 +129,22 @@ class Work:
 
     def outcome(self) -> Outcome:
         """What there is, once everything is done."""
-        data, found = self.state.data, Outcome()
+        found = Outcome()
         for name in self.job.figures:
-            files = [os.path.normpath(self.state.folder / f) for f in data["figures"][name]["files"]]
+            files = [os.path.normpath(self.state.folder / f) for f in self.state.files("figures", name)]
             found.figures[name], found.small[name] = files[:-1], files[-1]
         for i in self._numbers:
             claim = self.study.claims[i]
-            found.values[claim.id] = [float(v) for v in data["claims"][claim.id]["values"]]
-        for run in self._runs(list(self.job.figures), self._numbers):
-            if run.single and run.name in data["runs"]:
-                found.errors[run.name] = data["runs"][run.name].get("integration_error")
-                found.diverged[run.name] = list(data["runs"][run.name].get("diverged", []))
+            found.values[claim.id] = self.state.values("claims", claim.id)
+        for run in self._runs(self.job.figures, self._numbers):
+            entry = self.state.data["runs"].get(run.name)
+            if run.single and entry is not None:
+                error, lost = entry.get("integration_error"), entry.get("diverged")
+                found.errors[run.name] = None if error is None else number(error)
+                found.diverged[run.name] = [str(words) for words in lost] if isinstance(lost, list) else []
         return found
 
-    def _runs(self, figures: list[str], claims: list[int]) -> list[Run]:
+    def _runs(self, figures: Iterable[str], claims: Iterable[int]) -> list[Run]:
         names = [run for figure in figures for run in self.study.runs_of(figure)]
         names += [run for i in claims for q in self.study.sentences[i].quantities for run, _ in q.of]
         return [self.study.runs[name] for name in dict.fromkeys(names)]
@@ -178,7 +181,7 @@ class Work:
         for i in self.stale_claims:
             with self.study.located():
                 values = values_of(self.study, i, results, ensembles, theory)
-            self.state.note("claims", self.study.claims[i].id, claim_key(self.study, i), values=values)
+            self.state.note("claims", self.study.claims[i].id, of_claim(self.study, i), values=list(values))
         self.__dict__.pop("stale_figures", None)
         self.__dict__.pop("stale_claims", None)
         return self.outcome()
@@ -188,8 +191,8 @@ class Work:
         from hgorun.result.reading import read
         from hgorun.simulation.simulate import perform, prepare
 
-        file, key = f"{run.name}.h5", run_key(run)
-        if self.state.holds("runs", run.name, key):
+        file, made_of = f"{run.name}.h5", of_run(run)
+        if self.state.holds("runs", run.name, made_of):
             return read(self.state.folder / file)
         prepared = prepare(run.experiment)
         # Euler's step belongs to the definition of a run: discontinuous observers have no limit without it
@@ -200,7 +203,7 @@ class Work:
         self.state.note(
             "runs",
             run.name,
-            key,
+            made_of,
             files=[file],
             integration_error=max(errors.values()) if errors else None,
             diverged=[f"{label} {o.status}" for label, o in result.observers.items() if o.diverged_at is not None],
@@ -208,7 +211,7 @@ class Work:
         return result
 
     def _ensemble(self, run: Run, report: Callable[[float], None]) -> list[dict[str, float]]:
-        asked = asked_of(self.study, run.name, self.stale_claims, self.stale_figures)
+        asked = asked_of(self.study, run.name, self.stale_claims, list(self.stale_figures))
         members = len(run.varied)
 
         def keep(found: list[dict[str, float]]) -> None:
@@ -231,7 +234,7 @@ class Work:
         written = save(figure, self._figure_folder / name)
         written.append(thumbnail(figure, self.state.folder / "small" / f"{name}.png"))
         files = [relative(path, self.state.folder) for path in written]
-        self.state.note("figures", name, figure_key(self.study, name), files=files)
+        self.state.note("figures", name, of_figure(self.study, name), files=list(files))
 
 
 def relative(path: Path, folder: Path) -> str:

@@ -1,57 +1,106 @@
 """What has been made of a study already, and whether it still stands.
 
-Beside the runs of a study lies ``state.json`` with a key for each run, figure and claim: the hash of all that
-the result depends on, the package's own source included. What has its key is not made again.
+Beside the runs of a study lies ``state.json`` with the ingredients of each run, figure and claim: {what it is called in
+a message: its hash}, for everything that the result follows from, the package's own code included. What has the same
+ingredients is not made again; the first one that differs is the reason why something is.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import TypeAlias
 
 from hgorun.files import write_text
+from hgorun.reproduce.code import FIGURE, QUANTITY, RUN, SCALING, THEORY, code, code_of
 from hgorun.study.quantities import Quantity
-from hgorun.study.split import OF_THE_FILE
 from hgorun.study.study import Run, Study
 from hgorun.version import __version__
 
-_NOT_OF_A_RUN = {*OF_THE_FILE, "extends", "reference"}
+Ingredients: TypeAlias = Mapping[str, str]
+Json: TypeAlias = "dict[str, Json] | list[Json] | str | float | bool | None"
+
+_KINDS = ("runs", "figures", "claims")
+_VERSION = "hgorun"
+
+
+def _hash(*parts: object) -> str:
+    return hashlib.sha256(json.dumps(parts).encode()).hexdigest()[:16]
 
 
 @cache
-def package_digest() -> str:
-    """Hash of the version and of the package's source: a checkout whose code has changed draws anew."""
-    digest = hashlib.sha256(__version__.encode())
-    folder = Path(__file__).parents[1]
-    for path in sorted(folder.rglob("*.py")):
-        digest.update(path.relative_to(folder).as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
-    return digest.hexdigest()
+def _code(*groups: Sequence[str]) -> dict[str, str]:
+    return {
+        _VERSION: __version__,
+        **{room: digest[:16] for room, digest in code([part for g in groups for part in g]).items()},
+    }
 
 
-def _key(*parts: Any) -> str:
-    return hashlib.sha256(json.dumps([package_digest(), *parts], default=str).encode()).hexdigest()
+def _runs(runs: Sequence[Run]) -> dict[str, str]:
+    """Their resolved configurations, what makes ensembles of them, and the code that other packages bring."""
+    found: dict[str, str] = {}
+    for run in runs:
+        experiment = run.experiment
+        found |= code_of(map(type, (experiment.plant_block, *experiment.observers.values())))
+        ensemble = run.ensemble.model_dump(mode="json", exclude_none=True)
+        found[f"configuration of run {run.name}"] = _hash(experiment.resolved_text, ensemble)
+    return found
 
 
-def run_key(run: Run) -> str:
-    """Of a run: its configuration, and what makes an ensemble of it."""
-    data = {key: part for key, part in run.source.data.items() if key not in _NOT_OF_A_RUN}
-    return _key(run.name, data, run.ensemble.model_dump(mode="json"))
+def of_run(run: Run) -> Ingredients:
+    """Of a run: its resolved configuration, what makes an ensemble of it, and the code that carries it out."""
+    return _code(RUN) | _runs([run])
 
 
-def figure_key(study: Study, name: str) -> str:
-    """Of a figure: its block and its runs."""
-    block = study.figures[name].model_dump(mode="json")
-    return _key(name, block, [run_key(study.runs[run]) for run in study.runs_of(name)])
+def of_members(run: Run) -> Ingredients:
+    """Of the numbers measured on the members of an ensemble."""
+    return _code(RUN, QUANTITY) | _runs([run])
 
 
-def claim_key(study: Study, i: int) -> str:
-    """Of a claim's number: its expression and its runs. The threshold is compared anew each time."""
-    runs = dict.fromkeys(run for quantity in study.sentences[i].quantities for run, _ in quantity.of)
-    return _key(study.claims[i].value, [run_key(study.runs[run]) for run in runs])
+def of_figure(study: Study, name: str) -> Ingredients:
+    """Of a figure: its block, its runs, and the code that draws it."""
+    figure = study.figures[name]
+    runs = [study.runs[run] for run in study.runs_of(name)]
+    groups = [RUN, FIGURE]
+    scalings = [panel.scaling for panel in figure.panels if panel.scaling is not None]
+    if scalings:
+        groups += [QUANTITY, SCALING]
+    if any(scaling.theory for scaling in scalings):
+        groups.append(THEORY)
+    block = {"the figure's block": _hash(figure.model_dump(mode="json", exclude_none=True))}
+    return _code(*groups) | _runs(runs) | block
+
+
+def of_claim(study: Study, number: int) -> Ingredients:
+    """Of a claim's number: its expression, its runs, and the code that measures it.
+
+    The threshold is compared anew each time.
+    """
+    quantities = study.sentences[number].quantities
+    runs = [study.runs[name] for name in dict.fromkeys(run for q in quantities for run, _ in q.of)]
+    groups = [RUN, QUANTITY]
+    if any(quantity.function == "analysis" for quantity in quantities):
+        groups.append(THEORY)
+    value = {"the claim's value": _hash(study.claims[number].value)}
+    return _code(*groups) | _runs(runs) | value
+
+
+def difference(made_of: Ingredients, now: Ingredients) -> str | None:
+    """In one phrase what has changed between two lists of ingredients; None for nothing.
+
+    The version is named before the code, and the code before the configuration: each may be why the next differs.
+    """
+    changed = [name for name in dict.fromkeys([*now, *made_of]) if made_of.get(name) != now.get(name)]
+    if not changed:
+        return None
+    if _VERSION in changed:
+        return f"hgorun {made_of.get(_VERSION, 'unknown')} -> {now.get(_VERSION, 'unknown')}"
+    rooms = [name for name in changed if " " not in name]
+    first = " and ".join(rooms) if rooms else changed[0]
+    return f"{first} changed"
 
 
 class State:
@@ -65,44 +114,79 @@ class State:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        self.data: dict[str, dict[str, Any]] = {"runs": {}, "figures": {}, "claims": {}}
         found = _read_json(folder / "state.json")
-        for kind in self.data:
-            part = found.get(kind) if isinstance(found, dict) else None
-            if isinstance(part, dict):
-                self.data[kind] = {name: entry for name, entry in part.items() if isinstance(entry, dict)}
+        self.data: dict[str, dict[str, dict[str, Json]]] = {
+            kind: {name: entry for name, entry in _mapping(found.get(kind)).items() if isinstance(entry, dict)}
+            for kind in _KINDS
+        }
 
-    def holds(self, kind: str, name: str, key: str) -> bool:
-        """Whether an entry was made from just this, and its files are there."""
-        entry = self.data[kind].get(name, {})
-        return entry.get("key") == key and all((self.folder / file).is_file() for file in entry.get("files", ()))
+    def why(self, kind: str, name: str, now: Ingredients) -> str | None:
+        """In one phrase why an entry has to be made anew; None where it stands."""
+        if name not in self.data[kind]:
+            return "not made yet"
+        entry = self.data[kind][name]
+        made_of = entry.get("made_of")
+        if not isinstance(made_of, dict):
+            return "made by another version of hgorun"
+        missing = [file for file in self.files(kind, name) if not (self.folder / file).is_file()]
+        if missing:
+            return f"file missing: {Path(missing[0]).name}"
+        return difference({key: str(value) for key, value in made_of.items()}, now)
 
-    def note(self, kind: str, name: str, key: str, **entry: Any) -> None:
+    def holds(self, kind: str, name: str, now: Ingredients) -> bool:
+        """Whether an entry was made of just these ingredients, and its files are there."""
+        return self.why(kind, name, now) is None
+
+    def files(self, kind: str, name: str) -> list[str]:
+        """The files of an entry, as seen from the folder."""
+        return [str(file) for file in _list(self.data[kind][name].get("files"))]
+
+    def values(self, kind: str, name: str) -> list[float]:
+        """The numbers of an entry."""
+        return [number(value) for value in _list(self.data[kind][name].get("values"))]
+
+    def note(self, kind: str, name: str, made_of: Ingredients, **entry: Json) -> None:
         """Record what was made, whole or not at all."""
-        self.data[kind][name] = {"key": key, **entry}
+        self.data[kind][name] = {"made_of": dict(made_of), **entry}
         write_text(self.folder / "state.json", json.dumps(self.data, indent=1))
 
     def members(self, run: Run, quantities: Sequence[Quantity]) -> list[dict[str, float]]:
         """What is known of the members of an ensemble: those of which all quantities were measured."""
         found = _read_json(self.folder / f"{run.name}.json")
-        if not isinstance(found, dict) or found.get("key") != run_key(run):
+        if found.get("made_of") != of_members(run):
             return []
-        complete = []
-        for member in found.get("members", []):
+        complete: list[dict[str, float]] = []
+        for member in _list(found.get("members")):
             try:
-                complete.append({str(q): float(member[str(q)]) for q in quantities})
-            except (KeyError, TypeError, ValueError):
+                complete.append({str(q): number(_mapping(member)[str(q)]) for q in quantities})
+            except (KeyError, ValueError):
                 break
         return complete
 
-    def keep_members(self, run: Run, members: list[dict[str, float]]) -> None:
+    def keep_members(self, run: Run, members: Sequence[Mapping[str, float]]) -> None:
         """Record the members of an ensemble carried out so far."""
-        entry = {"key": run_key(run), "varied": list(run.varied), "members": members}
+        entry = {"made_of": of_members(run), "varied": list(run.varied), "members": members}
         write_text(self.folder / f"{run.name}.json", json.dumps(entry, indent=1))
 
 
-def _read_json(path: Path) -> Any:
+def _read_json(path: Path) -> dict[str, Json]:
+    """A file's mapping; an empty one where it is missing or not ours, and everything is made anew."""
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
+        return _mapping(json.loads(path.read_text(encoding="utf-8")))
     except (OSError, ValueError):
-        return None  # missing, or not ours: made anew
+        return {}
+
+
+def _mapping(value: Json) -> dict[str, Json]:
+    return value if isinstance(value, dict) else {}
+
+
+def _list(value: Json) -> list[Json]:
+    return value if isinstance(value, list) else []
+
+
+def number(value: Json) -> float:
+    """A number of a record; ValueError when it is something else."""
+    if not isinstance(value, (int, float)):
+        raise ValueError(f"expected a number, found {value!r}")
+    return float(value)

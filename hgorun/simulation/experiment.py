@@ -17,6 +17,8 @@ from hgorun.result.windows import points_in
 from hgorun.simulation.blocks import check
 from hgorun.symbolic.forms import Form
 
+_ELSEWHERE = {"title", "reference", "extends", "figures", "claims", "plant", "observers"}  # the last two have classes
+
 
 class Experiment:
     """One run, complete: everything that :func:`hgorun.simulate` needs.
@@ -138,8 +140,11 @@ class Experiment:
         return _yaml(self.resolved())
 
     def resolved(self) -> dict[str, Any]:
-        """The configuration after ``extends``, ``--set`` and defaults."""
-        values = self.blocks.model_dump(mode="json", exclude={"plant", "observers", "extends"}, exclude_none=True)
+        """The configuration after ``extends``, ``--set`` and defaults: all that the numbers of the run follow from.
+
+        Titles, references, figures and claims are not in it.
+        """
+        values = self.blocks.model_dump(mode="json", exclude=_ELSEWHERE, exclude_none=True)
         values["measurement"] = self.measurement.model_dump(mode="json", exclude_none=True)
         values["plant"] = self.plant_block.model_dump(mode="json", exclude_none=True)
         values["observers"] = {label: _plain(o.model_dump(exclude_none=True)) for label, o in self.observers.items()}

@@ -230,7 +230,7 @@ class Run:
         bad = np.flatnonzero(~np.isfinite(rates[: s.structure.plant_states]))
         if bad.size:
             name = self.plant.model.states[int(bad[0])]
-            path = ("plant", "dynamics", name) if hasattr(self.plant.block, "dynamics") else ("plant",)
+            path = ("plant", *self.plant.block.place_of(name))
             raise Problem(path, f"the right-hand side of {name} is not a finite number at the start of the run")
         for b in s.observers:
             if not np.all(np.isfinite(rates[b.start : b.end])):

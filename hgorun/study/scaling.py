@@ -9,6 +9,7 @@ import numpy as np
 from hgorun.analysis.linear.linear import Linearisation
 from hgorun.analysis.linear.transfer import response
 from hgorun.figures.scaling import ScaledObserver, ScalingData
+from hgorun.observers.capabilities import FilterOrder
 from hgorun.simulation.simulate import prepare
 from hgorun.study.study import Run, Study
 
@@ -38,7 +39,7 @@ def scaling_data(
             block = run.experiment.observers[label]
             observers[label] = ScaledObserver(
                 block.type,
-                getattr(block, "r", None),
+                block.r if isinstance(block, FilterOrder) else None,
                 np.array([member[str(q)] for member in members]),
                 predicted[name][label][:, state] if scaling.theory else None,
             )

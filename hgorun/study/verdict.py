@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from hgorun.config.models import Claim
+from hgorun.files import json_value
 
 CONFIRMED, REFUTED, UNDECIDED = "confirmed", "refuted", "undecided"
 CONFIDENCE = 0.95
@@ -59,8 +60,8 @@ class Verdict:
             "source": self.claim.source,
             "figure": self.claim.figure,
             "verdict": self.verdict,
-            "value": _plain(self.value),
-            "interval": None if self.interval is None else [_plain(v) for v in self.interval],
+            "value": json_value(self.value),
+            "interval": json_value(self.interval),
             "relation": relation,
             "threshold": threshold,
             "expression": self.claim.value,
@@ -108,10 +109,6 @@ def _interval(values: np.ndarray) -> tuple[float, float]:
     mean, n = float(np.mean(values)), values.size
     half = float(stdtrit(n - 1, (1 + CONFIDENCE) / 2) * np.std(values, ddof=1) / math.sqrt(n))
     return mean - half, mean + half
-
-
-def _plain(value: float) -> float | str:
-    return value if math.isfinite(value) else str(value)
 
 
 def number_text(verdict: Verdict) -> str:

@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from hgorun.files import json_value
 from hgorun.result.data import ObserverResult
 from hgorun.result.metrics.base import all_metrics
 from hgorun.result.result import Result
@@ -86,12 +87,10 @@ def as_json(result: Result, file: str | None = None, predicted: Predicted | None
         ``integration_error`` where it is known. Numbers that are not finite are text.
     """
     observers: dict[str, dict[str, Any]] = {
-        label: {"status": result.observers[label].status}
-        | {metric: _finite(values) for metric, values in metrics.items()}
-        for label, metrics in result.metrics().items()
+        label: {"status": result.observers[label].status} | metrics for label, metrics in result.metrics().items()
     }
     for label, values in (predicted or {}).items():
-        observers[label]["predicted"] = _finite(values)
+        observers[label]["predicted"] = values
     found: dict[str, Any] = {
         "name": result.name,
         "file": file,
@@ -99,12 +98,8 @@ def as_json(result: Result, file: str | None = None, predicted: Predicted | None
         "observers": observers,
     }
     if result.integration_error is not None:
-        found["integration_error"] = _finite(result.integration_error)
-    return found
-
-
-def _finite(values: Mapping[str, float]) -> dict[str, float | str]:
-    return {key: float(value) if math.isfinite(value) else str(float(value)) for key, value in values.items()}
+        found["integration_error"] = result.integration_error
+    return {key: json_value(value) for key, value in found.items()}
 
 
 def csv(results: Sequence[Result], predicted: Sequence[Predicted] = ()) -> str:

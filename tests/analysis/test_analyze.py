@@ -17,11 +17,12 @@ import hgorun
 from hgorun import Experiment
 from hgorun.analysis.finding import Finding, all_findings
 from hgorun.analysis.reasons import NoValue
-from hgorun.analysis.report import Analysis, analysis_of, plain
+from hgorun.analysis.report import Analysis, analysis_of
 from hgorun.analysis.search import smallest
 from hgorun.analysis.subject import Subject
 from hgorun.cli import main
 from hgorun.figures.peaking import peaking
+from hgorun.files import json_value
 from hgorun.tables import analysis as table
 
 PAPERS = {"lee", "meiners", "katayama"}
@@ -222,7 +223,9 @@ def test_a_reason_is_caught_once_and_named(analysis: Analysis) -> None:
 
 
 def test_values_as_json_holds_them() -> None:
-    made = plain({"a": np.array([1 + 2j]), "b": math.inf, "c": np.float64("nan"), "d": np.bool_(True), "e": (1, None)})
+    made = json_value(
+        {"a": np.array([1 + 2j]), "b": math.inf, "c": np.float64("nan"), "d": np.bool_(True), "e": (1, None)}
+    )
     assert made == {"a": [[1, 2]], "b": "inf", "c": "nan", "d": True, "e": [1, None]}
 
 

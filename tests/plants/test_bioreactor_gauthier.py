@@ -31,7 +31,7 @@ def test_in_the_triangular_coordinates_the_model_is_22() -> None:
 
 def test_the_coordinates_lead_back() -> None:
     built = plant()
-    there, back = built.block.triangular_coordinates or (None, None)
+    there, back = built.model.transform, built.model.untransform
     assert there is not None
     assert back is not None
     eta, p = ca.DM([0.03, 0.06]), ca.DM(built.parameters)

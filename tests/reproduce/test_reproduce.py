@@ -11,11 +11,14 @@ from pathlib import Path
 import h5py
 import pytest
 
+from hgorun.commands.figures import figures
+from hgorun.commands.options import Figures
 from hgorun.files import remove_leftovers, written_whole
 from hgorun.reproduce import pool
 from hgorun.reproduce.choice import choose
 from hgorun.reproduce.job import Folders
 from hgorun.reproduce.report import write_report
+from hgorun.version import __version__
 
 FILE = """\
 title: {name}
@@ -168,3 +171,33 @@ def test_a_person_at_a_terminal_sees_progress(tmp_path: Path, jobs: str) -> None
     assert b"study0: " in seen
     assert "4 claims: 2 confirmed, 2 refuted" in out
     assert "%" not in out.replace("95 %", "")
+
+
+def test_a_figure_that_is_drawn_again_says_why(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (name,), output = studies(tmp_path, count=1), tmp_path / "out"
+    path, original = Path(name), Path(name).read_text()
+
+    def reasons() -> dict[str, str | None]:
+        assert figures(Figures(names=[name], output=output, json=True, jobs=1)) == 0
+        return {row["figure"]: row["reason"] for row in json.loads(capsys.readouterr().out)}
+
+    assert reasons() == {"first": "not made yet", "second": "not made yet"}
+    assert reasons() == {"first": None, "second": None}
+    path.write_text("# a comment\n" + original.replace("title: study0", "title: Another title"))
+    assert reasons() == {"first": None, "second": None}
+    path.write_text(original.replace("theta: 2", "theta: 3").replace("error: x2", "error: x1"))
+    assert reasons() == dict.fromkeys(("first", "second"), "configuration of run one changed")
+    path.write_text(original.replace("theta: 2", "theta: 3"))
+    assert reasons() == {"first": None, "second": "the figure's block changed"}
+    (output / "study0" / "first.pdf").unlink()
+    assert reasons() == {"first": "file missing: first.pdf", "second": None}
+    state = output / "runs" / "study0" / "state.json"
+    state.write_text(state.read_text().replace(f'"hgorun": "{__version__}"', '"hgorun": "0.0.9"'))
+    assert reasons()["first"] == f"hgorun 0.0.9 -> {__version__}"
+    state.write_text(json.dumps({"figures": {"first": {"key": "0123", "files": []}}}))
+    assert reasons() == {"first": "made by another version of hgorun", "second": "not made yet"}
+    (output / "study0" / "first.pdf").unlink()
+    assert figures(Figures(names=[name], output=output, jobs=1)) == 0
+    first, second = capsys.readouterr().out.splitlines()
+    assert "; drawn: file missing: first.pdf)" in first
+    assert "; drawn" not in second

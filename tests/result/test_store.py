@@ -269,3 +269,14 @@ def test_a_killed_process_leaves_no_partial_file(tmp_path: Path) -> None:
         process.stdout.close()
         if (tmp_path / "out" / "small.h5").exists():
             assert hgorun.read(tmp_path / "out" / "small.h5").time.size == 21
+
+
+def test_the_resolved_configuration_is_what_the_numbers_follow_from(config: Path) -> None:
+    plain = hgorun.load(config)
+    config.write_text(
+        config.read_text()
+        + "reference: A book\nfigures: {first: {panels: [{state: x1}]}}\n"
+        + "claims: [{id: a, claim: Small., value: \"rmse('SHGO', x1)\", below: 1}]\n"
+    )
+    assert hgorun.load(config, ["title=Another one"]).resolved_text == plain.resolved_text
+    assert hgorun.load(config, ["seed=7"]).resolved_text != plain.resolved_text
