@@ -15,7 +15,7 @@ from hgorun.files import json_value
 from hgorun.result.result import Result
 from hgorun.result.theory import Transient
 from hgorun.simulation.experiment import Experiment
-from hgorun.simulation.run import Run
+from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import perform, prepare
 
 
@@ -118,7 +118,7 @@ def analyze(experiment: Experiment, findings: Sequence[Finding] | None = None, *
 
 
 def analysis_of(
-    run: Run, result: Result, findings: Sequence[Finding] | None = None, *, search: bool = False
+    run: PreparedRun, result: Result, findings: Sequence[Finding] | None = None, *, search: bool = False
 ) -> Analysis:
     """The same of a run that has been carried out."""
     asked = all_findings() if findings is None else tuple(findings)

@@ -12,7 +12,7 @@ from hgorun.observers.base import AnyObserver
 from hgorun.result.data import ObserverResult
 from hgorun.result.result import Result
 from hgorun.simulation.observer_block import ObserverBlock
-from hgorun.simulation.run import Run
+from hgorun.simulation.prepared import PreparedRun
 from hgorun.symbolic.forms import Form
 
 T = TypeVar("T")
@@ -25,14 +25,14 @@ class Context:
 
     Attributes
     ----------
-    run : Run
+    run : PreparedRun
         ``run.experiment`` is what was configured.
     result : Result
     search : bool
         Whether to look for what only repeated simulation finds.
     """
 
-    run: Run
+    run: PreparedRun
     result: Result
     search: bool = False
     known: Known = field(default_factory=dict, repr=False, compare=False)
@@ -40,7 +40,7 @@ class Context:
     @property
     def subjects(self) -> dict[str, Subject]:
         """Every observer of the run, by label."""
-        blocks = {block.label: block for block in self.run.system.observers}
+        blocks = {block.label: block for block in self.run.observers}
         return {label: Subject(self, label, blocks[label]) for label in self.result.observers}
 
 
@@ -62,7 +62,7 @@ class Subject:
     known: Known = field(default_factory=dict, repr=False, compare=False)
 
     @property
-    def run(self) -> Run:
+    def run(self) -> PreparedRun:
         """All that was decided before the first step."""
         return self.context.run
 

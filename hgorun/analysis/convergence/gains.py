@@ -23,7 +23,7 @@ from hgorun.observers.capabilities import HighGain
 from hgorun.observers.constant_gain import PlacedGain
 from hgorun.observers.forward_differences import ForwardDifferences
 from hgorun.observers.riccati import RiccatiGain
-from hgorun.simulation.observer_block import ObserverBlock
+from hgorun.simulation.observer_block import Design, ObserverBlock
 from hgorun.symbolic.canonical import CanonicalForm
 from hgorun.symbolic.forms import BlockForm, ChainForm, Form
 from hgorun.symbolic.parameters import Parameters
@@ -223,7 +223,7 @@ def _linear(observer: AnyObserver, chains: tuple[int, ...], theta: float) -> tup
     else:
         form = CanonicalForm(model, chains, model.x, ca.SX.eye(model.n), identity=True)
     parameters = Parameters()
-    block = ObserverBlock("observer", plain, form, 0, False, parameters)
+    block = ObserverBlock.place(Design.of("observer", plain, form), 0, False, parameters)
     z, e = ca.SX.sym("z", block.end), ca.SX.sym("e", len(chains))
     copy = block.copy(model.t, model.u, model.p)
     s = block.symbols(z)

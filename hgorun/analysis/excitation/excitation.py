@@ -21,7 +21,7 @@ from hgorun.observers.capabilities import FilterOrder
 from hgorun.observers.riccati import RiccatiGain
 from hgorun.result.data import ObserverResult
 from hgorun.result.result import Result
-from hgorun.simulation.run import Run
+from hgorun.simulation.prepared import PreparedRun
 from hgorun.symbolic.forms import BlockForm
 from hgorun.symbolic.triangular import TriangularCopy
 
@@ -116,12 +116,12 @@ class Excitation:
     words: str
 
 
-def excitation(run: Run, label: str, result: Result, horizon: float | None = None) -> Excitation:
+def excitation(run: PreparedRun, label: str, result: Result, horizon: float | None = None) -> Excitation:
     """Excitation along a run, as the observer's theorem asks for it.
 
     Parameters
     ----------
-    run : Run
+    run : PreparedRun
     label : str
         Of the observer.
     result : Result
@@ -153,7 +153,7 @@ def excitation(run: Run, label: str, result: Result, horizon: float | None = Non
     return _look(links.behind_integrators(r), observer.theta, horizon, condition, names, r, found)
 
 
-def plant_excitation(run: Run, label: str, result: Result, horizon: float | None = None) -> Excitation:
+def plant_excitation(run: PreparedRun, label: str, result: Result, horizon: float | None = None) -> Excitation:
     """(3.86), without the filter's integrators, along the plant's state."""
     observer = run.experiment.observers[label]
     if not isinstance(observer, RiccatiGain):
@@ -163,7 +163,7 @@ def plant_excitation(run: Run, label: str, result: Result, horizon: float | None
     return _look(links, observer.theta, horizon, "(3.86)", names, 0, None)
 
 
-def links_along(run: Run, label: str, times: np.ndarray, x: np.ndarray) -> Links:
+def links_along(run: PreparedRun, label: str, times: np.ndarray, x: np.ndarray) -> Links:
     """F and C of a triangular model along states x (Nt, n) in the plant's coordinates."""
     form = _form(run, label)
     plant, model = run.plant, form.model
@@ -178,11 +178,11 @@ def links_along(run: Run, label: str, times: np.ndarray, x: np.ndarray) -> Links
     return Links(times, np.ascontiguousarray(stacked), np.asarray(copy.C.full()), present)
 
 
-def _names(run: Run, label: str) -> list[str]:
+def _names(run: PreparedRun, label: str) -> list[str]:
     return list(_form(run, label).model.states)
 
 
-def _form(run: Run, label: str) -> BlockForm:
+def _form(run: PreparedRun, label: str) -> BlockForm:
     form = run.forms[label]
     assert isinstance(form, BlockForm)
     return form

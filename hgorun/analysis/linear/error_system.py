@@ -25,7 +25,7 @@ from hgorun.observers.base import SampledObserver
 from hgorun.observers.capabilities import SlidingMode
 from hgorun.result.data import ObserverResult
 from hgorun.result.result import Result
-from hgorun.simulation.run import Run
+from hgorun.simulation.prepared import PreparedRun
 
 _SAME = 1e-7  # relative change below which the systems along a trajectory are one
 _MOST_TIMES = 4000  # along a run, at which it is linearised
@@ -99,12 +99,12 @@ class ErrorSystem:
         return max(self.times.size // 1000, 1)
 
 
-def error_system(run: Run, label: str, result: Result) -> ErrorSystem:
+def error_system(run: PreparedRun, label: str, result: Result) -> ErrorSystem:
     """The error's linear systems along the last two thirds of a run.
 
     Parameters
     ----------
-    run : Run
+    run : PreparedRun
         Prepared from the configuration.
     result : Result
         The run to look along, best :func:`hgorun.analysis.linear.nominal.nominal`; it must have this observer.
@@ -140,7 +140,7 @@ def error_system(run: Run, label: str, result: Result) -> ErrorSystem:
     return _constant(system)
 
 
-def at_end(run: Run, label: str, result: Result) -> ErrorSystem:
+def at_end(run: PreparedRun, label: str, result: Result) -> ErrorSystem:
     """The error's linear system at the last point of a run; NoValue as for :func:`error_system`."""
     last = len(result.time) - 1
     short = replace(

@@ -12,7 +12,7 @@ from hgorun.observers.base import SampledObserver
 from hgorun.observers.capabilities import HighGain
 from hgorun.result.result import Result
 from hgorun.simulation.experiment import Experiment
-from hgorun.simulation.run import Run
+from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import perform, prepare
 from hgorun.symbolic.forms import BlockForm, ChainForm, Form
 
@@ -20,7 +20,7 @@ _POINTS = 2_000, 20_000  # fewest and most output points of a nominal run
 _MEMORY = 40.0  # of 1/(slowest rate): a chain's Riccati equation has come to rest
 
 
-def nominal(run: Run) -> Result:
+def nominal(run: PreparedRun) -> Result:
     """The configured run with continuous, undelayed and noise-free outputs, its estimates right from the start.
 
     What the observers' gains are when nothing disturbs them: the trajectory along which small errors are
@@ -56,14 +56,14 @@ def nominal(run: Run) -> Result:
     return _simulated(config, "nominal", "without noise, sampling and delay there is no run")[1]
 
 
-def chain(run: Run, label: str) -> tuple[Run, Result]:
+def chain(run: PreparedRun, label: str) -> tuple[PreparedRun, Result]:
     """The observer on chains of integrators as long as the plant's, phi = 0, in the run's time unit.
 
     It is what the observer is built for; its limits depend on the gains alone.
 
     Returns
     -------
-    (Run, Result)
+    (PreparedRun, Result)
         A run with this observer alone, long enough for a Riccati equation to have come to rest at the end.
 
     Raises
@@ -112,7 +112,7 @@ def chain_lengths(form: Form) -> tuple[int, ...] | None:
     return (len(sizes),) * int(sizes[0]) if np.all(sizes == sizes[0]) else None
 
 
-def _simulated(config: dict[str, Any], name: str, failure: str) -> tuple[Run, Result]:
+def _simulated(config: dict[str, Any], name: str, failure: str) -> tuple[PreparedRun, Result]:
     """The run of a configuration; ``failure`` introduces the reason where there is none."""
     try:
         run = prepare(Experiment(config, name=name))

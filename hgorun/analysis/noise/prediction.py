@@ -22,20 +22,20 @@ from hgorun.observers.base import SampledObserver
 from hgorun.observers.capabilities import SlidingMode
 from hgorun.result.result import Result
 from hgorun.simulation.experiment import Experiment
-from hgorun.simulation.run import Run
+from hgorun.simulation.prepared import PreparedRun
 
 _POINTS = 20  # of the steady window where the linearisation is looked at
 _CONSTANT = 1e-6  # relative
 
 
-def predicted_noise(run: Run, label: str, noise_free: Result, result: Result | None = None) -> np.ndarray:
+def predicted_noise(run: PreparedRun, label: str, noise_free: Result, result: Result | None = None) -> np.ndarray:
     """Root mean square of the noise in each state of the estimate, shape (n,).
 
     In the steady state of the observer's linearisation where that does not change, else along the run.
 
     Parameters
     ----------
-    run : Run
+    run : PreparedRun
     label : str
         Of the observer.
     noise_free : Result
@@ -54,19 +54,19 @@ def predicted_noise(run: Run, label: str, noise_free: Result, result: Result | N
     return np.asarray(np.sqrt(first_of(steady, partial(_power_along, run, label, noise_free, result))))
 
 
-def _power_along(run: Run, label: str, noise_free: Result, result: Result) -> np.ndarray:
+def _power_along(run: PreparedRun, label: str, noise_free: Result, result: Result) -> np.ndarray:
     if result.observers[label].diverged_at is not None:
         raise NoValue(DIVERGED)
     jumps = isinstance(run.experiment.observers[label], SampledObserver)
     return (noise_of_jumps if jumps else noise_along)(run, label, result, noise_free)
 
 
-def has_noise(run: Run) -> bool:
+def has_noise(run: PreparedRun) -> bool:
     """Whether any output has noise at any time."""
     return any(stretch.noise for channel in run.channels for stretch in channel.stretches)
 
 
-def _power(run: Run, result: Result, label: str) -> np.ndarray:
+def _power(run: PreparedRun, result: Result, label: str) -> np.ndarray:
     terms, periods, delays = [], set(), set()
     for c in run.channels:
         stretch = c.stretches[0]
@@ -87,7 +87,7 @@ def _power(run: Run, result: Result, label: str) -> np.ndarray:
     return SampledLoop(linear, timing[0], delay).power(terms, run.time.start + timing[1])
 
 
-def _constant(run: Run, result: Result, label: str) -> Linear:
+def _constant(run: PreparedRun, result: Result, label: str) -> Linear:
     observer = Linearisation(run, label)
     if isinstance(observer.block.observer, SampledObserver):
         raise NoValue("the observer is a difference equation: it jumps along the run")

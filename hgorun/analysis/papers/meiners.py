@@ -31,7 +31,7 @@ from hgorun.observers.capabilities import HighGain
 from hgorun.observers.output_injection import OutputInjection
 from hgorun.observers.praly_gain import DynamicGain
 from hgorun.result.result import Result
-from hgorun.simulation.run import Run
+from hgorun.simulation.prepared import PreparedRun
 from hgorun.symbolic.lower_triangular import LowerTriangularForm
 
 SHARP = 1.2277  # the exact bound on mu over that of the proof: min of s/(2 (1 - exp(-s))^2)
@@ -128,7 +128,7 @@ class Theorem2:
     mu_0_exact: float | None
 
 
-def meiners_conditions(run: Run, label: str, result: Result) -> Theorem1 | Theorem2:
+def meiners_conditions(run: PreparedRun, label: str, result: Result) -> Theorem1 | Theorem2:
     """The theorem of this observer; NoValue for observers of other papers."""
     observer = run.experiment.observers[label]
     if isinstance(observer, DynamicGain):
@@ -138,7 +138,7 @@ def meiners_conditions(run: Run, label: str, result: Result) -> Theorem1 | Theor
     raise NoValue("the theorems are for direct, dynamic_gain and direct_dynamic")
 
 
-def slope_bound(run: Run, label: str, result: Result) -> SlopeBound:
+def slope_bound(run: PreparedRun, label: str, result: Result) -> SlopeBound:
     """(6) along a run, for an observer with a dynamic gain."""
     observer = run.experiment.observers[label]
     assert isinstance(observer, DynamicGain)
@@ -184,7 +184,7 @@ def slope_bound(run: Run, label: str, result: Result) -> SlopeBound:
     )
 
 
-def _theorem_1(run: Run, label: str, observer: OutputInjection, theta: float, result: Result) -> Theorem1:
+def _theorem_1(run: PreparedRun, label: str, observer: OutputInjection, theta: float, result: Result) -> Theorem1:
     from scipy.linalg import solve_continuous_lyapunov
 
     form = _form(run, label)
@@ -219,7 +219,7 @@ def _theorem_1(run: Run, label: str, observer: OutputInjection, theta: float, re
     )
 
 
-def _theorem_2(run: Run, label: str, observer: DynamicGain, result: Result) -> Theorem2:
+def _theorem_2(run: PreparedRun, label: str, observer: DynamicGain, result: Result) -> Theorem2:
     form = _form(run, label)
     n = form.n
     inequality = certificate(observer.injection(form).tolist(), observer.a, observer.b, observer.q)
@@ -258,5 +258,5 @@ def _noise(S: np.ndarray, Gamma: np.ndarray, scale: np.ndarray) -> float:
     return float(np.trace(S @ G @ G.T))
 
 
-def _form(run: Run, label: str) -> LowerTriangularForm:
+def _form(run: PreparedRun, label: str) -> LowerTriangularForm:
     return cast(LowerTriangularForm, run.forms[label])  # what every OutputInjection is for

@@ -22,7 +22,7 @@ from hgorun.analysis.reasons import NoValue
 from hgorun.analysis.stability.growth import MOST_PERIODS, growth
 from hgorun.measurement.availability import Stretch
 from hgorun.observers.base import SampledObserver
-from hgorun.simulation.run import Run
+from hgorun.simulation.prepared import PreparedRun
 from hgorun.symbolic.forms import Form
 
 _RATIO_CONSTANT, _RATIO_VARYING = 1.04, 1.12  # of neighbouring values in a search for a first crossing
@@ -56,7 +56,7 @@ class Availability:
     remark: str
 
 
-def chain_system(run: Run, label: str) -> ErrorSystem:
+def chain_system(run: PreparedRun, label: str) -> ErrorSystem:
     """The error on chains of integrators, phi = 0, gains at rest: its limits are exact.
 
     Raises
@@ -68,7 +68,7 @@ def chain_system(run: Run, label: str) -> ErrorSystem:
     return replace(at_end(alone, label, result), where="chains of integrators, phi = 0")
 
 
-def availability_of(run: Run) -> Availability:
+def availability_of(run: PreparedRun) -> Availability:
     """Period and delay of the outputs.
 
     Of several phases the last. A delay that changes counts with its largest value, samples at uneven times
@@ -89,7 +89,7 @@ def availability_of(run: Run) -> Availability:
     return described[0]
 
 
-def _describe(run: Run, i: int, stretch: Stretch) -> Availability:
+def _describe(run: PreparedRun, i: int, stretch: Stretch) -> Availability:
     remarks = []
     if stretch.continuous:
         period, times = None, np.linspace(stretch.start, stretch.end, 2001)
