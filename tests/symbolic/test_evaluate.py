@@ -1,0 +1,42 @@
+"""Functions along arrays: the numbers that CasADi's own calls give, bit for bit."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from hgorun.symbolic.evaluate import along, at, compiled, evaluate
+
+T, P, Z = ca.SX.sym("t"), ca.SX.sym("p", 2), ca.SX.sym("z", 5)
+F = ca.Function("f", [T, P, Z], [ca.sin(P[0] * T) * Z[:2], ca.horzcat(Z[2:4], P), ca.diag(Z[:3]), ca.SX(2, 1)])
+
+
+@pytest.mark.parametrize("points", [1, 2, 127, 128, 129, 300])
+def test_every_number_of_points(points: int) -> None:
+    random = np.random.default_rng(points)
+    t, p, z = random.normal(size=(points, 1)), random.normal(size=2), random.normal(size=(points, 5))
+    vector, matrix, sparse, zero = evaluate(F, t, p, z)
+    for i in range(points):
+        expected = [np.asarray(v.full()) for v in F(t[i, 0], p, z[i])]
+        assert np.array_equal(vector[i], expected[0][:, 0])
+        assert np.array_equal(matrix[i], expected[1])
+        assert np.array_equal(sparse[i], expected[2])
+        assert np.array_equal(zero[i], [0, 0])
+
+
+def test_no_points_and_one_point() -> None:
+    nothing = evaluate(F, np.zeros((0, 1)), [1, 2], np.zeros((0, 5)))
+    assert [v.shape for v in nothing] == [(0, 2), (0, 2, 2), (0, 3, 3), (0, 2)]
+    assert [v.shape for v in at(F, 0.5, [1, 2], np.ones(5))] == [(2,), (2, 2), (3, 3), (2,)]
+
+
+def test_what_does_not_fit_is_refused() -> None:
+    with pytest.raises(ValueError, match="argument 2"):
+        evaluate(F, np.zeros((4, 1)), [1, 2], np.zeros((4, 3)))
+
+
+def test_along_times() -> None:
+    times = np.linspace(0, 1, 7)
+    assert np.array_equal(along(compiled("t**2 + k", "t", "k"), times, 2.0), times**2 + 2)
+    assert compiled("t**2", "t") is compiled("t**2", "t")
