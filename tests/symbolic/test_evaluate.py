@@ -40,3 +40,23 @@ def test_along_times() -> None:
     times = np.linspace(0, 1, 7)
     assert np.array_equal(along(compiled("t**2 + k", "t", "k"), times, 2.0), times**2 + 2)
     assert compiled("t**2", "t") is compiled("t**2", "t")
+
+
+X = ca.SX.sym("x", 2)
+SPARSE = ca.SX(2, 3)
+SPARSE[0, 2], SPARSE[1, 0] = X[0], X[0] * X[1]
+
+
+@pytest.mark.parametrize(
+    "expression",
+    [X * 2, X.T, SPARSE, ca.SX(2, 2), ca.jacobian(ca.SX(1), X)],
+    ids=["column", "row", "sparse", "empty", "slope"],
+)
+@pytest.mark.parametrize("points", [1, 3, 200])
+def test_every_sparsity(expression: ca.SX, points: int) -> None:
+    function = ca.Function("f", [X], [expression])
+    rows = np.random.default_rng(0).uniform(-1, 1, (points, 2))
+    (found,) = evaluate(function, rows)
+    for row, values in zip(rows, found, strict=True):
+        expected = np.asarray(function(row).full())
+        np.testing.assert_array_equal(values, expected[:, 0] if expected.shape[1] == 1 else expected)
