@@ -10,7 +10,8 @@ import yaml
 
 import hgorun
 from hgorun import Experiment, Result
-from hgorun.simulation.run import Run
+from hgorun.analysis.finding import Finding, all_findings
+from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import prepare
 
 Block = dict[str, Any]  # what stands below a key of the YAML file
@@ -90,6 +91,11 @@ def run(folder: Path, config: str | Mapping[str, Any], *overrides: str, **option
     return hgorun.simulate(load(folder, config, *overrides), **options)
 
 
-def prepared(folder: Path, config: str | Mapping[str, Any], *overrides: str) -> Run:
+def prepared(folder: Path, config: str | Mapping[str, Any], *overrides: str) -> PreparedRun:
     """All that is decided before the first step: the engine's tables and numbers."""
     return prepare(load(folder, config, *overrides))
+
+
+def findings(*files: str) -> list[Finding]:
+    """The findings declared in some files of hgorun/analysis/findings."""
+    return [one for one in all_findings() if one.of.__module__.rpartition(".")[2] in files]

@@ -10,15 +10,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import casadi as ca
 import numpy as np
 
+from hgorun.analysis.linear.coordinates import transformed
 from hgorun.result.data import ObserverResult
 from hgorun.simulation.observer_block import ObserverBlock
-from hgorun.simulation.run import Run
-from hgorun.symbolic.canonical import CanonicalForm
+from hgorun.simulation.prepared import PreparedRun
 
 
 @dataclass(frozen=True)
@@ -57,7 +56,7 @@ class Linearisation:
 
     Parameters
     ----------
-    run : Run
+    run : PreparedRun
         A prepared run (:func:`hgorun.simulation.simulate.prepare`).
     label : str
         Of the observer.
@@ -67,9 +66,9 @@ class Linearisation:
     For observers that are differential equations; those that jump at samples have no flow.
     """
 
-    def __init__(self, run: Run, label: str) -> None:
+    def __init__(self, run: PreparedRun, label: str) -> None:
         self.run, self.label = run, label
-        self.block: ObserverBlock = next(b for b in run.system.observers if b.label == label)
+        self.block: ObserverBlock = next(b for b in run.observers if b.label == label)
 
     @property
     def size(self) -> int:
@@ -79,10 +78,10 @@ class Linearisation:
     @cached_property
     def _functions(self) -> ca.Function:
         run, b = self.run, self.block
-        model, p = run.plant.model, run.plant_symbol
+        model, p = run.plant.model, run.structure.plant
         t = model.t
         u = ca.substitute(run.plant.inputs, model.p, p)
-        z = ca.SX.sym("z", run.system.structure.states)
+        z = ca.SX.sym("z", run.structure.system.states)
         e = ca.SX.sym("e", len(model.outputs))
         derivatives, correction = b.equations(b.copy(t, u, p), b.symbols(z), e)
         rate = ca.vertcat(*[b.states[n].flat(derivatives[n]) for n in b.states if n != "alpha"])
@@ -95,14 +94,14 @@ class Linearisation:
             ca.jacobian(correction, xi),
             ca.jacobian(correction, e),
         ]
-        return ca.Function("linear", [t, run.parameters.symbol, z, e], [ca.densify(part) for part in parts])
+        return ca.Function("linear", [t, run.structure.p, z, e], [ca.densify(part) for part in parts])
 
     def at(self, t: float, xi: np.ndarray, e: np.ndarray | None = None) -> Linear:
         """The linear system at time t, states xi (N,) and innovation e (q,), which is 0 where it is omitted."""
-        z = np.zeros(self.run.system.structure.states)
+        z = np.zeros(self.run.structure.system.states)
         z[self.block.start : self.block.stop] = xi
         innovation = np.zeros(len(self.run.plant.model.outputs)) if e is None else e
-        values = self._functions(t, self.run.parameters.values, z, innovation)
+        values = self._functions(t, self.run.numbers.p, z, innovation)
         return Linear(*[np.asarray(v.full()) for v in values])
 
     def trajectory(self, result: ObserverResult, points: np.ndarray, times: np.ndarray) -> Linear:
@@ -131,10 +130,10 @@ class Linearisation:
             With one more axis in front, of length M.
         """
         count, f = times.size, self._functions.map(times.size)
-        z = np.zeros((count, self.run.system.structure.states))
+        z = np.zeros((count, self.run.structure.system.states))
         z[:, self.block.start : self.block.stop] = xi
         innovation = np.zeros((count, len(self.run.plant.model.outputs))) if e is None else e
-        p = np.tile(self.run.parameters.values, (count, 1))
+        p = np.tile(self.run.numbers.p, (count, 1))
         # CasADi's matrices become arrays through lists, which takes ten times as long as the evaluation
         buffer, call = f.buffer()
         arguments = [np.ascontiguousarray(v, dtype=float) for v in (times, p, z, innovation)]
@@ -154,7 +153,7 @@ class Linearisation:
         """
         b, form = self.block, self.block.form
         canonical = b.canonical
-        z0 = self.run.system.z0[b.start : b.stop].copy()
+        z0 = self.run.numbers.z0[b.start : b.stop].copy()
         place = b.states["xhat"]
         z0[place.start - b.start :][: place.size] = form.start(x, self.run.plant.parameters, canonical)
         return z0
@@ -168,22 +167,8 @@ class Linearisation:
         parts = []
         for name, place in self.block.states.items():
             if name == "xhat":
-                parts.append(self._own_coordinates(result.xhat[points]))
+                parameters, canonical = self.run.plant.parameters, self.block.canonical
+                parts.append(transformed(self.block.form, result.xhat[points], parameters, canonical=canonical))
             elif name != "alpha" and place.size:
                 parts.append(place.flattened(result.internal[name][points]))
         return np.concatenate(parts, axis=1)
-
-    def _own_coordinates(self, x: np.ndarray) -> np.ndarray:
-        """Estimates (M, n) in the coordinates where the observer computes."""
-        form: Any = self.block.form
-        plant, parameters = form.plant, self.run.plant.parameters
-        if isinstance(form, CanonicalForm):
-            if not self.block.canonical or form.identity:
-                return x
-            image = form.Phi(plant.x, plant.p)
-        elif plant.transform is not None:
-            image = plant.transform(plant.x, plant.p)
-        else:
-            return x
-        values = ca.Function("z", [plant.x, plant.p], [image])(ca.DM(x.T), ca.DM(parameters))
-        return np.asarray(values.full()).T

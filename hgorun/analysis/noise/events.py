@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hgorun.analysis.linear.transfer import NoTheory
+from hgorun.analysis.reasons import NoValue
 from hgorun.result.result import Result
-from hgorun.simulation.run import Run
+from hgorun.simulation.prepared import PreparedRun
 
 _MOST = 60_000  # stretches, before it is given up
 _SAME = 1e-9  # of the shortest regular stretch: edges closer than that are one
@@ -35,7 +35,7 @@ class Edges:
     held: dict[int, np.ndarray]
 
 
-def edges_of(run: Run, result: Result, twin: Result, stretches: int) -> Edges:
+def edges_of(run: PreparedRun, result: Result, twin: Result, stretches: int) -> Edges:
     """The edges of a run.
 
     Parameters
@@ -47,7 +47,7 @@ def edges_of(run: Run, result: Result, twin: Result, stretches: int) -> Edges:
 
     Raises
     ------
-    NoTheory
+    NoValue
         When there are too many.
     """
     start, end = run.time.start, run.time.end
@@ -61,7 +61,7 @@ def edges_of(run: Run, result: Result, twin: Result, stretches: int) -> Edges:
     times = times[(times >= start) & (times <= end)]
     times = times[np.diff(times, prepend=-np.inf) > _SAME * (end - start) / stretches]
     if times.size > _MOST:
-        raise NoTheory(f"the run has {times.size} samples and changes of held noise, too many to follow")
+        raise NoValue(f"the run has {times.size} samples and changes of held noise, too many to follow")
     taken: dict[int, list[tuple[int, int]]] = {}
     arriving: dict[int, list[tuple[int, int, float]]] = {}
     known, noise = result.measurements.time, result.measurements.y - twin.measurements.y

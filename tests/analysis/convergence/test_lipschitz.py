@@ -8,11 +8,10 @@ from examples import experiment
 
 from hgorun import Experiment
 from hgorun.analysis.convergence.charts import chart_of
-from hgorun.analysis.convergence.gains import NotApplicableError
 from hgorun.analysis.convergence.lipschitz import lipschitz
 from hgorun.analysis.convergence.segments import along
-from hgorun.analysis.findings import Findings
-from hgorun.analysis.report import analyze
+from hgorun.analysis.reasons import NoValue
+from hgorun.analysis.report import Findings, analyze
 from hgorun.reproduce.shipped import experiments
 from hgorun.simulation.simulate import perform, prepare
 
@@ -33,7 +32,7 @@ def test_each_slope_and_its_norms() -> None:
     config = {"time": TIME, "plant": plant, "observers": {"observer": {"type": "shgo", "theta": 2}}}
     run = prepare(Experiment(config))
     result = perform(run)
-    chart = chart_of(run.system.observers[0].form, run.plant)
+    chart = chart_of(run.observers[0].form, run.plant)
     got = lipschitz(run, chart, {"x1": (-1, 1), "x2": (-1, 1), "x3": (-9, 9)}, result, "observer")
     expected = np.array([[2, 0, 0], [0, 0.5, 0], [1, 0, 4]])
     assert got.kind == "interval over box"
@@ -107,7 +106,7 @@ def test_slopes_between_truth_and_estimate_agree_with_the_box() -> None:
         )
     )
     result = perform(run)
-    chart = chart_of(run.system.observers[0].form, run.plant)
+    chart = chart_of(run.observers[0].form, run.plant)
     box, own = lipschitz(run, chart, {}, result, "observer"), along(run, chart, result, "observer")
     assert box.kind == "interval over box"
     assert np.all(own <= box.slopes + 1e-9)
@@ -161,6 +160,6 @@ def test_what_is_not_affine_is_refused() -> None:
             "observers": {"observer": {"type": "shgo_riccati", "theta": 3}},
         }
     )
-    with pytest.raises(NotApplicableError, match="not affine in x2"):
+    with pytest.raises(NoValue, match="not affine in x2"):
         chart_of(made.forms["observer"], made.plant)
     assert "not affine" in analyze(made).observers["observer"].reasons["lipschitz"]
