@@ -1,4 +1,4 @@
-"""The command line: parse, call, print. What the commands do is in ``hgorun.commands``.
+"""The command line: parse, call, exit. Options are in ``hgorun.commands.options``; the commands are beside them.
 
 Only typer is imported here; everything else when a command runs, so that help comes at once.
 """
@@ -6,12 +6,20 @@ Only typer is imported here; everything else when a command runs, so that help c
 from __future__ import annotations
 
 import sys
-from pathlib import Path
-from typing import Annotated, Optional
+from collections.abc import Callable
+from dataclasses import MISSING, Field, fields
+from inspect import Parameter, Signature, getdoc
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar, get_type_hints
 
 import typer
 
+from hgorun.commands import options
 from hgorun.errors import HgorunError
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+    Options = TypeVar("Options", bound=DataclassInstance)
 
 _INTERRUPTED = 130
 
@@ -23,25 +31,6 @@ app = typer.Typer(
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
 )
-
-Configs = Annotated[list[Path], typer.Argument(metavar="CONFIG...", help="YAML configurations.")]
-Output = Annotated[
-    Optional[Path], typer.Option("-o", "--output", help="File or folder to write to (default: results).")  # noqa: UP045
-]
-Overrides = Annotated[
-    Optional[list[str]],  # noqa: UP045
-    typer.Option("--set", metavar="PATH=VALUE", help="Change a key, e.g. observers.SHGO.theta=2; repeatable."),
-]
-Seed = Annotated[Optional[int], typer.Option("--seed", min=0, help="In place of the file's seed.")]  # noqa: UP045
-Quiet = Annotated[bool, typer.Option("-q", "--quiet", help="Print nothing but errors.")]
-Json = Annotated[bool, typer.Option("--json", help="Print JSON on stdout, and nothing else there.")]
-Strict = Annotated[bool, typer.Option("--strict", help="Exit code 3 when an observer diverged.")]
-RunName = Annotated[Optional[str], typer.Option("--run", help="One of the file's runs (default: all).")]  # noqa: UP045
-Jobs = Annotated[
-    Optional[int],  # noqa: UP045
-    typer.Option("--jobs", min=1, help="Processes at once (default: one a processor)."),
-]
-CheckStep = Annotated[bool, typer.Option("--check-step", help="Run again with half the step; report the difference.")]
 
 
 @app.callback(invoke_without_command=True)
@@ -55,165 +44,92 @@ def _main(
         raise typer.Exit()
 
 
-@app.command()
-def simulate(
-    configs: Configs,
-    output: Output = None,
-    overrides: Overrides = None,
-    seed: Seed = None,
-    quiet: Quiet = False,
-    json: Json = False,
-    strict: Strict = False,
-    check_step: CheckStep = False,
-    run: RunName = None,
-) -> None:
-    """Run configurations, write results/NAME.h5, print the metrics."""
+def _command(name: str, record: type[Options]) -> Callable[[Callable[[Options], int]], None]:
+    """Make a command of a function: the record's fields are its parameters, its docstring the help."""
+
+    def add(function: Callable[[Options], int]) -> None:
+        def run(**values: object) -> None:
+            raise typer.Exit(function(record(**values)))
+
+        types = get_type_hints(record, include_extras=True)
+        parameters = [
+            Parameter(f.name, Parameter.KEYWORD_ONLY, default=_default(f), annotation=types[f.name])
+            for f in fields(record)
+        ]
+        run.__dict__["__signature__"] = Signature(parameters)  # what typer reads
+        run.__annotations__ = types
+        app.command(name, help=getdoc(record))(run)
+
+    return add
+
+
+def _default(field: Field[Any]) -> object:
+    if field.default_factory is not MISSING:
+        return field.default_factory()
+    return Parameter.empty if field.default is MISSING else field.default
+
+
+@_command("simulate", options.Simulate)
+def _simulate(chosen: options.Simulate) -> int:
     from hgorun.commands.run import simulate
 
-    raise typer.Exit(
-        simulate(
-            configs,
-            output,
-            overrides or [],
-            seed,
-            quiet=quiet,
-            json=json,
-            strict=strict,
-            check_step=check_step,
-            run=run,
-        )
-    )
+    return simulate(chosen)
 
 
-@app.command()
-def compare(
-    sources: Annotated[list[Path], typer.Argument(metavar="SOURCE...", help="Configurations or result files.")],
-    output: Output = None,
-    overrides: Overrides = None,
-    seed: Seed = None,
-    quiet: Quiet = False,
-    json: Json = False,
-    format: Annotated[str, typer.Option("--format", help="Of the table: text, csv or latex.")] = "text",
-    plots: Annotated[bool, typer.Option("--plots/--no-plots", help="Draw comparison plots (PNG and PDF).")] = True,
-    strict: Strict = False,
-    run: RunName = None,
-    analyze: Annotated[bool, typer.Option("--analyze", help="Add what theory predicts for configurations.")] = False,
-) -> None:
-    """Metrics side by side, and comparison plots."""
+@_command("compare", options.Compare)
+def _compare(chosen: options.Compare) -> int:
     from hgorun.commands.run import compare
 
-    raise typer.Exit(
-        compare(
-            sources,
-            output,
-            overrides or [],
-            seed,
-            quiet=quiet,
-            json=json,
-            style=format,
-            plots=plots,
-            strict=strict,
-            run=run,
-            analyze=analyze,
-        )
-    )
+    return compare(chosen)
 
 
-Names = Annotated[
-    Optional[list[str]],  # noqa: UP045
-    typer.Argument(metavar="[NAME...]", help="Figures, experiments or folders of them, or YAML files."),
-]
-
-
-@app.command()
-def analyze(
-    config: Annotated[Path, typer.Argument(metavar="CONFIG", help="A YAML configuration.")],
-    output: Output = None,
-    overrides: Overrides = None,
-    seed: Seed = None,
-    quiet: Quiet = False,
-    json: Json = False,
-    plots: Annotated[bool, typer.Option("--plots/--no-plots", help="Draw errors and their bounds (PNG, PDF).")] = True,
-    search: Annotated[bool, typer.Option("--search", help="Find the smallest theta that works, by trying.")] = False,
-    run: RunName = None,
-) -> None:
-    """Gains, bounds and predicted noise: theory beside simulation."""
+@_command("analyze", options.Analyze)
+def _analyze(chosen: options.Analyze) -> int:
     from hgorun.commands.analyze import analyze
 
-    raise typer.Exit(
-        analyze(config, output, overrides or [], seed, quiet=quiet, json=json, plots=plots, search=search, run_name=run)
-    )
+    return analyze(chosen)
 
 
-@app.command()
-def figures(
-    names: Names = None,
-    output: Output = None,
-    quiet: Quiet = False,
-    json: Json = False,
-    jobs: Jobs = None,
-    report: Annotated[bool, typer.Option("--report", help="Measure the claims too, and write REPORT.md.")] = False,
-) -> None:
-    """Draw the figures of the publications (PNG and PDF); only those that changed since."""
+@_command("figures", options.Figures)
+def _figures(chosen: options.Figures) -> int:
     from hgorun.commands.figures import figures
 
-    raise typer.Exit(figures(names or [], output, quiet=quiet, json=json, workers=jobs, report=report))
+    return figures(chosen)
 
 
-@app.command()
-def claims(
-    names: Names = None,
-    output: Output = None,
-    quiet: Quiet = False,
-    json: Json = False,
-    jobs: Jobs = None,
-    strict: Annotated[
-        bool, typer.Option("--strict", help="Exit code 3 when a verdict is not the expected one.")
-    ] = False,
-) -> None:
-    """Measure what the publications claim: confirmed or refuted, with the number."""
+@_command("claims", options.Claims)
+def _claims(chosen: options.Claims) -> int:
     from hgorun.commands.claims import claims
 
-    raise typer.Exit(claims(names or [], output, quiet=quiet, json=json, workers=jobs, strict=strict))
+    return claims(chosen)
 
 
-@app.command("list")
-def list_(
-    kind: Annotated[str, typer.Argument(help="plants, observers, experiments or all.")] = "all",
-    json: Json = False,
-) -> None:
-    """What there is: plants, observers, experiments."""
+@_command("list", options.List)
+def _list(chosen: options.List) -> int:
     from hgorun.commands.catalogue import list_all
 
-    raise typer.Exit(list_all(kind, json=json))
+    return list_all(chosen)
 
 
-@app.command()
-def show(name: Annotated[str, typer.Argument(help="A plant, observer or experiment.")], json: Json = False) -> None:
-    """Equations, parameters with ranges and defaults, source."""
+@_command("show", options.Show)
+def _show(chosen: options.Show) -> int:
     from hgorun.commands.catalogue import show
 
-    raise typer.Exit(show(name, json=json))
+    return show(chosen)
 
 
-@app.command()
-def schema() -> None:
-    """Print the JSON schema of configurations, for editors."""
+@_command("schema", options.Schema)
+def _schema(_: options.Schema) -> int:
     from hgorun.commands.catalogue import schema
 
-    raise typer.Exit(schema())
+    return schema()
 
 
-@app.command()
-def init(
-    name: Annotated[str, typer.Argument(help="A shipped experiment; see hgorun list experiments.")] = "contois_te025",
-    folder: Annotated[Path, typer.Argument(help="Where to copy it to.")] = Path(),
-    force: Annotated[bool, typer.Option("--force", help="Overwrite files that exist.")] = False,
-) -> None:
-    """Copy a shipped experiment, as a start for one's own."""
+@_command("init", options.Init)
+def _init(chosen: options.Init) -> int:
     from hgorun.commands.catalogue import init
 
-    raise typer.Exit(init(name, folder, force=force))
+    return init(chosen)
 
 
 def main() -> None:
@@ -225,7 +141,7 @@ def main() -> None:
         sys.exit(error.exit_code)
     except SystemExit as stop:
         if stop.code == _INTERRUPTED:  # typer's exit code for Ctrl-C
-            print("hgorun: interrupted; nothing was left half-written", file=sys.stderr)
+            print("hgorun: interrupted; no file is left half-written", file=sys.stderr)
         raise
     except KeyboardInterrupt:
         sys.exit(_INTERRUPTED)

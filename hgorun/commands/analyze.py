@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json as json_text
-from collections.abc import Sequence
 from pathlib import Path
 
 from hgorun.analysis.findings import Context
 from hgorun.analysis.report import CONTRIBUTORS, analysis_of
 from hgorun.analysis.search import critical_theta
+from hgorun.commands.options import Analyze
 from hgorun.commands.run import RESULTS, execute, warn
 from hgorun.errors import ConfigError
 from hgorun.result.result import Result
@@ -20,35 +20,25 @@ from hgorun.tables import analysis as table
 _FIGURES = {".png", ".pdf"}
 
 
-def analyze(
-    config: Path,
-    output: Path | None,
-    overrides: Sequence[str],
-    seed: int | None,
-    *,
-    quiet: bool,
-    json: bool,
-    plots: bool,
-    search: bool,
-    run_name: str | None = None,
-) -> int:
+def analyze(options: Analyze) -> int:
     """Say what theory promises for a configuration, and draw the transients that it bounds."""
-    target = _target(config.stem if run_name is None else f"{config.stem}-{run_name}", output)
-    run = prepare(load(config, overrides, seed=seed, run=run_name))
-    result = execute(run, quiet or json, check_step=False)
+    stem = options.config.stem
+    target = _target(stem if options.run is None else f"{stem}-{options.run}", options.output)
+    run = prepare(load(options.config, options.overrides, seed=options.seed, run=options.run))
+    result = execute(run, show=options.text)
     warn(result)
-    analysis = analysis_of(run, result, (*CONTRIBUTORS, critical_theta) if search else CONTRIBUTORS)
+    analysis = analysis_of(run, result, (*CONTRIBUTORS, critical_theta) if options.search else CONTRIBUTORS)
     written: list[Path] = []
-    if plots and analysis.transients:
+    if options.plots and analysis.transients:
         from hgorun.figures import save
         from hgorun.figures.peaking import peaking
 
         written = save(peaking(result, analysis.transients), target)
-    if plots:
+    if options.plots:
         written += _bode(run, result, target.with_name(target.name.removesuffix("-analysis") + "-bode"))
-    if json:
-        print(json_text.dumps(analysis.as_json(str(config)), indent=2, allow_nan=False))
-    elif not quiet:
+    if options.json:
+        print(json_text.dumps(analysis.as_json(str(options.config)), indent=2, allow_nan=False))
+    elif not options.quiet:
         print(table.text(analysis))
         for png, pdf in zip(written[::2], written[1::2], strict=True):
             print(f"written: {png}, {pdf}")

@@ -11,6 +11,7 @@ from typing import Any
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
+from hgorun.commands.options import Init, List, Show
 from hgorun.config import yaml_source
 from hgorun.config.expressions import nearest
 from hgorun.config.models import File
@@ -52,12 +53,13 @@ def _entries(kind: str) -> dict[str, str]:
     return {name: _first_line(cls) for name, cls in _REGISTRIES[kind].all().items()}
 
 
-def list_all(kind: str, *, json: bool) -> int:
+def list_all(options: List) -> int:
     """Names and one line each."""
+    kind = options.kind
     if kind not in (*_KINDS, "all"):
         raise ConfigError(f"expected one of {', '.join(_KINDS)}, all; found {kind!r}.{nearest(kind, _KINDS)}")
     found = {k: _entries(k) for k in _KINDS if kind in (k, "all")}
-    if json:
+    if options.json:
         print(json_text.dumps(found, indent=2))
         return 0
     width = max(len(name) for entries in found.values() for name in entries)
@@ -68,8 +70,9 @@ def list_all(kind: str, *, json: bool) -> int:
     return 0
 
 
-def show(name: str, *, json: bool) -> int:
+def show(options: Show) -> int:
     """Everything about one entry."""
+    name, json = options.name, options.json
     for registry in _REGISTRIES.values():
         classes = registry.all()
         if name in classes:
@@ -203,8 +206,9 @@ def build_schema() -> dict[str, Any]:
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **top}
 
 
-def init(name: str, folder: Path, *, force: bool) -> int:
+def init(options: Init) -> int:
     """Copy an experiment and the files that it extends."""
+    name, folder = options.name, options.folder
     shipped = experiments()
     matches = [file for path, file in shipped.items() if name in (path, Path(path).name)]
     if not matches:
@@ -213,7 +217,7 @@ def init(name: str, folder: Path, *, force: bool) -> int:
         )
     copies = [(folder / file.name, text) for file, text in _with_bases(matches[0])]
     for target, text in copies:
-        if target.exists() and not force and target.read_text(encoding="utf-8") != text:
+        if target.exists() and not options.force and target.read_text(encoding="utf-8") != text:
             raise HgorunError(f"{target} exists and differs; --force overwrites it")
     for target, text in copies:
         write_text(target, text)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import json as json_text
 import textwrap
 from collections.abc import Sequence
-from pathlib import Path
 
 from hgorun.commands.figures import warn
+from hgorun.commands.options import Claims
 from hgorun.reproduce import pool
 from hgorun.reproduce.choice import choose
 from hgorun.reproduce.job import Folders
@@ -18,22 +18,20 @@ UNEXPECTED = 3
 _WIDTH = 100
 
 
-def claims(
-    names: Sequence[str], output: Path | None, *, quiet: bool, json: bool, workers: int | None, strict: bool
-) -> int:
+def claims(options: Claims) -> int:
     """Measure the chosen claims, all by default."""
-    works = choose(names, Folders.below(output), figures=False, claims=True)
-    outcomes = pool.carry_out(works, workers=workers, show=not quiet and not json)
+    works = choose(options.names, Folders.below(options.output), figures=False, claims=True)
+    outcomes = pool.carry_out(works, workers=options.jobs, show=options.text)
     found: list[tuple[str, str, Verdict]] = []
     for work, outcome in zip(works, outcomes, strict=True):
         warn(work, outcome)
         found += [(work.job.group, work.study.name, verdict) for verdict in verdicts_of(work, outcome)]
-    if json:
+    if options.json:
         rows = [{"publication": group, "experiment": name, **v.as_json()} for group, name, v in found]
         print(json_text.dumps(rows, indent=2, allow_nan=False))
-    elif not quiet:
+    elif not options.quiet:
         print(_text(found))
-    return UNEXPECTED if strict and not all(v.as_expected for _, _, v in found) else 0
+    return UNEXPECTED if options.strict and not all(v.as_expected for _, _, v in found) else 0
 
 
 def _text(found: Sequence[tuple[str, str, Verdict]]) -> str:

@@ -1,39 +1,37 @@
-"""``figures``: the ``figures:`` blocks of the shipped experiments and of one's own files."""
+"""``figures``: the ``figures:`` blocks of the shipped experiments and of your own files."""
 
 from __future__ import annotations
 
 import json as json_text
 import sys
-from collections.abc import Mapping, Sequence
-from pathlib import Path
+from collections.abc import Mapping
 from typing import Any
 
+from hgorun.commands.options import Figures
 from hgorun.reproduce import pool
 from hgorun.reproduce.choice import choose
 from hgorun.reproduce.job import Folders, Outcome, Work
 
 
-def figures(
-    names: Sequence[str], output: Path | None, *, quiet: bool, json: bool, workers: int | None, report: bool
-) -> int:
+def figures(options: Figures) -> int:
     """Draw the chosen figures, all by default; with ``report`` measure the claims too and write the report."""
-    folders = Folders.below(output)
-    works = choose(names, folders, figures=True, claims=report)
+    folders = Folders.below(options.output)
+    works = choose(options.names, folders, figures=True, claims=options.report)
     reasons = [work.stale_figures for work in works]
-    outcomes = pool.carry_out(works, workers=workers, show=not quiet and not json)
+    outcomes = pool.carry_out(works, workers=options.jobs, show=options.text)
     rows = [row for made in zip(works, outcomes, reasons, strict=True) for row in _rows(*made)]
     for work, outcome in zip(works, outcomes, strict=True):
         warn(work, outcome)
-    if report:
+    if options.report:
         from hgorun.reproduce.report import write_report
 
         written = write_report(works, outcomes, folders)
-    if json:
+    if options.json:
         print(json_text.dumps(rows, indent=2, allow_nan=False))
-    elif not quiet:
+    elif not options.quiet:
         for row in rows:
             print(_line(row))
-        if report:
+        if options.report:
             print(f"written: {written}")
     return 0
 
@@ -65,7 +63,7 @@ def _rows(work: Work, outcome: Outcome, reasons: Mapping[str, str]) -> list[dict
 
 
 def warn(work: Work, outcome: Outcome) -> None:
-    """A diverged observer is a result, and said on stderr."""
+    """A diverged observer is reported on stderr; it is not an error."""
     for run, lost in outcome.diverged.items():
         for words in lost:
             print(f"hgorun: {work.study.name}: {run}: observer {words}", file=sys.stderr)

@@ -6,7 +6,9 @@ import json as json_text
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import TypeAlias
 
+from hgorun.commands.options import Compare, Configured, Simulate
 from hgorun.errors import ConfigError
 from hgorun.result.reading import read
 from hgorun.result.result import Result
@@ -20,127 +22,118 @@ RESULTS = Path("results")
 DIVERGED = 3
 _RESULT_SUFFIXES = {".h5", ".hdf5", ".nc"}
 
+Style: TypeAlias = Callable[[Sequence[Result], Sequence[tables.Predicted]], str]
+_STYLES: dict[str, Style] = {
+    "text": tables.text,
+    "csv": tables.csv,
+    "latex": lambda results, _: tables.latex(results),
+}
 
-def simulate(
-    configs: Sequence[Path],
-    output: Path | None,
-    overrides: Sequence[str],
-    seed: int | None,
-    *,
-    quiet: bool,
-    json: bool,
-    strict: bool,
-    check_step: bool,
-    run: str | None = None,
-) -> int:
+
+def simulate(options: Simulate) -> int:
     """Run configurations and write their results; everything is checked before anything runs."""
-    runs, targets = _prepared(configs, output, overrides, seed, run)
+    runs, targets = _prepared(options)
     results, files = [], []
     for prepared, target in zip(runs, targets, strict=True):
-        result = execute(prepared, quiet or json, check_step=check_step)
+        result = execute(prepared, show=options.text, check_step=options.check_step)
         files.append(str(result.save(target)))
         results.append(result)
         warn(result)
-        if not quiet and not json:
+        if options.text:
             print(tables.text([result]))
             print(f"written: {target}")
-    if json:
+    if options.json:
         _print_json(results, files)
-    return DIVERGED if strict and any(r.status != "ok" for r in results) else 0
+    return DIVERGED if options.strict and any(r.status != "ok" for r in results) else 0
 
 
-def compare(
-    sources: Sequence[Path],
-    output: Path | None,
-    overrides: Sequence[str],
-    seed: int | None,
-    *,
-    quiet: bool,
-    json: bool,
-    style: str,
-    plots: bool,
-    strict: bool,
-    run: str | None = None,
-    analyze: bool = False,
-) -> int:
-    """Metrics of configurations and result files side by side, and plots of them."""
-    styles: dict[str, Callable[[Sequence[Result], Sequence[tables.Predicted]], str]] = {
-        "text": tables.text,
-        "csv": tables.csv,
-        "latex": lambda results, _: tables.latex(results),
-    }
-    if style not in styles:
-        raise ConfigError(f"--format: expected one of {', '.join(styles)}, found {style!r}")
-    if analyze and style == "latex":
-        raise ConfigError("--analyze adds columns to text, csv and JSON; the LaTeX table has metrics only")
-    if (overrides or seed is not None) and all(path.suffix.lower() in _RESULT_SUFFIXES for path in sources):
-        raise ConfigError("--set and --seed change configurations; a result file stays as it is")
+def compare(options: Compare) -> int:
+    """Show metrics of configurations and result files side by side, and draw plots of them."""
+    style = _style(options)
     loaded: list[Result | Run] = []
-    for path in sources:
-        if path.suffix.lower() in _RESULT_SUFFIXES:
+    for path in options.sources:
+        if _is_result(path):
             loaded.append(read(path))
         else:
-            loaded += [prepare(experiment) for experiment in _experiments(path, overrides, seed, run)]
-    results = [s if isinstance(s, Result) else execute(s, quiet or json, check_step=False) for s in loaded]
-    predicted = _predicted(loaded, results) if analyze else []
+            loaded += [prepare(experiment) for experiment in _experiments(path, options)]
+    results = [s if isinstance(s, Result) else execute(s, show=options.text) for s in loaded]
+    predicted = _predicted(loaded, results) if options.analyze else []
     units = {result.units.get("time", "") for result in results}
     if len(units) > 1:
         raise ConfigError(f"the sources count time in different units: {', '.join(sorted(units))}")
     for result in results:
         warn(result)
-    if json:
-        _print_json(results, [str(p) for p in sources], predicted)
-    elif not quiet:
-        print(styles[style](results, predicted))
-    if plots:
-        from hgorun.figures import comparison, save
-
-        name = f"{sources[0].stem}-comparison" if len(sources) == 1 else "comparison"
-        target = (output or RESULTS) / name
-        if output is not None and output.suffix.lower() in {".png", ".pdf"}:
-            target = output.with_suffix("")
-        written = save(comparison(results), target)
-        if not quiet and not json and style == "text":
+    if options.json:
+        _print_json(results, [str(path) for path in options.sources], predicted)
+    elif not options.quiet:
+        print(style(results, predicted))
+    if options.plots:
+        written = _draw(results, options)
+        if options.text and options.format == "text":
             print("written: " + ", ".join(map(str, written)))
-    return DIVERGED if strict and any(r.status != "ok" for r in results) else 0
+    return DIVERGED if options.strict and any(r.status != "ok" for r in results) else 0
 
 
-def _prepared(
-    configs: Sequence[Path], output: Path | None, overrides: Sequence[str], seed: int | None, run: str | None
-) -> tuple[list[Run], list[Path]]:
+def _style(options: Compare) -> Style:
+    """The table asked for, once it is sure that the options fit each other."""
+    if options.format not in _STYLES:
+        raise ConfigError(f"--format: expected one of {', '.join(_STYLES)}, found {options.format!r}")
+    if options.analyze and options.format == "latex":
+        raise ConfigError("--analyze adds columns to text, csv and JSON; the LaTeX table has metrics only")
+    if (options.overrides or options.seed is not None) and all(map(_is_result, options.sources)):
+        raise ConfigError("--set and --seed change configurations; a result file stays as it is")
+    return _STYLES[options.format]
+
+
+def _is_result(path: Path) -> bool:
+    return path.suffix.lower() in _RESULT_SUFFIXES
+
+
+def _draw(results: Sequence[Result], options: Compare) -> list[Path]:
+    from hgorun.figures import comparison, save
+
+    if options.output is not None and options.output.suffix.lower() in {".png", ".pdf"}:
+        return save(comparison(results), options.output.with_suffix(""))
+    several = len(options.sources) > 1
+    name = "comparison" if several else f"{options.sources[0].stem}-comparison"
+    return save(comparison(results), (options.output or RESULTS) / name)
+
+
+def _prepared(options: Simulate) -> tuple[list[Run], list[Path]]:
     """All runs of the files, and where each result goes."""
-    refuse_twins(configs)
+    refuse_twins(options.configs)
     runs, targets = [], []
-    for path in configs:
-        for experiment in _experiments(path, overrides, seed, run):
+    for path in options.configs:
+        for experiment in _experiments(path, options):
             runs.append(prepare(experiment))
-            folder = output or RESULTS
+            folder = options.output or RESULTS
             inside = folder / path.stem if experiment.name != path.stem else folder
             targets.append(inside / f"{experiment.name}.h5")
-    if output is not None and output.suffix.lower() in _RESULT_SUFFIXES:
+    if options.output is not None and _is_result(options.output):
         if len(runs) > 1:
-            what = f"{len(configs)} configurations" if len(configs) > 1 else f"{len(runs)} runs in {configs[0]}"
-            raise ConfigError(f"--output: {output} is one file, but there are {what}; name a folder")
-        return runs, [output]
+            files = len(options.configs)
+            what = f"{files} configurations" if files > 1 else f"{len(runs)} runs in {options.configs[0]}"
+            raise ConfigError(f"--output: {options.output} is one file, but there are {what}; name a folder")
+        return runs, [options.output]
     return runs, targets
 
 
-def _experiments(path: Path, overrides: Sequence[str], seed: int | None, run: str | None) -> list[Experiment]:
+def _experiments(path: Path, options: Configured) -> list[Experiment]:
     """The run named, or all single runs of a file; ensembles belong to claims and figures."""
-    if run is not None:
-        return [load(path, overrides, seed=seed, run=run)]
-    study = load_study(path, overrides, seed=seed)
+    if options.run is not None:
+        return [load(path, options.overrides, seed=options.seed, run=options.run)]
+    study = load_study(path, options.overrides, seed=options.seed)
     single = [r.experiment for r in study.runs.values() if r.single]
     if not single:
         raise ConfigError(
-            f"all runs are ensembles: {', '.join(study.runs)}; --run takes a first member", file=str(path)
+            f"all runs are ensembles: {', '.join(study.runs)}; --run NAME runs the first member of one", file=str(path)
         )
     return single
 
 
-def execute(run: Run, quiet: bool, *, check_step: bool) -> Result:
-    """Run, with progress for a person at a terminal."""
-    show = not quiet and sys.stderr.isatty()
+def execute(run: Run, *, show: bool, check_step: bool = False) -> Result:
+    """Run, with progress if it is to be shown and somebody is at a terminal."""
+    show = show and sys.stderr.isatty()
 
     def progress(part: float) -> None:
         print(f"\r{run.experiment.name}: {100 * part:3.0f} %", end="", file=sys.stderr, flush=True)
@@ -153,7 +146,7 @@ def execute(run: Run, quiet: bool, *, check_step: bool) -> Result:
 
 
 def warn(result: Result) -> None:
-    """A diverged observer is a result, and said on stderr."""
+    """A diverged observer is reported on stderr; it is not an error."""
     for label, observer in result.observers.items():
         if observer.diverged_at is not None:
             print(f"hgorun: {result.name}: observer {label} {observer.status}", file=sys.stderr)

@@ -12,6 +12,7 @@ import h5py
 import pytest
 
 from hgorun.commands.figures import figures
+from hgorun.commands.options import Figures
 from hgorun.files import remove_leftovers, written_whole
 from hgorun.reproduce import pool
 from hgorun.reproduce.choice import choose
@@ -177,7 +178,7 @@ def test_a_figure_that_is_drawn_again_says_why(tmp_path: Path, capsys: pytest.Ca
     path, original = Path(name), Path(name).read_text()
 
     def reasons() -> dict[str, str | None]:
-        assert figures([name], output, quiet=False, json=True, workers=1, report=False) == 0
+        assert figures(Figures(names=[name], output=output, json=True, jobs=1)) == 0
         return {row["figure"]: row["reason"] for row in json.loads(capsys.readouterr().out)}
 
     assert reasons() == {"first": "not made yet", "second": "not made yet"}
@@ -196,7 +197,7 @@ def test_a_figure_that_is_drawn_again_says_why(tmp_path: Path, capsys: pytest.Ca
     state.write_text(json.dumps({"figures": {"first": {"key": "0123", "files": []}}}))
     assert reasons() == {"first": "made by another version of hgorun", "second": "not made yet"}
     (output / "study0" / "first.pdf").unlink()
-    assert figures([name], output, quiet=False, json=False, workers=1, report=False) == 0
+    assert figures(Figures(names=[name], output=output, jobs=1)) == 0
     first, second = capsys.readouterr().out.splitlines()
     assert "; drawn: file missing: first.pdf)" in first
     assert "; drawn" not in second

@@ -1,0 +1,141 @@
+"""The options of each command, written once: the command line makes its parameters and its help from them.
+
+Only typer is imported here, so that help comes at once.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+@dataclass(frozen=True, kw_only=True)
+class Printing:
+    """What is printed, and where files go."""
+
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="File or folder to write to (default: results).")
+    ] = None
+    quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Print nothing but errors.")] = False
+    json: Annotated[bool, typer.Option("--json", help="Print JSON on stdout, and nothing else there.")] = False
+
+    @property
+    def text(self) -> bool:
+        """Whether text for a person is printed."""
+        return not self.quiet and not self.json
+
+
+@dataclass(frozen=True, kw_only=True)
+class Configured(Printing):
+    """Which runs of a configuration are meant, and what is changed in them."""
+
+    overrides: Annotated[
+        list[str],
+        typer.Option("--set", metavar="PATH=VALUE", help="Change a key, e.g. observers.SHGO.theta=2; repeatable."),
+    ] = field(default_factory=list)
+    seed: Annotated[int | None, typer.Option("--seed", min=0, help="Override the seed in the file.")] = None
+    run: Annotated[str | None, typer.Option("--run", help="One of the file's runs (default: all).")] = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Simulate(Configured):
+    """Run configurations, write results/NAME.h5, print the metrics."""
+
+    configs: Annotated[list[Path], typer.Argument(metavar="CONFIG...", help="YAML configurations.")]
+    strict: Annotated[bool, typer.Option("--strict", help="Exit with code 3 if an observer diverged.")] = False
+    check_step: Annotated[
+        bool, typer.Option("--check-step", help="Run again with half the step; report the difference.")
+    ] = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class Compare(Configured):
+    """Show metrics side by side, and draw comparison plots."""
+
+    sources: Annotated[list[Path], typer.Argument(metavar="SOURCE...", help="Configurations or result files.")]
+    format: Annotated[str, typer.Option("--format", help="Format of the table: text, csv or latex.")] = "text"
+    plots: Annotated[bool, typer.Option("--plots/--no-plots", help="Draw comparison plots (PNG and PDF).")] = True
+    strict: Annotated[bool, typer.Option("--strict", help="Exit with code 3 if an observer diverged.")] = False
+    analyze: Annotated[bool, typer.Option("--analyze", help="Add what theory predicts for configurations.")] = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class Analyze(Configured):
+    """Put theory beside simulation: gains, bounds, noise."""
+
+    config: Annotated[Path, typer.Argument(metavar="CONFIG", help="A YAML configuration.")]
+    plots: Annotated[bool, typer.Option("--plots/--no-plots", help="Draw errors and their bounds (PNG, PDF).")] = True
+    search: Annotated[
+        bool, typer.Option("--search", help="Search for the smallest theta that works, by simulation.")
+    ] = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reproduction(Printing):
+    """Which figures or claims are meant, and how many are made at once."""
+
+    names: Annotated[
+        list[str],
+        typer.Argument(metavar="[NAME...]", help="Figures, experiments or folders of them, or YAML files."),
+    ] = field(default_factory=list)
+    jobs: Annotated[
+        int | None, typer.Option("--jobs", min=1, help="Number of processes (default: one per processor).")
+    ] = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Figures(Reproduction):
+    """Draw the figures of the publications that have changed.
+
+    Each is written as PNG and PDF, and drawn again if its block, its runs or the code it depends on has changed.
+    """
+
+    report: Annotated[bool, typer.Option("--report", help="Measure the claims too, and write REPORT.md.")] = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class Claims(Reproduction):
+    """Measure what the publications claim.
+
+    Each claim is confirmed or refuted, with the number.
+    """
+
+    strict: Annotated[bool, typer.Option("--strict", help="Exit with code 3 if a verdict is not the expected one.")] = (
+        False
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class List:
+    """List the available plants, observers, metrics and experiments."""
+
+    kind: Annotated[str, typer.Argument(help="plants, observers, experiments or all.")] = "all"
+    json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class Show:
+    """Show a plant, an observer or an experiment in full.
+
+    Its equations, its parameters with ranges and defaults, and its source.
+    """
+
+    name: Annotated[str, typer.Argument(help="A plant, an observer or an experiment.")]
+    json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class Schema:
+    """Print the JSON schema of configurations, for editors."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Init:
+    """Copy a built-in experiment as a starting point."""
+
+    name: Annotated[str, typer.Argument(help="A built-in experiment; see hgorun list experiments.")] = "contois_te025"
+    folder: Annotated[Path, typer.Argument(help="Where to copy it to.")] = Path()
+    force: Annotated[bool, typer.Option("--force", help="Overwrite files that exist.")] = False

@@ -1,0 +1,59 @@
+"""``hgorun claims``: what is printed, and when the exit code is not 0."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from hgorun.commands.claims import claims
+from hgorun.commands.options import Claims
+
+STUDY = """
+time: {end: 3, output_step: 0.1}
+plant: {type: integrator_chain, n: 2, phi: -x1, initial: {x1: 1, x2: 0}}
+observers: {A: {type: shgo, theta: 2}, B: {type: shgo, theta: 2000}}
+solver: {step: 0.01}
+claims:
+  - {id: "1", claim: The error is small., value: "rmse('A', x1)", below: 10}
+  - {id: "2", claim: "The error is as large as the truth itself, which takes more than one line to say in a terminal.",
+     value: "rmse('A', x1)", above: 10, expect: EXPECTED}
+"""
+
+
+@pytest.fixture
+def study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / "study.yaml"
+    path.write_text(STUDY.replace("EXPECTED", "refuted"))
+    return path
+
+
+def test_verdicts_are_printed_with_their_numbers(study: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert claims(Claims(names=[str(study)], strict=True)) == 0
+    out, err = capsys.readouterr()
+    lines = out.splitlines()
+    assert lines[0] == "study"
+    assert lines[1].startswith("     1  confirmed  0.")
+    assert lines[2] == "        The error is small."
+    assert lines[3].startswith("     2  refuted    0.")
+    assert lines[-1] == "2 claims: 1 confirmed, 1 refuted"
+    assert max(map(len, lines)) <= 100
+    assert err.startswith("hgorun: study: study: observer B diverged at t=")
+
+
+def test_a_surprise_is_marked_and_strict_refuses_it(study: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    study.write_text(STUDY.replace("EXPECTED", "confirmed"))
+    assert claims(Claims(names=[str(study)])) == 0
+    assert claims(Claims(names=[str(study)], strict=True)) == 3
+    out = capsys.readouterr().out
+    assert "(expected: confirmed)" in out
+    assert out.endswith("2 claims: 1 confirmed, 1 refuted; 1 not as expected\n")
+
+
+def test_json_has_one_record_a_claim_and_quiet_prints_nothing(study: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert claims(Claims(names=[str(study)], json=True)) == 0
+    first, second = json.loads(capsys.readouterr().out)
+    assert (first["publication"], first["experiment"]) == ("study", "study")
+    assert (first["id"], first["verdict"], second["verdict"]) == ("1", "confirmed", "refuted")
+    assert claims(Claims(names=[str(study)], quiet=True)) == 0
+    assert capsys.readouterr().out == ""
