@@ -74,9 +74,10 @@ def find_samples(stretches: list[Stretch], start: float, seed: int, output: str,
         return Samples(empty, empty, none, none, none.astype(bool))
     all_taken = np.concatenate(taken)
     newest = np.maximum.accumulate(np.concatenate([[-np.inf], all_taken]))[:-1]
-    return Samples(
-        np.concatenate(arrival), all_taken, np.concatenate(number), np.concatenate(which), all_taken >= newest
-    )
+    # times that are equal on paper may differ by rounding
+    tolerance = 1e-12 * max(abs(stretches[0].start), abs(stretches[-1].end))
+    used = all_taken >= newest - tolerance
+    return Samples(np.concatenate(arrival), all_taken, np.concatenate(number), np.concatenate(which), used)
 
 
 def _belong(times: np.ndarray, stretch: Stretch, last: bool) -> np.ndarray:

@@ -253,3 +253,20 @@ def test_jitter_moves_no_sample_of_the_next_phase_into_this_one() -> None:
         first = channel.samples.stretch == 0
         assert channel.samples.number[first].max() == 1
         assert channel.samples.number[~first].min() == 0
+
+
+def test_of_two_samples_taken_at_the_same_time_the_later_one_is_used() -> None:
+    """0.5 - 0.2 and 0.3 - 0 are one time on paper, and not in binary."""
+    fast, slow = {"sampling": {"period": 0.1}}, {"sampling": {"period": 0.1}, "delay": 0.2}
+    block = Measurement.model_validate({"phases": [{"until": 0.35, **fast}, {"until": 2, **slow}]})
+    for start in (0.0, 0.1, 0.3, 0.7):
+        time = Time(start=start, end=start + 1, output_step=0.1)
+        shifted = block.model_copy(
+            update={"phases": (block.phases[0].model_copy(update={"until": start + 0.3}), block.phases[1])}
+        )
+        (channel,) = find_channels(resolve(shifted, ["y"], time), ("y",), time, 0, None)  # type: ignore[arg-type]
+        taken = np.round(channel.samples.taken, 9)
+        newest = np.maximum.accumulate(np.concatenate([[-np.inf], taken[:-1]]))
+        np.testing.assert_array_equal(channel.samples.used, taken >= newest)
+        assert np.count_nonzero(taken == round(start + 0.2, 9)) == 2
+        assert channel.samples.used[taken == round(start + 0.2, 9)].all()
