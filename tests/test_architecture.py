@@ -26,7 +26,7 @@ FLOORS: list[set[str]] = [
     {"measurement"},
     {"result"},
     {"simulation"},
-    {"analysis"},
+    {"analysis", "testing"},
     {"tables"},
     {"figures"},
     {"study"},
