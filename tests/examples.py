@@ -10,6 +10,7 @@ import yaml
 
 import hgorun
 from hgorun import Experiment, Result
+from hgorun.analysis.finding import Finding, all_findings
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import prepare
 
@@ -93,3 +94,8 @@ def run(folder: Path, config: str | Mapping[str, Any], *overrides: str, **option
 def prepared(folder: Path, config: str | Mapping[str, Any], *overrides: str) -> PreparedRun:
     """All that is decided before the first step: the engine's tables and numbers."""
     return prepare(load(folder, config, *overrides))
+
+
+def findings(*files: str) -> list[Finding]:
+    """The findings declared in some files of hgorun/analysis/findings."""
+    return [one for one in all_findings() if one.of.__module__.rpartition(".")[2] in files]

@@ -61,9 +61,9 @@ def test_sufficient_and_exact_delays_of_a_chain(r: int, exact: float, bound: flo
     found = dynamics(3, r)
     none = slopes(np.zeros((3, 3)))
     for theta in (1.0, 5.0):
-        limit = bounds.delayed(found, found.certificate, none, theta).longest
+        limit = bounds.delayed(found, none, theta).longest
         assert limit * theta == pytest.approx(bound, rel=1e-3)
-        sharp = bounds.delayed_sharply(found, found.certificate, none, theta).longest
+        sharp = bounds.delayed_sharply(found, none, theta).longest
         assert limit < sharp < exact / theta
     assert exact_limit(found) == pytest.approx(exact, abs=5e-4)
 
@@ -96,10 +96,10 @@ def test_a_standard_observer_with_a_large_gain_needs_more_than_chi() -> None:
     """|G|^2 > chi: sqrt(chi) |G| stands in its place."""
     found = experiment(chain(2), {"observer": {"type": "shgo", "theta": 1, "poles": [-3, -4]}})
     made = error_dynamics(found.observers["observer"], found.forms["observer"])
-    chi, G = made.certificate.chi, np.hypot(7, 12)
+    chi, G = made.lyapunov.chi, np.hypot(7, 12)
     assert chi < G**2
-    limit = bounds.delayed(made, made.certificate, slopes(np.zeros((2, 2))), 1.0).longest
-    assert limit == pytest.approx(made.certificate.beta / (np.sqrt(chi) * G), rel=1e-9)
+    limit = bounds.delayed(made, slopes(np.zeros((2, 2))), 1.0).longest
+    assert limit == pytest.approx(made.lyapunov.beta / (np.sqrt(chi) * G), rel=1e-9)
 
 
 def test_the_euclidean_constant_of_chapter_2_is_too_small() -> None:

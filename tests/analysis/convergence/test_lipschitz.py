@@ -8,11 +8,10 @@ from examples import experiment
 
 from hgorun import Experiment
 from hgorun.analysis.convergence.charts import chart_of
-from hgorun.analysis.convergence.gains import NotApplicableError
 from hgorun.analysis.convergence.lipschitz import lipschitz
 from hgorun.analysis.convergence.segments import along
-from hgorun.analysis.findings import Findings
-from hgorun.analysis.report import analyze
+from hgorun.analysis.reasons import NoValue
+from hgorun.analysis.report import Findings, analyze
 from hgorun.reproduce.shipped import experiments
 from hgorun.simulation.simulate import perform, prepare
 
@@ -161,6 +160,6 @@ def test_what_is_not_affine_is_refused() -> None:
             "observers": {"observer": {"type": "shgo_riccati", "theta": 3}},
         }
     )
-    with pytest.raises(NotApplicableError, match="not affine in x2"):
+    with pytest.raises(NoValue, match="not affine in x2"):
         chart_of(made.forms["observer"], made.plant)
     assert "not affine" in analyze(made).observers["observer"].reasons["lipschitz"]
