@@ -16,10 +16,11 @@ import pytest
 import hgorun
 from hgorun import Experiment
 from hgorun.analysis.findings import Context, Findings
-from hgorun.analysis.report import KEYS, Analysis, plain
+from hgorun.analysis.report import KEYS, Analysis
 from hgorun.analysis.search import smallest
 from hgorun.cli import main
 from hgorun.figures.peaking import peaking
+from hgorun.files import json_value
 from hgorun.tables import analysis as table
 
 CONFIG = """
@@ -235,7 +236,9 @@ def _mapping(text: str) -> dict[str, Any]:
 
 
 def test_values_as_json_holds_them() -> None:
-    made = plain({"a": np.array([1 + 2j]), "b": math.inf, "c": np.float64("nan"), "d": np.bool_(True), "e": (1, None)})
+    made = json_value(
+        {"a": np.array([1 + 2j]), "b": math.inf, "c": np.float64("nan"), "d": np.bool_(True), "e": (1, None)}
+    )
     assert made == {"a": [[1, 2]], "b": "inf", "c": "nan", "d": True, "e": [1, None]}
 
 

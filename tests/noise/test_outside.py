@@ -13,6 +13,7 @@ from outside import code_of, installed
 
 import hgorun
 from hgorun.commands.catalogue import build_schema, list_all, show
+from hgorun.commands.options import List, Show
 from hgorun.errors import ConfigError
 from hgorun.noise.base import NOISE
 
@@ -126,9 +127,9 @@ def test_schema_and_catalogue_know_it(capsys: pytest.CaptureFixture[str]) -> Non
     jsonschema.validate(config(COLOURED | {"hold": 0.1}), schema)
     with pytest.raises(jsonschema.ValidationError):
         jsonschema.validate(config(CHIRP | {"rat": 1}), schema)
-    list_all("noise", json=True)
+    list_all(List(kind="noise", json=True))
     assert "A sinusoid that gets faster" in json.loads(capsys.readouterr().out)["noise"]["chirp"]
-    show("coloured", json=True)
+    show(Show(name="coloured", json=True))
     described = json.loads(capsys.readouterr().out)
     assert described["kind"] == "noise"
     assert [key["key"] for key in described["keys"]] == ["hold", "std", "rho"]

@@ -13,7 +13,7 @@ from hgorun.analysis.convergence.contributor import promises
 from hgorun.analysis.convergence.lipschitz import Lipschitz
 from hgorun.analysis.convergence.time_varying import Gramian
 from hgorun.analysis.report import analyze
-from hgorun.observers.fhgo2_nuos import stationary
+from hgorun.observers.riccati import stationary
 from hgorun.simulation.simulate import simulate
 
 FAMILIES: list[dict[str, Any]] = [

@@ -179,17 +179,16 @@ def test_growth_along_a_trajectory_is_that_of_the_one_system() -> None:
     one = error_system(run, "o", result)
     assert not isinstance(one, str)
     assert one.constant
-    many = replace(
-        one,
-        times=np.linspace(0, 20, 101),
-        **{name: np.repeat(getattr(one, name), 101, axis=0) for name in ("A0", "E", "H", "K0", "K")},
-    )
+    matrices: dict[str, Any] = {
+        name: np.repeat(getattr(one, name), 101, axis=0) for name in ("A0", "E", "H", "K0", "K")
+    }
+    many = replace(one, times=np.linspace(0, 20, 101), **matrices)
     for T, d in ((0.3, 0.0), (1.0, 0.25), (0.2, 0.5), (2.0, 0.0)):
         assert growth(many, T, d) == pytest.approx(growth(one, T, d), abs=1e-6)
 
 
 def test_discrete_observers() -> None:
-    observers = {"k": {"type": "reduced_sampled", "H": 0.5}, "d": {"type": "deadbeat"}}
+    observers: dict[str, Block] = {"k": {"type": "reduced_sampled", "H": 0.5}, "d": {"type": "deadbeat"}}
     run = prepared(observers, VAN_DER_POL, measurement={"sampling": {"period": 0.1}})
     assert critical(run, "k", "unused")[0].value == 4.0
     assert critical(run, "d", "unused")[0].value is None
