@@ -10,7 +10,7 @@ import yaml
 
 import hgorun
 from hgorun import Experiment, Result
-from hgorun.simulation.run import Run
+from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import prepare
 
 Block = dict[str, Any]  # what stands below a key of the YAML file
@@ -90,6 +90,6 @@ def run(folder: Path, config: str | Mapping[str, Any], *overrides: str, **option
     return hgorun.simulate(load(folder, config, *overrides), **options)
 
 
-def prepared(folder: Path, config: str | Mapping[str, Any], *overrides: str) -> Run:
+def prepared(folder: Path, config: str | Mapping[str, Any], *overrides: str) -> PreparedRun:
     """All that is decided before the first step: the engine's tables and numbers."""
     return prepare(load(folder, config, *overrides))

@@ -59,11 +59,11 @@ def as_text(poles: list[complex]) -> list[str]:
 
 def error_dynamics(plant: Block, block: Block) -> tuple[Array, Array]:
     """M, b of w' = M w + b v near x = 0, from the flow that is compiled; w = (xhat, internal)."""
-    system = prepare(experiment(plant, {"o": block})).system
-    (flow,) = system.structure.flows.values()
+    run = prepare(experiment(plant, {"o": block}))
+    flow = run.structure.system.regimes[0].flow
     t, p, z, w = (ca.SX.sym(name, flow.size_in(i)) for i, name in enumerate("tpzw"))
     jacobian = ca.Function("J", [t, p, z, w], [ca.jacobian(flow(t, p, z, w), z)])
-    J = np.asarray(jacobian(0, system.p, np.zeros(z.shape), np.zeros(w.shape)).full())
+    J = np.asarray(jacobian(0, run.numbers.p, np.zeros(z.shape), np.zeros(w.shape)).full())
     n = len(plant["initial"])
     return J[n:, n:], J[n:, 0]  # the noise comes the way of x_1
 

@@ -9,7 +9,7 @@ from typing import Any
 from hgorun.result.result import Result
 from hgorun.result.theory import Transient
 from hgorun.simulation.observer_block import ObserverBlock
-from hgorun.simulation.run import Run
+from hgorun.simulation.prepared import PreparedRun
 
 
 @dataclass(frozen=True)
@@ -18,18 +18,18 @@ class Context:
 
     Attributes
     ----------
-    run : Run
+    run : PreparedRun
         ``run.experiment`` is what was configured.
     result : Result
     """
 
-    run: Run
+    run: PreparedRun
     result: Result
 
     @property
     def blocks(self) -> dict[str, ObserverBlock]:
         """Every observer with its form of the plant and its design, by label."""
-        return {block.label: block for block in self.run.system.observers}
+        return {block.label: block for block in self.run.observers}
 
 
 @dataclass

@@ -18,7 +18,7 @@ from hgorun.files import json_value
 from hgorun.result.result import Result
 from hgorun.result.theory import Transient
 from hgorun.simulation.experiment import Experiment
-from hgorun.simulation.run import Run
+from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import perform, prepare
 
 # each adds what it knows; a later one's value wins over an earlier one's
@@ -104,7 +104,7 @@ def analyze(experiment: Experiment, contributors: Sequence[Contributor] = CONTRI
     return analysis_of(run, perform(run), contributors)
 
 
-def analysis_of(run: Run, result: Result, contributors: Sequence[Contributor] = CONTRIBUTORS) -> Analysis:
+def analysis_of(run: PreparedRun, result: Result, contributors: Sequence[Contributor] = CONTRIBUTORS) -> Analysis:
     """The same with a run that has been carried out."""
     context = Context(run, result)
     gathered = {label: Findings() for label in result.observers}

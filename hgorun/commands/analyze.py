@@ -12,7 +12,7 @@ from hgorun.commands.options import Analyze
 from hgorun.commands.run import RESULTS, execute, warn
 from hgorun.errors import ConfigError
 from hgorun.result.result import Result
-from hgorun.simulation.run import Run
+from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import prepare
 from hgorun.study.loading import load
 from hgorun.tables import analysis as table
@@ -54,7 +54,7 @@ def _target(name: str, output: Path | None) -> Path:
     return (output or RESULTS) / f"{name}-analysis"
 
 
-def _bode(run: Run, result: Result, target: Path) -> list[Path]:
+def _bode(run: PreparedRun, result: Result, target: Path) -> list[Path]:
     """The observers' frequency responses, where there are some."""
     from hgorun.analysis.noise.bode import bode
     from hgorun.figures import save

@@ -13,7 +13,7 @@ from hgorun.errors import ConfigError
 from hgorun.result.reading import read
 from hgorun.result.result import Result
 from hgorun.simulation.experiment import Experiment
-from hgorun.simulation.run import Run
+from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import perform, prepare
 from hgorun.study.loading import load, load_study, refuse_twins
 from hgorun.tables import metrics as tables
@@ -50,7 +50,7 @@ def simulate(options: Simulate) -> int:
 def compare(options: Compare) -> int:
     """Show metrics of configurations and result files side by side, and draw plots of them."""
     style = _style(options)
-    loaded: list[Result | Run] = []
+    loaded: list[Result | PreparedRun] = []
     for path in options.sources:
         if _is_result(path):
             loaded.append(read(path))
@@ -99,7 +99,7 @@ def _draw(results: Sequence[Result], options: Compare) -> list[Path]:
     return save(comparison(results), (options.output or RESULTS) / name)
 
 
-def _prepared(options: Simulate) -> tuple[list[Run], list[Path]]:
+def _prepared(options: Simulate) -> tuple[list[PreparedRun], list[Path]]:
     """All runs of the files, and where each result goes."""
     refuse_twins(options.configs)
     runs, targets = [], []
@@ -131,7 +131,7 @@ def _experiments(path: Path, options: Configured) -> list[Experiment]:
     return single
 
 
-def execute(run: Run, *, show: bool, check_step: bool = False) -> Result:
+def execute(run: PreparedRun, *, show: bool, check_step: bool = False) -> Result:
     """Run, with progress if it is to be shown and somebody is at a terminal."""
     show = show and sys.stderr.isatty()
 
@@ -152,7 +152,7 @@ def warn(result: Result) -> None:
             print(f"hgorun: {result.name}: observer {label} {observer.status}", file=sys.stderr)
 
 
-def _predicted(sources: Sequence[Run | Result], results: Sequence[Result]) -> list[tables.Predicted]:
+def _predicted(sources: Sequence[PreparedRun | Result], results: Sequence[Result]) -> list[tables.Predicted]:
     """What theory says of configurations; nothing of result files, which hold no equations."""
     from hgorun.analysis.report import analysis_of
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 from numbers import Real
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -42,11 +43,13 @@ class Expression:
         As it was written.
     names : frozenset of str
         The names that need a value; `pi` and `e` only where they were declared as names.
+    tree : Node
+        What the text says.
     """
 
     text: str
     names: frozenset[str]
-    _tree: Node = field(repr=False, compare=False)
+    tree: Node = field(repr=False, compare=False)
 
     def number(self, values: Mapping[str, float] = _NO_VALUES) -> float:
         """Return the value as a finite float.
@@ -69,7 +72,7 @@ class Expression:
 
     def _evaluate(self, values: Mapping[str, Any]) -> Any:
         try:
-            return evaluate(self._tree, values)
+            return evaluate(self.tree, values)
         except ExpressionError as error:
             raise ExpressionError(f"`{short(self.text)}`: {error}") from None
 
@@ -100,6 +103,11 @@ def parse(value: str | int | float, *, names: Collection[str] | None = None) -> 
         raise ExpressionError("the expression is empty")
     if len(text) > MAX_LENGTH:
         raise ExpressionError(f"the expression has {len(text):,} characters; {MAX_LENGTH:,} are the limit")
+    return _read(text, None if names is None else frozenset(names))
+
+
+@lru_cache(maxsize=1024)
+def _read(text: str, names: frozenset[str] | None) -> Expression:
     reader = Reader(names)
     try:
         tree = reader.read(syntax_tree(tokens(text)), 0)

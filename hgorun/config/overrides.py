@@ -40,6 +40,55 @@ def set_path(source: Source, assignment: str) -> Source:
     return Source(data, places | created)
 
 
+def replaced(source: Source, path: str, value: Any) -> tuple[Source, KeyPath]:
+    """The configuration with another value at a path, and that path.
+
+    What is new keeps the position of what it replaces, or of the nearest thing around.
+
+    Parameters
+    ----------
+    path : str
+        As in ``--set``.
+    value : plain data or None
+        None removes the key; where there is none, nothing happens.
+
+    Raises
+    ------
+    ConfigError
+        The path leads into a scalar or past the end of a list.
+    """
+    old, end = _longest_path(source.data, f"{path}=")
+    names = path[end:]
+    new = names[1 if old else 0 :].split(".") if names else []
+    above = at(source.data, old)
+    if any(not name for name in new) or not (old or new):
+        raise ConfigError(f"expected keys with dots between, found {path!r}", key=path)
+    if value is None and new:
+        return source, (*old, *new)
+    file, line = source.where(old)
+    if new and above is not None and not isinstance(above, dict):
+        raise ConfigError(_no_way(source.data, old, new[0]), file=file, line=line, key=path)
+    place: KeyPath = (*old, *new)
+    data = _removed(source.data, place) if value is None else _replaced(source.data, place, value)
+    positions = source.positions
+    if new or isinstance(above, (dict, list)) or isinstance(value, (dict, list)):
+        positions = {p: where for p, where in positions.items() if p[: len(place)] != place or p == place}
+        if value is not None:
+            positions |= {(*place, *below): (file, line) for below, _ in walk(value)}
+    return Source(data, positions), place
+
+
+def _removed(data: Any, path: KeyPath) -> Any:
+    """Copy ``data`` along ``path``, without what is at its end."""
+    holder = at(data, path[:-1])
+    left = (
+        {key: part for key, part in holder.items() if key != path[-1]}
+        if isinstance(holder, dict)
+        else [part for i, part in enumerate(holder) if i != path[-1]]
+    )
+    return _replaced(data, path[:-1], left) if len(path) > 1 else left
+
+
 def _longest_path(data: Any, assignment: str) -> tuple[KeyPath, int]:
     """Find the longest path in ``data`` that ``assignment`` starts with, and where it ends there."""
     best: tuple[KeyPath, int] = ((), 0)

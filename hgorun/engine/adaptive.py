@@ -18,7 +18,6 @@ from hgorun.engine.layout import (
     PLANT_DIVERGED,
     STEP_TOO_SMALL,
     WORD,
-    Variant,
 )
 from hgorun.engine.methods import Method
 from hgorun.engine.parts import Module, move
@@ -28,10 +27,10 @@ _SAFETY, _SHRINK, _GROW = 0.9, 0.2, 5.0
 _SMALLEST = 1e-13  # of the larger |t| of the segment's ends: below it a step changes t no more
 
 
-def add_adaptive(m: Module, method: Method, history: History | None, flows: dict[Variant, Emitted]) -> None:
-    """``advance<i>(ctx, segment)`` for every variant i."""
-    for i, (variant, flow) in enumerate(flows.items()):
-        _add_advance(Stepper(m, method, history, variant, flow, f"advance{i}"))
+def add_adaptive(m: Module, method: Method, history: History | None, flows: list[Emitted]) -> None:
+    """``advance<i>(ctx, segment)`` for every regime i."""
+    for i, flow in enumerate(flows):
+        _add_advance(Stepper(m, method, history, i, flow, f"advance{i}"))
 
 
 def _maximum(f: Function, values: list[str]) -> str:
@@ -55,10 +54,10 @@ def _block_errors(s: Stepper, errors: list[str]) -> list[str]:
         old, new = (f.intrinsic("fabs", f.load(f.at(a, i * f.lanes), f.real)) for a in (s.before, s.z))
         scale = f.select(f.compare("ogt", new, old), new, old)
         ratios.append(f.div(f.intrinsic("fabs", error), f.add(atol, f.mul(rtol, scale))))
-    structure = s.m.structure
-    worst = [_maximum(f, ratios[: structure.plant_states])]
+    system = s.m.system
+    worst = [_maximum(f, ratios[: system.plant_states])]
     diverged = f.word("%ctx", WORD["diverged"], "ptr")
-    for j, (start, _, end) in enumerate(structure.blocks):
+    for j, (start, _, end) in enumerate(system.blocks):
         alive = f.compare("oeq", f.load(f.at(diverged, j * f.lanes), f.real), f.constant(float("inf")))
         worst.append(_maximum(f, [f.select(alive, r, f.constant(0.0)) for r in ratios[start:end]]))
     return worst
@@ -179,7 +178,7 @@ def _mask_failing(s: Stepper, blocks: list[str], t: str, limit: str) -> None:
     """Give up the observers whose error is beyond the limit; with several lanes the whole observer."""
     f = s.f
     diverged = f.word("%ctx", WORD["diverged"], "ptr")
-    for j, ((start, _, end), error) in enumerate(zip(s.m.structure.blocks, blocks, strict=True)):
+    for j, ((start, _, end), error) in enumerate(zip(s.m.system.blocks, blocks, strict=True)):
         with f.when(f.test("ugt", error, limit)):
             for lane in range(f.lanes):
                 f.store(t, f.at(diverged, j * f.lanes + lane))

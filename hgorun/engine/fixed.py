@@ -1,6 +1,6 @@
 """The native time loop of a fixed-step Runge-Kutta method.
 
-One function a variant makes all steps of a segment: from the event at its start to the event at its end
+One function a regime makes all steps of a segment: from the event at its start to the event at its end
 nothing happens but the flow. The slope at the end of a step is the first slope of the next one; it also
 gives the output points in between and the history for continuous delays.
 """
@@ -9,16 +9,16 @@ from __future__ import annotations
 
 from hgorun.engine.emit import Emitted
 from hgorun.engine.history import History
-from hgorun.engine.layout import DONE, HISTORY_TOO_SHORT, PLANT_DIVERGED, WORD, Variant
+from hgorun.engine.layout import DONE, HISTORY_TOO_SHORT, PLANT_DIVERGED, WORD
 from hgorun.engine.methods import Method
 from hgorun.engine.parts import Module, counts, move
 from hgorun.engine.stepper import Stepper, guard
 
 
-def add_fixed(m: Module, method: Method, history: History | None, flows: dict[Variant, Emitted]) -> None:
-    """``advance<i>(ctx, segment)`` for every variant i."""
-    for i, (variant, flow) in enumerate(flows.items()):
-        _add_advance(Stepper(m, method, history, variant, flow, f"advance{i}"))
+def add_fixed(m: Module, method: Method, history: History | None, flows: list[Emitted]) -> None:
+    """``advance<i>(ctx, segment)`` for every regime i."""
+    for i, flow in enumerate(flows):
+        _add_advance(Stepper(m, method, history, i, flow, f"advance{i}"))
 
 
 def _add_advance(s: Stepper) -> None:

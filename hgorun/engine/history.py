@@ -9,7 +9,7 @@ REFINEMENTS passes.
 from __future__ import annotations
 
 from hgorun.engine.ir import Function
-from hgorun.engine.layout import DELAYED, OUTPUT, WORD, Variant
+from hgorun.engine.layout import WORD
 from hgorun.engine.parts import Module, copy, hermite
 
 REFINEMENTS = 4  # passes of a step whose delays reach into it; each one gains an order
@@ -25,9 +25,10 @@ class History:
 
     def __init__(self, m: Module) -> None:
         self.m = m
-        self.width = m.structure.outputs * m.structure.width * m.lanes
-        self.trace = m.emit(m.structure.channel_slopes, "trace")
-        self.lags = {v: m.emit(lag, f"lags{i}") for i, (v, lag) in enumerate(m.structure.lags.items())}
+        self.width = m.system.outputs * m.system.width * m.lanes
+        self.trace = m.emit(m.system.channel_slopes, "trace")
+        late = [(number, regime) for number, regime in enumerate(m.system.regimes) if regime.delayed]
+        self.lags = {number: m.emit(regime.lags, f"lags{i}") for i, (number, regime) in enumerate(late)}
         self._add_write()
         self._add_recall()
 
@@ -48,7 +49,7 @@ class History:
 
     def _piece(self, f: Function, index: str) -> str:
         slot = f.scalar("and", index, f.word("%ctx", WORD["ring_mask"]))
-        words = piece_words(self.m.structure.outputs * self.m.structure.width, self.m.lanes)
+        words = piece_words(self.m.system.outputs * self.m.system.width, self.m.lanes)
         return f.at(f.word("%ctx", WORD["ring"], "ptr"), f.scalar("mul", slot, str(words)))
 
     def _add_recall(self) -> None:
@@ -62,7 +63,7 @@ class History:
             returns="i64",
             attributes="nounwind noinline",
         )
-        own = self.m.structure.width * self.m.lanes
+        own = self.m.system.width * self.m.lanes
         first = f.scalar("mul", "%output", str(own))
         before = f.label()
         search = f.label()
@@ -110,21 +111,20 @@ class History:
         f.do(f"ret i64 {f.let(f'zext i1 {provisional} to i64')}")
         self.m.finish(f)
 
-    def look_up(self, f: Function, variant: Variant, t: str, newest: str, flags: str) -> None:
+    def look_up(self, f: Function, regime: int, t: str, newest: str, flags: str) -> None:
         """Fill w with the delayed channels at time t; or the outcome into the slot ``flags``."""
-        lag = self.lags[variant]
-        s, lanes = self.m.structure, self.m.lanes
+        lag = self.lags[regime]
+        s, lanes = self.m.system, self.m.lanes
         p, z, w = (f.word("%ctx", WORD[name], "ptr") for name in ("p", "z", "w"))
         c = self.m.constants_of(f, lag)
         tau, delays = f.slot("double", lag.clocked * lanes), f.slot("double", s.outputs * lanes)
         lag.clock(f, t, p, c, tau)
         lag.main(f, p, c, tau, z, w, delays)
-        for i, (what, _) in enumerate(variant):
-            if what == DELAYED:
-                then = f.scalar("fsub", t, f.word(delays, i * lanes, "double"))
-                target = f.at(w, (i * s.held_width + OUTPUT) * lanes)
-                outcome = f.call("recall", f"ptr %ctx, i64 {i}, double {then}, i64 {newest}, ptr {target}", "i64")
-                f.store(f.scalar("or", f.load(flags, "i64"), outcome), flags, "i64")
+        for i in s.regimes[regime].delayed:
+            then = f.scalar("fsub", t, f.word(delays, i * lanes, "double"))
+            target = f.at(w, s.held.output(i) * lanes)
+            outcome = f.call("recall", f"ptr %ctx, i64 {i}, double {then}, i64 {newest}, ptr {target}", "i64")
+            f.store(f.scalar("or", f.load(flags, "i64"), outcome), flags, "i64")
 
     def follow(self, f: Function, t: str, z: str, slope: str, target: str) -> None:
         """Channels and their slopes at a state and its derivative."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import casadi as ca
@@ -18,7 +17,7 @@ WORD = {name: index for index, name in enumerate(CONTEXT)}
 
 # One segment between two events: times and evaluation times of its ends, and its integers.
 SPAN = ("start", "end", "start_eval", "end_eval")
-COUNT = ("steps", "first", "last", "variant", "action_first", "action_last", "end_slope")
+COUNT = ("steps", "first", "last", "regime", "action_first", "action_last", "end_slope")
 
 # What happens at an event, one row of integers each.
 ACTION_WORDS = 5
@@ -27,66 +26,126 @@ TAKE, ARRIVE, RECORD, SET, REBASE, JUMP = range(6)
 # What the native loop returns.
 DONE, PLANT_DIVERGED, HISTORY_TOO_SHORT, STEP_TOO_SMALL, PAUSED = range(5)
 
-# An output's numbers in w, followed by s of each observer.
-NOISE, PREVIOUS, OUTPUT, BEFORE_S = range(4)
 
-# What an output is to the observers in a stretch of time.
-SILENT, CONTINUOUS, HELD, DELAYED = range(4)
-Variant = tuple[tuple[int, int], ...]  # for each output: what it is, and in which phase
+@dataclass(frozen=True)
+class Held:
+    """Where everything lies in w, the vector of what changes at events only.
 
+    For each output the held part of its noise, the sample before, the output as held or delayed, and each
+    observer's s = C xhat - alpha as held or delayed; for each recorded input its value, its slope, the time from
+    which they hold, and its value at the sample before; last the time between the last two samples.
+    """
 
-def is_delayed(variant: Variant) -> bool:
-    """Whether some output is continuous and late."""
-    return any(what == DELAYED for what, _ in variant)
+    outputs: int
+    observers: int
+    inputs: int = 0
+
+    PREVIOUS, OUTPUT, S = 1, 2, 3  # places of an output's numbers; its noise comes first
+
+    @property
+    def width(self) -> int:
+        """Numbers of one output."""
+        return self.S + self.observers
+
+    @property
+    def size(self) -> int:
+        """Numbers in w."""
+        return self.outputs * self.width + 4 * self.inputs + 1
+
+    def noise(self, output: int) -> int:
+        """Held noise of an output."""
+        return output * self.width
+
+    def previous(self, output: int) -> int:
+        """The sample before."""
+        return output * self.width + self.PREVIOUS
+
+    def output(self, output: int) -> int:
+        """The output as held or delayed; each observer's s follows."""
+        return output * self.width + self.OUTPUT
+
+    def s(self, output: int, observer: int) -> int:
+        """An observer's s as held or delayed."""
+        return output * self.width + self.S + observer
+
+    def input(self, number: int) -> tuple[int, int, int, int]:
+        """A recorded input: value, slope, since when, and the value at the sample before."""
+        first = self.outputs * self.width + 4 * number
+        return first, first + 1, first + 2, first + 3
+
+    @property
+    def interval(self) -> int:
+        """The time between the last two samples."""
+        return self.size - 1
 
 
 @dataclass(frozen=True)
-class Structure:
-    """Everything that the native code is generated from.
-
-    The state z is the plant's states, then a block for each observer, whose last q entries are its
-    alpha where ``has_alpha``. The vector w has for each output: the held random noise, the sample before,
-    the output as held or delayed, and for each observer s = C xhat - alpha as held or delayed; its last
-    entry is the time between the last two samples. The channels are, for each output, the plant's
-    noise-free output and each observer's s.
+class Regime:
+    """The right-hand side while every output stays what it is to the observers.
 
     Attributes
     ----------
-    states, plant_states, held, parameters, outputs, observers : int
-        Sizes of z, of its plant part, of w and of p; numbers of outputs and observers.
+    flow : casadi.Function
+        z' from (t, p, z, w).
+    lags : casadi.Function or None
+        The delays of all outputs at t, from the same, where one of them is continuous and delayed.
+    delayed : tuple of int
+        The outputs that are.
+    """
+
+    flow: ca.Function
+    lags: ca.Function | None = None
+    delayed: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class HybridSystem:
+    """Everything that the native code is generated from.
+
+    The state z is the plant's states, then a block for each observer, whose last entries are its alpha where
+    ``has_alpha``. The channels are, for each output, the plant's noise-free output and each observer's s.
+
+    Attributes
+    ----------
+    states, plant_states, parameters : int
+        Sizes of z, of its plant part and of p.
+    held : Held
+        The layout of w.
     blocks : tuple of (start, stop, end)
         Each observer's states in z: [start, stop) are watched for divergence, [stop, end) is alpha.
-    flows : mapping of variant to casadi.Function
-        z' for each combination of what the outputs are (SILENT, CONTINUOUS, HELD, DELAYED).
-    lags : mapping of variant to casadi.Function
-        The delays of all outputs at t, where one of them is DELAYED.
+    alpha : tuple of tuple of int
+        For each output the place in z of every observer's alpha; without delays and samples, nothing.
+    regimes : tuple of Regime
+        In the order of their numbers in the segment table.
     channels : casadi.Function
         The channels from (t, p, z, w).
     jumps : tuple of (start, stop, casadi.Function)
         What z[start:stop] becomes, from (t, p, z, w), when a sample arrives: the plant's where it is stepped,
         then those of the discrete-time observers.
     channel_slopes : casadi.Function
-        The channels, then their time derivatives, from (t, p, z, z').
+        The channels, then their time derivatives, from (t, p, z, z'); used where something is delayed.
     """
 
     states: int
     plant_states: int
-    held: int
     parameters: int
-    outputs: int
-    observers: int
-    has_alpha: bool
+    held: Held
     blocks: tuple[tuple[int, int, int], ...]
-    flows: Mapping[Variant, ca.Function]
-    lags: Mapping[Variant, ca.Function]
+    alpha: tuple[tuple[int, ...], ...]
+    regimes: tuple[Regime, ...]
     channels: ca.Function
     channel_slopes: ca.Function
     jumps: tuple[tuple[int, int, ca.Function], ...] = ()
 
     @property
-    def variants(self) -> tuple[Variant, ...]:
-        """The variants in the order of their numbers in the segment table."""
-        return tuple(self.flows)
+    def outputs(self) -> int:
+        """Number of outputs."""
+        return self.held.outputs
+
+    @property
+    def observers(self) -> int:
+        """Number of observers."""
+        return len(self.blocks)
 
     @property
     def width(self) -> int:
@@ -94,11 +153,11 @@ class Structure:
         return 1 + self.observers
 
     @property
-    def remembers(self) -> bool:
-        """Whether a continuous delay needs the history of the channels."""
-        return bool(self.lags)
+    def has_alpha(self) -> bool:
+        """Whether the observers compare with the past."""
+        return bool(self.alpha)
 
     @property
-    def held_width(self) -> int:
-        """Numbers of one output in w."""
-        return BEFORE_S + self.observers
+    def remembers(self) -> bool:
+        """Whether a continuous delay needs the history of the channels."""
+        return any(regime.delayed for regime in self.regimes)

@@ -7,26 +7,24 @@ from hgorun.engine.ir import Function, hexadecimal
 from hgorun.engine.layout import (
     ACTION_WORDS,
     ARRIVE,
-    BEFORE_S,
     COUNT,
     JUMP,
-    OUTPUT,
-    PREVIOUS,
     REBASE,
     RECORD,
     SET,
     SPAN,
     TAKE,
     WORD,
-    Structure,
+    Held,
+    HybridSystem,
 )
 
 
 class Module:
-    """The native module under construction: its functions share declarations, lanes and a structure."""
+    """The native module under construction: its functions share declarations, lanes and a system."""
 
-    def __init__(self, structure: Structure, lanes: int) -> None:
-        self.structure, self.lanes = structure, lanes
+    def __init__(self, system: HybridSystem, lanes: int) -> None:
+        self.system, self.lanes = system, lanes
         self.declarations: set[str] = set()
         self.functions: list[str] = []
         self.constants = 0
@@ -89,7 +87,7 @@ def move(f: Function, source: str, target: str, count: int) -> None:
 
 def add_channels(m: Module) -> None:
     """``channels(ctx, t)``: all channels at the state z of the context, into its channel buffer."""
-    emitted = m.emit(m.structure.channels, "channels_of")
+    emitted = m.emit(m.system.channels, "channels_of")
     f = m.function("channels", "ptr %ctx, double %t", attributes="nounwind noinline")
     p, z, w, out = (f.word("%ctx", WORD[name], "ptr") for name in ("p", "z", "w", "channels"))
     c = m.constants_of(f, emitted)
@@ -109,9 +107,9 @@ def add_actions(m: Module) -> None:
     (output, first, last): count alpha from zero again, also in the slots that are still on their way. JUMP
     (number): a part of the state becomes what its jump says.
     """
-    for number in range(len(m.structure.jumps)):
+    for number in range(len(m.system.jumps)):
         _add_jump(m, number)
-    s, lanes = m.structure, m.lanes
+    s, lanes = m.system, m.lanes
     f = m.function("act", "ptr %ctx, i64 %segment", attributes="nounwind noinline")
     c = counts(f, "%segment")
     t = span(f, "%segment")[2]
@@ -119,7 +117,7 @@ def add_actions(m: Module) -> None:
     with f.count(c["action_first"], c["action_last"]) as index:
         row = f.at(f.word("%ctx", WORD["actions"], "ptr"), f.scalar("mul", index, str(ACTION_WORDS)))
         op, output, slot, first, last = (f.word(row, i) for i in range(ACTION_WORDS))
-        held = f.at(w, f.scalar("mul", output, str(s.held_width * lanes)))
+        held = f.at(w, f.scalar("mul", output, str(s.held.width * lanes)))
         here = f.at(slots, f.scalar("mul", slot, str(s.width * lanes)))
         with f.when(f.test("eq", op, str(TAKE))):
             f.call("channels", f"ptr %ctx, double {t}")
@@ -141,15 +139,15 @@ def add_actions(m: Module) -> None:
                 y = f.scalar("fmul", f.word(gain, lane, "double"), f.word(here, lane, "double"))
                 f.store(f.scalar("fadd", y, f.word(bias, lane, "double")), f.at(measured, lane))
             with f.when(arrives):
-                copy(f, f.at(held, OUTPUT * lanes), f.at(held, PREVIOUS * lanes), lanes)
-                copy(f, measured, f.at(held, OUTPUT * lanes), lanes)
-                copy(f, f.at(here, lanes), f.at(held, BEFORE_S * lanes), s.observers * lanes)
+                copy(f, f.at(held, Held.OUTPUT * lanes), f.at(held, Held.PREVIOUS * lanes), lanes)
+                copy(f, measured, f.at(held, Held.OUTPUT * lanes), lanes)
+                copy(f, f.at(here, lanes), f.at(held, Held.S * lanes), s.observers * lanes)
         with f.when(f.test("eq", op, str(REBASE))), f.count(0, s.observers * lanes) as i:
             place = f.scalar("add", f.scalar("mul", output, str(s.observers * lanes)), i)
             alpha_at = f.at(z, f.word(f.word("%ctx", WORD["alpha"], "ptr"), place))
             alpha = f.load(alpha_at)
             f.store(hexadecimal(0.0), alpha_at)
-            held_s = f.at(f.at(held, BEFORE_S * lanes), i)
+            held_s = f.at(f.at(held, Held.S * lanes), i)
             f.store(f.scalar("fadd", f.load(held_s), alpha), held_s)
             with f.count(first, last) as pending:
                 there = f.at(slots, f.scalar("mul", pending, str(s.width * lanes)))
@@ -161,7 +159,7 @@ def add_actions(m: Module) -> None:
 
 def _add_jump(m: Module, number: int) -> None:
     """``jump<number>(ctx, t)``: evaluated whole before it is written; what has diverged stays masked."""
-    start, stop, function = m.structure.jumps[number]
+    start, stop, function = m.system.jumps[number]
     emitted = m.emit(function, f"jump_of{number}")
     f = m.function(f"jump{number}", "ptr %ctx, double %t", attributes="nounwind noinline")
     p, z, w = (f.word("%ctx", WORD[name], "ptr") for name in ("p", "z", "w"))
@@ -169,7 +167,7 @@ def _add_jump(m: Module, number: int) -> None:
     tau, new = f.slot("double", emitted.clocked * m.lanes), f.slot("double", (stop - start) * m.lanes)
     emitted.clock(f, "%t", p, c, tau)
     emitted.main(f, p, c, tau, z, w, new)
-    observers = [j for j, block in enumerate(m.structure.blocks) if block[0] == start]  # none: the plant
+    observers = [j for j, block in enumerate(m.system.blocks) if block[0] <= start < block[2]]  # none: the plant
     with f.count(0, m.lanes) as lane:
         alive = "true"
         if observers:
@@ -202,10 +200,10 @@ def add_flag(m: Module) -> None:
     f.store("0", lost, "i64")
     blocks, diverged = f.word("%ctx", WORD["blocks"], "ptr"), f.word("%ctx", WORD["diverged"], "ptr")
     with f.count(0, lanes) as lane:
-        with f.when(watch("0", str(m.structure.plant_states), lane, hexadecimal(1e300))):
+        with f.when(watch("0", str(m.system.plant_states), lane, hexadecimal(1e300))):
             f.store("1", lost, "i64")
         bound = f.word("%bound", lane, "double")
-        with f.count(0, m.structure.observers) as j:
+        with f.count(0, m.system.observers) as j:
             block = f.at(blocks, f.scalar("mul", j, "3"))
             start, stop, end = (f.word(block, i) for i in range(3))
             with f.when(watch(start, stop, lane, bound)):
@@ -238,7 +236,7 @@ def add_rows(m: Module, *, quintic: bool) -> None:
 
     By the cubic Hermite polynomial, or that plus T^2 (1-T)^2 q, a method's own continuous extension.
     """
-    width = m.structure.states * m.lanes
+    width = m.system.states * m.lanes
     f = m.function(
         "rows",
         "ptr %ctx, double %t0, double %t1, double %snap, ptr %z0, ptr %k0, ptr %z1, ptr %k1, ptr %q",

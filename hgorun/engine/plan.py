@@ -11,7 +11,7 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Plan:
     """Everything of a run that is known before it starts.
 
@@ -22,7 +22,7 @@ class Plan:
         ulp inside where such a function has a kink or a jump.
     counts : ndarray of int64, shape (segments, 7)
         Number of equal steps between the two events, the first and last step of this piece of them,
-        variant, range of actions, and whether the slope at the end is needed.
+        regime, range of actions, and whether the slope at the end is needed.
     actions : ndarray of int64, shape (actions, 5)
         Kind, output, slot or index, and a range of slots.
     grid : ndarray, shape (rows,)

@@ -1,4 +1,4 @@
-"""A structure compiled once, and its runs."""
+"""A system compiled once, and its runs."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from hgorun.engine.layout import (
     PLANT_DIVERGED,
     STEP_TOO_SMALL,
     WORD,
-    Structure,
+    HybridSystem,
 )
 from hgorun.engine.methods import METHODS
 from hgorun.engine.parts import Module, add_actions, add_channels, add_flag, add_rows, counts, span
@@ -81,22 +81,22 @@ class Raw:
     error: Floats
 
 
-def generate(structure: Structure, method: str, *, adaptive: bool = False, lanes: int = 1) -> tuple[str, int]:
-    """The IR of a structure, and how many constants a lane of a run has."""
-    m = Module(structure, lanes)
-    flows = {v: m.emit(flow, f"flow{i}") for i, (v, flow) in enumerate(structure.flows.items())}
+def generate(system: HybridSystem, method: str, *, adaptive: bool = False, lanes: int = 1) -> tuple[str, int]:
+    """The IR of a system, and how many constants a lane of a run has."""
+    m = Module(system, lanes)
+    flows = [m.emit(regime.flow, f"flow{i}") for i, regime in enumerate(system.regimes)]
     add_channels(m)
     add_actions(m)
     add_flag(m)
     add_rows(m, quintic=bool(METHODS[method].dense))
-    history = History(m) if structure.remembers else None
+    history = History(m) if system.remembers else None
     (add_adaptive if adaptive else add_fixed)(m, METHODS[method], history, flows)
     _add_run(m, len(flows))
     m.setup()
     return m.text(), m.constants
 
 
-def _add_run(m: Module, variants: int) -> None:
+def _add_run(m: Module, regimes: int) -> None:
     """``run(ctx, stop)``: go on to segment ``stop``; ``begin(ctx)``: the channels at the start."""
     f = m.function("run", "ptr %ctx, i64 %stop", returns="i64")
     verdict, at, paused = f.slot("i64"), f.at("%ctx", WORD["segment"]), f.at("%ctx", WORD["paused"])
@@ -111,8 +111,8 @@ def _add_run(m: Module, variants: int) -> None:
             with f.when(f.test("ne", n["action_first"], n["action_last"])):
                 f.call("act", f"ptr %ctx, i64 {segment}")
         f.store("0", paused, "i64")
-        for i in range(variants):
-            with f.when(f.test("eq", n["variant"], str(i))):
+        for i in range(regimes):
+            with f.when(f.test("eq", n["regime"], str(i))):
                 f.store(f.call(f"advance{i}", f"ptr %ctx, i64 {segment}", "i64"), verdict, "i64")
         f.leave_if(f.test("ne", f.load(verdict, "i64"), str(DONE)), leave)
         f.store(f.scalar("add", segment, "1"), at, "i64")
@@ -130,11 +130,11 @@ def _add_run(m: Module, variants: int) -> None:
 
 
 class Program:
-    """Native code for a structure, ready to run with any numbers.
+    """Native code for a system, ready to run with any numbers.
 
     Parameters
     ----------
-    structure : Structure
+    system : HybridSystem
     method : str
         ``euler``, ``rk4`` or ``dopri5``.
     adaptive : bool
@@ -143,9 +143,9 @@ class Program:
         Runs side by side.
     """
 
-    def __init__(self, structure: Structure, method: str, *, adaptive: bool = False, lanes: int = 1) -> None:
-        self.structure, self.method, self.adaptive, self.lanes = structure, METHODS[method], adaptive, lanes
-        ir, self._constants = generate(structure, method, adaptive=adaptive, lanes=lanes)
+    def __init__(self, system: HybridSystem, method: str, *, adaptive: bool = False, lanes: int = 1) -> None:
+        self.system, self.method, self.adaptive, self.lanes = system, METHODS[method], adaptive, lanes
+        ir, self._constants = generate(system, method, adaptive=adaptive, lanes=lanes)
         self._native = NativeModule(ir, ("begin", "run"))
         self._begin = ctypes.CFUNCTYPE(None, ctypes.c_void_p)(self._native.address["begin"])
         self._run = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p, ctypes.c_int64)(self._native.address["run"])
@@ -173,7 +173,7 @@ class Program:
         SimulationError
             When the plant diverges or no step is small enough for it.
         """
-        memory = _Memory(self.structure, self.lanes, self._constants, plan, start, tolerance)
+        memory = _Memory(self.system, self.lanes, self._constants, plan, start, tolerance)
         self._begin(memory.address)
         memory.keep_initial()
         work = np.cumsum(plan.counts[:, 2] - plan.counts[:, 1] + 1)  # a segment's steps, and what happens before
@@ -236,29 +236,28 @@ def history_pieces(ends: Floats, steps: Integers | None, reach: float) -> int:
     return 1 << (int(np.ceil(np.max(spanned))) + 4).bit_length()
 
 
-def history_bytes(structure: Structure, pieces: int) -> int:
+def history_bytes(system: HybridSystem, pieces: int) -> int:
     """Memory of so many steps of history, for one lane."""
-    return 8 * pieces * piece_words(structure.outputs * structure.width, 1)
+    return 8 * pieces * piece_words(system.outputs * system.width, 1)
 
 
 class _Memory:
     """The arrays of one run and the context that points to them."""
 
     def __init__(
-        self, s: Structure, lanes: int, constants: int, plan: Plan, start: Start, tolerance: Tolerance | None
+        self, s: HybridSystem, lanes: int, constants: int, plan: Plan, start: Start, tolerance: Tolerance | None
     ) -> None:
         channels = s.outputs * s.width
         steps = None if tolerance else plan.counts[:, 2] - plan.counts[:, 1]
         pieces = history_pieces(plan.spans[:, :2], steps, plan.reach) if s.remembers else 1
         ring = np.zeros(pieces * piece_words(channels, lanes) if s.remembers else 1)
-        alpha = [[block[1] + i for block in s.blocks] for i in range(s.outputs)] if s.has_alpha else [[]]
-        entries = np.array([e * lanes + lane for row in alpha for e in row for lane in range(lanes)], dtype=np.int64)
+        entries = np.array([e * lanes + lane for row in s.alpha for e in row for lane in range(lanes)], dtype=np.int64)
         self.shape = (plan.grid.size, s.states, lanes)
         self.arrays: dict[str, np.ndarray] = {
             "p": np.ascontiguousarray(start.p, dtype=float),
             "c": np.zeros(max(constants, 1) * lanes),
             "z": np.ascontiguousarray(start.z, dtype=float).copy(),
-            "w": np.zeros(max(s.held, 1) * lanes),
+            "w": np.zeros(s.held.size * lanes),
             "channels": np.zeros(max(channels, 1) * lanes),
             "spans": np.ascontiguousarray(plan.spans),
             "counts": np.ascontiguousarray(plan.counts),
@@ -273,7 +272,7 @@ class _Memory:
             "alpha": entries if entries.size else np.zeros(1, dtype=np.int64),
             "blocks": np.array(s.blocks or [(0, 0, 0)], dtype=np.int64),
             "diverged": np.full((max(s.observers, 1), lanes), np.inf),
-            "largest": np.abs(start.z[: s.plant_states]).max(axis=0),
+            "largest": np.abs(start.z[: s.plant_states]).max(axis=0, initial=0.0),
             "ring": ring,
             "initial": np.zeros(max(channels, 1) * lanes),
             "hints": np.zeros(max(s.outputs, 1), dtype=np.int64),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from hgorun.engine.emit import Emitted
 from hgorun.engine.history import REFINEMENTS, History
 from hgorun.engine.ir import Function, hexadecimal
-from hgorun.engine.layout import WORD, Variant, is_delayed
+from hgorun.engine.layout import WORD
 from hgorun.engine.methods import Method, Row
 from hgorun.engine.parts import Module, span
 
@@ -32,7 +32,7 @@ def combine(f: Function, row: Row, h: str, z: str, slopes: list[str], target: st
 
 def guard(f: Function, m: Module, t: str, z: str, lost: str) -> None:
     """Grow the largest |x| so far and mask what has left the bound; leave to ``lost`` with the plant."""
-    s, lanes = m.structure, m.lanes
+    s, lanes = m.system, m.lanes
     largest_at = f.word("%ctx", WORD["largest"], "ptr")
     largest = f.load(largest_at, f.real)
     sizes = [f.intrinsic("fabs", f.load(f.at(z, i * lanes), f.real)) for i in range(s.states)]
@@ -77,11 +77,11 @@ class Stepper:
     """
 
     def __init__(
-        self, m: Module, method: Method, history: History | None, variant: Variant, flow: Emitted, name: str
+        self, m: Module, method: Method, history: History | None, regime: int, flow: Emitted, name: str
     ) -> None:
-        self.m, self.method, self.history, self.variant, self.flow = m, method, history, variant, flow
-        self.delayed = is_delayed(variant)
-        self.size, lanes = m.structure.states, m.lanes
+        self.m, self.method, self.history, self.regime, self.flow = m, method, history, regime, flow
+        self.delayed = bool(m.system.regimes[regime].delayed)
+        self.size, lanes = m.system.states, m.lanes
         self.f = f = m.function(name, "ptr %ctx, i64 %segment", returns="i64", attributes="nounwind noinline")
         self.start, self.end, self.start_eval, self.end_eval = span(f, "%segment")
         self.p, self.w, self.home = (f.word("%ctx", WORD[name], "ptr") for name in ("p", "w", "z"))
@@ -109,7 +109,7 @@ class Stepper:
         if self.delayed:
             assert self.history is not None
             newest = f.scalar("sub", f.word("%ctx", WORD["ring_count"]), finished)
-            self.history.look_up(f, self.variant, t, newest, self.flags)
+            self.history.look_up(f, self.regime, t, newest, self.flags)
         self.flow.main(f, self.p, self.c, tau, z, self.w, target)
 
     def slope_at_end(self, t: str, tau: str, *, finished: str = "0") -> None:

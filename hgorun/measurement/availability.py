@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
-import casadi as ca
 import numpy as np
 
 from hgorun.config.expressions import ExpressionError, nearest, parse
@@ -15,6 +14,7 @@ from hgorun.config.models import Time
 from hgorun.errors import Problem
 from hgorun.measurement.blocks import Availability, Measurement, Steps
 from hgorun.noise.base import Noise, TimeFunction
+from hgorun.symbolic.evaluate import along, compiled
 
 Path = tuple[str | int, ...]
 
@@ -63,24 +63,12 @@ class Stretch:
         functions = [item for item in self.noise if isinstance(item, TimeFunction)]
         return max((item.fastest(self.start, self.end) for item in functions), default=0.0)
 
-    def delay_symbol(self, t: ca.SX) -> ca.SX:
-        return parse(self.delay, names=("t",)).symbol({"t": t})
-
     def delay_at(self, times: np.ndarray) -> np.ndarray:
         """d(t) at several times."""
         expression = parse(self.delay, names=("t",))
         if not expression.names:
             return np.full(times.shape, expression.number())
-        t = ca.SX.sym("t")
-        return evaluate(ca.Function("d", [t], [expression.symbol({"t": t})]), times)
-
-
-def evaluate(function: ca.Function, times: np.ndarray, *more: np.ndarray) -> np.ndarray:
-    """A scalar function of time (and constant arguments) at several times."""
-    if times.size == 0:
-        return np.zeros(0)
-    values = function(ca.DM(times.reshape(1, -1)), *[ca.DM(m) for m in more])
-    return np.asarray(np.asarray(values.full(), dtype=float).reshape(-1, times.size)[0])
+        return along(compiled(self.delay, "t"), times)
 
 
 def resolve(measurement: Measurement, outputs: Sequence[str], time: Time) -> list[list[Stretch]]:

@@ -8,12 +8,14 @@ continuous delay repeats every event, one derivative smoother each time, at the 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from functools import partial
 
 import casadi as ca
 import numpy as np
 
-from hgorun.measurement.availability import evaluate
+from hgorun.memo import Memo
+from hgorun.symbolic.evaluate import along
 
 LEVELS = 4  # repetitions of an event that a fourth-order method can see
 _DIFFERENCES = {ca.OP_FMIN, ca.OP_FMAX, ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE}
@@ -72,20 +74,43 @@ def _bisect(function: Callable[[np.ndarray], np.ndarray], low: np.ndarray, high:
     return high
 
 
+@dataclass(frozen=True, eq=False)
+class Kinks:
+    """Kinks and jumps of expressions at times that depend on t and p alone, not on a state.
+
+    Attributes
+    ----------
+    arguments : tuple of casadi.Function
+        Of (t, p); a kink is where one of them is zero.
+    needed : ndarray of int
+        The entries of p that they depend on.
+    """
+
+    arguments: tuple[ca.Function, ...]
+    needed: np.ndarray
+
+    @classmethod
+    def of(cls, expressions: Iterable[ca.SX], t: ca.SX, p: ca.SX) -> Kinks:
+        """Look for them in expressions."""
+        functions, needed = [], np.zeros(p.numel(), dtype=bool)
+        for argument in kink_arguments(expressions):
+            f = ca.Function("g", [t, p], [argument], {"allow_free": True})
+            if ca.depends_on(argument, t) and not f.has_free():
+                functions.append(f)
+                needed |= np.array(ca.which_depends(argument, p, 1, False), dtype=bool).reshape(needed.shape)
+        return cls(tuple(functions), np.flatnonzero(needed))
+
+    def between(self, values: np.ndarray, start: float, end: float, points: int) -> np.ndarray:
+        """The kinks for given values of p, as :func:`roots` finds them."""
+        key = self, values[self.needed].tobytes(), start, end, points
+        return _FOUND.get(key, lambda: roots([partial(_at, f, values) for f in self.arguments], start, end, points))
+
+
+_FOUND: Memo[np.ndarray] = Memo(32)
+
+
 def _at(function: ca.Function, values: np.ndarray, times: np.ndarray) -> np.ndarray:
-    return evaluate(function, times, values)
-
-
-def kinks(
-    expressions: list[ca.SX], t: ca.SX, p: ca.SX, values: np.ndarray, start: float, end: float, points: int
-) -> np.ndarray:
-    """Kinks and jumps of expressions at times that depend on t and p alone, not on a state."""
-    functions: list[Callable[[np.ndarray], np.ndarray]] = []
-    for argument in kink_arguments(expressions):
-        f = ca.Function("g", [t, p], [argument], {"allow_free": True})
-        if ca.depends_on(argument, t) and not f.has_free():
-            functions.append(partial(_at, f, values))
-    return roots(functions, start, end, points)
+    return along(function, times, values)
 
 
 def repeated(

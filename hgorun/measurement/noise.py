@@ -9,12 +9,10 @@ from __future__ import annotations
 import hashlib
 from functools import cached_property
 
-import casadi as ca
 import numpy as np
 
 from hgorun.measurement.availability import Stretch
 from hgorun.noise.base import Noise, RandomNoise, TimeFunction
-from hgorun.symbolic.parameters import Parameters
 
 
 def generator(seed: int, *channel: object) -> np.random.Generator:
@@ -63,14 +61,6 @@ class StretchNoise:
         self.items = items
         self._span = stretch.start, stretch.end
         self._seed, self._channel = seed, channel
-
-    def symbol(self, t: ca.SX, parameters: Parameters, name: str) -> ca.SX:
-        """v(t) without its random parts; the numbers of its functions become run-time parameters called by a name."""
-        total = ca.SX(0)
-        for i, item in enumerate(self.functions):
-            numbers = {key: parameters.add(f"{name}.{i}.{key}", values) for key, values in item.numbers().items()}
-            total += item.symbol(t, numbers)
-        return total
 
     def change_times(self) -> np.ndarray:
         """When a held part changes."""

@@ -6,11 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hgorun.config.expressions import ExpressionError, parse
+from hgorun.config.expressions import ExpressionError
 from hgorun.errors import Problem
 from hgorun.measurement.availability import Stretch
 from hgorun.measurement.blocks import Periodic, Times
 from hgorun.measurement.noise import generator
+from hgorun.symbolic.evaluate import along, compiled
 
 SAMPLE_BYTES = 1000  # of memory that a sample takes in the end: events, segments, actions, numbers
 
@@ -113,17 +114,14 @@ def _memory(count: float, most: int) -> str:
 
 def _stepped(stretch: Stretch, path: tuple[str | int, ...], most: int) -> tuple[np.ndarray, np.ndarray]:
     """t_0 = start, t_(k+1) = t_k + steps(k)."""
-    import casadi as ca
-
-    k = ca.SX.sym("k")
     try:
-        steps = ca.Function("steps", [k], [parse(stretch.sampling.steps, names=("k",)).symbol({"k": k})])
+        steps = compiled(stretch.sampling.steps, "k")
     except ExpressionError as error:
         raise Problem(path, str(error)) from error
     times, block = np.array([stretch.start]), 1024
     while times[-1] <= stretch.end:
         numbers = np.arange(times.size - 1, times.size - 1 + block)
-        values = np.asarray(steps(ca.DM(numbers[None, :])).full()).ravel()
+        values = along(steps, numbers)
         bad = ~(np.isfinite(values) & (values > 0))
         if np.any(bad):
             first = int(np.argmax(bad))

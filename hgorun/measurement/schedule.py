@@ -2,25 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Hashable
 from dataclasses import dataclass
+from functools import cached_property
+from hashlib import blake2b
 
 import numpy as np
 
 from hgorun.config.models import Time
-from hgorun.engine.layout import CONTINUOUS, DELAYED, HELD, SILENT, Variant
 from hgorun.errors import Problem
 from hgorun.measurement.availability import Stretch
 from hgorun.measurement.events import LEVELS, merge, repeated
-from hgorun.measurement.noise import StretchNoise, absolute, is_relative
+from hgorun.measurement.noise import StretchNoise, absolute
 from hgorun.measurement.sampling import SAMPLE_BYTES, Samples, find_samples
+from hgorun.measurement.variants import CONTINUOUS, DELAYED, HELD, SILENT, Variant
 from hgorun.noise.base import RandomNoise
 
 _SHORT = 1e-9  # events closer than this part of a step are one
 _DRAW_BYTES = 16  # of memory that a draw takes until the stretch's own are left
 
 
-@dataclass
+@dataclass(frozen=True, eq=False)
 class Channel:
     """One output: its stretches, its samples, and its noise in each stretch."""
 
@@ -28,6 +30,53 @@ class Channel:
     stretches: list[Stretch]
     samples: Samples
     noise: list[StretchNoise]
+
+    @cached_property
+    def timing(self) -> Hashable:
+        """What decides when something happens; equal for channels whose noise alone differs."""
+        digest = blake2b(digest_size=16)
+        for array in (self.samples.arrival, self.samples.taken, self.samples.used, self.held_changes[0]):
+            digest.update(array.tobytes())
+        stretches = tuple((s.start, s.end, s.continuous, s.delay) for s in self.stretches)
+        return stretches, self.samples.arrival.size, digest.digest()
+
+    @cached_property
+    def gain_and_bias(self) -> tuple[np.ndarray, np.ndarray]:
+        """How every sample is measured, y_k = gain h + bias: shapes (Nk,).
+
+        Raises
+        ------
+        Problem
+            Where the noise is not a number.
+        """
+        s = self.samples
+        gain, bias = np.ones(s.arrival.size), np.zeros(s.arrival.size)
+        for i, (stretch, noise) in enumerate(zip(self.stretches, self.noise, strict=True)):
+            inside = s.stretch == i
+            if inside.any():
+                times, numbers = s.arrival[inside], s.number[inside]
+                v = noise.sampled(times, numbers)
+                if not np.all(np.isfinite(v)):
+                    first = times[np.argmin(np.isfinite(v))]
+                    raise Problem(stretch.paths["noise"], f"the noise is not a finite number at t = {first:g}")
+                if stretch.multiplicative:
+                    gain[inside] = 1 + v
+                else:
+                    bias[inside] = v
+        return gain, bias
+
+    @cached_property
+    def held_changes(self) -> tuple[np.ndarray, np.ndarray]:
+        """Times and values of the held noise in the continuous stretches; each of them starts with its own."""
+        times, values = [np.zeros(0)], [np.zeros(0)]
+        if any(noise.random for noise in self.noise):
+            for stretch, noise in zip(self.stretches, self.noise, strict=True):
+                if stretch.continuous:
+                    changes = noise.change_times()
+                    inside = changes[(changes > stretch.start) & (changes < stretch.end)]
+                    times.append(np.concatenate([[stretch.start], inside]))
+                    values.append(noise.held(times[-1]))
+        return np.concatenate(times), np.concatenate(values)
 
     def stretch_at(self, times: np.ndarray) -> np.ndarray:
         """Index of the stretch that starts at or before each time."""
@@ -51,31 +100,27 @@ class Channel:
         return np.column_stack([kind, np.where(continuous[stretch], stretch, 0)])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Schedule:
-    """All that the measurement does in a run.
+    """When something happens in a run.
 
     Attributes
     ----------
-    channels : list of Channel
-        One an output.
     events : ndarray
         Times between which everything is smooth.
     inward : ndarray
         Where a function of time, or what is delayed, has a kink or a jump at an event: how far from the
         event it is evaluated, so that it shows the side of the segment. Zero elsewhere.
-    variants : list of Variant
+    variants : tuple of Variant
         Every combination of what the outputs are.
     variant : ndarray of int
         Which of them holds from each event on (the last event has none).
     """
 
-    channels: list[Channel]
     events: np.ndarray
     inward: np.ndarray
-    variants: list[Variant]
+    variants: tuple[Variant, ...]
     variant: np.ndarray
-    step: float
 
 
 def find_channels(
@@ -83,9 +128,15 @@ def find_channels(
     outputs: tuple[str, ...],
     time: Time,
     seed: int,
-    mean_square: Callable[[int], float],
+    mean_squares: np.ndarray | None,
 ) -> list[Channel]:
-    """Samples and noise of every output."""
+    """Samples and noise of every output.
+
+    Parameters
+    ----------
+    mean_squares : ndarray or None, shape (q,)
+        Of the noise-free outputs over the run; needed where the size of some noise is relative to them.
+    """
     left = time.max_memory
     channels = []
     for i, (name, stretches) in enumerate(zip(outputs, resolved, strict=True)):
@@ -93,7 +144,7 @@ def find_channels(
             left -= _held_bytes(stretch, time, left)
         samples = find_samples(stretches, time.start, seed, name, int(left / SAMPLE_BYTES))
         left -= samples.arrival.size * SAMPLE_BYTES
-        size = mean_square(i) if any(map(is_relative, stretches)) else np.nan
+        size = np.nan if mean_squares is None else float(mean_squares[i])
         noise = [
             StretchNoise(s, absolute(s.noise, size), seed, f"{name}/{k}", time.start, time.end)
             for k, s in enumerate(stretches)
@@ -194,8 +245,8 @@ def build_schedule(channels: list[Channel], time: Time, kinks: np.ndarray, step:
     middle = 0.5 * (events[:-1] + events[1:])
     kinds = np.concatenate([c.kinds_at(middle) for c in channels], axis=1)
     distinct, variant = np.unique(kinds, axis=0, return_inverse=True)
-    variants = [tuple((int(a), int(b)) for a, b in row.reshape(-1, 2)) for row in distinct]
-    return Schedule(channels, events, inward, variants, variant.ravel(), step)
+    variants = tuple(tuple((int(a), int(b)) for a, b in row.reshape(-1, 2)) for row in distinct)
+    return Schedule(events=events, inward=inward, variants=variants, variant=variant.ravel())
 
 
 def _clipped(times: np.ndarray, time: Time, tolerance: float) -> np.ndarray:

@@ -8,7 +8,7 @@ one class: derive it from :class:`TimeFunction` or :class:`RandomNoise`, whichev
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from inspect import isabstract
 from typing import Any, ClassVar, TypeGuard
@@ -17,9 +17,11 @@ import casadi as ca
 import numpy as np
 from pydantic import Field
 
+from hgorun.config.reads import frozen
 from hgorun.config.types import Block, Positive
 from hgorun.errors import Problem
 from hgorun.registry import Registry
+from hgorun.symbolic.evaluate import along
 from hgorun.symbolic.intervals import Enclosure
 
 _PIECES = 4096  # of a span of time, in which a function of time is enclosed
@@ -92,11 +94,14 @@ class TimeFunction(Noise):
             A column for each of :meth:`numbers`.
         """
 
+    def structure(self) -> Hashable:
+        """What :meth:`symbol` depends on besides the numbers: noise that agrees in it shares its compiled code."""
+        return frozen(self.model_dump())
+
     def at(self, times: np.ndarray, k: np.ndarray) -> np.ndarray:
         """v at samples, at times t_k and numbered k, shape (len(times),)."""
         t = ca.SX.sym("t")
-        values = ca.Function("v", [t], [self._of(t)])(ca.DM(times[None, :]))
-        return np.asarray(values.full()).ravel()
+        return along(ca.Function("v", [t], [self._of(t)]), times)
 
     def fastest(self, start: float, end: float) -> float:
         """The highest frequency between start and end that an automatic step has to follow, in rad per time unit.

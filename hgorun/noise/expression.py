@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping, Sequence
 
 import casadi as ca
 import numpy as np
 from pydantic import Field
 
 from hgorun.config.expressions import ExpressionError, parse
+from hgorun.config.literals import template
 from hgorun.config.types import ExpressionText
 from hgorun.errors import Problem
 from hgorun.noise.base import TimeFunction, noise
+from hgorun.symbolic.evaluate import compiled, evaluate
 
 
 @noise("expression")
@@ -28,11 +30,14 @@ class ExpressionNoise(TimeFunction):
         except ExpressionError as error:
             raise Problem(("value",), str(error)) from error
 
+    def numbers(self) -> Mapping[str, Sequence[float]]:
+        return {"value": template(parse(self.value, names=("t",)))[1]}
+
+    def structure(self) -> Hashable:
+        return template(parse(self.value, names=("t",)))[0]
+
     def symbol(self, t: ca.SX, numbers: Mapping[str, ca.SX]) -> ca.SX:
-        return parse(self.value, names=("t",)).symbol({"t": t})
+        return ca.SX(template(parse(self.value, names=("t",)))[0].symbol({"t": t}, numbers["value"]))
 
     def at(self, times: np.ndarray, k: np.ndarray) -> np.ndarray:
-        t, number = ca.SX.sym("t"), ca.SX.sym("k")
-        value = parse(self.value, names=("t", "k")).symbol({"t": t, "k": number})
-        found = ca.Function("v", [t, number], [value])(ca.DM(times[None, :]), ca.DM(k[None, :]))
-        return np.asarray(found.full()).ravel()
+        return evaluate(compiled(self.value, "t", "k"), times[:, None], k[:, None])[0].ravel()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from typing import Annotated, Any
 
 import casadi as ca
@@ -31,6 +31,9 @@ class Sinusoids(TimeFunction):
 
     def numbers(self) -> Mapping[str, Sequence[float]]:
         return {key: [getattr(term, key) for term in self.terms] for key in ("amplitude", "omega", "phase")}
+
+    def structure(self) -> Hashable:
+        return len(self.terms)
 
     def symbol(self, t: ca.SX, numbers: Mapping[str, ca.SX]) -> ca.SX:
         a, omega, phase = numbers["amplitude"], numbers["omega"], numbers["phase"]

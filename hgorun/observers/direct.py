@@ -78,7 +78,7 @@ class DirectObserver(HighGain, OutputInjection):
         xhat, c = s.xhat, plant.slope(s.xhat)
         Theta_l = plant.Theta(k.theta) @ plant.along(k.l)
         correction, derivatives = -Theta_l * e, {}
-        if self.mu > 0:
+        if "z" in vars(s):
             y = plant.output(xhat) - e
             w = ca.exp(-k.mu * e**2)
             gap = plant.reconstruct(s.z, guess=xhat) - xhat

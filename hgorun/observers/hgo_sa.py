@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import casadi as ca
 import numpy as np
 from pydantic import Field
 
-from hgorun.config.expressions import ExpressionError, parse
+from hgorun.config.expressions import ExpressionError
 from hgorun.config.types import ExpressionText, Positive
 from hgorun.errors import Problem
 from hgorun.observers.base import SampleSchedule, observer
 from hgorun.observers.forward_differences import ForwardDifferences, eigenvalues
 from hgorun.symbolic.canonical import CanonicalForm
+from hgorun.symbolic.evaluate import along, compiled
 
 _FIRST = 100_000  # samples whose b(k) are all looked at; then powers of two
 _LAST = 100  # 2^100 stands for infinity
@@ -109,9 +109,7 @@ class StochasticApproximationObserver(ForwardDifferences):
 
     @staticmethod
     def _values(text: str, numbers: np.ndarray, path: tuple[str | int, ...]) -> np.ndarray:
-        k = ca.SX.sym("k")
         try:
-            values = ca.Function("b", [k], [parse(text, names=("k",)).symbol({"k": k})])
+            return along(compiled(text, "k"), numbers)
         except ExpressionError as error:
             raise Problem(path, str(error)) from error
-        return np.asarray(values(ca.DM(numbers[None, :])).full(), dtype=float).ravel()

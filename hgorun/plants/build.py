@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
+from functools import cached_property
+from typing import Any, TypeAlias
 
 import casadi as ca
 import numpy as np
 
 from hgorun.config.expressions import Expression, ExpressionError, nearest, parse
+from hgorun.config.literals import Template, template
+from hgorun.config.reads import Reads
 from hgorun.errors import Problem
+from hgorun.memo import Memo
 from hgorun.plants.base import Invertible, Plant, TriangularCoordinates
 from hgorun.symbolic.plant import PlantModel
 from hgorun.symbolic.symbols import Symbols
@@ -18,26 +22,66 @@ from hgorun.symbolic.symbols import Symbols
 Map: TypeAlias = Callable[[ca.SX, ca.SX], ca.SX]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+class SymbolicPlant:
+    """A plant without numbers: one object for all plants that differ in nothing else.
+
+    Attributes
+    ----------
+    model : PlantModel
+    numbers : casadi.SX
+        Symbols for the numbers written in the expressions of inputs and disturbance.
+    inputs, disturbance : casadi.SX
+        u(t) and what is added to x', as expressions of the model's t and p and of the numbers.
+    """
+
+    model: PlantModel
+    numbers: ca.SX
+    inputs: ca.SX
+    disturbance: ca.SX
+
+    @property
+    def everything(self) -> ca.SX:
+        """All that is a number in a run: the model's p, then the numbers."""
+        return ca.vertcat(self.model.p, self.numbers)
+
+
+@dataclass(frozen=True, eq=False)
 class BuiltPlant:
     """A plant ready to be simulated.
 
     Attributes
     ----------
-    model : PlantModel
-    parameters, initial : ndarray
-        Values of the model's parameters, shape (number of parameters,), and x(start), shape (n,).
-    inputs, disturbance : casadi.SX
-        u(t) and what is added to x', as expressions of the model's t and p.
-    units : mapping of str to str
+    symbolic : SymbolicPlant
+    parameters, numbers, initial : ndarray
+        Values of the model's p and of the numbers in the expressions, and x(start), shape (n,).
     """
 
     block: Plant
-    model: PlantModel
+    symbolic: SymbolicPlant
     parameters: np.ndarray
+    numbers: np.ndarray
     initial: np.ndarray
-    inputs: ca.SX
-    disturbance: ca.SX
+
+    @property
+    def model(self) -> PlantModel:
+        """Names and equations."""
+        return self.symbolic.model
+
+    @property
+    def everything(self) -> np.ndarray:
+        """Values of :attr:`SymbolicPlant.everything`."""
+        return np.concatenate([self.parameters, self.numbers])
+
+    @cached_property
+    def inputs(self) -> ca.SX:
+        """u(t), an expression of the model's t and p."""
+        return ca.substitute(self.symbolic.inputs, self.symbolic.numbers, ca.SX(ca.DM(self.numbers)))
+
+    @cached_property
+    def disturbance(self) -> ca.SX:
+        """What is added to x', an expression of the model's t and p."""
+        return ca.substitute(self.symbolic.disturbance, self.symbolic.numbers, ca.SX(ca.DM(self.numbers)))
 
     @property
     def units(self) -> dict[str, str]:
@@ -45,8 +89,41 @@ class BuiltPlant:
         return dict(self.block.units)
 
 
+@dataclass(frozen=True)
+class _Signals:
+    """Expressions of time by the name of what they are for, their numbers apart."""
+
+    key: str
+    templates: tuple[tuple[str, Template], ...]
+    numbers: tuple[tuple[float, ...], ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """A name for every number."""
+        return tuple(
+            f"{self.key}.{name}[{i}]"
+            for (name, _), numbers in zip(self.templates, self.numbers, strict=True)
+            for i in range(len(numbers))
+        )
+
+    def symbols(self, values: Mapping[str, ca.SX], numbers: ca.SX, *, chained: bool) -> dict[str, ca.SX]:
+        """The expressions, from symbols for their numbers; ``chained``: they may use each other."""
+        known, found, start = dict(values), {}, 0
+        for (name, template_), count in zip(self.templates, map(len, self.numbers), strict=True):
+            found[name] = template_.symbol(known, numbers[start : start + count])
+            start += count
+            if chained:
+                known[name] = found[name]
+        return found
+
+
+# buckets of plants that agree in their names and signals; what else of their blocks matters is in the reads
+_BUILT: Memo[list[tuple[Reads, SymbolicPlant]]] = Memo(64)
+_BUCKET = 16  # plants in a bucket
+
+
 def build_plant(block: Plant) -> BuiltPlant:
-    """Build the model.
+    """Build the model, or take the one of a plant that differs in its numbers only.
 
     Raises
     ------
@@ -66,51 +143,96 @@ def build_plant(block: Plant) -> BuiltPlant:
     missing = [s for s in states if s not in block.initial]
     if missing:
         raise Problem(("plant", "initial"), f"the initial value of {', '.join(missing)} is missing")
-
-    t = ca.SX.sym("t")
-    x, u, p = (ca.vertcat(*[ca.SX.sym(n) for n in names]) for names in (states, inputs, tuple(values)))
-    spaces = [_named(names, v) for names, v in ((states, x), (inputs, u), (tuple(values), p))]
-    dynamics, output = _equations(block, t, *spaces)
-    names = tuple(values)
-    maps = (_inverse(block, names), *_triangular(block, states, names))
-    model = PlantModel(states, outputs, inputs, names, t, x, u, p, dynamics, output, *maps)
-    symbols = {**vars(spaces[2]), "t": t}
+    known = (*values, "t")
+    signals = (
+        _signals("inputs", _ordered(("plant", "inputs"), block.inputs, known)),
+        _signals(
+            "disturbance", [(s, _read(("plant", "disturbance", s), t, known)) for s, t in block.disturbance.items()]
+        ),
+    )
+    key = type(block), states, outputs, inputs, tuple(values), *(s.templates for s in signals)
+    bucket = _BUILT.get(key, list)
+    symbolic = next((plant for reads, plant in bucket if reads.hold_for(block)), None)
+    if symbolic is None:
+        reads = Reads(block)
+        symbolic = _symbolic(block, reads.watched, tuple(values), *signals)
+        bucket.append((reads, symbolic))
+        del bucket[:-_BUCKET]
+    numbers = [v for s in signals for part in s.numbers for v in part]
     return BuiltPlant(
         block,
-        model,
+        symbolic,
         np.array(list(values.values()), dtype=float),
+        np.array(numbers, dtype=float),
         np.array([block.initial[s] for s in states], dtype=float),
-        _inputs(block, inputs, symbols),
-        _disturbance(block, states, symbols),
     )
+
+
+def _symbolic(
+    block: Plant, watched: Plant, parameters: tuple[str, ...], inputs: _Signals, disturbance: _Signals
+) -> SymbolicPlant:
+    states, outputs, input_names = block.state_names, block.output_names, block.input_names
+    t = ca.SX.sym("t")
+    x, u, p, numbers = (
+        ca.vertcat(*[ca.SX.sym(n) for n in names])
+        for names in (states, input_names, parameters, (*inputs.names, *disturbance.names))
+    )
+    spaces = [_named(names, v) for names, v in ((states, x), (input_names, u), (parameters, p))]
+    dynamics, output = _equations(block, watched, t, *spaces)
+    maps = (_inverse(block, watched, parameters), *_triangular(block, watched, states, parameters))
+    model = PlantModel(states, outputs, input_names, parameters, t, x, u, p, dynamics, output, *maps)
+    symbols = {**vars(spaces[2]), "t": t}
+    first = len(inputs.names)
+    found = inputs.symbols(symbols, numbers[:first], chained=True)
+    pushed = disturbance.symbols(symbols, numbers[first:], chained=False)
+    return SymbolicPlant(
+        model,
+        numbers,
+        ca.vertcat(*[found[name] for name in input_names]) if input_names else ca.SX(0, 1),
+        ca.vertcat(*[pushed.get(state, ca.SX(0)) for state in states]),
+    )
+
+
+def _signals(key: str, expressions: list[tuple[str, Expression]]) -> _Signals:
+    templates, numbers = [], []
+    for name, expression in expressions:
+        try:
+            lifted, values = template(expression)
+        except ExpressionError as error:
+            raise Problem(("plant", key, name), str(error)) from error
+        templates.append((name, lifted))
+        numbers.append(values)
+    return _Signals(key, tuple(templates), tuple(numbers))
 
 
 def _named(names: Sequence[str], values: ca.SX) -> Symbols:
     return Symbols(dict(zip(names, ca.vertsplit(values) if values.numel() else [], strict=True)))
 
 
-def _inverse(block: Plant, parameters: Sequence[str]) -> Map | None:
+def _inverse(block: Plant, watched: Any, parameters: Sequence[str]) -> Map | None:
     """x of the canonical coordinates, where the plant knows it."""
     if not isinstance(block, Invertible):
         return None
-    return lambda z, p: ca.vertcat(*block.inverse(z, _named(parameters, p)))
+    return lambda z, p: ca.vertcat(*watched.inverse(z, _named(parameters, p)))
 
 
-def _triangular(block: Plant, states: Sequence[str], parameters: Sequence[str]) -> tuple[Map, Map] | tuple[None, None]:
+def _triangular(
+    block: Plant, watched: Any, states: Sequence[str], parameters: Sequence[str]
+) -> tuple[Map, Map] | tuple[None, None]:
     """(T, T^-1) of the coordinates where the plant is triangular, if it gives any."""
     if not isinstance(block, TriangularCoordinates):
         return None, None
     return (
-        lambda x, p: ca.vertcat(*block.to_triangular(_named(states, x), _named(parameters, p))),
-        lambda z, p: ca.vertcat(*block.from_triangular(z, _named(parameters, p))),
+        lambda x, p: ca.vertcat(*watched.to_triangular(_named(states, x), _named(parameters, p))),
+        lambda z, p: ca.vertcat(*watched.from_triangular(z, _named(parameters, p))),
     )
 
 
-def _equations(block: Plant, t: ca.SX, x: Symbols, u: Symbols, p: Symbols) -> tuple[ca.SX, ca.SX]:
+def _equations(block: Plant, watched: Plant, t: ca.SX, x: Symbols, u: Symbols, p: Symbols) -> tuple[ca.SX, ca.SX]:
     values = {**vars(p), **vars(u), **vars(x), "t": t}
     for place, text in block.expressions().items():
         _symbol(("plant", *place), text, values)
-    dynamics, output = block.equations(t, x, u, p)
+    dynamics, output = watched.equations(t, x, u, p)
     return ca.SX(ca.vertcat(*dynamics)), ca.SX(ca.vertcat(*output))
 
 
@@ -118,6 +240,13 @@ def _symbol(path: tuple[str | int, ...], text: str, values: Mapping[str, ca.SX])
     """An expression of known names as a symbolic one."""
     try:
         return parse(text, names=values).symbol(values)
+    except ExpressionError as error:
+        raise Problem(path, str(error)) from error
+
+
+def _read(path: tuple[str | int, ...], text: str, names: Collection[str]) -> Expression:
+    try:
+        return parse(text, names=names)
     except ExpressionError as error:
         raise Problem(path, str(error)) from error
 
@@ -174,17 +303,3 @@ def _parameter_values(block: Plant) -> dict[str, float]:
             raise Problem(("plant", "parameters", name), str(error)) from error
     order = [*known, *(n for n in texts if n not in known)]
     return {name: values[name] for name in order}
-
-
-def _inputs(block: Plant, names: tuple[str, ...], symbols: Mapping[str, ca.SX]) -> ca.SX:
-    found = dict(symbols)
-    for name, _ in _ordered(("plant", "inputs"), block.inputs, symbols):
-        found[name] = _symbol(("plant", "inputs", name), block.inputs[name], found)
-    return ca.vertcat(*[found[name] for name in names]) if names else ca.SX(0, 1)
-
-
-def _disturbance(block: Plant, states: tuple[str, ...], symbols: Mapping[str, ca.SX]) -> ca.SX:
-    parts = [ca.SX(0)] * len(states)
-    for name, text in block.disturbance.items():
-        parts[states.index(name)] = _symbol(("plant", "disturbance", name), text, symbols)
-    return ca.vertcat(*parts)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -27,7 +28,7 @@ class Measurements:
     y: np.ndarray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ObserverResult:
     """One observer's trajectories.
 
@@ -65,7 +66,7 @@ class ObserverResult:
         return "ok" if self.diverged_at is None else f"diverged at t={self.diverged_at:.6g}"
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class ResultData:
     """A finished run.
 
@@ -80,8 +81,10 @@ class ResultData:
         Of time ("time"), states and outputs, where known.
     measurements : Measurements
     observers : dict of str to ObserverResult
-    config, config_resolved : str
-        The YAML text as written, and after ``extends``, ``--set`` and defaults.
+    config : str
+        The YAML text as written.
+    resolved : str or callable
+        The YAML text after ``extends``, ``--set`` and defaults, or what makes it when it is asked for.
     windows : mapping
         The windows that the metrics were taken from.
     integration_error : mapping, optional
@@ -101,11 +104,15 @@ class ResultData:
     measurements: Measurements
     observers: Mapping[str, ObserverResult]
     config: str
-    config_resolved: str
+    resolved: str | Callable[[], str]
     seed: int
     windows: Mapping[str, Any] = field(default_factory=dict)
     integration_error: Mapping[str, float] | None = None
-    figures: Mapping[str, Any] = field(default_factory=dict)
+
+    @cached_property
+    def config_resolved(self) -> str:
+        """The YAML text after ``extends``, ``--set`` and defaults, without figures, claims and titles."""
+        return self.resolved if isinstance(self.resolved, str) else self.resolved()
 
     def __repr__(self) -> str:
         labels = ", ".join(self.observers) or "no observers"

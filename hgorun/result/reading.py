@@ -142,23 +142,29 @@ class _Reader:
         if nt == 0:
             raise self.error("time is empty")
         return Result(
-            self.text("name"),
-            self.text("title"),
-            time,
-            self.numbers("plant/x", nt, n),
-            self.numbers("plant/u", nt, len(inputs)) if inputs else np.zeros((nt, 0)),
-            self.numbers("plant/y", nt, q),
-            states,
-            inputs,
-            outputs,
-            self.entries("units", lambda _, value: isinstance(value, str), "text"),
-            Measurements(y_times, self.numbers("measurement/taken", nk, q), self.numbers("measurement/y", nk, q)),
-            {label: self.observer(label, nt, n) for label in self.group("observers")},
-            self.text("config"),
-            self.text("config_resolved"),
-            self.integer("seed"),
-            self.entries("windows", _is_window, "two finite numbers (steady, transient) or one (average, settling)"),
-            self.entries("integration_error", lambda _, value: _is_number(value), "a number")
+            name=self.text("name"),
+            title=self.text("title"),
+            time=time,
+            x=self.numbers("plant/x", nt, n),
+            u=self.numbers("plant/u", nt, len(inputs)) if inputs else np.zeros((nt, 0)),
+            y=self.numbers("plant/y", nt, q),
+            states=states,
+            inputs=inputs,
+            outputs=outputs,
+            units=self.entries("units", lambda _, value: isinstance(value, str), "text"),
+            measurements=Measurements(
+                time=y_times,
+                taken=self.numbers("measurement/taken", nk, q),
+                y=self.numbers("measurement/y", nk, q),
+            ),
+            observers={label: self.observer(label, nt, n) for label in self.group("observers")},
+            config=self.text("config"),
+            resolved=self.text("config_resolved"),
+            seed=self.integer("seed"),
+            windows=self.entries(
+                "windows", _is_window, "two finite numbers (steady, transient) or one (average, settling)"
+            ),
+            integration_error=self.entries("integration_error", lambda _, value: _is_number(value), "a number")
             if "integration_error" in self.file.attrs
             else None,
         )
@@ -171,13 +177,13 @@ class _Reader:
         states = (f"observers/{label}/state", self.group(f"observers/{label}/state"))
         metrics = (f"metrics/{label}", self.group(f"metrics/{label}"))
         return ObserverResult(
-            self.text("type", group),
-            self.numbers(f"observers/{label}/xhat", nt, n),
-            {name: self.internal(f"{states[0]}/{name}", nt) for name in states[1]},
-            self.mapping("gains", group),
-            self.integer("dimension", group),
-            None if lost is None else float(lost),
-            {name: self.numbers(f"{metrics[0]}/{name}", n) for name in metrics[1]},
+            type=self.text("type", group),
+            xhat=self.numbers(f"observers/{label}/xhat", nt, n),
+            internal={name: self.internal(f"{states[0]}/{name}", nt) for name in states[1]},
+            gains=self.mapping("gains", group),
+            dimension=self.integer("dimension", group),
+            diverged_at=None if lost is None else float(lost),
+            metrics={name: self.numbers(f"{metrics[0]}/{name}", n) for name in metrics[1]},
         )
 
     def internal(self, name: str, nt: int) -> np.ndarray:

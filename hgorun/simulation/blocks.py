@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from hgorun.config.expressions import nearest
 from hgorun.config.models import Experiment as Blocks
+from hgorun.config.paths import KeyPath
 from hgorun.config.types import describe
 from hgorun.config.validation import validate
 from hgorun.config.yaml_source import Source
@@ -19,8 +22,18 @@ from hgorun.registry import Registry
 T = TypeVar("T")
 
 
-def check(source: Source) -> tuple[Blocks, Plant, Measurement, dict[str, AnyObserver]]:
-    """The blocks of a configuration, its plant, its measurement and its observers.
+@dataclass(frozen=True)
+class Checked:
+    """The parts of a configuration, each checked by its class."""
+
+    blocks: Blocks
+    plant: Plant
+    measurement: Measurement
+    observers: dict[str, AnyObserver]
+
+
+def check(source: Source) -> Checked:
+    """The parts of a configuration; its figures and claims, which are no part of a run, are left out.
 
     Raises
     ------
@@ -30,12 +43,74 @@ def check(source: Source) -> tuple[Blocks, Plant, Measurement, dict[str, AnyObse
     blocks = validate(Blocks, source.data, source, ())
     plant = _plant(blocks, source)
     measurement = validate(Measurement, blocks.measurement, source, ("measurement",))
-    return (
+    observers = {label: _observer(label, block, source) for label, block in blocks.observers.items()}
+    return Checked(blocks.model_copy(update=_NOT_OF_A_RUN), plant, measurement, observers)
+
+
+_NOT_OF_A_RUN: dict[str, Any] = {"figures": {}, "claims": ()}
+_PARTS = {"plant", "measurement", "observers"}  # each has a class of its own
+
+
+def check_again(source: Source, before: Checked, touched: Collection[KeyPath]) -> Checked:
+    """The parts of a configuration that differs from a checked one at some paths: the others stay the same objects.
+
+    Raises
+    ------
+    ConfigError
+    """
+    data, keys = source.data, {path[0] for path in touched}
+    labels = data.get("observers")
+    sound = isinstance(data.get("plant"), dict) and isinstance(labels, dict)
+    if not sound or not all(isinstance(block, dict) for block in labels.values()):
+        return check(source)
+    if keys <= _PARTS:
+        blocks = before.blocks.model_copy(update={key: data[key] for key in _PARTS if key in data})
+    else:
+        of_a_run = {key: part for key, part in data.items() if key not in _NOT_OF_A_RUN}
+        blocks = validate(Blocks, of_a_run, source, ())
+    stale = {path[1] for path in touched if path[0] == "observers" and len(path) > 1}
+    if ("observers",) in touched:
+        stale = set(labels)
+    return Checked(
         blocks,
-        plant,
-        measurement,
-        {label: _observer(label, block, source) for label, block in blocks.observers.items()},
+        _plant(blocks, source) if "plant" in keys else before.plant,
+        validate(Measurement, data.get("measurement", {}), source, ("measurement",))
+        if "measurement" in keys
+        else before.measurement,
+        {
+            label: before.observers[label]
+            if label in before.observers and label not in stale
+            else _observer(label, block, source)
+            for label, block in labels.items()
+        },
     )
+
+
+# what is resolved by classes of its own, is carried out already, or decides no number of the run
+_NOT_RESOLVED = {*_PARTS, *_NOT_OF_A_RUN, "extends", "title", "reference"}
+
+
+def resolved(checked: Checked) -> dict[str, Any]:
+    """The configuration after ``extends``, ``--set`` and defaults: all that the numbers of the run follow from.
+
+    Titles, references, figures and claims are not in it.
+    """
+    values = checked.blocks.model_dump(mode="json", exclude=_NOT_RESOLVED, exclude_none=True)
+    values["measurement"] = checked.measurement.model_dump(mode="json", exclude_none=True)
+    values["plant"] = checked.plant.model_dump(mode="json", exclude_none=True)
+    values["observers"] = {label: _plain(o.model_dump(exclude_none=True)) for label, o in checked.observers.items()}
+    return values
+
+
+def _plain(value: Any) -> Any:
+    """Values as YAML can write them: complex numbers as text, tuples as lists."""
+    if isinstance(value, dict):
+        return {k: _plain(v) for k, v in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(v) for v in value]
+    if isinstance(value, complex):
+        return value.real if value.imag == 0 else str(value).strip("()")
+    return value
 
 
 def _plant(blocks: Blocks, source: Source) -> Plant:

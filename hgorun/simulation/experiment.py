@@ -2,22 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
-from functools import cached_property
-from typing import Any
+from copy import copy
+from functools import cached_property, partial
+from typing import Any, cast
 
 import numpy as np
 
+from hgorun.config.models import Experiment as Blocks
+from hgorun.config.overrides import replaced
 from hgorun.config.yaml_source import Source, parse
-from hgorun.errors import ConfigError, NotObservableForm, Problem
+from hgorun.errors import ConfigError, Problem
 from hgorun.measurement.availability import Stretch, resolve
+from hgorun.measurement.blocks import Measurement
+from hgorun.observers.base import AnyObserver
+from hgorun.plants.base import Plant
 from hgorun.plants.build import BuiltPlant, build_plant
 from hgorun.result.windows import points_in
-from hgorun.simulation.blocks import check
+from hgorun.simulation.blocks import Checked, check, check_again, resolved
+from hgorun.simulation.forms import form_of
+from hgorun.simulation.observer_block import Design
 from hgorun.symbolic.forms import Form
 
-_ELSEWHERE = {"title", "reference", "extends", "figures", "claims", "plant", "observers"}  # the last two have classes
+_SEARCH_POINTS = (4_000, 200_000)  # fewest and most points in the search for kinks
 
 
 class Experiment:
@@ -36,10 +44,6 @@ class Experiment:
     ----------
     source : Source
         The configuration with everything merged, and where each part was written.
-    blocks : hgorun.config.models.Experiment
-    plant_block : Plant
-    measurement : Measurement
-    observers : dict of str to Observer
 
     Raises
     ------
@@ -56,12 +60,84 @@ class Experiment:
             text = _yaml(dict(config))
             config = parse(text, name)
         self.name, self.text, self.source = name, text or "", config
-        self.blocks, self.plant_block, self.measurement, self.observers = check(config)
-        self.prepared: object = None  # what hgorun.simulation.simulate has made of it
+        self._checked = check(config)
 
     def located(self) -> AbstractContextManager[None]:
         """Turn a problem at a key into an error that names file, line and key."""
         return self.source.located()
+
+    def varied(self, changes: Mapping[str, Any], *, seed: int | None = None, name: str | None = None) -> Experiment:
+        """The same experiment, but for some values.
+
+        Only what has changed is checked again, and runs of equal structure share their compiled code.
+
+        Parameters
+        ----------
+        changes : mapping of str to value
+            By path: keys and list indices with dots between, as after ``--set``. None removes a key.
+        seed : int, optional
+            In place of the experiment's.
+        name : str, optional
+            What results are called by.
+
+        Raises
+        ------
+        ConfigError
+            When a path leads nowhere, or a value does not fit.
+
+        Examples
+        --------
+        >>> faster = experiment.varied({"observers.SHGO.theta": 2})
+        >>> shorter = experiment.varied({"time.end": 10, "observers.FHGO": None})
+        """
+        source, touched = self.source, set()
+        for path, value in changes.items():
+            source, place = replaced(source, path, value)
+            touched.add(place)
+        if seed is not None:
+            source, place = replaced(source, "seed", seed)
+            touched.add(place)
+        new = copy(self)
+        new.source, new.name = source, self.name if name is None else name
+        new._checked = check_again(source, self._checked, touched)
+        new._forget(self._checked)
+        return new
+
+    def _forget(self, before: Checked) -> None:
+        """Leave out what has been derived from parts that are no longer the same."""
+        now, known = self._checked, self.__dict__
+        known["_designed"] = known.get("_designed", {}) | known.get("designs", {})
+        stale = {"designs"}
+        if now.plant is not before.plant:
+            stale |= {"plant", "_forms", "stretches", "grid"}
+        if now.observers is not before.observers:
+            stale |= {"_forms"} if now.observers.keys() == before.observers.keys() else {"_forms", "grid"}
+        if now.measurement is not before.measurement or now.blocks.time != before.blocks.time:
+            stale |= {"stretches"}
+        if now.blocks.time != before.blocks.time or now.blocks.metrics != before.blocks.metrics:
+            stale |= {"grid"}
+        for name in stale:
+            known.pop(name, None)
+
+    @property
+    def blocks(self) -> Blocks:
+        """The configuration's own keys."""
+        return self._checked.blocks
+
+    @property
+    def plant_block(self) -> Plant:
+        """The block of the plant."""
+        return self._checked.plant
+
+    @property
+    def measurement(self) -> Measurement:
+        """The block of the measurement."""
+        return self._checked.measurement
+
+    @property
+    def observers(self) -> dict[str, AnyObserver]:
+        """The blocks of the observers by their labels."""
+        return self._checked.observers
 
     @cached_property
     def plant(self) -> BuiltPlant:
@@ -70,26 +146,52 @@ class Experiment:
             return build_plant(self.plant_block)
 
     @cached_property
+    def _forms(self) -> dict[str, tuple[Form, Form]]:
+        """For every observer the form of the plant, and the one first found with the same equations."""
+        with self.located():
+            return {label: form_of(self.plant, label, observer) for label, observer in self.observers.items()}
+
+    @property
     def forms(self) -> dict[str, Form]:
         """For every observer the plant in the form that it needs."""
-        built: dict[Any, Form] = {}
+        return {label: form for label, (form, _) in self._forms.items()}
+
+    @cached_property
+    def designs(self) -> dict[str, Design]:
+        """Every observer with its gains."""
         with self.located():
-            for label, observer in self.observers.items():
-                if observer.form not in built:
-                    try:
-                        built[observer.form] = observer.form(
-                            self.plant.model, self.plant.initial, self.plant.parameters
-                        )
-                    except NotObservableForm as error:
-                        asked = f"observer {label} ({observer.type}) asks for another form of the plant"
-                        raise Problem(("plant",), f"{error}; {asked}") from error
-        return {label: built[observer.form] for label, observer in self.observers.items()}
+            return {label: self._design(label) for label in self.observers}
+
+    def _design(self, label: str) -> Design:
+        known = self.__dict__.setdefault("_designed", {}).get(label)
+        observer, (form, origin) = self.observers[label], self._forms[label]
+        if known is not None and known.observer is observer and known.form is form:
+            return cast(Design, known)
+        return Design.of(label, observer, form, origin)
 
     @cached_property
     def stretches(self) -> list[list[Stretch]]:
         """Every output's availability, phase by phase."""
         with self.located():
             return resolve(self.measurement, self.plant.model.outputs, self.blocks.time)
+
+    @property
+    def adaptive(self) -> bool:
+        """Whether an error estimate controls the step."""
+        solver = self.blocks.solver
+        return solver.adaptive or (solver.method == "dopri5" and solver.step == "auto")
+
+    @property
+    def given_step(self) -> float | None:
+        """The step of the file; None where it is found automatically."""
+        step = self.blocks.solver.step
+        return None if step == "auto" or self.adaptive else step
+
+    @property
+    def points(self) -> int:
+        """How finely functions of time are searched for kinks."""
+        time = self.blocks.time
+        return int(np.clip((time.end - time.start) / (self.given_step or 1e-3), *_SEARCH_POINTS))
 
     @property
     def metric_step(self) -> float:
@@ -134,35 +236,27 @@ class Experiment:
                     raise Problem(("metrics", key), f"no output point lies in [{window[0]:g}, {window[1]:g}]")
         return points, ratios[0], ratios[1]
 
-    @cached_property
+    def resolved(self) -> dict[str, Any]:
+        """The configuration after ``extends``, ``--set`` and defaults, as plain data."""
+        return resolved(self._checked)
+
+    @property
     def resolved_text(self) -> str:
         """The resolved configuration as YAML."""
-        return _yaml(self.resolved())
+        return resolved_text(self._checked)
 
-    def resolved(self) -> dict[str, Any]:
-        """The configuration after ``extends``, ``--set`` and defaults: all that the numbers of the run follow from.
+    @property
+    def resolved_later(self) -> Callable[[], str]:
+        """What makes :attr:`resolved_text`, which takes longer than a run."""
+        return partial(resolved_text, self._checked)
 
-        Titles, references, figures and claims are not in it.
-        """
-        values = self.blocks.model_dump(mode="json", exclude=_ELSEWHERE, exclude_none=True)
-        values["measurement"] = self.measurement.model_dump(mode="json", exclude_none=True)
-        values["plant"] = self.plant_block.model_dump(mode="json", exclude_none=True)
-        values["observers"] = {label: _plain(o.model_dump(exclude_none=True)) for label, o in self.observers.items()}
-        return values
+
+def resolved_text(checked: Checked) -> str:
+    """The resolved configuration as YAML."""
+    return _yaml(resolved(checked))
 
 
 def _yaml(values: dict[str, Any]) -> str:
     import yaml
 
     return yaml.safe_dump(values, sort_keys=False, allow_unicode=True)
-
-
-def _plain(value: Any) -> Any:
-    """Values as YAML can write them: complex numbers as text, tuples as lists."""
-    if isinstance(value, dict):
-        return {k: _plain(v) for k, v in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(v) for v in value]
-    if isinstance(value, complex):
-        return value.real if value.imag == 0 else str(value).strip("()")
-    return value

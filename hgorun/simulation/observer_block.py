@@ -1,19 +1,128 @@
-"""One observer inside the system: its states in z, its equations, its way back to the plant's coordinates."""
+"""One observer inside the system: its numbers, its states in z, its equations."""
 
 from __future__ import annotations
+
+from collections.abc import Hashable, Mapping
+from dataclasses import dataclass, replace
+from typing import cast
 
 import casadi as ca
 import numpy as np
 
 from hgorun.errors import Problem
+from hgorun.memo import Same
 from hgorun.observers.base import AnyObserver, ContinuousObserver, Flow, Sample, SampledObserver
-from hgorun.plants.build import BuiltPlant
 from hgorun.symbolic.forms import Copy, Form, ModelCopy
-from hgorun.symbolic.parameters import Parameters
+from hgorun.symbolic.parameters import Parameters, flat
 from hgorun.symbolic.states import StateBlock, Symmetric
 from hgorun.symbolic.symbols import Symbols
 
 
+@dataclass(frozen=True, eq=False)
+class Design:
+    """An observer with the numbers that its keys give for a plant.
+
+    Attributes
+    ----------
+    form, origin : Form
+        The plant as the observer sees it, and the form that was first found: the same equations, maybe of
+        other numbers.
+    gains : dict of str to ndarray
+        What the equations use.
+    defaults : dict of str to ndarray or Symmetric
+        Initial values where none are given: of xhat and of the observer's own states.
+    """
+
+    label: str
+    observer: AnyObserver
+    form: Form
+    origin: Form
+    gains: Mapping[str, np.ndarray]
+    defaults: dict[str, np.ndarray | Symmetric]
+
+    @classmethod
+    def of(cls, label: str, observer: AnyObserver, form: Form, origin: Form | None = None) -> Design:
+        """Design the gains.
+
+        Raises
+        ------
+        Problem
+            When the observer's block does not fit the plant.
+        """
+        canonical = observer.coordinates == "canonical"
+        for key, known in (("initial", form.plant.states), ("saturation", form.saturable(canonical))):
+            for name in getattr(observer, key):
+                if not known:
+                    raise Problem(("observers", label, key), f"{observer.type} has no state that could be given here")
+                if name not in known:
+                    raise Problem(
+                        ("observers", label, key), f"unknown state {name!r}; here they are {', '.join(known)}"
+                    )
+        try:
+            gains = observer.design(form)
+        except Problem as problem:
+            raise Problem(("observers", label, *problem.path), problem.message) from problem
+        defaults = {"xhat": np.zeros(form.plant.n), **observer.states(form)}
+        return cls(label, observer, form, form if origin is None else origin, gains, defaults)
+
+    def initial(self, parameters: np.ndarray, *, has_alpha: bool) -> np.ndarray:
+        """Its part of z at the start.
+
+        Raises
+        ------
+        Problem
+            When ``initial`` or ``internal`` does not fit.
+        """
+        key = parameters.tobytes(), has_alpha
+        known = self.__dict__.setdefault("_initial", {})
+        if key not in known:
+            known[key] = self._initial_values(parameters, has_alpha)
+        return cast(np.ndarray, known[key])
+
+    def _initial_values(self, parameters: np.ndarray, has_alpha: bool) -> np.ndarray:
+        observer = self.observer
+        x = np.array([observer.initial.get(s, 0.0) for s in self.form.plant.states])
+        defaults = self.defaults | ({"alpha": np.zeros(len(self.form.plant.outputs))} if has_alpha else {})
+        places = {name: StateBlock.of(0, value) for name, value in defaults.items()}
+        values = {n: v.values if isinstance(v, Symmetric) else v for n, v in defaults.items()}
+        try:
+            values["xhat"] = self.form.start(x, parameters, observer.coordinates == "canonical")
+        except ValueError as error:
+            raise self._fail("initial", str(error)) from error
+        for name, given in observer.internal.items():
+            if name not in values or name == "xhat":
+                known = ", ".join(n for n in values if n != "xhat") or "none"
+                raise self._fail("internal", f"unknown internal state {name!r}; this observer has: {known}")
+            try:
+                values[name] = places[name].initial(given, values[name])
+            except ValueError as error:
+                raise self._fail("internal", f"{name}: {error}") from error
+        return np.concatenate([places[name].numbers(np.asarray(v)) for name, v in values.items()])
+
+    def _fail(self, key: str, message: str) -> Problem:
+        return Problem(("observers", self.label, key), message)
+
+    @property
+    def structure(self) -> Hashable:
+        """What the equations depend on, besides the keys that they read themselves."""
+        gains = tuple((name, np.shape(value)) for name, value in self.gains.items())
+        states = tuple(
+            (name, True, value.values.shape) if isinstance(value, Symmetric) else (name, False, np.shape(value))
+            for name, value in self.defaults.items()
+        )
+        observer = self.observer
+        own = self.label, type(observer), observer.coordinates, tuple(observer.saturation)
+        return own, Same(self.origin), gains, states
+
+    @property
+    def numbers(self) -> np.ndarray:
+        """Its part of the parameters: gains, then saturation bounds."""
+        return np.concatenate(
+            [np.zeros(0), *map(flat, self.gains.values()), *map(flat, self.observer.saturation.values())]
+        )
+
+
+@dataclass(frozen=True, eq=False)
 class ObserverBlock:
     """An observer with a place in the state vector and its numbers among the parameters.
 
@@ -21,46 +130,69 @@ class ObserverBlock:
     ----------
     states : dict of str to StateBlock
         xhat, the observer's own states, and alpha where the measurement needs it.
-    start, stop, end : int
-        [start, stop) is watched for divergence; [stop, end) is alpha.
+    start : int
+        The first of its states in z.
+    k : Symbols
+        Symbols for the numbers of the design.
+    bounds : dict of str to (casadi.SX, casadi.SX)
+        Symbols for the saturation.
+    design : dict of str to ndarray
+        The numbers.
     """
 
-    def __init__(
-        self, label: str, observer: AnyObserver, form: Form, start: int, has_alpha: bool, parameters: Parameters
-    ) -> None:
-        self.label, self.observer, self.form = label, observer, form
-        self.canonical = observer.coordinates == "canonical"
-        self._check()
-        try:
-            self.design = observer.design(form)
-        except Problem as problem:
-            raise Problem(("observers", label, *problem.path), problem.message) from problem
-        self.k = Symbols({n: parameters.add(f"{label}.{n}", v) for n, v in self.design.items()})
-        self.bounds = {}
-        for state, interval in observer.saturation.items():
+    label: str
+    observer: AnyObserver
+    form: Form
+    start: int
+    states: dict[str, StateBlock]
+    k: Symbols
+    bounds: dict[str, tuple[ca.SX, ca.SX]]
+    design: Mapping[str, np.ndarray]
+
+    @classmethod
+    def place(
+        cls, design: Design, start: int, has_alpha: bool, parameters: Parameters, observer: AnyObserver | None = None
+    ) -> ObserverBlock:
+        """Give an observer its place and its parameters.
+
+        Parameters
+        ----------
+        observer : Observer, optional
+            Whose equations are taken, in place of the design's own.
+        """
+        label = design.label
+        k = Symbols({n: parameters.add(f"{label}.{n}", v) for n, v in design.gains.items()})
+        bounds = {}
+        for state, interval in design.observer.saturation.items():
             both = parameters.add(f"{label}.sat.{state}", interval)
-            self.bounds[state] = (both[0], both[1])
-        self.defaults: dict[str, np.ndarray | Symmetric] = {"xhat": np.zeros(form.plant.n), **observer.states(form)}
+            bounds[state] = (both[0], both[1])
+        defaults = dict(design.defaults)
         if has_alpha:
-            self.defaults["alpha"] = np.zeros(len(form.plant.outputs))
-        self.states: dict[str, StateBlock] = {}
-        self.start = self.end = start
-        for name, value in self.defaults.items():
-            self.states[name] = StateBlock.of(self.end, value)
-            self.end += self.states[name].size
-        self.stop = self.states["alpha"].start if has_alpha else self.end
+            defaults["alpha"] = np.zeros(len(design.form.plant.outputs))
+        states, end = {}, start
+        for name, value in defaults.items():
+            states[name] = StateBlock.of(end, value)
+            end += states[name].size
+        return cls(label, observer or design.observer, design.form, start, states, k, bounds, design.gains)
 
-    def _fail(self, key: str, message: str) -> Problem:
-        return Problem(("observers", self.label, key), message)
+    def of(self, design: Design) -> ObserverBlock:
+        """The same place and equations with the numbers of another observer."""
+        return replace(self, observer=design.observer, form=design.form, design=design.gains)
 
-    def _check(self) -> None:
-        names = {"initial": self.form.plant.states, "saturation": self.form.saturable(self.canonical)}
-        for key, known in names.items():
-            for name in getattr(self.observer, key):
-                if not known:
-                    raise self._fail(key, f"{self.observer.type} has no state that could be given here")
-                if name not in known:
-                    raise self._fail(key, f"unknown state {name!r}; here they are {', '.join(known)}")
+    @property
+    def canonical(self) -> bool:
+        """Whether the observer computes in canonical coordinates."""
+        return self.observer.coordinates == "canonical"
+
+    @property
+    def end(self) -> int:
+        """Behind the last of its states in z."""
+        return self.start + sum(state.size for state in self.states.values())
+
+    @property
+    def stop(self) -> int:
+        """[start, stop) is watched for divergence; [stop, end) is alpha."""
+        return self.states["alpha"].start if "alpha" in self.states else self.end
 
     def symbols(self, z: ca.SX) -> Symbols:
         """The observer's states as parts of z, in their shapes."""
@@ -111,22 +243,3 @@ class ObserverBlock:
     def copy(self, t: ca.SX, u: ca.SX, p: ca.SX) -> Copy:
         """The plant as the observer copies it."""
         return self.form.copy(t, u, p, self.canonical, self.bounds)
-
-    def initial(self, plant: BuiltPlant) -> np.ndarray:
-        """z of this block at the start."""
-        observer = self.observer
-        x = np.array([observer.initial.get(s, 0.0) for s in self.form.plant.states])
-        values = {n: v.values if isinstance(v, Symmetric) else v for n, v in self.defaults.items()}
-        try:
-            values["xhat"] = self.form.start(x, plant.parameters, self.canonical)
-        except ValueError as error:
-            raise self._fail("initial", str(error)) from error
-        for name, given in observer.internal.items():
-            if name not in values or name == "xhat":
-                known = ", ".join(n for n in values if n != "xhat") or "none"
-                raise self._fail("internal", f"unknown internal state {name!r}; this observer has: {known}")
-            try:
-                values[name] = self.states[name].initial(given, values[name])
-            except ValueError as error:
-                raise self._fail("internal", f"{name}: {error}") from error
-        return np.concatenate([self.states[name].numbers(np.asarray(v)) for name, v in values.items()])

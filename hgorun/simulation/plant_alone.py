@@ -2,72 +2,93 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import casadi as ca
 import numpy as np
 
-from hgorun.engine.layout import Structure
+from hgorun.config.models import Time
+from hgorun.engine.layout import Held, HybridSystem, Regime
 from hgorun.engine.plan import Plan
 from hgorun.engine.program import Program, Start
-from hgorun.plants.build import BuiltPlant
-from hgorun.simulation.engine_tables import count_steps, in_pieces
+from hgorun.measurement.events import Kinks
+from hgorun.memo import Memo
+from hgorun.plants.build import BuiltPlant, SymbolicPlant
+from hgorun.simulation.tables import count_steps, in_pieces
+from hgorun.symbolic.evaluate import evaluate
+
+_KINKS: Memo[Kinks] = Memo(64)
+_PROGRAMS: Memo[tuple[Program, ca.Function]] = Memo(16)
 
 
+def plant_kinks(plant: BuiltPlant, time: Time, points: int) -> np.ndarray:
+    """Kinks of the plant's equations, inputs and disturbances at times that do not depend on its state."""
+    symbolic, model = plant.symbolic, plant.model
+
+    def find() -> Kinks:
+        functions = [symbolic.inputs, symbolic.disturbance]
+        functions += [function(model.t, model.x, symbolic.inputs, model.p) for function in (model.f, model.h)]
+        return Kinks.of(functions, model.t, symbolic.everything)
+
+    return _KINKS.get(symbolic, find).between(plant.everything, time.start, time.end, points)
+
+
+@dataclass(frozen=True)
 class PlantRun:
     """x(t) and the integral of y^2, by RK4 with steps that land on the kinks.
 
-    Parameters
+    Attributes
     ----------
-    plant : BuiltPlant
-    start, end : float
-    events : ndarray
-        Kinks of the inputs and disturbances.
+    points : int
+        How finely kinks are searched for.
     step : float
     """
 
-    def __init__(self, plant: BuiltPlant, start: float, end: float, events: np.ndarray, step: float) -> None:
-        self.plant, self.start, self.end = plant, start, end
-        model = plant.model
-        self.n, self.q = model.n, len(model.outputs)
-        z, w = ca.SX.sym("z", self.n + self.q), ca.SX.sym("w", 0)
-        x = z[: self.n]
-        y = model.h(model.t, x, plant.inputs, model.p)
-        dx = model.f(model.t, x, plant.inputs, model.p) + plant.disturbance
-        arguments = [model.t, model.p, z, w]
-        flow = ca.Function("flow", arguments, [ca.densify(ca.cse(ca.vertcat(dx, y * y)))])
-        nothing = ca.Function("nothing", arguments, [ca.SX(0, 1)])
-        self._structure = Structure(
-            self.n + self.q, self.n, 0, model.p.numel(), 0, 0, False, (), {(): flow}, {}, nothing, nothing
-        )
-        self._output = ca.Function("y", [model.t, model.p, z], [y])
-        self._program = Program(self._structure, "rk4")
-        inside = events[(events > start) & (events < end)]
-        self._ends = np.concatenate([[start], inside, [end]])
-        self._step = step
+    plant: BuiltPlant
+    time: Time
+    points: int
+    step: float
 
     def at(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Outputs (len(times), q) and the integral of their squares (q,) to the end; times increase."""
-        gaps = np.diff(self._ends)
-        steps = count_steps(gaps, self._step)
+        program, output = _PROGRAMS.get(self.plant.symbolic, lambda: _compiled(self.plant.symbolic))
+        start, end = self.time.start, self.time.end
+        kinks = plant_kinks(self.plant, self.time, self.points)
+        ends = np.concatenate([[start], kinks[(kinks > start) & (kinks < end)], [end]])
+        steps = count_steps(np.diff(ends), self.step)
         zero = np.zeros_like(steps)
-        spans = np.column_stack([self._ends[:-1], self._ends[1:]] * 2)
-        inward = 4 * np.spacing(np.maximum(np.abs(self._ends), self._step))
+        spans = np.column_stack([ends[:-1], ends[1:]] * 2)
+        inward = 4 * np.spacing(np.maximum(np.abs(ends), self.step))
         spans[1:, 2] += inward[1:-1]
         spans[:-1, 3] -= inward[1:-1]
-        counts = np.column_stack([steps, zero, steps, zero, zero, zero, zero + 1])
-        spans, counts = in_pieces(spans, counts)
+        spans, counts = in_pieces(spans, np.column_stack([steps, zero, steps, zero, zero, zero, zero + 1]))
         nothing = np.zeros(0)
         plan = Plan(
-            spans,
-            counts,
-            np.zeros((0, 5), dtype=np.int64),
-            np.append(times, self.end),
-            0,
-            nothing,
-            nothing,
-            nothing,
-        )
-        z0 = np.concatenate([self.plant.initial, np.zeros(self.q)])
-        raw = self._program.run(plan, Start(z0[:, None], self.plant.parameters[:, None]))
-        rows = raw.rows[:, :, 0]
-        y = self._output(ca.DM(plan.grid[None, :]), ca.DM(self.plant.parameters), ca.DM(rows.T))
-        return np.asarray(y.full()).T[:-1].copy(), rows[-1, self.n :].copy()
+            spans=spans, counts=counts, actions=np.zeros((0, 5), dtype=np.int64), grid=np.append(times, end), slots=0,
+            gain=nothing, bias=nothing, holds=nothing,
+        )  # fmt: skip
+        n, parameters = self.plant.model.n, self.plant.everything
+        z0 = np.concatenate([self.plant.initial, np.zeros(len(self.plant.model.outputs))])
+        rows = program.run(plan, Start(z0[:, None], parameters[:, None])).rows[:, :, 0]
+        (y,) = evaluate(output, plan.grid[:, None], parameters, rows)
+        return y[:-1], rows[-1, n:].copy()
+
+    def mean_squares(self) -> np.ndarray:
+        """Mean over the run of every noise-free output squared, shape (q,)."""
+        return self.at(np.zeros(0))[1] / (self.time.end - self.time.start)
+
+
+def _compiled(plant: SymbolicPlant) -> tuple[Program, ca.Function]:
+    """The plant's states with the integrals of y^2 behind them; and y from (t, p, z)."""
+    model, held = plant.model, Held(0, 0)
+    size = model.n + len(model.outputs)
+    z, w = ca.SX.sym("z", size), ca.SX.sym("w", held.size)
+    x = z[: model.n]
+    y = model.h(model.t, x, plant.inputs, model.p)
+    dx = model.f(model.t, x, plant.inputs, model.p) + plant.disturbance
+    p = plant.everything
+    arguments = [model.t, p, z, w]
+    flow = ca.Function("flow", arguments, [ca.densify(ca.cse(ca.vertcat(dx, y * y)))])
+    nothing = ca.Function("nothing", arguments, [ca.SX(0, 1)])
+    system = HybridSystem(size, model.n, p.numel(), held, (), (), (Regime(flow),), nothing, nothing)
+    return Program(system, "rk4"), ca.Function("y", [model.t, p, z], [ca.densify(y)])

@@ -4,14 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import cast
 
 import numpy as np
 
+from hgorun.engine.methods import METHODS
+from hgorun.engine.program import Raw, Start, Tolerance
 from hgorun.result.result import Result
+from hgorun.simulation.checks import check_steps, longest_step
 from hgorun.simulation.experiment import Experiment
-from hgorun.simulation.recording import record
-from hgorun.simulation.run import Run
+from hgorun.simulation.outcome import record
+from hgorun.simulation.preparation import prepare
+from hgorun.simulation.prepared import PreparedRun
+from hgorun.simulation.tables import build_plan
+
+__all__ = ["integrate", "perform", "prepare", "simulate"]
+
+_DEFAULT_RTOL, _DEFAULT_ATOL = 1e-8, 1e-10
 
 
 def simulate(
@@ -25,7 +33,7 @@ def simulate(
     check_step : bool
         Run once more with half the step and report the largest difference as integration error.
     progress : callable, optional
-        Told now and then which part of the run is done, 0 to 1.
+        Called periodically with the completed fraction, 0 to 1.
 
     Returns
     -------
@@ -41,39 +49,39 @@ def simulate(
     return perform(prepare(experiment), check_step=check_step, progress=progress)
 
 
-def prepare(experiment: Experiment) -> Run:
-    """Check all that can be checked without running: models, schedules, observers, figures.
-
-    Once for an experiment: its compiled code is used again.
-
-    Raises
-    ------
-    ConfigError
-    """
-    if experiment.prepared is None:
-        with experiment.located():
-            _check_figures(experiment)
-            experiment.prepared = Run(experiment)
-    return cast(Run, experiment.prepared)
-
-
-def _check_figures(experiment: Experiment) -> None:
-    if experiment.blocks.figures:
-        from hgorun.figures import RunNames, check
-
-        model, time = experiment.plant.model, experiment.blocks.time
-        names = RunNames(model.states, model.outputs, tuple(experiment.observers), (time.start, time.end))
-        check(experiment.blocks.figures, {experiment.name: names})
-
-
-def perform(run: Run, *, check_step: bool = False, progress: Callable[[float], None] | None = None) -> Result:
+def perform(run: PreparedRun, *, check_step: bool = False, progress: Callable[[float], None] | None = None) -> Result:
     """Carry out a prepared run; see :func:`simulate`."""
     with run.experiment.located():
-        result = record(run, run.execute(run.step, progress))
+        result = record(run, integrate(run, run.step, progress))
         if check_step and not run.adaptive:
-            half = record(run, run.execute(run.step / 2, progress))
+            half = record(run, integrate(run, run.step / 2, progress))
             result = replace(result, integration_error=_difference(result, half))
     return result
+
+
+def integrate(run: PreparedRun, step: float, progress: Callable[[float], None] | None = None) -> Raw:
+    """One run with a nominal step, as the engine gives it."""
+    check_steps(run, step)
+    longest, solver, time = longest_step(run, step), run.solver, run.time
+    plan = build_plan(
+        run.schedule,
+        run.channels,
+        run.grid,
+        run.structure.system,
+        always_slope=bool(METHODS[solver.method].error),
+        longest=np.inf if run.adaptive else longest,
+        reach=run.reach,
+    )
+    bound = (1e6, 1e6) if solver.divergence is None else (solver.divergence, 0.0)
+    start = Start(run.numbers.z0[:, None], run.numbers.p[:, None], bound)
+    tolerance = None
+    if run.adaptive:
+        span = time.end - time.start
+        limit = min(solver.max_step or span, longest)
+        first = min(1e-4 * span, limit) if solver.step == "auto" else min(solver.step, limit)
+        tolerance = Tolerance(solver.rtol or _DEFAULT_RTOL, solver.atol or _DEFAULT_ATOL, limit, first)
+    program = run.structure.program(solver.method, adaptive=run.adaptive)
+    return program.run(plan, start, tolerance, progress)
 
 
 def _difference(a: Result, b: Result) -> dict[str, float]:

@@ -1,187 +1,198 @@
-"""Plant and observers as one hybrid system: the structure that the engine compiles, and its numbers.
+"""Truths and observers as one hybrid system: what the engine compiles.
 
-Numbers (parameters, gains, noise amplitudes, saturation bounds) are run-time arguments of the compiled
-code; what is built in is the structure.
+Numbers (parameters, gains, noise amplitudes, saturation bounds) are run-time arguments of the compiled code;
+what is built in is the structure.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 
 import casadi as ca
-import numpy as np
 
-from hgorun.engine.layout import (
-    BEFORE_S,
-    CONTINUOUS,
-    DELAYED,
-    HELD,
-    NOISE,
-    OUTPUT,
-    PREVIOUS,
-    SILENT,
-    Structure,
-    Variant,
-    is_delayed,
-)
-from hgorun.observers.base import AnyObserver, Sample, SampledObserver
-from hgorun.plants.build import BuiltPlant
+from hgorun.engine.layout import Held, HybridSystem, Regime
+from hgorun.measurement.signals import Signal
+from hgorun.measurement.variants import CONTINUOUS, DELAYED, HELD, SILENT, Variant, is_delayed
+from hgorun.observers.base import Sample, SampledObserver
 from hgorun.simulation.observer_block import ObserverBlock
-from hgorun.symbolic.forms import Form
-from hgorun.symbolic.parameters import Parameters
+from hgorun.simulation.truth import Placed, PlantNumbers, Truth
 
 
 @dataclass(frozen=True)
-class Signal:
-    """A continuous output in one phase: v(t) without its held part, how it enters, and the delay."""
+class Group:
+    """A truth and the observers of it, with their places in z: the truth's states, then the observers'."""
 
-    noise: ca.SX
-    multiplicative: bool
-    delay: ca.SX
+    truth: Truth
+    start: int
+    observers: tuple[ObserverBlock, ...]
+
+    @property
+    def end(self) -> int:
+        """Behind the last of its states in z."""
+        return self.observers[-1].end if self.observers else self.start + self.truth.size
 
 
-@dataclass(frozen=True)
-class System:
-    """The whole system.
+@dataclass(frozen=True, eq=False)
+class _Symbols:
+    """What everything is written in."""
 
-    Attributes
-    ----------
-    structure : Structure
-        For the engine.
-    p, z0 : ndarray
-        Numbers of this run: parameters and initial state.
-    observers : list of ObserverBlock
-    report : casadi.Function
-        (t, p, z) -> (u, y, xhat of every observer in the plant's coordinates).
-    """
+    t: ca.SX
+    z: ca.SX
+    w: ca.SX
+    p: ca.SX
+    plant: PlantNumbers
+    held: Held
 
-    plant: BuiltPlant
-    structure: Structure
-    p: np.ndarray
-    z0: np.ndarray
-    observers: list[ObserverBlock]
-    report: ca.Function
+
+class _Part:
+    """The equations of one group, whose outputs and observers are counted from ``first`` and ``before`` on."""
+
+    def __init__(self, group: Group, symbols: _Symbols, first: int, before: int, has_alpha: bool) -> None:
+        self.group, self.symbols, self.first, self.before = group, symbols, first, before
+        s, start = symbols, group.start
+        self.placed: Placed = group.truth.place(s.t, s.z[start : start + group.truth.size], s.plant, s.w, s.held)
+        q = self.placed.y.numel()
+        self.outputs = range(first, first + q)
+        self.guesses = [b.guess(s.t, self.placed.u, s.plant.parameters, s.z) for b in group.observers]
+        self.alphas = [b.symbols(s.z).alpha if has_alpha else ca.SX.zeros(q) for b in group.observers]
+
+    def innovation(self, j: int, variant: Variant, signals: Mapping[tuple[int, int], Signal]) -> ca.SX:
+        """C xhat(t-d) - y_d(t) + alpha(t) - alpha(t-d), output by output, of observer j of the group."""
+        parts = []
+        w, held = self.symbols.w, self.symbols.held
+        for k, i in enumerate(self.outputs):
+            what, phase = variant[i]
+            s, output = w[held.s(i, self.before + j)], w[held.output(i)]
+            if what == SILENT:
+                parts.append(ca.SX(0))
+            elif what == HELD:
+                parts.append(s + self.alphas[j][k] - output)
+            elif what == CONTINUOUS:
+                parts.append(self.guesses[j][k] - _measured(self.placed.y[k], w[held.noise(i)], signals[i, phase]))
+            else:
+                parts.append(s + self.alphas[j][k] - _measured(output, w[held.noise(i)], signals[i, phase]))
+        return ca.vertcat(*parts)
+
+    def flow(self, variant: Variant, signals: Mapping[tuple[int, int], Signal]) -> Iterator[ca.SX]:
+        """The derivative of the group's states."""
+        s = self.symbols
+        yield self.placed.rate
+        for j, b in enumerate(self.group.observers):
+            yield b.flow(s.t, self.placed.u, s.plant.parameters, s.z, self.innovation(j, variant, signals))
+
+    def channels(self, observers: int) -> Iterator[ca.SX]:
+        """For each output y, and s of all the system's observers: zero for those of other groups."""
+        behind = observers - self.before - len(self.guesses)
+        for k in range(len(self.outputs)):
+            own = [g[k] - a[k] for g, a in zip(self.guesses, self.alphas, strict=True)]
+            yield ca.vertcat(self.placed.y[k], *[ca.SX(0)] * self.before, *own, *[ca.SX(0)] * behind)
+
+    def jumps(self) -> Iterator[tuple[int, int, ca.SX]]:
+        """What becomes of which states at a sample."""
+        s, held, start = self.symbols, self.symbols.held, self.group.start
+        sample = Sample(
+            y=ca.vertcat(*[s.w[held.output(i)] for i in self.outputs]),
+            previous=ca.vertcat(*[s.w[held.previous(i)] for i in self.outputs]),
+            interval=s.w[held.interval],
+        )
+        if self.placed.step is not None:
+            yield start, start + self.group.truth.size, self.placed.step
+        for b in self.group.observers:
+            if isinstance(b.observer, SampledObserver):
+                yield b.start, b.end, b.jump(s.t, self.placed.u, self.placed.u_before, s.plant.parameters, s.z, sample)
 
 
 def build_system(
-    plant: BuiltPlant,
-    forms: Mapping[str, Form],
-    observers: Mapping[str, AnyObserver],
+    groups: Sequence[Group],
+    t: ca.SX,
+    p: ca.SX,
+    plant: PlantNumbers,
     signals: Mapping[tuple[int, int], Signal],
     variants: Sequence[Variant],
-    parameters: Parameters,
-    plant_symbol: ca.SX,
-) -> System:
-    """Put plant and observers together.
+) -> HybridSystem:
+    """Put truths and observers together.
+
+    The states of a truth other than the first are watched together with those of its first observer: in a
+    closed loop, where each observer drives a copy of the plant, they diverge together.
 
     Parameters
     ----------
-    forms : mapping of str to Form
-        Of every observer.
+    groups : sequence of Group
+        One after the other in z. Their outputs are numbered through.
+    t, p : casadi.SX
+        Time, and all parameters.
+    plant : PlantNumbers
+        Those of the plant among them.
     signals : mapping of (output, phase) to Signal
         The continuous outputs.
     variants : sequence of Variant
         The combinations of availabilities that occur.
-    parameters : Parameters
-        Already holding the plant's parameters (``plant_symbol``) and the noise's.
-
-    Raises
-    ------
-    Problem
-        When an observer's block does not fit the plant.
     """
-    model = plant.model
-    t, n, q = model.t, model.n, len(model.outputs)
-    has_alpha = any(what in (HELD, DELAYED) for variant in variants for what, _ in variant)
-    blocks: list[ObserverBlock] = []
-    start = n
-    for label, observer in observers.items():
-        blocks.append(ObserverBlock(label, observer, forms[label], start, has_alpha, parameters))
-        start = blocks[-1].end
-    z = ca.SX.sym("z", start)
-    width = BEFORE_S + len(blocks)
-    w = ca.SX.sym("w", q * width + 1)
-    p = parameters.symbol
-    u = ca.substitute(plant.inputs, model.p, plant_symbol)
-    disturbance = ca.substitute(plant.disturbance, model.p, plant_symbol)
-    x = z[:n]
-    y = model.h(t, x, u, plant_symbol)
-    stepped = plant.block.discretise == "euler"
-    dx = ca.SX.zeros(n) if stepped else model.f(t, x, u, plant_symbol) + disturbance
-    guesses = [b.guess(t, u, plant_symbol, z) for b in blocks]
-    alphas = [b.symbols(z).alpha if has_alpha else ca.SX.zeros(q) for b in blocks]
-
-    def innovation(j: int, variant: Variant) -> ca.SX:
-        """C xhat(t-d) - y_d(t) + alpha(t) - alpha(t-d), output by output."""
-        parts = []
-        for i, (what, phase) in enumerate(variant):
-            held = w[i * width : (i + 1) * width]
-            s = held[BEFORE_S + j]
-            if what == SILENT:
-                parts.append(ca.SX(0))
-            elif what == HELD:
-                parts.append(s + alphas[j][i] - held[OUTPUT])
-            elif what == CONTINUOUS:
-                parts.append(guesses[j][i] - _measured(y[i], held[NOISE], signals[i, phase]))
-            else:
-                parts.append(s + alphas[j][i] - _measured(held[OUTPUT], held[NOISE], signals[i, phase]))
-        return ca.vertcat(*parts)
+    has_alpha = has_past(variants)
+    several = len(groups) > 1
+    size = groups[-1].end + several  # where there are several groups the last state is zero for ever
+    widths = [len(group.truth.plant.model.outputs) for group in groups]
+    counts = [len(group.observers) for group in groups]
+    held = Held(sum(widths), sum(counts), max(group.truth.recorded_inputs for group in groups))
+    symbols = _Symbols(t, ca.SX.sym("z", size), ca.SX.sym("w", held.size), p, plant, held)
+    z, w = symbols.z, symbols.w
+    starts = zip(accumulate([0, *widths]), accumulate([0, *counts]), strict=True)
+    parts = [_Part(group, symbols, *start, has_alpha) for group, start in zip(groups, starts, strict=False)]
 
     def compiled(name: str, expression: ca.SX, last: ca.SX = w) -> ca.Function:
         return ca.Function(name, [t, p, z, last], [ca.densify(ca.cse(expression))])
 
-    flows = {}
-    for v in variants:
-        parts = [b.flow(t, u, plant_symbol, z, innovation(j, v)) for j, b in enumerate(blocks)]
-        flows[v] = compiled("flow", ca.vertcat(dx, *parts))
-    lags = {
-        v: compiled(
-            "lags",
-            ca.vertcat(*[signals[i, ph].delay if what == DELAYED else 0 for i, (what, ph) in enumerate(v)]),
-        )
-        for v in variants
-        if is_delayed(v)
-    }
-    channels = ca.vertcat(
-        *[ca.vertcat(y[i], *[g[i] - a[i] for g, a in zip(guesses, alphas, strict=True)]) for i in range(q)]
-    )
-    dz = ca.SX.sym("dz", start)
-    slopes = ca.jtimes(channels, z, dz) + ca.jacobian(channels, t)
-    sample = Sample(
-        y=ca.vertcat(*[w[i * width + OUTPUT] for i in range(q)]),
-        previous=ca.vertcat(*[w[i * width + PREVIOUS] for i in range(q)]),
-        interval=w[-1],
-    )
-    u_before = ca.substitute(u, t, t - sample.interval)
-    jumps = [
-        (b.start, b.end, compiled("jump", b.jump(t, u, u_before, plant_symbol, z, sample)))
-        for b in blocks
-        if isinstance(b.observer, SampledObserver)
-    ]
-    if stepped:
-        rate = model.f(t - sample.interval, x, u_before, plant_symbol)
-        rate += ca.substitute(disturbance, t, t - sample.interval)
-        jumps.insert(0, (0, n, compiled("step", x + sample.interval * rate)))
-    structure = Structure(
-        states=start,
-        plant_states=n,
-        held=w.numel(),
+    regimes = []
+    for variant in variants:
+        rates = [rate for part in parts for rate in part.flow(variant, signals)]
+        flow = compiled("flow", ca.vertcat(*rates, *[ca.SX(0)] * several))
+        if is_delayed(variant):
+            delays = [signals[i, phase].delay if what == DELAYED else 0 for i, (what, phase) in enumerate(variant)]
+            late = tuple(i for i, (what, _) in enumerate(variant) if what == DELAYED)
+            regimes.append(Regime(flow, compiled("lags", ca.vertcat(*delays)), late))
+        else:
+            regimes.append(Regime(flow))
+    channels = ca.vertcat(*[channel for part in parts for channel in part.channels(held.observers)])
+    dz = ca.SX.sym("dz", size)
+    slopes = ca.SX(0, 1)
+    if any(regime.delayed for regime in regimes):
+        slopes = ca.vertcat(channels, ca.jtimes(channels, z, dz) + ca.jacobian(channels, t))
+    return HybridSystem(
+        states=size,
+        plant_states=groups[0].truth.size,
         parameters=p.numel(),
-        outputs=q,
-        observers=len(blocks),
-        has_alpha=has_alpha,
-        blocks=tuple((b.start, b.stop, b.end) for b in blocks),
-        flows=flows,
-        lags=lags,
+        held=held,
+        blocks=tuple(block for i, group in enumerate(groups) for block in _blocks(group, first=i == 0)),
+        alpha=_alpha(groups, size - 1) if has_alpha else (),
+        regimes=tuple(regimes),
         channels=compiled("channels", channels),
-        channel_slopes=compiled("trace", ca.vertcat(channels, slopes), dz),
-        jumps=tuple(jumps),
+        channel_slopes=compiled("trace", slopes, dz),
+        jumps=tuple((a, b, compiled("jump", new)) for part in parts for a, b, new in part.jumps()),
     )
-    estimates = [b.estimate(t, u, plant_symbol, z) for b in blocks]
-    report = ca.Function("report", [t, p, z], [ca.densify(e) for e in (u, y, *estimates)])
-    z0 = np.concatenate([plant.initial, *[b.initial(plant) for b in blocks]])
-    return System(plant, structure, parameters.values, z0, blocks, report)
+
+
+def has_past(variants: Sequence[Variant]) -> bool:
+    """Whether the observers compare with the past, and need alpha for it."""
+    return any(what in (HELD, DELAYED) for variant in variants for what, _ in variant)
+
+
+def _blocks(group: Group, *, first: bool) -> Iterator[tuple[int, int, int]]:
+    """Which states are watched for divergence with each observer, and where its alpha ends."""
+    for i, b in enumerate(group.observers):
+        yield (group.start if i == 0 and not first else b.start), b.stop, b.end
+
+
+def _alpha(groups: Sequence[Group], nothing: int) -> tuple[tuple[int, ...], ...]:
+    """For each output where every observer's alpha lies; observers of other groups have none."""
+    return tuple(
+        tuple(
+            b.states["alpha"].start + output if other is group else nothing for other in groups for b in other.observers
+        )
+        for group in groups
+        for output in range(len(group.truth.plant.model.outputs))
+    )
 
 
 def _measured(y: ca.SX, held: ca.SX, signal: Signal) -> ca.SX:

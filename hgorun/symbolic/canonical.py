@@ -9,12 +9,15 @@ one chain an output.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
 
 from hgorun.errors import NotObservableForm
+from hgorun.symbolic.evaluate import at
 from hgorun.symbolic.forms import Bounds, saturate
 from hgorun.symbolic.matrices import A, inv_Delta
 from hgorun.symbolic.plant import PlantModel
@@ -48,6 +51,8 @@ class CanonicalForm:
         Phi(x, p), shape (n,), and J = dPhi/dx, shape (n, n).
     identity : bool
         The plant is a chain already: z = x.
+    holds : callable, optional
+        (at, parameters) -> whether other numbers lead to the same coordinates; without it they always do.
     """
 
     plant: PlantModel
@@ -55,18 +60,31 @@ class CanonicalForm:
     phi_map: ca.SX
     jacobian: ca.SX
     identity: bool
+    holds: Callable[[np.ndarray, np.ndarray], bool] | None = field(default=None, compare=False, repr=False)
+
+    @cached_property
+    def _phi(self) -> ca.Function:
+        return ca.Function("Phi", [self.plant.x, self.plant.p], [self.phi_map])
+
+    @cached_property
+    def _jacobian(self) -> ca.Function:
+        return ca.Function("J", [self.plant.x, self.plant.p], [self.jacobian])
 
     def Phi(self, x: ca.SX, p: ca.SX) -> ca.SX:
         """The map at another point."""
-        return ca.Function("Phi", [self.plant.x, self.plant.p], [self.phi_map])(x, p)
+        return self._phi(x, p)
 
     def J(self, x: ca.SX, p: ca.SX) -> ca.SX:
         """The Jacobian at another point."""
-        return ca.Function("J", [self.plant.x, self.plant.p], [self.jacobian])(x, p)
+        return self._jacobian(x, p)
 
     def jacobian_at(self, x: np.ndarray, parameters: np.ndarray) -> np.ndarray:
         """J as numbers, shape (n, n)."""
-        return np.asarray(self.J(ca.DM(x), ca.DM(parameters)).full(), dtype=float)
+        return at(self._jacobian, x, parameters)[0].reshape(self.plant.n, self.plant.n)
+
+    def again(self, at: np.ndarray, parameters: np.ndarray) -> CanonicalForm | None:
+        """Itself, where other numbers lead to the same coordinates."""
+        return self if self.holds is None or self.holds(at, parameters) else None
 
     def saturable(self, canonical: bool) -> tuple[str, ...]:
         """The plant's states, in whichever coordinates the observer computes."""
@@ -81,9 +99,9 @@ class CanonicalForm:
         if canonical and not self.identity and self.plant.inverse is None:
             raise ValueError("this plant gives no inverse of its canonical map; use coordinates: original")
         if not singular_value_ratio(self.jacobian_at(x, parameters)) > 1e-12:
-            at = ", ".join(f"{s} = {v:g}" for s, v in zip(self.plant.states, x, strict=True))
-            raise ValueError(f"the Jacobian of the observability map is singular at the initial estimate ({at})")
-        return np.asarray(self.Phi(ca.DM(x), ca.DM(parameters)).full()).ravel() if canonical else x
+            where = ", ".join(f"{s} = {v:g}" for s, v in zip(self.plant.states, x, strict=True))
+            raise ValueError(f"the Jacobian of the observability map is singular at the initial estimate ({where})")
+        return at(self._phi, x, parameters)[0] if canonical else x
 
     def copy(self, t: ca.SX, u: ca.SX, p: ca.SX, canonical: bool, bounds: Bounds) -> PlantCopy:
         """The copy of the plant that an observer runs."""

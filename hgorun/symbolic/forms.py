@@ -68,6 +68,23 @@ class Form(Protocol):
         ...
 
 
+@runtime_checkable
+class Redecided(Form, Protocol):
+    """A form that tells whether other numbers lead to the same equations, without symbolic work."""
+
+    def again(self, at: np.ndarray, parameters: np.ndarray) -> Form | None:
+        """The form for other numbers, of the same equations; None where they may lead to others, or to none.
+
+        Parameters
+        ----------
+        at : ndarray, shape (n,)
+            The plant's initial state.
+        parameters : ndarray
+            Values of the plant's parameters.
+        """
+        ...
+
+
 class FormFinder(Protocol):
     """A class of plants as a function: the form of a plant, or why it has none."""
 

@@ -7,16 +7,18 @@ comes in with f_1, and so on.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import casadi as ca
 import numpy as np
 
 from hgorun.errors import NotObservableForm
+from hgorun.symbolic import evaluate
 from hgorun.symbolic.forms import Bounds
 from hgorun.symbolic.plant import PlantModel
-from hgorun.symbolic.reconstruction import input_derivatives, output_derivatives, reconstruction
+from hgorun.symbolic.reconstruction import Reconstruction, input_derivatives, output_derivatives, reconstruction
 from hgorun.symbolic.triangular import TriangularCopy, TriangularForm, transformed
 
 
@@ -30,10 +32,13 @@ class LowerTriangularForm(TriangularForm):
         Typical states of ``model``.
     parameters : ndarray
         Values of the plant's parameters.
+    holds : tuple of callable
+        (points, parameters) -> whether other numbers lead to the same form; all of them must.
     """
 
     points: tuple[np.ndarray, ...] = field(default=(), compare=False)
     parameters: np.ndarray = field(default_factory=lambda: np.zeros(0), compare=False)
+    holds: tuple[Callable[[Sequence[np.ndarray], np.ndarray], bool], ...] = field(default=(), compare=False)
 
     @property
     def order(self) -> tuple[int, ...]:
@@ -41,9 +46,31 @@ class LowerTriangularForm(TriangularForm):
         return tuple(int(i) for i in np.argsort(self.block))
 
     @cached_property
+    def _reconstruction(self) -> Reconstruction:
+        return reconstruction(self.model, self.order, self.points, self.parameters)
+
+    @property
     def Phi(self) -> ca.Function:
         """(t, Y, U, p, guess) -> x, in the coordinates of ``model``."""
-        return reconstruction(self.model, self.order, self.points, self.parameters)
+        return self._reconstruction.function
+
+    def again(self, at: np.ndarray, parameters: np.ndarray) -> LowerTriangularForm | None:
+        """The form with other numbers, where they lead to the same equations."""
+        points = tuple(_points_around(self.start(at, parameters, False)))
+        known = self.__dict__.get("_reconstruction")
+        if known is not None and not known.holds(self.model, points, parameters):
+            return None
+        if not all(holds(points, parameters) for holds in self.holds):
+            return None
+        form = replace(self, points=points, parameters=parameters)
+        if known is not None:
+            form.__dict__["_reconstruction"] = known
+        return form
+
+    @property
+    def guesses(self) -> bool:
+        """Whether Phi starts Newton's method somewhere."""
+        return bool(self._reconstruction.slopes)
 
     def copy(self, t: ca.SX, u: ca.SX, p: ca.SX, canonical: bool, bounds: Bounds) -> LowerTriangularCopy:
         return LowerTriangularCopy(self, t, u, p, bounds)
@@ -90,10 +117,21 @@ class DerivativeForm:
 
     lower: LowerTriangularForm
 
+    @cached_property
+    def _derivatives(self) -> ca.Function:
+        return output_derivatives(self.lower.model)
+
     @property
     def plant(self) -> PlantModel:
         """The plant."""
         return self.lower.plant
+
+    def again(self, at: np.ndarray, parameters: np.ndarray) -> DerivativeForm | None:
+        """The form with other numbers, where they lead to the same equations; a guess is a part of them."""
+        lower = self.lower.again(at, parameters)
+        if lower is None or (self.lower.guesses and not np.array_equal(lower.points[0], self.lower.points[0])):
+            return None
+        return replace(self, lower=lower)
 
     def saturable(self, canonical: bool) -> tuple[str, ...]:
         """A differentiator has no copy of the plant whose arguments could be saturated."""
@@ -107,7 +145,7 @@ class DerivativeForm:
     def start(self, x: np.ndarray, parameters: np.ndarray, canonical: bool) -> np.ndarray:
         """The derivatives of the output at x with the inputs at zero and t = 0."""
         at = self.lower.start(x, parameters, canonical)
-        z = np.asarray(output_derivatives(self.lower.model)(0.0, ca.DM(at), ca.DM(parameters)).full()).ravel()
+        (z,) = evaluate.at(self._derivatives, 0.0, at, parameters)
         if not np.all(np.isfinite(z)):
             raise ValueError("the derivatives of the output are not finite at the initial estimate")
         return z
@@ -153,8 +191,12 @@ def lower_triangular_form(plant: PlantModel, at: np.ndarray, parameters: np.ndar
     depends = np.zeros((1 + model.n, model.n), dtype=bool)
     sparsity = ca.jacobian(rows, model.x).sparsity()
     depends[sparsity.row(), sparsity.get_col()] = True
+    holds = []
     if plant.transform is not None:  # what cancels does not show in the form of the equations
-        depends &= _dependence(rows, model, points, parameters)
+        jacobian = _function(model, ca.jacobian(rows, model.x))
+        seen = _dependence(jacobian, model, points, parameters)
+        depends &= seen
+        holds.append(lambda points, parameters: bool(np.all(_dependence(jacobian, model, points, parameters) == seen)))
     order: list[int] = []
     names = [f"the output {model.outputs[0]}", *(f"the derivative of {s}" for s in model.states)]
     row = 0
@@ -177,7 +219,7 @@ def lower_triangular_form(plant: PlantModel, at: np.ndarray, parameters: np.ndar
             f"derivative of {', '.join(model.states[j] for j in order) or 'any state'}"
         )
     block = tuple(order.index(j) for j in range(model.n))
-    return LowerTriangularForm(plant, model, block, (order[0],), tuple(points), parameters)
+    return LowerTriangularForm(plant, model, block, (order[0],), tuple(points), parameters, tuple(holds))
 
 
 def state_affine_form(plant: PlantModel, at: np.ndarray, parameters: np.ndarray) -> LowerTriangularForm:
@@ -191,16 +233,24 @@ def state_affine_form(plant: PlantModel, at: np.ndarray, parameters: np.ndarray)
     model, order = form.model, form.order
     rows = [model.output[0], *(model.dynamics[i] for i in order[:-1])]
     slopes = ca.vertcat(*[ca.jacobian(row, model.x[j]) for row, j in zip(rows, order, strict=True)])
-    for t, x, u in _arguments(model, form.points):
-        values = np.asarray(_function(model, slopes)(t, x, u, parameters).full()).ravel()
-        for i, value in enumerate(values):
-            if np.isfinite(value) and abs(value - 1) > 1e-9:
+    function = _function(model, slopes)
+
+    def of_slope_one(values: np.ndarray) -> np.ndarray:
+        return np.asarray(~np.isfinite(values) | (np.abs(values - 1) <= 1e-9))
+
+    for values in _values(function, model, form.points, parameters):
+        for i, (value, fits) in enumerate(zip(values, of_slope_one(values), strict=True)):
+            if not fits:
                 what = f"the output {model.outputs[0]}" if i == 0 else f"the derivative of {model.states[order[i - 1]]}"
                 raise NotObservableForm(
                     f"not state-affine: the slope of {what} in {model.states[order[i]]} is {value:.4g} and "
                     "must be 1: the dynamic gain takes x_i' = g_i(x_1..x_i, u) + x_(i+1), y = x_1"
                 )
-    return form
+
+    def holds(points: Sequence[np.ndarray], parameters: np.ndarray) -> bool:
+        return all(np.all(of_slope_one(values)) for values in _values(function, model, points, parameters))
+
+    return replace(form, holds=(*form.holds, holds))
 
 
 def derivative_form(plant: PlantModel, at: np.ndarray, parameters: np.ndarray) -> DerivativeForm:
@@ -218,20 +268,25 @@ def _points_around(at: np.ndarray) -> list[np.ndarray]:
     return [at] + [at + 0.3 * np.abs(at) * generator.uniform(-1, 1, at.size) + 0.01 * (at == 0) for _ in range(8)]
 
 
-def _arguments(
-    model: PlantModel, points: tuple[np.ndarray, ...] | list[np.ndarray]
-) -> list[tuple[float, ca.DM, ca.DM]]:
+def _values(
+    function: ca.Function, model: PlantModel, points: Sequence[np.ndarray], parameters: np.ndarray
+) -> list[np.ndarray]:
+    """A function of (t, x, u, p) at the points, at random times and inputs."""
     generator = np.random.default_rng(1)
-    return [(generator.uniform(), ca.DM(x), ca.DM(generator.uniform(0.1, 1, len(model.inputs)))) for x in points]
+    return [
+        evaluate.at(function, generator.uniform(), x, generator.uniform(0.1, 1, len(model.inputs)), parameters)[0]
+        for x in points
+    ]
 
 
 def _function(model: PlantModel, expression: ca.SX) -> ca.Function:
     return ca.Function("f", [model.t, model.x, model.u, model.p], [ca.densify(expression)])
 
 
-def _dependence(rows: ca.SX, model: PlantModel, points: list[np.ndarray], parameters: np.ndarray) -> np.ndarray:
+def _dependence(
+    jacobian: ca.Function, model: PlantModel, points: Sequence[np.ndarray], parameters: np.ndarray
+) -> np.ndarray:
     """Which row depends on which state at one of the points, shape (rows, n)."""
-    jacobian = _function(model, ca.jacobian(rows, model.x))
-    entries = [np.asarray(jacobian(t, x, u, parameters).full()) for t, x, u in _arguments(model, points)]
+    entries = [e.reshape(-1, model.n) for e in _values(jacobian, model, points, parameters)]
     size = np.max([np.where(np.isfinite(e), np.abs(e), 0) for e in entries], axis=0)
     return np.asarray(size > 1e-12 * (1 + size.max(axis=1, keepdims=True)))

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
 from heapq import merge
 from itertools import islice, product
 
@@ -10,6 +12,7 @@ import casadi as ca
 import numpy as np
 
 from hgorun.errors import NotObservableForm
+from hgorun.symbolic import evaluate
 from hgorun.symbolic.canonical import CanonicalForm, singular_value_ratio
 from hgorun.symbolic.plant import PlantModel
 from hgorun.symbolic.triangular import blocks_of
@@ -45,17 +48,37 @@ def canonical_form(plant: PlantModel, at: np.ndarray, parameters: np.ndarray) ->
         return CanonicalForm(plant, lengths, z, ca.jacobian(z, plant.x), identity=False)
     derivatives = _lie_derivatives(plant)
     points = _points_around(at)
-    singular: CanonicalForm | None = None
+    singular: list[CanonicalForm] = []
     for chains in _chain_lengths(plant.n, len(plant.outputs)):
         rows = [derivatives[i][k] for i, length in enumerate(chains) for k in range(length)]
         phi_map = ca.cse(ca.vertcat(*rows))
         form = CanonicalForm(plant, chains, phi_map, ca.cse(ca.jacobian(phi_map, plant.x)), identity=False)
         if _rank(form, points, parameters) == plant.n:
-            _require_triangular(form, points, parameters)
-            return form
-        singular = singular or form
-    assert singular is not None
-    raise NotObservableForm(_why_singular(singular, points, parameters))
+            slopes = _slopes(form)
+            _require_triangular(form, slopes, points, parameters)
+            return replace(form, holds=partial(_holds, form, slopes, tuple(singular)))
+        singular.append(form)
+    raise NotObservableForm(_why_singular(singular[0], points, parameters))
+
+
+def _holds(
+    form: CanonicalForm,
+    slopes: ca.Function,
+    singular: tuple[CanonicalForm, ...],
+    at: np.ndarray,
+    parameters: np.ndarray,
+) -> bool:
+    """Whether other numbers decide as those did for which ``form`` was found after ``singular``."""
+    points = _points_around(at)
+    if any(_rank(other, points, parameters) == form.plant.n for other in singular):
+        return False
+    if _rank(form, points, parameters) < form.plant.n:
+        return False
+    try:
+        _require_triangular(form, slopes, points, parameters)
+    except NotObservableForm:
+        return False
+    return True
 
 
 def is_chain(plant: PlantModel) -> bool:
@@ -186,11 +209,18 @@ def _why_singular(form: CanonicalForm, points: list[np.ndarray], parameters: np.
     return "the observability map (h, L_f h, ...) of the drift is not a finite number near the initial state"
 
 
-def _require_triangular(form: CanonicalForm, points: list[np.ndarray], parameters: np.ndarray) -> None:
-    """In z the model must be a chain plus phi(u, z) with phi_i a function of z_1..z_i only."""
+def _slopes(form: CanonicalForm) -> ca.Function:
+    """d phi / dx from (t, x, u, p), of the model z' = shift z + phi."""
     plant = form.plant
     phi = form.jacobian @ plant.dynamics - form.shift @ form.phi_map
-    slopes = ca.Function("slopes", [plant.t, plant.x, plant.u, plant.p], [ca.jacobian(phi, plant.x)])
+    return ca.Function("slopes", [plant.t, plant.x, plant.u, plant.p], [ca.jacobian(phi, plant.x)])
+
+
+def _require_triangular(
+    form: CanonicalForm, slopes: ca.Function, points: list[np.ndarray], parameters: np.ndarray
+) -> None:
+    """In z the model must be a chain plus phi(u, z) with phi_i a function of z_1..z_i only."""
+    plant = form.plant
     position = [k for length in form.chains for k in range(length)]
     generator = np.random.default_rng(1)
     for x in points:
@@ -198,7 +228,7 @@ def _require_triangular(form: CanonicalForm, points: list[np.ndarray], parameter
         jacobian = form.jacobian_at(x, parameters)
         if not singular_value_ratio(jacobian) > 1e-10:
             continue
-        slope = np.asarray(slopes(generator.uniform(), x, u, parameters).full())
+        slope = evaluate.at(slopes, generator.uniform(), x, u, parameters)[0].reshape(plant.n, plant.n)
         in_z = slope @ np.linalg.inv(jacobian)
         scale = np.abs(slope) @ np.abs(np.linalg.inv(jacobian)) + 1e-300
         for i, j in product(range(plant.n), repeat=2):

@@ -8,6 +8,12 @@ import casadi as ca
 import numpy as np
 
 
+def flat(values: Any) -> np.ndarray:
+    """An array as it lies among the parameters: column after column."""
+    array = np.asarray(values, dtype=float)
+    return array.ravel(order="F")
+
+
 class Parameters:
     """The vector p: named groups of numbers, each with a symbol."""
 
@@ -21,7 +27,7 @@ class Parameters:
         rows, columns = (*array.shape, 1, 1)[:2]
         symbol = ca.SX.sym(name, rows, columns)
         self._symbols.append(ca.vec(symbol))
-        self._values.append(array.reshape(rows, columns).ravel(order="F"))
+        self._values.append(flat(array))
         return symbol
 
     @property

@@ -7,6 +7,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import casadi as ca
+import numpy as np
+
+from hgorun.symbolic.evaluate import evaluate
 
 
 @dataclass(frozen=True)
@@ -52,6 +55,15 @@ class PlantModel:
     @cached_property
     def _h(self) -> ca.Function:
         return ca.Function("h", [self.t, self.x, self.u, self.p], [self.output])
+
+    @cached_property
+    def _T(self) -> ca.Function:
+        image = self.x if self.transform is None else self.transform(self.x, self.p)
+        return ca.Function("T", [self.x, self.p], [ca.densify(image)])
+
+    def image(self, x: np.ndarray, parameters: np.ndarray) -> np.ndarray:
+        """States (N, n) in the coordinates where the plant is triangular: T(x), or x where there is no T."""
+        return x if self.transform is None else evaluate(self._T, x, parameters)[0]
 
     def f(self, t: ca.SX, x: ca.SX, u: ca.SX, p: ca.SX) -> ca.SX:
         """The vector field at other arguments."""

@@ -8,10 +8,13 @@ on (Meiners, Adamy 2025, (4), (10)).
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 
+from hgorun.symbolic.evaluate import at
+from hgorun.symbolic.parameters import flat
 from hgorun.symbolic.plant import PlantModel
 
 _NEWTON_STEPS = 12
@@ -51,9 +54,29 @@ class Jets:
         return ca.Function("jet", [self.model.t, self.X, self.U, self.model.p], [expression])
 
 
+@dataclass(frozen=True, eq=False)
+class Reconstruction:
+    """The map Phi, and what was decided on the way to it.
+
+    Attributes
+    ----------
+    function : casadi.Function
+        (t, Y, U, p, guess) -> x.
+    slopes : tuple of (casadi.Function, int, bool)
+        Slopes that are written with their own state, the state, and whether they change with it.
+    """
+
+    function: ca.Function
+    slopes: tuple[tuple[ca.Function, int, bool], ...]
+
+    def holds(self, model: PlantModel, points: Sequence[np.ndarray], parameters: np.ndarray) -> bool:
+        """Whether other points and parameters lead to the same decisions."""
+        return all(_affine(slope, i, model, points, parameters) == affine for slope, i, affine in self.slopes)
+
+
 def reconstruction(
     model: PlantModel, order: Sequence[int], points: Sequence[np.ndarray], parameters: np.ndarray
-) -> ca.Function:
+) -> Reconstruction:
     """Phi: (t, Y, U, p, guess) -> x.
 
     Y = (y, y', ..., y^(n-1)); U, shape (m, n), has u and its derivatives as columns. Where h or f_i is affine
@@ -73,6 +96,7 @@ def reconstruction(
     jets = Jets(model, n)
     Y, guess = ca.SX.sym("Y", n), ca.SX.sym("guess", n)
     known = ca.SX.zeros(n, n)
+    slopes = []
     for i, state in enumerate(order):
         source = model.output[0] if i == 0 else model.dynamics[order[i - 1]]
         targets = Y if i == 0 else known[order[i - 1], 1:].T
@@ -86,12 +110,13 @@ def reconstruction(
                 known[state, 0] = (targets[0] - value(t, known, jets.U, p)) / slope(t, known, jets.U, p)
             else:
                 known[state, 0] = guess[state]
-                steps = 1 if _affine(slope, state, model, points, parameters) else _NEWTON_STEPS
-                for _ in range(steps):
+                affine = _affine(slope, state, model, points, parameters)
+                slopes.append((slope, state, affine))
+                for _ in range(1 if affine else _NEWTON_STEPS):
                     miss = targets[0] - value(t, known, jets.U, p)
                     known[state, 0] += miss / slope(t, known, jets.U, p)
             relation = jets.derivative(relation)
-    return ca.Function("Phi", [t, Y, jets.U, p, guess], [ca.cse(known[:, 0])])
+    return Reconstruction(ca.Function("Phi", [t, Y, jets.U, p, guess], [ca.cse(known[:, 0])]), tuple(slopes))
 
 
 def output_derivatives(model: PlantModel) -> ca.Function:
@@ -125,7 +150,7 @@ def _affine(
         there = X.copy()
         there[state, 0] *= 1.1
         there[state, 0] += 1e-3 * (x[state] == 0)
-        a, b = (float(slope(0.0, ca.DM(values), ca.DM(U), parameters)) for values in (X, there))
+        a, b = (float(at(slope, 0.0, flat(values), flat(U), parameters)[0][0]) for values in (X, there))
         if np.isfinite(a) and np.isfinite(b):
             seen = True
             if abs(a - b) > _AFFINE * (abs(a) + abs(b)):

@@ -7,11 +7,13 @@ others in the plant's order. The letters are the paper's: here x is not the whol
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
 
 from hgorun.errors import NotObservableForm
+from hgorun.symbolic import evaluate
 from hgorun.symbolic.forms import Bounds
 from hgorun.symbolic.plant import PlantModel
 
@@ -30,6 +32,15 @@ class StrictFeedbackForm:
     plant: PlantModel
     measured: tuple[int, ...]
     hidden: tuple[int, ...]
+
+    def again(self, at: np.ndarray, parameters: np.ndarray) -> StrictFeedbackForm | None:
+        """Itself, where g has full rank with other numbers too."""
+        return self if _rank(self, at, parameters) == len(self.hidden) else None
+
+    @cached_property
+    def _g(self) -> ca.Function:
+        plant = self.plant
+        return ca.Function("g", [plant.t, plant.x, plant.u, plant.p], [ca.simplify(self.slopes)])
 
     @property
     def slopes(self) -> ca.SX:
@@ -133,7 +144,7 @@ def strict_feedback_form(plant: PlantModel, at: np.ndarray, parameters: np.ndarr
                 f"{plant.states[place]}' is not affine in {', '.join(bent)}: this observer needs "
                 "x' = f_1(x, u) + g(x, u) z, x being the measured states and z the others"
             )
-    _require_rank(form, slopes, at, parameters)
+    _require_rank(form, at, parameters)
     return form
 
 
@@ -156,18 +167,25 @@ def _sorted(plant: PlantModel) -> tuple[tuple[int, ...], tuple[int, ...]]:
     return tuple(measured), hidden
 
 
-def _require_rank(form: StrictFeedbackForm, slopes: ca.SX, at: np.ndarray, parameters: np.ndarray) -> None:
-    """A2: g has full column rank, which is decided at the typical state and at random points around it."""
-    plant, n_z = form.plant, len(form.hidden)
-    g = ca.Function("g", [plant.t, plant.x, plant.u, plant.p], [slopes])
+def _rank(form: StrictFeedbackForm, at: np.ndarray, parameters: np.ndarray) -> int:
+    """The rank of g, decided at random points around the typical state."""
+    plant = form.plant
     generator = np.random.default_rng(0)
     best = 0
     for _ in range(8):
         x = at + 0.3 * (np.abs(at) + 0.1) * generator.uniform(-1, 1, at.size)
         u = generator.uniform(-1, 1, plant.u.numel())
-        value = np.asarray(g(generator.uniform(), x, u, parameters).full())
+        (value,) = evaluate.at(form._g, generator.uniform(), x, u, parameters)
+        value = value.reshape(len(form.measured), len(form.hidden))
         if np.all(np.isfinite(value)):
             best = max(best, int(np.linalg.matrix_rank(value, tol=1e-10 * (1 + np.abs(value).max()))))
+    return best
+
+
+def _require_rank(form: StrictFeedbackForm, at: np.ndarray, parameters: np.ndarray) -> None:
+    """A2: g has full column rank."""
+    plant, n_z = form.plant, len(form.hidden)
+    best = _rank(form, at, parameters)
     if best < n_z:
         names = ", ".join(plant.states[i] for i in form.hidden)
         outputs = ", ".join(plant.outputs)

@@ -52,11 +52,14 @@ class TriangularForm:
     def start(self, x: np.ndarray, parameters: np.ndarray, canonical: bool) -> np.ndarray:
         if self.plant.transform is None:
             return x
-        z = ca.Function("T", [self.plant.x, self.plant.p], [self.plant.transform(self.plant.x, self.plant.p)])
-        start = np.asarray(z(ca.DM(x), ca.DM(parameters)).full()).ravel()
+        start: np.ndarray = self.plant.image(x[None], parameters)[0]
         if not np.all(np.isfinite(start)):
             raise ValueError("the initial estimate has no image in the coordinates where the plant is triangular")
         return start
+
+    def again(self, at: np.ndarray, parameters: np.ndarray) -> TriangularForm | None:
+        """Itself: numbers decide nothing."""
+        return self
 
     def copy(self, t: ca.SX, u: ca.SX, p: ca.SX, canonical: bool, bounds: Bounds) -> TriangularCopy:
         return TriangularCopy(self, t, u, p, bounds)

@@ -21,10 +21,10 @@ from pydantic import Field
 import hgorun
 from hgorun.engine.layout import ACTION_WORDS
 from hgorun.engine.plan import Plan
-from hgorun.engine.program import Program, Start
+from hgorun.engine.program import Start
 from hgorun.observers.base import ContinuousObserver, Flow, observer
+from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import prepare
-from hgorun.simulation.system import System
 from hgorun.symbolic.matrices import A, B, C, hurwitz_gain
 from hgorun.symbolic.symbols import Symbols
 from hgorun.symbolic.triangular import TriangularCopy, TriangularForm, triangular_form
@@ -80,9 +80,9 @@ class ReducedRiccatiObserver(ContinuousObserver[TriangularForm, TriangularCopy])
         )
 
 
-def build() -> System:
+def build() -> PreparedRun:
     """Plant, noise and observer as the system that ``hgorun.simulate`` runs."""
-    return prepare(hgorun.load(Path(__file__).with_suffix(".yaml"))).system
+    return prepare(hgorun.load(Path(__file__).with_suffix(".yaml")))
 
 
 def plan(end: float = END, steps: int = STEPS, rows: int = ROWS) -> Plan:
@@ -100,10 +100,10 @@ def plan(end: float = END, steps: int = STEPS, rows: int = ROWS) -> Plan:
     )
 
 
-def native(system: System, *, lanes: int = 1) -> Run:
+def native(run: PreparedRun, *, lanes: int = 1) -> Run:
     """hgorun's engine: from a plan to rows of states, shape (points, 23, lanes)."""
-    program = Program(system.structure, "rk4", lanes=lanes)
-    start = Start(np.repeat(system.z0[:, None], lanes, axis=1), np.repeat(system.p[:, None], lanes, axis=1))
+    program = run.structure.program("rk4", lanes=lanes)
+    start = Start(np.repeat(run.numbers.z0[:, None], lanes, axis=1), np.repeat(run.numbers.p[:, None], lanes, axis=1))
     return lambda plan: program.run(plan, start).rows
 
 

@@ -78,10 +78,10 @@ class Case:
     """The academic example in hgorun, in C where there is a compiler, and in scipy; their numbers agree."""
 
     def __init__(self, folder: Path) -> None:
-        self.system, self.plan = academic.build(), academic.plan()
-        self.run = academic.native(self.system)
+        self.prepared, self.plan = academic.build(), academic.plan()
+        self.run = academic.native(self.prepared)
         self.lanes = 8 if "+avx512f" in llvm.get_host_cpu_features().flatten().split(",") else 4
-        self.together = academic.native(self.system, lanes=self.lanes)
+        self.together = academic.native(self.prepared, lanes=self.lanes)
         alone, beside = self.run(self.plan)[:, :, 0], self.together(self.plan)
         if not all(np.array_equal(beside[:, :, lane], alone) for lane in range(self.lanes)):
             raise WrongNumbers(f"a run beside {self.lanes - 1} others has other bits than alone")
@@ -89,7 +89,7 @@ class Case:
         self.gap = 0.0
         for flags in ([], ["-ffp-contract=off"]) if academic.compiler() else ():
             call = academic.compiled(folder, *flags)
-            self.c.append(partial(call, self.plan, self.system.z0))
+            self.c.append(partial(call, self.plan, self.prepared.numbers.z0))
             self.gap = max(self.gap, gap(alone[-1], self.c[-1]()[-1]))
         steps = round(PART / academic.END * academic.STEPS)
         self.part, fine = academic.plan(PART, steps, 10), academic.plan(PART, 16 * steps, 10)
@@ -102,7 +102,7 @@ class Case:
         from scipy.integrate import solve_ivp
 
         options = {"method": "RK45", "rtol": TOLERANCE, "atol": TOLERANCE, "t_eval": self.part.grid}
-        return solve_ivp(academic.python_flow, (0.0, PART), self.system.z0, **options).y.T
+        return solve_ivp(academic.python_flow, (0.0, PART), self.prepared.numbers.z0, **options).y.T
 
     def error(self, z: np.ndarray) -> float:
         return float(np.max(np.abs(z - self.truth) / np.max(np.abs(self.truth), axis=0)))

@@ -85,7 +85,7 @@ def with_observers(result: Result, **estimates: np.ndarray) -> Result:
     for label, xhat in estimates.items():
         lost = np.flatnonzero(~np.isfinite(xhat[:, 0]))
         at = float(result.time[lost[0]]) if lost.size else None
-        observers[label] = ObserverResult("shgo", xhat, {}, {}, 2, at)
+        observers[label] = ObserverResult(type="shgo", xhat=xhat, internal={}, gains={}, dimension=2, diverged_at=at)
     return replace(result, observers=observers)
 
 

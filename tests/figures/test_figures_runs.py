@@ -23,21 +23,27 @@ from hgorun.result.data import Measurements, ObserverResult
 from hgorun.result.result import Result
 
 
+def made_up(kind: str, xhat: np.ndarray) -> ObserverResult:
+    """An observer without states of its own."""
+    return ObserverResult(type=kind, xhat=xhat, internal={}, gains={}, dimension=2, diverged_at=None)
+
+
 def run(name: str, *, end: float = 10.0, step: float = 0.01, period: float = 0.5, shift: float = 0.0) -> Result:
     """A made-up run: two states, a noisy and a smooth observer."""
     t = np.arange(0, end + step / 2, step)
     x = np.column_stack([np.sin(t + shift), np.cos(t + shift)])
     noise = np.sin(40 * t)[:, None]
     observers = {
-        label: ObserverResult(kind, x + size * noise + np.exp(-2 * t)[:, None], {}, {}, 2, None)
+        label: made_up(kind, x + size * noise + np.exp(-2 * t)[:, None])
         for label, kind, size in (("SHGO", "shgo", 0.2), ("FHGO", "fhgo1", 0.01))
     }
     k = np.arange(0, end + period / 2, period)
     samples = Measurements(k, k[:, None], np.sin(k + shift)[:, None] + 0.1)
     units = {"time": "s"}
     return Result(
-        name, "made up", t, x, x[:, :0], x[:, :1], ("x1", "x2"), (), ("x1",), units, samples, observers, "", "", 0
-    )
+        name=name, title="made up", time=t, x=x, u=x[:, :0], y=x[:, :1], states=("x1", "x2"), inputs=(),
+        outputs=("x1",), units=units, measurements=samples, observers=observers, config="", resolved="", seed=0,
+    )  # fmt: skip
 
 
 A, B = run("a"), run("b", end=12.0, step=0.02, period=0.25)
@@ -335,7 +341,7 @@ def test_columns_need_width_and_few_rows_little_height() -> None:
 def noisy(seed: int) -> Mapping[str, ObserverResult]:
     random = np.random.default_rng(seed)
     kinds = ("shgo", "fhgo1", "treangle", "low_power", "mine")
-    return {kind: ObserverResult(kind, A.x + random.standard_normal(A.x.shape), {}, {}, 2, None) for kind in kinds}
+    return {kind: made_up(kind, A.x + random.standard_normal(A.x.shape)) for kind in kinds}
 
 
 def test_thumbnails_are_small_and_repeatable(tmp_path: Path) -> None:

@@ -30,18 +30,18 @@ def test_poles_on_a_chain(n: int, delta: float, theta: float) -> None:
 
     Compared as polynomials: the 2n-fold root of delta = 4 is defective, so eigenvalues would be off by 1e-3.
     """
-    system = prepare(experiment(n, {"o": {"type": "fhgo1", "theta": theta, "delta": delta}})).system
-    (flow,) = system.structure.flows.values()
-    states = system.observers[0].states
+    run = prepare(experiment(n, {"o": {"type": "fhgo1", "theta": theta, "delta": delta}}))
+    system, numbers = run.structure.system, run.numbers
+    states = numbers.observers[0].states
     places = [*range(n, 2 * n), *range(states["eta"].start, states["eta"].start + n)]
 
     def rate(z: np.ndarray) -> np.ndarray:
-        return np.asarray(flow(0, system.p, z, np.zeros(system.structure.held))).ravel()
+        return np.asarray(system.regimes[0].flow(0, numbers.p, z, np.zeros(system.held.size))).ravel()
 
     P = slice(states["P"].start, states["P"].start + states["P"].size)
-    np.testing.assert_allclose(rate(system.z0)[P], 0, atol=1e-13)
-    shifts = np.eye(len(system.z0))[places]
-    M = np.column_stack([rate(system.z0 + shift) - rate(system.z0) for shift in shifts])[places]
+    np.testing.assert_allclose(rate(numbers.z0)[P], 0, atol=1e-13)
+    shifts = np.eye(len(numbers.z0))[places]
+    M = np.column_stack([rate(numbers.z0 + shift) - rate(numbers.z0) for shift in shifts])[places]
     for s in theta * np.array([-3, -2, -0.5, 0, 0.7, 1j, 2j, 1 - 3j, -2 + 0.1j]):
         sigma = s / theta
         expected = theta ** (2 * n) * (sigma**2 + delta * sigma + delta) ** n

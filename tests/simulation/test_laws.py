@@ -3,7 +3,7 @@
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -14,6 +14,7 @@ from scipy.linalg import block_diag, expm, solve_discrete_lyapunov
 from hgorun import Result, SimulationError
 from hgorun.engine.plan import Plan
 from hgorun.engine.program import Program, Raw, Start
+from hgorun.simulation.simulate import integrate
 
 HELD = [{"type": "gaussian", "std": 0.1, "hold": 0.15}]
 DRAWN = [{"type": "uniform", "low": -0.1, "high": 0.2}]
@@ -133,7 +134,7 @@ def test_pieces_of_a_long_segment_do_not_change_bits(
 ) -> None:
     config = configuration(MEASUREMENTS[name] | {"noise": SINE}, {"S": SHGO, "F": FHGO})
     whole = run(tmp_path, config, "solver.step=0.0004")
-    monkeypatch.setattr("hgorun.simulation.engine_tables._PIECE", 7)
+    monkeypatch.setattr("hgorun.simulation.tables._PIECE", 7)
     pieces = run(tmp_path, config, "solver.step=0.0004")
     assert same(whole, pieces, "S", "F")
 
@@ -164,14 +165,16 @@ def in_lanes(folder: Path, config: dict[str, Any], lanes: list[list[str]]) -> tu
     runs = [prepared(folder, config, *overrides) for overrides in lanes]
     asked, single = [], []
     for each in runs:
-        asked.append(Recorded(each.program))
-        each.__dict__["program"] = asked[-1]  # a cached property
-        single.append(each.execute(each.step, None))
+        programs = each.structure._programs
+        asked.append(Recorded(each.structure.program("rk4")))
+        programs["rk4", False, 1] = cast(Program, asked[-1])
+        single.append(integrate(each, each.step))
+        programs["rk4", False, 1] = asked[-1].program
     numbers: dict[str, Any] = {
         name: np.column_stack([getattr(a.plan, name) for a in asked]) for name in ("gain", "bias", "holds")
     }
     z, p = (np.hstack([getattr(a.start, name) for a in asked]) for name in ("z", "p"))
-    program = Program(runs[0].system.structure, "rk4", lanes=len(lanes))
+    program = Program(runs[0].structure.system, "rk4", lanes=len(lanes))
     return program.run(replace(asked[0].plan, **numbers), Start(z, p, asked[0].start.bound)), single
 
 

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from examples import load, prepared, run
 
-import hgorun.simulation.engine_tables as plan_module
+import hgorun.simulation.tables as plan_module
 from hgorun import simulate
 from hgorun.cli import main
 from hgorun.engine.program import history_pieces
 from hgorun.errors import ConfigError
 from hgorun.measurement.noise import generator
-from hgorun.simulation.engine_tables import count_steps, in_pieces
 from hgorun.simulation.simulate import prepare
+from hgorun.simulation.tables import count_steps, in_pieces
 from hgorun.symbolic.canonical import CanonicalForm
 from hgorun.symbolic.observability import _chain_lengths
 

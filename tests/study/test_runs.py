@@ -111,7 +111,7 @@ def test_overrides_and_seed_reach_every_run(tmp_path: Path) -> None:
         ("  one: {}", "  a/b: {}", 9, "a run's name"),
         ("  one: {}", "  one: {claims: []}", 9, "belongs to the file"),
         ("  one: {}", "  one: {extends: x.yaml}", 9, "belongs to the file"),
-        ("seeds: 4", "seeds: 1", 13, "greater than or equal to 2"),
+        ("seeds: 4", "seeds: 1", 13, "at least 2"),
         (
             "  random: {seeds: 4, seed: 7}",
             "  random: {seeds: 4, vary: {name: a, values: [1], set: {}}}",
@@ -119,7 +119,7 @@ def test_overrides_and_seed_reach_every_run(tmp_path: Path) -> None:
             "one of them",
         ),
         ("values: [0.01, 0.02, 0.05]", "values: []", 16, "at least one"),
-        ("theta: 3", "theta: -3", 12, "greater than 0"),
+        ("theta: 3", "theta: -3", 12, "above 0"),
     ],
 )
 def test_wrong_runs_are_refused_with_their_line(tmp_path: Path, old: str, new: str, line: int, words: str) -> None:

@@ -20,7 +20,7 @@ import numpy as np
 from hgorun.observers.base import AnyObserver
 from hgorun.observers.constant_gain import PlacedGain
 from hgorun.observers.riccati import RiccatiGain, stationary
-from hgorun.simulation.observer_block import ObserverBlock
+from hgorun.simulation.observer_block import Design, ObserverBlock
 from hgorun.symbolic.canonical import CanonicalForm
 from hgorun.symbolic.forms import Form
 from hgorun.symbolic.parameters import Parameters
@@ -225,7 +225,7 @@ def _linear(observer: AnyObserver, chains: tuple[int, ...], theta: float) -> tup
     else:
         form = CanonicalForm(model, chains, model.x, ca.SX.eye(model.n), identity=True)
     parameters = Parameters()
-    block = ObserverBlock("observer", plain, form, 0, False, parameters)
+    block = ObserverBlock.place(Design.of("observer", plain, form), 0, False, parameters)
     z, e = ca.SX.sym("z", block.end), ca.SX.sym("e", len(chains))
     copy = block.copy(model.t, model.u, model.p)
     s = block.symbols(z)

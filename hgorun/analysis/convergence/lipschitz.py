@@ -15,7 +15,7 @@ import numpy as np
 from hgorun.analysis.convergence.charts import Chart
 from hgorun.analysis.convergence.segments import along
 from hgorun.result.result import Result
-from hgorun.simulation.run import Run
+from hgorun.simulation.prepared import PreparedRun
 from hgorun.symbolic.intervals import Enclosure, largest
 
 _MARGIN = 0.05  # of the width of a box around trajectories, on either side: they are known on a grid
@@ -80,7 +80,7 @@ class Lipschitz:
 
 
 def lipschitz(
-    run: Run,
+    run: PreparedRun,
     chart: Chart,
     saturation: dict[str, tuple[float, float]],
     result: Result,
@@ -143,7 +143,7 @@ def lipschitz(
     return Lipschitz(slopes * inside, reached * inside, kind, region, box, chart.positions, tuple(remarks))
 
 
-def _met(run: Run, chart: Chart, result: Result, label: str) -> np.ndarray:
+def _met(run: PreparedRun, chart: Chart, result: Result, label: str) -> np.ndarray:
     """The largest slopes on the simulated truth and estimate."""
     step = max(1, len(result.time) // _POINTS)
     f = ca.Function("M", [chart.t, chart.x, chart.u, chart.p], [ca.densify(chart.slopes_in_x)])
@@ -160,7 +160,7 @@ def _met(run: Run, chart: Chart, result: Result, label: str) -> np.ndarray:
     return found
 
 
-def _over_box(run: Run, chart: Chart, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _over_box(run: PreparedRun, chart: Chart, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Bounds on the slopes over a box of coordinates and everything that inputs and time do, and slopes met."""
     below, above = input_range(run)
     start, end = run.time.start, run.time.end
@@ -179,12 +179,12 @@ def _over_box(run: Run, chart: Chart, low: np.ndarray, high: np.ndarray) -> tupl
     return bounds, met
 
 
-def input_range(run: Run) -> tuple[np.ndarray, np.ndarray]:
+def input_range(run: PreparedRun) -> tuple[np.ndarray, np.ndarray]:
     """Between what the inputs stay during the run, shapes (m,) and (m,)."""
     return ranges(run, run.plant.inputs)
 
 
-def ranges(run: Run, signals: ca.SX) -> tuple[np.ndarray, np.ndarray]:
+def ranges(run: PreparedRun, signals: ca.SX) -> tuple[np.ndarray, np.ndarray]:
     """Between what functions of time and the plant's parameters stay during the run, shapes (m,) and (m,)."""
     model = run.plant.model
     edges = np.linspace(run.time.start, run.time.end, _PIECES + 1)[:, None]

@@ -12,7 +12,7 @@ import numpy as np
 
 from hgorun.analysis.convergence.charts import Chart
 from hgorun.result.result import Result
-from hgorun.simulation.run import Run
+from hgorun.simulation.prepared import PreparedRun
 from hgorun.symbolic.intervals import Enclosure
 
 _PIECES = 600  # of a run, at most
@@ -24,7 +24,7 @@ _ROUNDING = 1e-9  # of the linear algebra, relatively
 Box = tuple[np.ndarray, np.ndarray]
 
 
-def along(run: Run, chart: Chart, result: Result, label: str) -> np.ndarray:
+def along(run: PreparedRun, chart: Chart, result: Result, label: str) -> np.ndarray:
     """M over all pieces, shape (n, n); infinite where there is no bound."""
     x, xhat = result.x, result.observers[label].xhat
     if chart.straight:
@@ -88,7 +88,7 @@ def _part(first: Box, second: Box, start: float, end: float) -> Box:
     return np.minimum(*sides[0]), np.maximum(*sides[1])
 
 
-def _enclosed(run: Run, chart: Chart, column: ca.SX, arguments: ca.SX, box: Box) -> Box:
+def _enclosed(run: PreparedRun, chart: Chart, column: ca.SX, arguments: ca.SX, box: Box) -> Box:
     """Bounds (M, m) on the entries of a column in every box."""
     values = ca.substitute(ca.densify(column), chart.p, ca.DM(run.plant.parameters))
     return Enclosure(ca.Function("m", [arguments], [ca.cse(values)])).each(*box)

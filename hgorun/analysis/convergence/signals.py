@@ -11,7 +11,7 @@ from hgorun.analysis.convergence.charts import Chart
 from hgorun.analysis.convergence.lipschitz import ranges
 from hgorun.measurement.schedule import Channel
 from hgorun.result.result import Result
-from hgorun.simulation.run import Run
+from hgorun.simulation.prepared import PreparedRun
 
 _PIECES = 4096  # of a stretch in which an expression of time is enclosed
 _WIDER = 1.05  # what is known on a grid may be larger between its points
@@ -42,7 +42,7 @@ class Amplitudes:
     remarks: tuple[str, ...] = ()
 
 
-def amplitudes(run: Run, chart: Chart, result: Result) -> Amplitudes:
+def amplitudes(run: PreparedRun, chart: Chart, result: Result) -> Amplitudes:
     """All of them."""
     remarks = []
     unbounded = dict.fromkeys(i.type for c in run.channels for noise in c.noise for i in noise.random if not i.bounded)
@@ -105,7 +105,7 @@ def _held(channel: Channel, k: int) -> float:
     return float(np.max(np.abs(channel.noise[k].held(times)), initial=0.0))
 
 
-def _disturbance(run: Run, chart: Chart, result: Result) -> np.ndarray:
+def _disturbance(run: PreparedRun, chart: Chart, result: Result) -> np.ndarray:
     """The largest |dz/dx d(t)|; enclosed where z is x, else on the output grid and 5 % more."""
     n, model = len(chart.names), run.plant.model
     if run.plant.disturbance.is_zero():

@@ -23,7 +23,7 @@ from hgorun.analysis.convergence.signals import Amplitudes
 from hgorun.observers.riccati import stationary
 from hgorun.result.data import ObserverResult
 from hgorun.result.result import Result
-from hgorun.simulation.run import Run
+from hgorun.simulation.prepared import PreparedRun
 from hgorun.symbolic.triangular import TriangularForm, superdiagonal
 
 _KEPT = 0.25  # of theta: what of the decay of sqrt V is left for theta >= theta_bound
@@ -70,7 +70,7 @@ def _matrices(observer: ObserverResult) -> np.ndarray:
     return np.block([[whole, cross], [np.transpose(cross, (0, 2, 1)), corner]])
 
 
-def largest_links(run: Run, form: TriangularForm, result: Result, label: str) -> tuple[float, float]:
+def largest_links(run: PreparedRun, form: TriangularForm, result: Result, label: str) -> tuple[float, float]:
     """(F_1, F_M): the largest norm of F's first block row, and of F, along the estimate."""
     m = form.model
     F = superdiagonal(m, form.block)(m.t, m.x, m.u, m.p)

@@ -19,7 +19,7 @@ from hgorun.observers.fhgo2_nuos import FilteredObserver2TimeVarying
 from hgorun.observers.riccati import RiccatiGain
 from hgorun.result.data import ObserverResult
 from hgorun.result.result import Result
-from hgorun.simulation.run import Run
+from hgorun.simulation.prepared import PreparedRun
 
 HORIZONS = np.array([0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0])  # T* tried where none is given
 _POINTS = 1_000, 6_000  # fewest and most times
@@ -111,12 +111,12 @@ class Excitation:
     words: str
 
 
-def excitation(run: Run, label: str, result: Result, horizon: float | None = None) -> Excitation | str:
+def excitation(run: PreparedRun, label: str, result: Result, horizon: float | None = None) -> Excitation | str:
     """Excitation along a run, as the observer's theorem asks for it.
 
     Parameters
     ----------
-    run : Run
+    run : PreparedRun
     label : str
         Of the observer.
     result : Result
@@ -148,7 +148,7 @@ def excitation(run: Run, label: str, result: Result, horizon: float | None = Non
     return _look(links.behind_integrators(r), observer.theta, horizon, condition, names, r, found)
 
 
-def plant_excitation(run: Run, label: str, result: Result, horizon: float | None = None) -> Excitation | str:
+def plant_excitation(run: PreparedRun, label: str, result: Result, horizon: float | None = None) -> Excitation | str:
     """(3.86), without the filter's integrators, along the plant's state."""
     observer = run.experiment.observers[label]
     if not isinstance(observer, RiccatiGain):
@@ -158,7 +158,7 @@ def plant_excitation(run: Run, label: str, result: Result, horizon: float | None
     return _look(links, observer.theta, horizon, "(3.86)", names, 0, None)
 
 
-def links_along(run: Run, label: str, times: np.ndarray, x: np.ndarray) -> Links:
+def links_along(run: PreparedRun, label: str, times: np.ndarray, x: np.ndarray) -> Links:
     """F and C of a triangular model along states x (Nt, n) in the plant's coordinates."""
     form: Any = run.forms[label]
     plant, model = run.plant, form.model
@@ -173,7 +173,7 @@ def links_along(run: Run, label: str, times: np.ndarray, x: np.ndarray) -> Links
     return Links(times, np.ascontiguousarray(stacked), np.asarray(copy.C.full()), present)
 
 
-def _names(run: Run, label: str) -> list[str]:
+def _names(run: PreparedRun, label: str) -> list[str]:
     form: Any = run.forms[label]
     return list(form.model.states)
 

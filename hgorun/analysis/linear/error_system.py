@@ -24,7 +24,7 @@ from hgorun.observers.base import SampledObserver
 from hgorun.observers.levant import LevantObserver
 from hgorun.result.data import ObserverResult
 from hgorun.result.result import Result
-from hgorun.simulation.run import Run
+from hgorun.simulation.prepared import PreparedRun
 
 _FILTERS = ("eta", "e")  # states of filters: zero where the estimate is right
 _SAME = 1e-7  # relative change below which the systems along a trajectory are one
@@ -99,12 +99,12 @@ class ErrorSystem:
         return max(self.times.size // 1000, 1)
 
 
-def error_system(run: Run, label: str, result: Result) -> ErrorSystem | str:
+def error_system(run: PreparedRun, label: str, result: Result) -> ErrorSystem | str:
     """The error's linear systems along the last two thirds of a run.
 
     Parameters
     ----------
-    run : Run
+    run : PreparedRun
         Prepared from the configuration.
     result : Result
         The run to look along, best :func:`hgorun.analysis.linear.nominal.nominal`; it must have this observer.
@@ -140,7 +140,7 @@ def error_system(run: Run, label: str, result: Result) -> ErrorSystem | str:
     return _constant(system)
 
 
-def at_end(run: Run, label: str, result: Result) -> ErrorSystem | str:
+def at_end(run: PreparedRun, label: str, result: Result) -> ErrorSystem | str:
     """The error's linear system at the last point of a run."""
     last = len(result.time) - 1
     short = replace(

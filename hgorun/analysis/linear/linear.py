@@ -17,7 +17,7 @@ import numpy as np
 
 from hgorun.result.data import ObserverResult
 from hgorun.simulation.observer_block import ObserverBlock
-from hgorun.simulation.run import Run
+from hgorun.simulation.prepared import PreparedRun
 from hgorun.symbolic.canonical import CanonicalForm
 
 
@@ -57,7 +57,7 @@ class Linearisation:
 
     Parameters
     ----------
-    run : Run
+    run : PreparedRun
         A prepared run (:func:`hgorun.simulation.simulate.prepare`).
     label : str
         Of the observer.
@@ -67,9 +67,9 @@ class Linearisation:
     For observers that are differential equations; those that jump at samples have no flow.
     """
 
-    def __init__(self, run: Run, label: str) -> None:
+    def __init__(self, run: PreparedRun, label: str) -> None:
         self.run, self.label = run, label
-        self.block: ObserverBlock = next(b for b in run.system.observers if b.label == label)
+        self.block: ObserverBlock = next(b for b in run.observers if b.label == label)
 
     @property
     def size(self) -> int:
@@ -79,10 +79,10 @@ class Linearisation:
     @cached_property
     def _functions(self) -> ca.Function:
         run, b = self.run, self.block
-        model, p = run.plant.model, run.plant_symbol
+        model, p = run.plant.model, run.structure.plant
         t = model.t
         u = ca.substitute(run.plant.inputs, model.p, p)
-        z = ca.SX.sym("z", run.system.structure.states)
+        z = ca.SX.sym("z", run.structure.system.states)
         e = ca.SX.sym("e", len(model.outputs))
         derivatives, correction = b.equations(b.copy(t, u, p), b.symbols(z), e)
         rate = ca.vertcat(*[b.states[n].flat(derivatives[n]) for n in b.states if n != "alpha"])
@@ -95,14 +95,14 @@ class Linearisation:
             ca.jacobian(correction, xi),
             ca.jacobian(correction, e),
         ]
-        return ca.Function("linear", [t, run.parameters.symbol, z, e], [ca.densify(part) for part in parts])
+        return ca.Function("linear", [t, run.structure.p, z, e], [ca.densify(part) for part in parts])
 
     def at(self, t: float, xi: np.ndarray, e: np.ndarray | None = None) -> Linear:
         """The linear system at time t, states xi (N,) and innovation e (q,), which is 0 where it is omitted."""
-        z = np.zeros(self.run.system.structure.states)
+        z = np.zeros(self.run.structure.system.states)
         z[self.block.start : self.block.stop] = xi
         innovation = np.zeros(len(self.run.plant.model.outputs)) if e is None else e
-        values = self._functions(t, self.run.parameters.values, z, innovation)
+        values = self._functions(t, self.run.numbers.p, z, innovation)
         return Linear(*[np.asarray(v.full()) for v in values])
 
     def trajectory(self, result: ObserverResult, points: np.ndarray, times: np.ndarray) -> Linear:
@@ -131,10 +131,10 @@ class Linearisation:
             With one more axis in front, of length M.
         """
         count, f = times.size, self._functions.map(times.size)
-        z = np.zeros((count, self.run.system.structure.states))
+        z = np.zeros((count, self.run.structure.system.states))
         z[:, self.block.start : self.block.stop] = xi
         innovation = np.zeros((count, len(self.run.plant.model.outputs))) if e is None else e
-        p = np.tile(self.run.parameters.values, (count, 1))
+        p = np.tile(self.run.numbers.p, (count, 1))
         # CasADi's matrices become arrays through lists, which takes ten times as long as the evaluation
         buffer, call = f.buffer()
         arguments = [np.ascontiguousarray(v, dtype=float) for v in (times, p, z, innovation)]
@@ -154,7 +154,7 @@ class Linearisation:
         """
         b, form = self.block, self.block.form
         canonical = b.canonical
-        z0 = self.run.system.z0[b.start : b.stop].copy()
+        z0 = self.run.numbers.z0[b.start : b.stop].copy()
         place = b.states["xhat"]
         z0[place.start - b.start :][: place.size] = form.start(x, self.run.plant.parameters, canonical)
         return z0

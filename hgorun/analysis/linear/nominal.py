@@ -9,7 +9,7 @@ import numpy as np
 from hgorun.observers.base import SampledObserver
 from hgorun.result.result import Result
 from hgorun.simulation.experiment import Experiment
-from hgorun.simulation.run import Run
+from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import perform, prepare
 from hgorun.symbolic.canonical import CanonicalForm
 
@@ -17,7 +17,7 @@ _POINTS = 2_000, 20_000  # fewest and most output points of a nominal run
 _MEMORY = 40.0  # of 1/(slowest rate): a chain's Riccati equation has come to rest
 
 
-def nominal(run: Run) -> Result | str:
+def nominal(run: PreparedRun) -> Result | str:
     """The configured run with continuous, undelayed and noise-free outputs, its estimates right from the start.
 
     What the observers' gains are when nothing disturbs them: the trajectory along which small errors are
@@ -54,14 +54,14 @@ def nominal(run: Run) -> Result | str:
     return _run(config)
 
 
-def chain(run: Run, label: str) -> tuple[Run, Result] | str:
+def chain(run: PreparedRun, label: str) -> tuple[PreparedRun, Result] | str:
     """The observer on chains of integrators as long as the plant's, phi = 0, in the run's time unit.
 
     It is what the observer is built for; its limits depend on the gains alone.
 
     Returns
     -------
-    (Run, Result) or str
+    (PreparedRun, Result) or str
         A run with this observer alone, long enough for a Riccati equation to have come to rest at the end; or
         why there is none.
     """
@@ -115,7 +115,7 @@ def _run(config: dict[str, Any]) -> Result | str:
         return f"without noise, sampling and delay there is no run: {error}"
 
 
-def _chain_run(config: dict[str, Any]) -> tuple[Run, Result] | str:
+def _chain_run(config: dict[str, Any]) -> tuple[PreparedRun, Result] | str:
     from hgorun.errors import HgorunError
 
     try:

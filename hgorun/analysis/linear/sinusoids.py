@@ -10,7 +10,7 @@ from hgorun.analysis.linear.linear import Linear, Linearisation
 from hgorun.analysis.linear.transfer import relevant, require_hurwitz, response
 from hgorun.config.yaml_source import Source
 from hgorun.simulation.experiment import Experiment
-from hgorun.simulation.run import Run
+from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import prepare
 
 _RATIO = 1e-4  # half of the relative step of the slopes: central differences, error of the order of its square
@@ -46,13 +46,18 @@ def pi_eps(linear: Linear, omega: float, eps: float = 1.0, output: int = 0) -> n
 
 
 def amplitude(
-    run: Run | Experiment, label: str, omega: float | np.ndarray, *, x: np.ndarray | None = None, output: int = 0
+    run: PreparedRun | Experiment,
+    label: str,
+    omega: float | np.ndarray,
+    *,
+    x: np.ndarray | None = None,
+    output: int = 0,
 ) -> np.ndarray:
     """Steady amplitude of each state of the estimate under the noise sin(omega t) on a continuous output.
 
     Parameters
     ----------
-    run : Run or Experiment
+    run : PreparedRun or Experiment
     label : str
         Of the observer.
     omega : float or ndarray, shape (W,)
@@ -77,7 +82,7 @@ def amplitude(
     return np.asarray(found if np.ndim(omega) else found[0])
 
 
-def _at_rest(run: Run, label: str, x: np.ndarray | None) -> Linear:
+def _at_rest(run: PreparedRun, label: str, x: np.ndarray | None) -> Linear:
     observer = Linearisation(run, label)
     at = observer.at_rest(run.plant.initial if x is None else np.asarray(x, dtype=float))
     linear = relevant(observer.at(run.time.start, at))
@@ -86,7 +91,7 @@ def _at_rest(run: Run, label: str, x: np.ndarray | None) -> Linear:
 
 
 def exponents(
-    run: Run | Experiment, label: str, omega: float, *, x: np.ndarray | None = None, output: int = 0
+    run: PreparedRun | Experiment, label: str, omega: float, *, x: np.ndarray | None = None, output: int = 0
 ) -> tuple[np.ndarray, np.ndarray]:
     """Slopes of the log of the amplitudes against log eps = -log omega and against log theta, at this point.
 

@@ -24,7 +24,7 @@ from hgorun.analysis.noise.events import Edges, edges_of
 from hgorun.measurement.schedule import Channel
 from hgorun.noise.base import Wave
 from hgorun.result.result import Result
-from hgorun.simulation.run import Run
+from hgorun.simulation.prepared import PreparedRun
 
 _NUMBERS = 60_000  # states times points of the twin's output grid at which it is linearised
 _POINTS = 3000, 6000  # least and most points
@@ -41,12 +41,12 @@ class _Waves:
     omegas: np.ndarray
 
 
-def noise_along(run: Run, label: str, result: Result, twin: Result) -> np.ndarray:
+def noise_along(run: PreparedRun, label: str, result: Result, twin: Result) -> np.ndarray:
     """Mean square over the steady window of what the run's noise does to each state of the estimate, shape (n,).
 
     Parameters
     ----------
-    run : Run
+    run : PreparedRun
         With noise.
     label : str
         Of the observer.
@@ -87,7 +87,7 @@ def noise_along(run: Run, label: str, result: Result, twin: Result) -> np.ndarra
 
 
 def _followed(
-    run: Run,
+    run: PreparedRun,
     twin: Result,
     result: Result,
     edges: Edges,
@@ -197,7 +197,9 @@ def _start(at: Linear, waves: list[_Waves | None], t: float) -> np.ndarray:
     return np.concatenate([np.zeros(N + 2 * q), np.column_stack([values.imag, values.real]).ravel()])
 
 
-def _generators(at: Linear, waves: list[_Waves | None], run: Run, middles: np.ndarray, twin: Result) -> np.ndarray:
+def _generators(
+    at: Linear, waves: list[_Waves | None], run: PreparedRun, middles: np.ndarray, twin: Result
+) -> np.ndarray:
     """G of psi' = G psi on every stretch."""
     count, N, q = at.E.shape
     size = N + 2 * q + 2 * sum(w.omegas.size for w in waves if w is not None)

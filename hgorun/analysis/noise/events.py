@@ -8,7 +8,7 @@ import numpy as np
 
 from hgorun.analysis.linear.transfer import NoTheory
 from hgorun.result.result import Result
-from hgorun.simulation.run import Run
+from hgorun.simulation.prepared import PreparedRun
 
 _MOST = 60_000  # stretches, before it is given up
 _SAME = 1e-9  # of the shortest regular stretch: edges closer than that are one
@@ -35,7 +35,7 @@ class Edges:
     held: dict[int, np.ndarray]
 
 
-def edges_of(run: Run, result: Result, twin: Result, stretches: int) -> Edges:
+def edges_of(run: PreparedRun, result: Result, twin: Result, stretches: int) -> Edges:
     """The edges of a run.
 
     Parameters

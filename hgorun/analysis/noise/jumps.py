@@ -10,12 +10,12 @@ from hgorun.analysis.linear.transfer import NoTheory
 from hgorun.analysis.noise.along_run import GAUSS
 from hgorun.observers.base import Sample
 from hgorun.result.result import Result
-from hgorun.simulation.run import Run
+from hgorun.simulation.prepared import PreparedRun
 
 _ROUNDS = 3  # predictions, each from the mean slopes that the one before gives
 
 
-def noise_of_jumps(run: Run, label: str, result: Result, twin: Result) -> np.ndarray:
+def noise_of_jumps(run: PreparedRun, label: str, result: Result, twin: Result) -> np.ndarray:
     """Mean square over the steady window of what the run's noise does to each state of the estimate, shape (n,).
 
     With v_k the noise of sample k, d xi_k = F_k d xi_(k-1) + G_k v_k + G'_k v_(k-1) from the second sample on.
@@ -65,9 +65,9 @@ def _slopes(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """F, G, G' and L = d xhat/d xi of every jump but the first sample's, shapes (K-1, N, N), ..., (K-1, n, N)."""
     run, b = observer.run, observer.block
-    model, p = run.plant.model, run.plant_symbol
+    model, p = run.plant.model, run.structure.plant
     t, q = model.t, len(model.outputs)
-    z = ca.SX.sym("z", run.system.structure.states)
+    z = ca.SX.sym("z", run.structure.system.states)
     sample = Sample(y=ca.SX.sym("y", q), previous=ca.SX.sym("y_before", q), interval=ca.SX.sym("T"))
     u = ca.substitute(run.plant.inputs, model.p, p)
     u_before = ca.substitute(u, t, t - sample.interval)
@@ -75,11 +75,11 @@ def _slopes(
     after = b.jump(t, u, u_before, p, z, sample)[: b.stop - b.start]
     parts = [ca.jacobian(after, own), ca.jacobian(after, sample.y), ca.jacobian(after, sample.previous)]
     parts.append(ca.jacobian(b.estimate(t, u, p, z), own))
-    arguments = [t, run.parameters.symbol, z, sample.y, sample.previous, sample.interval]
+    arguments = [t, run.structure.p, z, sample.y, sample.previous, sample.interval]
     slopes = ca.Function("slopes", arguments, [ca.densify(part) for part in parts])
     states = np.zeros((z.numel(), len(xi)))
     states[b.start : b.stop] = xi.T
-    values = slopes(arrival[None, 1:], run.parameters.values, states, y[1:].T, y[:-1].T, np.diff(arrival)[None, :])
+    values = slopes(arrival[None, 1:], run.numbers.p, states, y[1:].T, y[:-1].T, np.diff(arrival)[None, :])
     shapes = [part.shape for part in slopes.sx_out()]
     F, G, G_before, L = (
         np.ascontiguousarray(value.full().reshape(rows, len(xi), columns).swapaxes(0, 1))

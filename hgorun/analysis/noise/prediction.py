@@ -21,7 +21,7 @@ from hgorun.observers.base import SampledObserver
 from hgorun.observers.levant import LevantObserver
 from hgorun.result.result import Result
 from hgorun.simulation.experiment import Experiment
-from hgorun.simulation.run import Run
+from hgorun.simulation.prepared import PreparedRun
 
 _POINTS = 20  # of the steady window where the linearisation is looked at
 _CONSTANT = 1e-6  # relative
@@ -35,12 +35,12 @@ class NoisePrediction:
     reason: str | None = None
 
 
-def noise_prediction(run: Run, twin: Result, result: Result | None = None) -> dict[str, NoisePrediction]:
+def noise_prediction(run: PreparedRun, twin: Result, result: Result | None = None) -> dict[str, NoisePrediction]:
     """For every observer, in the steady state of its linearisation where that does not change, or along the run.
 
     Parameters
     ----------
-    run : Run
+    run : PreparedRun
     twin : Result
         Where to linearise: the run of :func:`noise_free`.
     result : Result, optional
@@ -55,7 +55,7 @@ def noise_prediction(run: Run, twin: Result, result: Result | None = None) -> di
     return found
 
 
-def _power_of(run: Run, twin: Result, result: Result | None, label: str) -> np.ndarray:
+def _power_of(run: PreparedRun, twin: Result, result: Result | None, label: str) -> np.ndarray:
     try:
         return _power(run, twin, label)
     except NoTheory:
@@ -68,7 +68,7 @@ def _power_of(run: Run, twin: Result, result: Result | None, label: str) -> np.n
         return (noise_of_jumps if isinstance(observer, SampledObserver) else noise_along)(run, label, result, twin)
 
 
-def _power(run: Run, result: Result, label: str) -> np.ndarray:
+def _power(run: PreparedRun, result: Result, label: str) -> np.ndarray:
     terms, periods, delays = [], set(), set()
     for c in run.channels:
         stretch = c.stretches[0]
@@ -89,7 +89,7 @@ def _power(run: Run, result: Result, label: str) -> np.ndarray:
     return SampledLoop(linear, timing[0], delay).power(terms, run.time.start + timing[1])
 
 
-def _constant(run: Run, result: Result, label: str) -> Linear:
+def _constant(run: PreparedRun, result: Result, label: str) -> Linear:
     observer = Linearisation(run, label)
     if isinstance(observer.block.observer, SampledObserver):
         raise NoTheory("the observer is a difference equation: it jumps along the run")

@@ -33,7 +33,7 @@ from hgorun.analysis.papers.region import Points, along, box, evaluated
 from hgorun.observers.deadbeat import DeadbeatObserver
 from hgorun.observers.reduced_sampled import ReducedSampledObserver
 from hgorun.result.result import Result
-from hgorun.simulation.run import Run
+from hgorun.simulation.prepared import PreparedRun
 from hgorun.symbolic.strict_feedback import StrictFeedbackForm
 
 _CONDITION = 1e-10  # of g^T g, relative: below it A2 does not hold
@@ -102,7 +102,7 @@ class KatayamaConditions:
     measured: float | None
 
 
-def katayama_conditions(run: Run, label: str, result: Result) -> KatayamaConditions | str:
+def katayama_conditions(run: PreparedRun, label: str, result: Result) -> KatayamaConditions | str:
     """Conditions and bounds for `reduced_sampled` and `deadbeat`; a reason for other observers."""
     observer = run.experiment.observers[label]
     if not isinstance(observer, ReducedSampledObserver | DeadbeatObserver):
@@ -158,7 +158,7 @@ def _gap(c: Constants, n: float, w: float) -> float:
     return c.l_1 * c.l_2 * (c.gamma + w + c.L_1 * n) + by_slopes
 
 
-def _noise(run: Run, result: Result) -> tuple[float, float]:
+def _noise(run: PreparedRun, result: Result) -> tuple[float, float]:
     """sup |n| and sup |w| over the samples of the run."""
     taken, y = result.measurements.taken, result.measurements.y
     whole = np.all(np.isfinite(y), axis=1)
@@ -175,7 +175,7 @@ def _noise(run: Run, result: Result) -> tuple[float, float]:
 
 
 def _constants(
-    run: Run, form: StrictFeedbackForm, result: Result, T: float, noise: float, slope: float
+    run: PreparedRun, form: StrictFeedbackForm, result: Result, T: float, noise: float, slope: float
 ) -> tuple[Constants, float]:
     """Constants over the box of the run, widened by the noise and by what Psi can differ from z."""
     model = run.plant.model
@@ -222,7 +222,9 @@ def _constants(
     return Constants(first.L_1, L_2, first.L_3, first.L_4, first.l_1, first.l_2, gamma, z), smallest
 
 
-def _measured(run: Run, form: StrictFeedbackForm, result: Result, label: str, arrival: np.ndarray) -> float | None:
+def _measured(
+    run: PreparedRun, form: StrictFeedbackForm, result: Result, label: str, arrival: np.ndarray
+) -> float | None:
     """sup |e| at the output points that are samples, in the second half of the run."""
     hidden = list(form.hidden)
     middle = 0.5 * (result.time[0] + result.time[-1])

@@ -24,7 +24,7 @@ from hgorun.analysis.papers.region import along, evaluated
 from hgorun.config.expressions import parse
 from hgorun.observers.forward_differences import ForwardDifferences, eigenvalues
 from hgorun.result.result import Result
-from hgorun.simulation.run import Run
+from hgorun.simulation.prepared import PreparedRun
 
 _FAR = 2.0**99  # a sample's number that stands for infinity
 _CENTRED = 5e-13  # a mean no larger is rounding
@@ -89,7 +89,7 @@ class LeeConditions:
     A4: Condition
 
 
-def lee_conditions(run: Run, label: str, result: Result) -> LeeConditions | str:
+def lee_conditions(run: PreparedRun, label: str, result: Result) -> LeeConditions | str:
     """Conditions of the paper for `hgo_fd` and `hgo_sa`; a reason for other observers."""
     from scipy.linalg import solve_continuous_lyapunov
 
@@ -152,7 +152,7 @@ def _bibs(A_0: np.ndarray, H_0: np.ndarray, a_0: float) -> tuple[np.ndarray, flo
     return P, kappa, gain, float(np.sqrt(values[-1] / values[0]))
 
 
-def _exponent(run: Run) -> float:
+def _exponent(run: PreparedRun) -> float:
     """p of a(k) ~ k^-p; 0 for samples that are not given by an expression of k."""
     stretch = run.channels[0].stretches[0]
     text = getattr(stretch.sampling, "steps", None)
@@ -176,7 +176,7 @@ def _steps_condition(p: float) -> Condition:
     return Condition(True, f"{falls}: the sum of a(k) diverges, that of a(k)^2 converges")
 
 
-def _noise_condition(run: Run) -> Condition:
+def _noise_condition(run: PreparedRun) -> Condition:
     """(A.3) and assumption 2: independent, zero mean, finite variance, bounded."""
     items = [item for noise in run.channels[0].noise for item in noise.items]
     if not items:
@@ -207,7 +207,7 @@ def _bounded(radius: float, result: Result) -> Condition:
     return Condition(True, f"(36) has a solution, and |x_1| <= {largest:.4g} along the run")
 
 
-def _lipschitz(run: Run, result: Result, A_0: np.ndarray, H_0: np.ndarray, eps: float) -> float:
+def _lipschitz(run: PreparedRun, result: Result, A_0: np.ndarray, H_0: np.ndarray, eps: float) -> float:
     """The largest norm of [[df/dx, 0], [H_0 C/eps, A_0/eps]] along the run."""
     model: Any = run.plant.model
     slopes = evaluated(run, ca.jacobian(model.dynamics, model.x), model.x, along(result.time, result.x))

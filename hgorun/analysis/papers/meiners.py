@@ -29,7 +29,7 @@ from hgorun.observers.direct import DirectObserver
 from hgorun.observers.direct_dynamic import DirectDynamicObserver
 from hgorun.observers.praly_gain import DynamicGain
 from hgorun.result.result import Result
-from hgorun.simulation.run import Run
+from hgorun.simulation.prepared import PreparedRun
 from hgorun.symbolic.lower_triangular import LowerTriangularForm
 
 SHARP = 1.2277  # the exact bound on mu over that of the proof: min of s/(2 (1 - exp(-s))^2)
@@ -126,7 +126,7 @@ class Theorem2:
     mu_0_exact: float | None
 
 
-def meiners_conditions(run: Run, label: str, result: Result) -> Theorem1 | Theorem2 | str:
+def meiners_conditions(run: PreparedRun, label: str, result: Result) -> Theorem1 | Theorem2 | str:
     """The theorem of this observer; a reason for observers of other papers."""
     observer = run.experiment.observers[label]
     if isinstance(observer, DirectObserver):
@@ -136,7 +136,7 @@ def meiners_conditions(run: Run, label: str, result: Result) -> Theorem1 | Theor
     return "the theorems are for direct, dynamic_gain and direct_dynamic"
 
 
-def slope_bound(run: Run, label: str, result: Result) -> SlopeBound:
+def slope_bound(run: PreparedRun, label: str, result: Result) -> SlopeBound:
     """(6) along a run, for an observer with a dynamic gain."""
     observer: Any = run.experiment.observers[label]
     form = _form(run, label)
@@ -181,7 +181,7 @@ def slope_bound(run: Run, label: str, result: Result) -> SlopeBound:
     )
 
 
-def _theorem_1(run: Run, label: str, observer: DirectObserver, result: Result) -> Theorem1 | str:
+def _theorem_1(run: PreparedRun, label: str, observer: DirectObserver, result: Result) -> Theorem1 | str:
     from scipy.linalg import solve_continuous_lyapunov
 
     form = _form(run, label)
@@ -215,7 +215,7 @@ def _theorem_1(run: Run, label: str, observer: DirectObserver, result: Result) -
     return Theorem1(S, decay, L, L_h, k, observer.mu, proof, None if proof is None else SHARP * proof)
 
 
-def _theorem_2(run: Run, label: str, observer: DynamicGain, result: Result) -> Theorem2:
+def _theorem_2(run: PreparedRun, label: str, observer: DynamicGain, result: Result) -> Theorem2:
     form = _form(run, label)
     n = form.n
     inequality = certificate(observer.injection(form).tolist(), observer.a, observer.b, observer.q)
@@ -253,13 +253,13 @@ def _noise(S: np.ndarray, Gamma: np.ndarray, scale: np.ndarray) -> float:
     return float(np.trace(S @ G @ G.T))
 
 
-def _form(run: Run, label: str) -> LowerTriangularForm:
+def _form(run: PreparedRun, label: str) -> LowerTriangularForm:
     form: Any = run.forms[label]
     assert isinstance(form, LowerTriangularForm)
     return form
 
 
-def _own(run: Run, form: LowerTriangularForm, x: np.ndarray) -> np.ndarray:
+def _own(run: PreparedRun, form: LowerTriangularForm, x: np.ndarray) -> np.ndarray:
     """States (M, n) in the coordinates where the model is triangular."""
     plant = form.plant
     if plant.transform is None:

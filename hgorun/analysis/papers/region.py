@@ -8,7 +8,7 @@ from itertools import product
 import casadi as ca
 import numpy as np
 
-from hgorun.simulation.run import Run
+from hgorun.simulation.prepared import PreparedRun
 
 _POINTS, _MOST_CORNERS, _MOST_TIMES = 2_000, 1_024, 2_000
 
@@ -37,7 +37,7 @@ def box(times: np.ndarray, low: np.ndarray, high: np.ndarray) -> Points:
     return Points(generator.choice(times, len(inside)), inside)
 
 
-def evaluated(run: Run, expression: ca.SX, x: ca.SX, points: Points) -> np.ndarray:
+def evaluated(run: PreparedRun, expression: ca.SX, x: ca.SX, points: Points) -> np.ndarray:
     """An expression of t, x (this symbol), the plant's inputs and its parameters at many points.
 
     The inputs are the symbols ``run.plant.model.u``.

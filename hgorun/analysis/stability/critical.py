@@ -23,7 +23,7 @@ from hgorun.observers.base import SampledObserver
 from hgorun.observers.forward_differences import ForwardDifferences, eigenvalues
 from hgorun.observers.reduced_sampled import ReducedSampledObserver
 from hgorun.result.result import Result
-from hgorun.simulation.run import Run
+from hgorun.simulation.prepared import PreparedRun
 
 _RATIO_CONSTANT, _RATIO_VARYING = 1.04, 1.12  # of neighbouring values in a search for a first crossing
 _SHORTEST, _LONGEST = 1e-2, 3e2  # of 1/rate, where the search starts and ends
@@ -62,14 +62,14 @@ class Availability:
 _UNDELAYED = Limit(None, "the observer takes samples without delay")
 
 
-def critical(run: Run, label: str, result: Result | str) -> tuple[Limit, Limit]:
+def critical(run: PreparedRun, label: str, result: Result | str) -> tuple[Limit, Limit]:
     """The shortest period of sampling and the smallest constant delay at which the error no longer decays.
 
     The period is critical at this theta and delay, the delay at this theta and sampling.
 
     Parameters
     ----------
-    run : Run
+    run : PreparedRun
     label : str
         Of the observer.
     result : Result or str
@@ -89,7 +89,7 @@ def critical(run: Run, label: str, result: Result | str) -> tuple[Limit, Limit]:
     return _both(run, lambda: error_system(run, label, result))
 
 
-def critical_chain(run: Run, label: str) -> tuple[Limit, Limit]:
+def critical_chain(run: PreparedRun, label: str) -> tuple[Limit, Limit]:
     """The same for chains of integrators, phi = 0, gains at rest: exact."""
     if isinstance(run.experiment.observers[label], SampledObserver):
         return Limit(None, "the observer's own limit does not depend on phi"), _UNDELAYED
@@ -102,7 +102,7 @@ def critical_chain(run: Run, label: str) -> tuple[Limit, Limit]:
     return _both(run, system)
 
 
-def _both(run: Run, linearise: Callable[[], ErrorSystem | str]) -> tuple[Limit, Limit]:
+def _both(run: PreparedRun, linearise: Callable[[], ErrorSystem | str]) -> tuple[Limit, Limit]:
     availability = availability_of(run)
     if isinstance(availability, str):
         return (Limit(None, availability),) * 2
@@ -112,7 +112,7 @@ def _both(run: Run, linearise: Callable[[], ErrorSystem | str]) -> tuple[Limit, 
     return _critical_period(system, availability), _critical_delay(system, availability)
 
 
-def availability_of(run: Run) -> Availability | str:
+def availability_of(run: PreparedRun) -> Availability | str:
     """Period and delay of the outputs, or why there is no one period and delay.
 
     Of several phases the last. A delay that changes counts with its largest value, samples at uneven times
@@ -128,7 +128,7 @@ def availability_of(run: Run) -> Availability | str:
     return described[0]
 
 
-def _describe(run: Run, i: int, stretch: Stretch) -> Availability:
+def _describe(run: PreparedRun, i: int, stretch: Stretch) -> Availability:
     remarks = []
     if stretch.continuous:
         period, times = None, np.linspace(stretch.start, stretch.end, 2001)
@@ -215,7 +215,7 @@ def _search(
     return Limit(0.5 * (low + high), "", where)
 
 
-def _discrete(run: Run, label: str) -> Limit:
+def _discrete(run: PreparedRun, label: str) -> Limit:
     """The observers that jump at the samples, as the error of the Euler model has it."""
     observer = run.experiment.observers[label]
     if isinstance(observer, ForwardDifferences):

@@ -33,7 +33,7 @@ def test_each_slope_and_its_norms() -> None:
     config = {"time": TIME, "plant": plant, "observers": {"observer": {"type": "shgo", "theta": 2}}}
     run = prepare(Experiment(config))
     result = perform(run)
-    chart = chart_of(run.system.observers[0].form, run.plant)
+    chart = chart_of(run.observers[0].form, run.plant)
     got = lipschitz(run, chart, {"x1": (-1, 1), "x2": (-1, 1), "x3": (-9, 9)}, result, "observer")
     expected = np.array([[2, 0, 0], [0, 0.5, 0], [1, 0, 4]])
     assert got.kind == "interval over box"
@@ -107,7 +107,7 @@ def test_slopes_between_truth_and_estimate_agree_with_the_box() -> None:
         )
     )
     result = perform(run)
-    chart = chart_of(run.system.observers[0].form, run.plant)
+    chart = chart_of(run.observers[0].form, run.plant)
     box, own = lipschitz(run, chart, {}, result, "observer"), along(run, chart, result, "observer")
     assert box.kind == "interval over box"
     assert np.all(own <= box.slopes + 1e-9)

@@ -123,7 +123,7 @@ def assert_near(found: Findings) -> None:
 
 
 @pytest.mark.parametrize(("kind", "r"), OBSERVERS)
-@settings(max_examples=5, deadline=None)
+@settings(max_examples=5)
 @given(seed=seeds, n=st.integers(2, 4), noisy=st.booleans())
 def test_no_error_is_above_its_bound(kind: str, r: int, seed: int, n: int, noisy: bool) -> None:
     rng = np.random.default_rng(seed)
@@ -138,7 +138,7 @@ def test_no_error_is_above_its_bound(kind: str, r: int, seed: int, n: int, noisy
 
 
 @pytest.mark.parametrize(("kind", "r"), [("shgo", 0), ("fhgo2", 1)])
-@settings(max_examples=4, deadline=None)
+@settings(max_examples=4)
 @given(seed=seeds, noisy=st.booleans(), sampled=st.booleans())
 def test_no_error_is_above_its_bound_with_late_outputs(
     kind: str, r: int, seed: int, noisy: bool, sampled: bool
@@ -159,7 +159,7 @@ def test_no_error_is_above_its_bound_with_late_outputs(
 
 
 @pytest.mark.parametrize(("kind", "r"), [("shgo", 0), ("fhgo2", 2), ("treangle", 0)])
-@settings(max_examples=5, deadline=None)
+@settings(max_examples=5)
 @given(seed=seeds, noisy=st.booleans())
 def test_a_coarse_output_grid_hides_no_slope(kind: str, r: int, seed: int, noisy: bool) -> None:
     """The peak lies between two points: the box is that of the bound, which holds the peak."""

@@ -50,7 +50,7 @@ def config(rng: np.random.Generator, block: dict[str, Any], theta: float, *, noi
 
 
 @pytest.mark.parametrize("block", FAMILIES)
-@settings(max_examples=4, deadline=None)
+@settings(max_examples=4)
 @given(seed=st.integers(0, 2**32 - 1), noisy=st.booleans())
 def test_no_error_is_above_its_bound(block: dict[str, Any], seed: int, noisy: bool) -> None:
     rng = np.random.default_rng(seed)

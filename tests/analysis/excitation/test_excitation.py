@@ -10,7 +10,7 @@ from hgorun import ConfigError
 from hgorun.analysis.excitation.excitation import Excitation, excitation, links_along, plant_excitation
 from hgorun.analysis.excitation.gramian import gramians
 from hgorun.result.result import Result
-from hgorun.simulation.run import Run
+from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import perform, prepare
 
 OBSERVERS = {
@@ -21,24 +21,24 @@ OBSERVERS = {
 }
 
 
-def finished(plant: dict[str, Any], observers: dict[str, Any], end: float = 30) -> tuple[Run, Result]:
+def finished(plant: dict[str, Any], observers: dict[str, Any], end: float = 30) -> tuple[PreparedRun, Result]:
     run = prepare(experiment(plant, observers, end=end, output_step=0.01))
     return run, perform(run)
 
 
 @pytest.fixture(scope="module")
-def academic() -> tuple[Run, Result]:
+def academic() -> tuple[PreparedRun, Result]:
     return finished(ACADEMIC, OBSERVERS, end=60)
 
 
-def looked(run: Run, label: str, result: Result, horizon: float | None = None) -> Excitation:
+def looked(run: PreparedRun, label: str, result: Result, horizon: float | None = None) -> Excitation:
     found = excitation(run, label, result, horizon)
     assert isinstance(found, Excitation), found
     return found
 
 
 @pytest.mark.parametrize("r", [0, 2])
-def test_the_gramian_as_it_is_printed(academic: tuple[Run, Result], r: int) -> None:
+def test_the_gramian_as_it_is_printed(academic: tuple[PreparedRun, Result], r: int) -> None:
     """(3.86), (3.101) with the transition matrix of solve_ivp: theta Delta^-1 integral Delta^-1."""
     from scipy.integrate import solve_ivp
 
@@ -67,7 +67,7 @@ def test_the_gramian_as_it_is_printed(academic: tuple[Run, Result], r: int) -> N
         assert np.linalg.eigvalsh(W)[0] == pytest.approx(np.linalg.eigvalsh(printed)[0], rel=0.02)
 
 
-def test_unbroken_links_in_closed_form(academic: tuple[Run, Result]) -> None:
+def test_unbroken_links_in_closed_form(academic: tuple[PreparedRun, Result]) -> None:
     """integral_0^T (1, -s, s^2/2)^T (1, -s, s^2/2) ds."""
     run, result = academic
     found = looked(run, "S", result, horizon=2.0)
@@ -78,7 +78,9 @@ def test_unbroken_links_in_closed_form(academic: tuple[Run, Result]) -> None:
 
 
 @pytest.mark.parametrize("horizon", [None, 1.0, 3.0])
-def test_what_it_promises_for_the_observers_own_matrix(academic: tuple[Run, Result], horizon: float | None) -> None:
+def test_what_it_promises_for_the_observers_own_matrix(
+    academic: tuple[PreparedRun, Result], horizon: float | None
+) -> None:
     """S >= exp(-T*) delta* I once a window has passed, (3.96), in the observers' own equations."""
     run, result = academic
     for label in OBSERVERS:
@@ -94,7 +96,7 @@ def test_what_it_promises_for_the_observers_own_matrix(academic: tuple[Run, Resu
     assert seen.rho == pytest.approx(np.min(np.linalg.eigvalsh(S)), rel=1e-9)
 
 
-def test_where_the_academic_example_is_weak(academic: tuple[Run, Result]) -> None:
+def test_where_the_academic_example_is_weak(academic: tuple[PreparedRun, Result]) -> None:
     """x2 just after f_1 = sin 0.5 t has been zero; x3 where f_2 = sin 2.7 t was zero too."""
     run, result = academic
     found = looked(run, "S", result, horizon=1.0)
@@ -119,7 +121,7 @@ def test_where_the_academic_example_is_weak(academic: tuple[Run, Result]) -> Non
     assert looked(run, "F", result, horizon=1.0).condition == "(3.101), r = 2"
 
 
-def test_the_smallest_eigenvalue_is_found_between_the_points(academic: tuple[Run, Result]) -> None:
+def test_the_smallest_eigenvalue_is_found_between_the_points(academic: tuple[PreparedRun, Result]) -> None:
     run, result = academic
     found = looked(run, "S", result, horizon=1.0)
     links = links_along(run, "S", result.time, result.x)

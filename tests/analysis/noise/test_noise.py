@@ -19,11 +19,11 @@ from hgorun.analysis.noise.prediction import measured_noise, noise_free, noise_p
 from hgorun.analysis.noise.sampled import SampledLoop
 from hgorun.analysis.noise.terms import NoiseTerms
 from hgorun.noise.base import Draws, Wave
-from hgorun.simulation.run import Run
+from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import prepare
 
 
-def chain(n: int, phi: str = "0", **block: Any) -> Run:
+def chain(n: int, phi: str = "0", **block: Any) -> PreparedRun:
     return prepare(experiment(examples.chain(n, phi, 0), {"o": block}, output_step=0.01))
 
 

@@ -14,14 +14,14 @@ from hgorun.analysis.stability.critical import (
 )
 from hgorun.analysis.stability.growth import growth
 from hgorun.result.result import Result
-from hgorun.simulation.run import Run
+from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import perform, prepare
 
 CHAIN = chain(3, start=0)
 SHGO = {"type": "shgo", "theta": 1}
 
 
-def prepared(observers: dict[str, Block], plant: Block = CHAIN, end: float = 5, **more: Any) -> Run:
+def prepared(observers: dict[str, Block], plant: Block = CHAIN, end: float = 5, **more: Any) -> PreparedRun:
     return prepare(experiment(plant, observers, end=end, output_step=end / 1000, **more))
 
 
@@ -30,7 +30,7 @@ def value(limit: Any) -> float:
     return float(limit.value)
 
 
-def decay(run: Run, label: str) -> float:
+def decay(run: PreparedRun, label: str) -> float:
     """Logarithm of the error's growth over the second half of a run, envelope against envelope."""
     result = perform(run)
     xhat = result.observers[label].xhat
@@ -100,7 +100,7 @@ def test_an_unstable_first_order_plant_in_closed_form() -> None:
 def test_runs_beside_the_critical_period(block: dict[str, Any], delay: float) -> None:
     """2 % below it the error decays, 2 % above it grows."""
 
-    def at(period: float, end: float = 5) -> Run:
+    def at(period: float, end: float = 5) -> PreparedRun:
         block_ = {**block, "initial": {"x1": 1, "x2": -1, "x3": 1}}
         return prepared({"o": block_}, end=end, measurement={"sampling": {"period": period}, "delay": delay})
 
@@ -115,7 +115,7 @@ def test_runs_beside_the_critical_period(block: dict[str, Any], delay: float) ->
 
 @pytest.mark.parametrize("sampling", ["continuous", {"period": 0.3}])
 def test_runs_beside_the_critical_delay(sampling: Any) -> None:
-    def at(delay: float, end: float = 5) -> Run:
+    def at(delay: float, end: float = 5) -> PreparedRun:
         block = {"type": "fhgo2", "theta": 1, "r": 1, "initial": {"x1": 1, "x2": -1, "x3": 1}}
         return prepared({"o": block}, end=end, step=0.02, measurement={"sampling": sampling, "delay": delay})
 
@@ -143,7 +143,7 @@ def test_two_chains_have_the_limit_of_the_slower_one() -> None:
 def test_a_time_varying_plant_against_its_own_run() -> None:
     """The small error's growth over [20, 60], from runs that sample a little below and above the limit."""
 
-    def at(period: float) -> Run:
+    def at(period: float) -> PreparedRun:
         observer = {"type": "shgo_riccati", "theta": 5, "initial": {"x1": 1.001, "x2": 0.999, "x3": 1.001}}
         measurement = {"sampling": {"period": period}}
         return prepare(experiment(ACADEMIC, {"o": observer}, end=60, output_step=0.01, measurement=measurement))

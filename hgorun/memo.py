@@ -1,0 +1,62 @@
+"""A bounded memory of what takes long to make."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable, Hashable
+from threading import RLock
+from typing import Generic, TypeVar
+
+_T = TypeVar("_T")
+
+
+class Memo(Generic[_T]):
+    """The most recently used values, by keys that say all that they depend on.
+
+    Keys may hold objects that are equal only to themselves: they are kept alive as long as their values.
+
+    Parameters
+    ----------
+    size : int
+        How many values are kept.
+    fits : callable, optional
+        Whether a value is small enough to be kept.
+    """
+
+    def __init__(self, size: int, fits: Callable[[_T], bool] = lambda _: True) -> None:
+        self._size, self._fits = size, fits
+        self._values: OrderedDict[Hashable, _T] = OrderedDict()
+        self._lock = RLock()
+
+    def get(self, key: Hashable, make: Callable[[], _T]) -> _T:
+        """The value of a key, made where it is not known; what raises is not kept."""
+        with self._lock:
+            if key in self._values:
+                self._values.move_to_end(key)
+                return self._values[key]
+            value = make()
+            if self._fits(value):
+                self._values[key] = value
+            while len(self._values) > self._size:
+                self._values.popitem(last=False)
+            return value
+
+    def clear(self) -> None:
+        """Forget everything."""
+        with self._lock:
+            self._values.clear()
+
+
+class Same:
+    """A thing as part of a key: equal to itself only."""
+
+    __slots__ = ("thing",)
+
+    def __init__(self, thing: object) -> None:
+        self.thing = thing
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Same) and other.thing is self.thing
+
+    def __hash__(self) -> int:
+        return id(self.thing)

@@ -1,0 +1,145 @@
+"""What can be refused of a prepared run before its first step."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hgorun.engine.program import history_bytes, history_pieces
+from hgorun.errors import Problem
+from hgorun.measurement.availability import Stretch
+from hgorun.measurement.blocks import Steps
+from hgorun.measurement.schedule import continuous_delays
+from hgorun.observers.base import SampledObserver, SampleSchedule
+from hgorun.simulation.prepared import PreparedRun
+from hgorun.simulation.tables import count_steps
+from hgorun.symbolic.evaluate import at
+
+_OVERLAP = 0.05  # of a step: delays shorter than that are followed inside the step
+
+
+def check_run(run: PreparedRun) -> None:
+    """Refuse a run that could not be carried out.
+
+    Raises
+    ------
+    Problem
+    """
+    _check_memory(run)
+    check_steps(run, run.step)
+    _check_jumps(run)
+    _check_start(run)
+
+
+def longest_step(run: PreparedRun, step: float) -> float:
+    """The longest step: no longer than the delays, unless they are very short."""
+    longest = np.inf if run.adaptive else step
+    return min(longest, run.smallest_delay) if run.smallest_delay > _OVERLAP * step else longest
+
+
+def check_steps(run: PreparedRun, step: float) -> None:
+    """Refuse steps for which there is no time, or no memory for those that a continuous delay spans.
+
+    Parameters
+    ----------
+    step : float
+        The nominal step.
+    """
+    events, longest = run.schedule.events, longest_step(run, step)
+    if run.adaptive:
+        count_steps(np.diff(events), run.solver.max_step or np.inf, "max_step")
+    steps = None if run.adaptive else count_steps(np.diff(events), longest)
+    if not run.structure.system.remembers:
+        return
+    pieces = history_pieces(np.column_stack([events[:-1], events[1:]]), steps, run.reach)
+    size = history_bytes(run.structure.system, pieces)
+    if size > run.time.max_memory:
+        late = max(continuous_delays(run.channels), key=lambda stretch: _longest_delay(run, stretch))
+        raise Problem(
+            late.paths["delay"],
+            f"with steps of {longest:.3g} the history of a delay of {run.reach:.3g} takes "
+            f"{size / 2**30:.3g} GiB; time.max_memory allows {run.time.max_memory / 2**30:.3g} GiB",
+        )
+
+
+def _longest_delay(run: PreparedRun, stretch: Stretch) -> float:
+    return float(stretch.delay_at(np.linspace(stretch.start, stretch.end, run.experiment.points)).max())
+
+
+def _check_memory(run: PreparedRun) -> None:
+    """The output must fit, now that its width is known."""
+    states = run.structure.system.states
+    size = run.grid.size * (states + 1) * 8
+    if size > run.time.max_memory:
+        raise Problem(
+            ("time", "output_step"),
+            f"{run.grid.size:.4g} output points of {states} states take "
+            f"{size / 2**30:.3g} GiB; time.max_memory allows {run.time.max_memory / 2**30:.3g} GiB",
+        )
+
+
+def _check_jumps(run: PreparedRun) -> None:
+    """What is stepped at samples needs all outputs sampled, together and in time."""
+    stepped = [("observers", b.label) for b in run.observers if isinstance(b.observer, SampledObserver)]
+    if run.plant.block.discretise:
+        stepped.insert(0, ("plant", "discretise"))
+    if not stepped:
+        return
+    first = run.channels[0].samples
+    for channel in run.channels:
+        samples = channel.samples
+        if any(s.continuous for s in channel.stretches):
+            raise Problem(stepped[0], f"this needs sampled outputs, but {channel.name} is continuous")
+        if not np.array_equal(samples.arrival, first.arrival):
+            raise Problem(stepped[0], "this needs all outputs sampled at the same times")
+        if np.any(samples.taken < samples.arrival):
+            raise Problem(stepped[0], "this takes samples without delay")
+    _check_schedules(run, np.diff(first.arrival[first.used]))
+
+
+def _check_schedules(run: PreparedRun, intervals: np.ndarray) -> None:
+    """What each discrete-time observer asks of the times between samples."""
+    stretches = run.channels[0].stretches
+    sampling = stretches[0].sampling
+    steps = sampling.steps if isinstance(sampling, Steps) and len(stretches) == 1 else None
+    schedule = SampleSchedule(intervals, steps, stretches[0].paths["sampling"])
+    for b in run.observers:
+        if isinstance(b.observer, SampledObserver):
+            try:
+                b.observer.check_samples(b.form, schedule)
+            except Problem as problem:
+                inside = problem.path[:1] != ("measurement",)
+                path = ("observers", b.label, *problem.path) if inside else problem.path
+                raise Problem(path, problem.message) from problem
+
+
+def _held_at_start(run: PreparedRun) -> np.ndarray:
+    """The vector w as if every output had just been measured."""
+    system = run.structure.system
+    held, layout = np.zeros(system.held.size), system.held
+    (channels,) = at(system.channels, run.time.start, run.numbers.p, run.numbers.z0, held)
+    for i, own in enumerate(channels.reshape(system.outputs, system.width)):
+        held[layout.previous(i)] = own[0]
+        held[layout.output(i) : layout.output(i) + own.size] = own
+    held[layout.interval] = 1.0
+    return held
+
+
+def _check_start(run: PreparedRun) -> None:
+    """The right-hand sides must be numbers at the start."""
+    system, numbers = run.structure.system, run.numbers
+    (rates,) = at(system.regimes[0].flow, run.time.start, numbers.p, numbers.z0, _held_at_start(run))
+    bad = np.flatnonzero(~np.isfinite(rates[: system.plant_states]))
+    if bad.size:
+        name = run.plant.model.states[int(bad[0])]
+        path = ("plant", *run.plant.block.place_of(name))
+        raise Problem(path, f"the right-hand side of {name} is not a finite number at the start of the run")
+    for b in numbers.observers:
+        if not np.all(np.isfinite(rates[b.start : b.end])):
+            internal = ", ".join(name for name in b.states if name not in ("xhat", "alpha"))
+            raise Problem(
+                ("observers", b.label),
+                "the observer's right-hand side is not a finite number at the start of the run: its "
+                "initial estimate"
+                + (f" or its internal state ({internal})" if internal else "")
+                + " lies where the equations are singular; set them with initial and internal",
+            )

@@ -1,0 +1,114 @@
+"""From the engine's arrays to the result of a run."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+
+import numpy as np
+
+from hgorun.engine.methods import METHODS
+from hgorun.engine.program import Raw
+from hgorun.measurement.events import merge
+from hgorun.measurement.schedule import nearest_event
+from hgorun.measurement.signals import noise_at
+from hgorun.memo import Memo
+from hgorun.result.data import Measurements, ObserverResult
+from hgorun.result.measure import measure
+from hgorun.result.result import Result
+from hgorun.result.windows import MetricSettings
+from hgorun.simulation.prepared import PreparedRun
+
+_INPUTS: Memo[np.ndarray] = Memo(8, lambda u: u.size < 1_000_000)
+
+
+def record(run: PreparedRun, raw: Raw) -> Result:
+    """Trajectories in the plant's coordinates, on the output grid, with metrics from the metric grid."""
+    structure, numbers, blocks, model = run.structure, run.numbers, run.experiment.blocks, run.plant.model
+    _, every_output, every_metric = run.experiment.grid
+    shown, metric = slice(None, None, every_output), slice(None, None, every_metric)
+    rows = raw.rows[:, :, 0]
+    grid = run.grid[shown].copy()
+    u = _inputs(run, grid)
+    y = structure.outputs.along(grid, numbers.p, rows[shown])
+    x = rows[:, : model.n]
+    estimates = [readout.along(run.grid, numbers.p, rows) for readout in structure.estimates]
+    settings = MetricSettings.of(blocks.metrics, run.time)
+    measured = {b.label: xhat[metric] for b, xhat in zip(numbers.observers, estimates, strict=True)}
+    metrics = measure(run.grid[metric], x[metric], measured, settings)
+    found = {}
+    for j, (b, xhat) in enumerate(zip(numbers.observers, estimates, strict=True)):
+        lost_at = float(raw.diverged[j, 0])
+        found[b.label] = ObserverResult(
+            type=b.observer.type,
+            xhat=np.ascontiguousarray(xhat[shown]),
+            internal={name: st.shaped(rows[shown]) for name, st in b.states.items() if name != "xhat" and st.size},
+            gains={name: np.asarray(value).tolist() for name, value in b.design.items()},
+            dimension=sum(st.size for name, st in b.states.items() if name != "alpha"),
+            diverged_at=lost_at if np.isfinite(lost_at) else None,
+            metrics=metrics[b.label],
+        )
+    embedded = None
+    if METHODS[run.solver.method].error:
+        blocks_of = {"plant": (0, model.n)} | {b.label: (b.start, b.stop) for b in numbers.observers}
+        embedded = {label: float(np.max(raw.error[a:b])) for label, (a, b) in blocks_of.items()}
+    return Result(
+        name=run.experiment.name,
+        title=blocks.title,
+        time=grid,
+        x=np.ascontiguousarray(x[shown]),
+        u=u.copy(),
+        y=np.ascontiguousarray(y),
+        states=model.states,
+        inputs=model.inputs,
+        outputs=model.outputs,
+        units={"time": run.time.unit, **run.plant.units},
+        measurements=_measurements(run, raw, grid, y),
+        observers=found,
+        config=run.experiment.text,
+        resolved=run.experiment.resolved_later,
+        seed=blocks.seed,
+        windows=asdict(settings),
+        integration_error=embedded,
+    )
+
+
+def _inputs(run: PreparedRun, times: np.ndarray) -> np.ndarray:
+    """u(t), which does not depend on what the observers do."""
+    key = run.structure.groups[0].truth.plant, run.plant.everything.tobytes(), times.tobytes()
+    nothing = np.zeros(run.structure.system.states)
+    return _INPUTS.get(key, lambda: run.structure.inputs.along(times, run.numbers.p, nothing))
+
+
+def _measurements(run: PreparedRun, raw: Raw, grid: np.ndarray, y: np.ndarray) -> Measurements:
+    """Samples at their arrival, continuous outputs on the output grid."""
+    parts: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
+    base = 0
+    for i, c in enumerate(run.channels):
+        count = c.samples.arrival.size
+        times, taken = [c.samples.arrival], [c.samples.taken]
+        values = [raw.measured[base : base + count, 0]]
+        base += count
+        continuous = [k for k, stretch in enumerate(c.stretches) if stretch.continuous]
+        on_grid = c.stretch_at(grid) if continuous else grid
+        for k in continuous:
+            stretch, inside = c.stretches[k], on_grid == k
+            t, truth = grid[inside], y[inside, i]
+            then = t
+            if not stretch.undelayed:
+                then = np.maximum(t - stretch.delay_at(t), run.time.start)
+                order = np.argsort(then, kind="stable")
+                late = np.empty_like(truth)
+                late[order] = run.plant_alone.at(then[order])[0][:, i]
+                truth = late
+            times.append(t)
+            taken.append(then)
+            v = noise_at(stretch, t) + c.noise[k].held(t)
+            values.append(truth * (1 + v) if stretch.multiplicative else truth + v)
+        parts.append((np.concatenate(times), np.concatenate(taken), np.concatenate(values)))
+    # arrivals that are one event are one row, in spite of rounding
+    union = merge(np.concatenate([part[0] for part in parts]), 1e-9 * run.step)
+    taken_all, y_all = (np.full((union.size, len(parts)), np.nan) for _ in range(2))
+    for i, part in enumerate(parts):
+        where = nearest_event(union, part[0]) if union.size > 1 else np.zeros(part[0].size, dtype=int)
+        taken_all[where, i], y_all[where, i] = part[1], part[2]
+    return Measurements(time=union, taken=taken_all, y=y_all)

@@ -1,0 +1,139 @@
+"""From an experiment to a run that is ready to be integrated: everything that is decided before the first step."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable
+
+import casadi as ca
+import numpy as np
+
+from hgorun.errors import Problem
+from hgorun.measurement.noise import is_relative
+from hgorun.measurement.schedule import Channel, Schedule, build_schedule, check_delays, find_channels
+from hgorun.measurement.signals import kinks_of
+from hgorun.memo import Memo, Same
+from hgorun.plants.build import BuiltPlant, SymbolicPlant
+from hgorun.simulation.checks import check_run
+from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.observer_block import Design
+from hgorun.simulation.plant_alone import PlantRun, plant_kinks
+from hgorun.simulation.prepared import Numbers, PreparedRun
+from hgorun.simulation.structure import Structure, parameter_values, structure_of
+from hgorun.simulation.truth import SimulatedPlant
+from hgorun.symbolic.evaluate import at
+
+_EVENTS = 100_000  # of schedules that are kept in memory
+_CHANNELS: Memo[list[Channel]] = Memo(16, lambda channels: all(c.samples.arrival.size < _EVENTS for c in channels))
+_SCHEDULES: Memo[Schedule] = Memo(16, lambda schedule: schedule.events.size < _EVENTS)
+_SLOPES: Memo[ca.Function] = Memo(64)
+_TRUTHS: Memo[SimulatedPlant] = Memo(64)
+
+
+def prepare(experiment: Experiment) -> PreparedRun:
+    """Check all that can be checked without running: models, schedules, observers.
+
+    What depends on the structure alone is built once for all experiments of that structure.
+
+    Raises
+    ------
+    ConfigError
+    """
+    with experiment.located():
+        run = _prepared(experiment)
+        check_run(run)
+    return run
+
+
+def _prepared(experiment: Experiment) -> PreparedRun:
+    plant, time, stretches = experiment.plant, experiment.blocks.time, experiment.stretches
+    _ = experiment.grid, experiment.forms  # what is wrong with them is said first
+    sizes = _mean_squares(experiment)
+    key = Same(stretches), experiment.blocks.seed, None if sizes is None else tuple(sizes)
+    channels = _CHANNELS.get(
+        key, lambda: find_channels(stretches, plant.model.outputs, time, experiment.blocks.seed, sizes)
+    )
+    smallest_delay, reach = check_delays(channels, experiment.points)
+    step = nominal_step(experiment)
+    schedule = _schedule(experiment, channels, step)
+    designs = list(experiment.designs.values())
+    stepped = plant.block.discretise == "euler"
+    truth = _TRUTHS.get((plant.symbolic, stepped), lambda: SimulatedPlant(plant.symbolic, stepped))
+    structure = structure_of([truth], [designs], stretches, schedule.variants, plant.everything)
+    return PreparedRun(
+        experiment=experiment,
+        structure=structure,
+        numbers=numbers_of(structure, plant, experiment, designs),
+        step=step,
+        channels=channels,
+        schedule=schedule,
+        smallest_delay=smallest_delay,
+        reach=reach,
+    )
+
+
+def numbers_of(structure: Structure, plant: BuiltPlant, experiment: Experiment, designs: list[Design]) -> Numbers:
+    """The numbers of an experiment for its structure."""
+    blocks = tuple(block.of(design) for block, design in zip(structure.observers, designs, strict=True))
+    has_alpha = structure.system.has_alpha
+    initial = [design.initial(plant.parameters, has_alpha=has_alpha) for design in designs]
+    return Numbers(
+        p=parameter_values(plant.everything, experiment.stretches, designs),
+        z0=np.concatenate([plant.initial, *initial]),
+        observers=blocks,
+    )
+
+
+def _mean_squares(experiment: Experiment) -> np.ndarray | None:
+    """Of the noise-free outputs, where the size of some noise is relative to them."""
+    if not any(is_relative(stretch) for one in experiment.stretches for stretch in one):
+        return None
+    if experiment.plant.block.discretise:
+        raise Problem(("plant", "discretise"), "snr_db needs a plant in continuous time; give std")
+    alone = PlantRun(experiment.plant, experiment.blocks.time, experiment.points, nominal_step(experiment))
+    return alone.mean_squares()
+
+
+def _schedule(experiment: Experiment, channels: list[Channel], step: float) -> Schedule:
+    time, points = experiment.blocks.time, experiment.points
+    found = [plant_kinks(experiment.plant, time, points)]
+    found += [kinks_of(s, points) for channel in channels for s in channel.stretches if s.continuous]
+    kinks = np.concatenate(found)
+    key: Hashable = tuple(channel.timing for channel in channels), time, kinks.tobytes(), step, points
+    return _SCHEDULES.get(key, lambda: build_schedule(channels, time, kinks, step, points))
+
+
+def nominal_step(experiment: Experiment) -> float:
+    """The step that is given, or one from the fastest declared frequency and the fastest error dynamics.
+
+    RK4 follows exp(-rate t) to about 1e-7 of a step when rate * step is 0.05, and a sinusoid to the same
+    with 60 points a period; never fewer than 1,000 steps a run. Euler takes 100 times as many.
+    """
+    if experiment.given_step is not None:
+        return experiment.given_step
+    time, rates = experiment.blocks.time, []
+    for label, observer in experiment.observers.items():
+        try:
+            rates.append(observer.fastest_rate(experiment.forms[label]))
+        except Problem as problem:
+            raise Problem(("observers", label, *problem.path), problem.message) from problem
+    plant = experiment.plant
+    slopes = _SLOPES.get(plant.symbolic, lambda: _slopes(plant.symbolic))
+    (at_start,) = at(slopes, time.start, plant.initial, plant.everything)
+    if np.all(np.isfinite(at_start)):
+        rates.append(float(np.max(np.abs(np.linalg.eigvals(at_start.reshape(plant.model.n, plant.model.n))))))
+    step = (time.end - time.start) / 1000
+    if max(rates, default=0.0) > 0:
+        step = min(step, 0.05 / max(rates))
+    for stretches in experiment.stretches:
+        for s in stretches:
+            fastest = s.fastest() if s.continuous else 0.0
+            if fastest > 0:
+                step = min(step, 2 * np.pi / fastest / 60)
+    return step / 100 if experiment.blocks.solver.method == "euler" else step
+
+
+def _slopes(plant: SymbolicPlant) -> ca.Function:
+    """df/dx with the inputs in it, from (t, x, p)."""
+    model = plant.model
+    slopes = ca.substitute(ca.jacobian(model.dynamics, model.x), model.u, plant.inputs)
+    return ca.Function("A", [model.t, model.x, plant.everything], [slopes])

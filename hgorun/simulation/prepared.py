@@ -1,0 +1,99 @@
+"""A run, ready to be integrated: its structure, shared with other runs, and its numbers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from hgorun.config.models import Solver, Time
+from hgorun.measurement.schedule import Channel, Schedule
+from hgorun.plants.build import BuiltPlant
+from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.observer_block import ObserverBlock
+from hgorun.simulation.plant_alone import PlantRun
+from hgorun.simulation.structure import Structure
+from hgorun.symbolic.forms import Form
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Numbers:
+    """What two runs of one structure differ in.
+
+    Attributes
+    ----------
+    p, z0 : ndarray
+        Parameters, and the initial state.
+    observers : tuple of ObserverBlock
+        With the numbers of this run.
+    """
+
+    p: np.ndarray
+    z0: np.ndarray
+    observers: tuple[ObserverBlock, ...]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PreparedRun:
+    """All that is decided before the first step.
+
+    Attributes
+    ----------
+    step : float
+        The nominal step.
+    channels : list of Channel
+        What is measured of every output.
+    schedule : Schedule
+    longest_step, reach : float
+        No step is longer, and no continuous delay.
+    """
+
+    experiment: Experiment
+    structure: Structure
+    numbers: Numbers
+    step: float
+    channels: list[Channel]
+    schedule: Schedule
+    smallest_delay: float
+    reach: float
+
+    @property
+    def plant(self) -> BuiltPlant:
+        """The plant with its numbers."""
+        return self.experiment.plant
+
+    @property
+    def forms(self) -> dict[str, Form]:
+        """The plant as every observer sees it."""
+        return self.experiment.forms
+
+    @property
+    def time(self) -> Time:
+        """Horizon and output grid."""
+        return self.experiment.blocks.time
+
+    @property
+    def solver(self) -> Solver:
+        """How the equations are solved."""
+        return self.experiment.blocks.solver
+
+    @property
+    def adaptive(self) -> bool:
+        """Whether an error estimate controls the step."""
+        return self.experiment.adaptive
+
+    @property
+    def grid(self) -> np.ndarray:
+        """The finer of output and metric grid."""
+        return self.experiment.grid[0]
+
+    @property
+    def observers(self) -> tuple[ObserverBlock, ...]:
+        """The observers with the numbers of this run."""
+        return self.numbers.observers
+
+    @cached_property
+    def plant_alone(self) -> PlantRun:
+        """The plant without observers, at other times than those of the grid."""
+        return PlantRun(self.plant, self.time, self.experiment.points, self.step)

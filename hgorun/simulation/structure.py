@@ -1,0 +1,212 @@
+"""What a family of runs has in common: equations and compiled code, built once and kept in memory.
+
+A structure depends on the plant's equations, on the forms in which the observers see it, on the observers'
+classes and on how the outputs reach them; not on numbers. Two experiments of one structure share it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Sequence
+from dataclasses import dataclass, field
+from itertools import chain
+
+import casadi as ca
+import numpy as np
+
+from hgorun.config.reads import Reads
+from hgorun.engine.layout import HybridSystem
+from hgorun.engine.program import Program
+from hgorun.measurement.availability import Stretch
+from hgorun.measurement.signals import Signal, signal, signal_numbers, signal_structure
+from hgorun.measurement.variants import Variant
+from hgorun.memo import Memo
+from hgorun.simulation.observer_block import Design, ObserverBlock
+from hgorun.simulation.system import Group, build_system, has_past
+from hgorun.simulation.truth import PlantNumbers, Truth
+from hgorun.symbolic.evaluate import Floats, evaluate
+from hgorun.symbolic.parameters import Parameters
+
+Stretches = Sequence[Sequence[Stretch]]  # of every output
+
+
+@dataclass(frozen=True, eq=False)
+class Readout:
+    """What is shown of a run: some of its states, or a function of (t, p, z, w)."""
+
+    places: slice | list[int] | None
+    function: ca.Function
+
+    def along(self, times: Floats, p: Floats, z: Floats, w: Floats | None = None) -> Floats:
+        """The values along a run, shape (len(times), size).
+
+        Parameters
+        ----------
+        times : ndarray, shape (N,)
+        p : ndarray
+        z : ndarray, shape (N, states)
+        w : ndarray, shape (N, held numbers), optional
+            Needed where inputs are recorded.
+        """
+        if self.places is not None:
+            return z[:, self.places]
+        held = np.zeros(self.function.size1_in(3)) if w is None else w
+        return evaluate(self.function, times[:, None], p, z, held)[0]
+
+
+@dataclass(frozen=True, eq=False)
+class Structure:
+    """The equations of a family of runs, and the code compiled from them.
+
+    Attributes
+    ----------
+    truths : tuple of Truth
+    groups : tuple of Group
+        Their observers' numbers are those of the experiment that was built first.
+    system : HybridSystem
+        What is compiled.
+    p, plant : casadi.SX
+        All parameters, and those of the plant among them.
+    signals : dict of (output, phase) to Signal
+        The continuous outputs.
+    inputs, outputs : Readout
+        u and y of the first truth.
+    estimates : tuple of Readout
+        xhat of every observer in the plant's coordinates.
+    """
+
+    groups: tuple[Group, ...]
+    system: HybridSystem
+    p: ca.SX
+    plant: ca.SX
+    signals: dict[tuple[int, int], Signal]
+    inputs: Readout
+    outputs: Readout
+    estimates: tuple[Readout, ...]
+    _programs: dict[Hashable, Program] = field(default_factory=dict, repr=False)
+
+    @property
+    def observers(self) -> tuple[ObserverBlock, ...]:
+        """The observers of all groups."""
+        return tuple(b for group in self.groups for b in group.observers)
+
+    def program(self, method: str, *, adaptive: bool = False, lanes: int = 1) -> Program:
+        """Native code for a method of integration, compiled when first asked for."""
+        key = method, adaptive, lanes
+        if key not in self._programs:
+            self._programs[key] = Program(self.system, method, adaptive=adaptive, lanes=lanes)
+        return self._programs[key]
+
+
+_STRUCTURES: Memo[list[tuple[list[Reads], Structure]]] = Memo(32)
+_BUCKET = 8  # structures of one key, which differ in keys that the observers' equations read
+
+
+def structure_of(
+    truths: Sequence[Truth],
+    designs: Sequence[Sequence[Design]],
+    stretches: Stretches,
+    variants: Sequence[Variant],
+    parameters: np.ndarray,
+) -> Structure:
+    """The structure of a run, built where none is known.
+
+    Parameters
+    ----------
+    truths : sequence of Truth
+        One a group; all of them of one plant.
+    designs : sequence of sequence of Design
+        The observers of every group.
+    stretches : sequence of sequence of Stretch
+        Of every output, group after group.
+    variants : sequence of Variant
+        The combinations of availabilities that occur.
+    parameters : ndarray
+        The plant's, with the numbers of its expressions.
+    """
+    key = (
+        tuple((truth.structure, *(d.structure for d in of)) for truth, of in zip(truths, designs, strict=True)),
+        tuple(tuple(map(signal_structure, one)) for one in stretches),
+        tuple(variants),
+    )
+    bucket = _STRUCTURES.get(key, list)
+    observers = [d.observer for d in chain(*designs)]
+    for reads, structure in bucket:
+        if all(read.hold_for(observer) for read, observer in zip(reads, observers, strict=True)):
+            return structure
+    reads = [Reads(observer) for observer in observers]
+    structure = _build(truths, designs, reads, stretches, variants, parameters)
+    bucket.append((reads, structure))
+    del bucket[:-_BUCKET]
+    return structure
+
+
+def parameter_values(parameters: np.ndarray, stretches: Stretches, designs: Sequence[Design]) -> np.ndarray:
+    """The numbers of the vector p, in the order in which :func:`structure_of` has given them symbols."""
+    signals = [signal_numbers(s) for one in stretches for s in one if s.continuous]
+    return np.concatenate([parameters, *signals, *(d.numbers for d in designs)])
+
+
+def _build(
+    truths: Sequence[Truth],
+    designs: Sequence[Sequence[Design]],
+    reads: Sequence[Reads],
+    stretches: Stretches,
+    variants: Sequence[Variant],
+    values: np.ndarray,
+) -> Structure:
+    plant, parameters = truths[0].plant, Parameters()
+    t = plant.model.t
+    count = plant.model.p.numel()
+    symbols = PlantNumbers(parameters.add("plant", values[:count]), parameters.add("numbers", values[count:]))
+    signals = {
+        (i, k): signal(s, t, parameters, f"noise.{i}.{k}")
+        for i, one in enumerate(stretches)
+        for k, s in enumerate(one)
+        if s.continuous
+    }
+    groups, start, watched = [], 0, iter(reads)
+    for truth, of in zip(truths, designs, strict=True):
+        blocks, end = [], start + truth.size
+        for design in of:
+            blocks.append(ObserverBlock.place(design, end, has_past(variants), parameters, next(watched).watched))
+            end = blocks[-1].end
+        groups.append(Group(truth, start, tuple(blocks)))
+        start = end
+    p = parameters.symbol
+    system = build_system(groups, t, p, symbols, signals, variants)
+    z, w = ca.SX.sym("z", system.states), ca.SX.sym("w", system.held.size)
+    estimates: list[Readout] = []
+
+    def readout(expression: ca.SX, among: slice) -> Readout:
+        """``among``: states that it may be."""
+        places = _states(expression, z, range(*among.indices(system.states)))
+        return Readout(places, ca.Function("shown", [t, p, z, w], [ca.densify(expression)]))
+
+    for group in reversed(groups):
+        x = z[group.start : group.start + group.truth.size]
+        placed = group.truth.place(t, x, symbols, w, system.held)
+        for b in reversed(group.observers):
+            xhat = b.states["xhat"]
+            shown = b.estimate(t, placed.u, symbols.parameters, z)
+            estimates.insert(0, readout(shown, slice(xhat.start, xhat.start + xhat.size)))
+    nothing, of_truth = slice(0, 0), slice(0, truths[0].size)
+    return Structure(
+        tuple(groups),
+        system,
+        p,
+        symbols.parameters,
+        signals,
+        readout(placed.u, nothing),
+        readout(placed.y, of_truth),
+        tuple(estimates),
+    )
+
+
+def _states(expression: ca.SX, z: ca.SX, among: Sequence[int]) -> slice | list[int] | None:
+    """Which states the entries of an expression are; None where one of them is something else."""
+    found = [next((k for k in among if ca.is_equal(e, z[k])), None) for e in ca.vertsplit(expression)]
+    places = [k for k in found if k is not None]
+    if len(places) < len(found) or not places:
+        return None
+    first, last = places[0], places[-1] + 1
+    return slice(first, last) if places == list(range(first, last)) else places

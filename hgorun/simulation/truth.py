@@ -1,0 +1,155 @@
+"""Where the outputs that the observers see come from: a simulated plant, or what was recorded of a real one."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable
+from dataclasses import dataclass
+from typing import Protocol
+
+import casadi as ca
+
+from hgorun.engine.layout import Held
+from hgorun.memo import Same
+from hgorun.plants.build import SymbolicPlant
+
+
+@dataclass(frozen=True)
+class PlantNumbers:
+    """Symbols for the plant's parameters, and for the numbers in the expressions of inputs and disturbance."""
+
+    parameters: ca.SX
+    numbers: ca.SX
+
+    def of(self, plant: SymbolicPlant, expression: ca.SX) -> ca.SX:
+        """An expression of the plant's own symbols in these."""
+        return ca.substitute(expression, plant.everything, ca.vertcat(self.parameters, self.numbers))
+
+
+@dataclass(frozen=True)
+class Placed:
+    """A truth as a part of the system.
+
+    Attributes
+    ----------
+    u, u_before : casadi.SX, shape (m,)
+        The inputs at t, and those at the sample before.
+    y : casadi.SX, shape (q,)
+        The noise-free outputs, as functions of its states; zero where they are recorded.
+    rate : casadi.SX, shape (size,)
+        The derivative of its states.
+    step : casadi.SX or None
+        What its states become at a sample, where they are stepped.
+    """
+
+    u: ca.SX
+    u_before: ca.SX
+    y: ca.SX
+    rate: ca.SX
+    step: ca.SX | None = None
+
+
+class Truth(Protocol):
+    """What the observers of a group observe."""
+
+    @property
+    def plant(self) -> SymbolicPlant:
+        """The plant, of which the observers have copies."""
+        ...
+
+    @property
+    def size(self) -> int:
+        """Number of its states in z."""
+        ...
+
+    @property
+    def recorded_inputs(self) -> int:
+        """Number of inputs that lie in w."""
+        ...
+
+    @property
+    def structure(self) -> Hashable:
+        """All that its equations depend on."""
+        ...
+
+    def place(self, t: ca.SX, x: ca.SX, p: PlantNumbers, w: ca.SX, held: Held) -> Placed:
+        """Its equations.
+
+        Parameters
+        ----------
+        x : casadi.SX, shape (size,)
+            Its states.
+        p : PlantNumbers
+            The plant's parameters.
+        w : casadi.SX
+            What is held between events, laid out as ``held`` says.
+        """
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatedPlant:
+    """The plant's own equations, with its disturbance.
+
+    Attributes
+    ----------
+    stepped : bool
+        By forward differences at the samples, in place of its differential equations.
+    """
+
+    plant: SymbolicPlant
+    stepped: bool = False
+    recorded_inputs: int = 0
+
+    @property
+    def size(self) -> int:
+        return self.plant.model.n
+
+    @property
+    def structure(self) -> Hashable:
+        return type(self), Same(self.plant), self.stepped
+
+    def place(self, t: ca.SX, x: ca.SX, p: PlantNumbers, w: ca.SX, held: Held) -> Placed:
+        model = self.plant.model
+        u, before = _inputs_of_time(self.plant, t, p, w[held.interval])
+        disturbance = p.of(self.plant, self.plant.disturbance)
+        y = model.h(t, x, u, p.parameters)
+        if not self.stepped:
+            return Placed(u, before, y, model.f(t, x, u, p.parameters) + disturbance)
+        interval = w[held.interval]
+        rate = model.f(t - interval, x, before, p.parameters)
+        rate += ca.substitute(disturbance, t, t - interval)
+        return Placed(u, before, y, ca.SX.zeros(model.n), x + interval * rate)
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """Samples that are there already: no states, outputs that are whatever arrives.
+
+    The plant is what the observers copy. Its inputs are expressions of time, as in a simulation, or recorded,
+    too: then every input holds its value between two of its changes, or follows a straight line.
+    """
+
+    plant: SymbolicPlant
+    inputs_recorded: bool = False
+    size: int = 0
+
+    @property
+    def recorded_inputs(self) -> int:
+        return len(self.plant.model.inputs) if self.inputs_recorded else 0
+
+    @property
+    def structure(self) -> Hashable:
+        return type(self), Same(self.plant), self.inputs_recorded
+
+    def place(self, t: ca.SX, x: ca.SX, p: PlantNumbers, w: ca.SX, held: Held) -> Placed:
+        u, before = _inputs_of_time(self.plant, t, p, w[held.interval])
+        if self.inputs_recorded:
+            places = [held.input(i) for i in range(self.recorded_inputs)]
+            u = ca.vertcat(*[w[value] + w[slope] * (t - w[since]) for value, slope, since, _ in places])
+            before = ca.vertcat(*[w[place] for *_, place in places])
+        return Placed(u, before, ca.SX.zeros(len(self.plant.model.outputs)), ca.SX(0, 1))
+
+
+def _inputs_of_time(plant: SymbolicPlant, t: ca.SX, p: PlantNumbers, interval: ca.SX) -> tuple[ca.SX, ca.SX]:
+    u = p.of(plant, plant.inputs)
+    return u, ca.substitute(u, t, t - interval)

@@ -1,0 +1,130 @@
+"""Numbers of CasADi functions: the one way from arrays to arrays.
+
+CasADi takes and gives matrices of its own, which become arrays through Python lists; that takes ten times as
+long as the evaluation itself. Here a function reads NumPy's memory and writes into it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hgorun.config.expressions import parse
+from hgorun.memo import Memo, Same
+
+Floats = NDArray[np.float64]
+
+
+def evaluate(function: ca.Function, *arguments: ArrayLike) -> list[Floats]:
+    """Evaluate a function once, or at many points.
+
+    Parameters
+    ----------
+    function : casadi.Function
+    *arguments : array_like
+        One for each input. A matrix, shape (N, size), has one row a point; what has fewer dimensions is the same
+        at all points.
+
+    Returns
+    -------
+    list of ndarray
+        One for each output: shape (N, rows), or (N, rows, columns) where it has several columns. N is 1 where
+        no argument is a matrix.
+    """
+    arrays = [np.ascontiguousarray(argument, dtype=float) for argument in arguments]
+    points = next((len(a) for a in arrays if a.ndim == 2), 1)
+    for i, array in enumerate(arrays):
+        if array.size != function.nnz_in(i) * (points if array.ndim == 2 else 1):
+            raise ValueError(f"argument {i} of {function}: {array.shape} does not fit")
+    results = [np.zeros((points, function.nnz_out(i))) for i in range(function.n_out())]
+    if points == 1:
+        _call(function, arrays, results)
+    else:
+        _in_pieces(function, arrays, results, points)
+    return [_shaped(function.sparsity_out(i), array) for i, array in enumerate(results)]
+
+
+_PIECE = 128  # points that are evaluated in one call: CasADi takes microseconds a point to prepare one
+_MAPPED: Memo[ca.Function] = Memo(64)
+
+
+def _call(function: ca.Function, arrays: Sequence[Floats], results: Sequence[Floats]) -> None:
+    buffer, call = function.buffer()
+    for i, array in enumerate(arrays):
+        buffer.set_arg(i, array.data)
+    for i, array in enumerate(results):
+        buffer.set_res(i, array.data)
+    call()
+
+
+def _in_pieces(function: ca.Function, arrays: Sequence[Floats], results: Sequence[Floats], points: int) -> None:
+    """Many points, a fixed number at a time; the last piece is filled up with zeros."""
+    mapped = _MAPPED.get(Same(function), lambda: function.map(_PIECE))
+    buffer, call = mapped.buffer()
+    inside = [a if a.ndim == 2 else np.tile(a.ravel(), (_PIECE, 1)) for a in arrays]
+    whole = points - points % _PIECE
+    for start in range(0, points, _PIECE):
+        rest = start == whole
+        given = [_piece(a, start, rest) if old.ndim == 2 else a for a, old in zip(inside, arrays, strict=True)]
+        found = [np.zeros((_PIECE, r.shape[1])) if rest else r[start : start + _PIECE] for r in results]
+        for i, array in enumerate(given):
+            buffer.set_arg(i, array.data)
+        for i, array in enumerate(found):
+            buffer.set_res(i, array.data)
+        call()
+        if rest:
+            for result, array in zip(results, found, strict=True):
+                result[start:] = array[: points - start]
+
+
+def _piece(array: Floats, start: int, rest: bool) -> Floats:
+    part = array[start : start + _PIECE]
+    return np.concatenate([part, np.zeros((_PIECE - len(part), part.shape[1]))]) if rest else part
+
+
+def at(function: ca.Function, *arguments: ArrayLike) -> list[Floats]:
+    """The outputs at one point: shapes (rows,), or (rows, columns)."""
+    return [value[0] for value in evaluate(function, *map(np.ravel, arguments))]
+
+
+def along(function: ca.Function, times: ArrayLike, *constants: ArrayLike) -> Floats:
+    """A scalar function of time, or of another running number, at all times: shape (N,).
+
+    Parameters
+    ----------
+    function : casadi.Function
+    times : array_like, shape (N,)
+    *constants : array_like
+        The other arguments, the same at all times.
+    """
+    (values,) = evaluate(function, np.asarray(times, dtype=float).reshape(-1, 1), *map(np.ravel, constants))
+    return values.ravel()
+
+
+@lru_cache(maxsize=256)
+def compiled(text: str, *names: str) -> ca.Function:
+    """An expression of some names as a function of them.
+
+    Raises
+    ------
+    ExpressionError
+    """
+    symbols = [ca.SX.sym(name) for name in names]
+    value = parse(text, names=names).symbol(dict(zip(names, symbols, strict=True)))
+    return ca.Function("value", symbols, [value])
+
+
+def _shaped(sparsity: ca.Sparsity, values: Floats) -> Floats:
+    """Full matrices from CasADi's nonzeros, which lie column after column."""
+    rows, columns = sparsity.shape
+    if not sparsity.is_dense():
+        full = np.zeros((len(values), columns * rows))
+        full[:, np.array(sparsity.get_col()) * rows + np.array(sparsity.row())] = values
+        values = full
+    if columns == 1:
+        return values
+    return np.ascontiguousarray(values.reshape(len(values), columns, rows).swapaxes(1, 2))
