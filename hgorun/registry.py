@@ -13,8 +13,8 @@ Other packages name theirs in an entry point of the kind's group. Whoever owns a
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from functools import lru_cache
 from importlib import import_module
 from importlib.util import find_spec
@@ -106,6 +106,17 @@ class Registry(Generic[T]):
     def forget(self, name: str) -> None:
         """Take a name away again, if it is there; what a test has registered."""
         self._registered.pop(name, None)
+
+    @contextmanager
+    def replaced(self, name: str, thing: object) -> Iterator[T]:
+        """A name that stands for another thing for a while, as a test of that thing needs it."""
+        before = self._registered.pop(name, None)
+        try:
+            yield self.add(name, thing)
+        finally:
+            self._registered.pop(name, None)
+            if before is not None:
+                self._registered[name] = before
 
     def names(self) -> list[str]:
         """All names, sorted; without those of other packages that cannot be loaded, which :meth:`find` reports."""

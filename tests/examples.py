@@ -10,6 +10,8 @@ import yaml
 
 import hgorun
 from hgorun import Experiment, Result
+from hgorun.analysis.finding import Finding, all_findings
+from hgorun.analysis.report import Findings
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import prepare
 
@@ -93,3 +95,13 @@ def run(folder: Path, config: str | Mapping[str, Any], *overrides: str, **option
 def prepared(folder: Path, config: str | Mapping[str, Any], *overrides: str) -> PreparedRun:
     """All that is decided before the first step: the engine's tables and numbers."""
     return prepare(load(folder, config, *overrides))
+
+
+def findings(*files: str) -> list[Finding]:
+    """The findings declared in some files of hgorun/analysis/findings."""
+    return [one for one in all_findings() if one.of.__module__.rpartition(".")[2] in files]
+
+
+def said(found: Findings) -> Block:
+    """What an analysis says of an observer, by finding; a test knows of which kind each value is."""
+    return dict(found.values)

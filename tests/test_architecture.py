@@ -26,7 +26,7 @@ FLOORS: list[set[str]] = [
     {"measurement"},
     {"result"},
     {"simulation"},
-    {"analysis"},
+    {"analysis", "testing"},
     {"tables"},
     {"figures"},
     {"study"},
@@ -37,11 +37,14 @@ FLOORS: list[set[str]] = [
     {"__main__"},
 ]
 ANALYSIS_FLOORS: list[set[str]] = [
-    {"findings"},
+    {"reasons"},
+    {"subject"},
+    {"finding"},
     {"linear"},
     {"excitation"},
-    {"convergence", "noise", "papers", "stability"},
-    {"report", "search"},
+    {"convergence", "noise", "papers", "search", "stability"},
+    {"findings"},
+    {"report"},
 ]
 # (importing file, imported room): why it points upwards. At most three.
 EXCEPTIONS = {

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
-import numpy as np
-
-from hgorun.analysis.convergence.contributor import promises
-from hgorun.analysis.findings import Context, Contributor, Findings
-from hgorun.analysis.noise.contributor import noise
-from hgorun.analysis.papers.contributor import conditions
-from hgorun.analysis.stability.contributor import excitations, limits
-from hgorun.errors import SimulationError
+from hgorun.analysis.convergence.theorem import transient_of
+from hgorun.analysis.finding import Finding, Remarked, Value, all_findings
+from hgorun.analysis.reasons import outcomes
+from hgorun.analysis.subject import Context, Subject
 from hgorun.files import json_value
 from hgorun.result.result import Result
 from hgorun.result.theory import Transient
@@ -21,31 +18,23 @@ from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import perform, prepare
 
-# each adds what it knows; a later one's value wins over an earlier one's
-CONTRIBUTORS: tuple[Contributor, ...] = (promises, limits, noise, excitations, conditions)
 
-# that every observer has in JSON, null where there is no value
-KEYS = (
-    "poles",
-    "hurwitz",
-    "beta",
-    "chi",
-    "lipschitz",
-    "theta_bound",
-    "theta_critical",
-    "delay_bound",
-    "delay_critical",
-    "period_critical",
-    "tau_bound",
-    "noise_rms_predicted",
-    "noise_rms_measured",
-    "excitation",
-)
+@dataclass(frozen=True)
+class Findings:
+    """What is known of one observer, and why the rest is not.
 
-_ABSENT = {
-    "theta_critical": "found by simulating again and again: asked for with --search",
-    "tau_bound": "theorem 2.4.1 is for fhgo1",
-}
+    Attributes
+    ----------
+    values : mapping of str to Value or None
+        By the findings' names; None where there is a reason.
+    reasons : mapping of str to str
+        Why a finding has no value.
+    remarks : tuple of str
+    """
+
+    values: Mapping[str, Value | None]
+    reasons: Mapping[str, str]
+    remarks: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -55,43 +44,67 @@ class Analysis:
     Attributes
     ----------
     name : str
+    findings : tuple of Finding
+        What was asked for.
     observers : mapping of str to Findings
-    result : Result
-        The simulation.
+    context : Context
+        The run and its simulation.
     """
 
     name: str
+    findings: tuple[Finding, ...]
     observers: Mapping[str, Findings]
-    result: Result
+    context: Context
 
     @property
+    def result(self) -> Result:
+        """The simulation."""
+        return self.context.result
+
+    @cached_property
     def transients(self) -> dict[str, Transient]:
         """Errors and their bounds over time, of the observers that have some."""
-        return {label: f.transient for label, f in self.observers.items() if f.transient is not None}
+        subjects = self.context.subjects
+        return outcomes(subjects, lambda label: transient_of(subjects[label]))[0]
 
     def predicted(self) -> dict[str, dict[str, float]]:
         """The numbers that stand beside metrics in a comparison: {label: {column: number}}."""
-        return {label: _predicted(found) for label, found in self.observers.items()}
+        return {label: self._predicted(found) for label, found in self.observers.items()}
+
+    def _predicted(self, found: Findings) -> dict[str, float]:
+        columns: dict[str, float] = {}
+        for finding in self.findings:
+            value = found.values.get(finding.name) if "compare" in finding.places else None
+            if isinstance(value, Mapping):
+                columns |= {f"{finding.title} {state}": float(number) for state, number in value.items()}
+            elif isinstance(value, (int, float)):
+                columns[finding.title] = float(value)
+        return columns
 
     def as_json(self, file: str | None = None) -> dict[str, Any]:
         """``{"name", "file", "observers": {label: {key: value, "reasons": {key: text}, "remarks": [text]}}}``.
 
         Complex numbers are [re, im]; numbers that are not finite are text.
         """
+        shown = {finding.name for finding in self.findings if "json" in finding.places}
         observers = {}
         for label, found in self.observers.items():
-            values = {key: json_value(value) for key, value in found.values.items()}
-            observers[label] = values | {"reasons": dict(found.reasons), "remarks": list(found.remarks)}
+            values = {key: json_value(value) for key, value in found.values.items() if key in shown}
+            reasons = {key: reason for key, reason in found.reasons.items() if key in shown}
+            observers[label] = values | {"reasons": reasons, "remarks": list(found.remarks)}
         return {"name": self.name, "file": file, "observers": observers}
 
 
-def analyze(experiment: Experiment, contributors: Sequence[Contributor] = CONTRIBUTORS) -> Analysis:
+def analyze(experiment: Experiment, findings: Sequence[Finding] | None = None, *, search: bool = False) -> Analysis:
     """Simulate an experiment and say what theory promises for it.
 
     Parameters
     ----------
     experiment : Experiment
-    contributors : sequence of Contributor
+    findings : sequence of Finding, optional
+        What to look for; everything if omitted.
+    search : bool
+        Whether to look for what only repeated simulation finds.
 
     Raises
     ------
@@ -101,38 +114,31 @@ def analyze(experiment: Experiment, contributors: Sequence[Contributor] = CONTRI
         When the plant diverges.
     """
     run = prepare(experiment)
-    return analysis_of(run, perform(run), contributors)
+    return analysis_of(run, perform(run), findings, search=search)
 
 
-def analysis_of(run: PreparedRun, result: Result, contributors: Sequence[Contributor] = CONTRIBUTORS) -> Analysis:
-    """The same with a run that has been carried out."""
-    context = Context(run, result)
-    gathered = {label: Findings() for label in result.observers}
+def analysis_of(
+    run: PreparedRun, result: Result, findings: Sequence[Finding] | None = None, *, search: bool = False
+) -> Analysis:
+    """The same of a run that has been carried out."""
+    asked = all_findings() if findings is None else tuple(findings)
+    context = Context(run, result, search)
     with run.experiment.located():
-        for contributor in contributors:
-            try:
-                contributed = contributor(context)
-            except (np.linalg.LinAlgError, SimulationError) as reason:
-                for own in gathered.values():
-                    own.remarks.append(f"{contributor.__name__}: {reason}")
-            else:
-                for label, found in contributed.items():
-                    gathered[label].add(found)
-    for found in gathered.values():
-        for key in KEYS:
-            if key not in found.values:
-                found.withhold(_ABSENT.get(key, "not computed for this observer"), key)
-        found.values = {key: found.values[key] for key in dict.fromkeys([*KEYS, *found.values])}
-    return Analysis(run.experiment.name, gathered, result)
+        observers = {label: _findings_of(subject, asked) for label, subject in context.subjects.items()}
+    return Analysis(run.experiment.name, asked, observers, context)
 
 
-def _predicted(found: Findings) -> dict[str, float]:
-    values = found.values
-    columns: dict[str, Any] = {}
-    if values.get("beta") is not None and values.get("theta") is not None:
-        columns["beta theta"] = values["beta"] * values["theta"]
-    for key in ("delay_bound", "delay_critical", "period_critical"):
-        columns[key] = values.get(key)
-    for state, value in (values.get("noise_rms_predicted") or {}).items():
-        columns[f"noise_rms_predicted {state}"] = value
-    return {key: float(value) for key, value in columns.items() if value is not None}
+def _findings_of(subject: Subject, findings: Sequence[Finding]) -> Findings:
+    asked = {finding.name: finding for finding in findings if finding.applies(subject)}
+    found, reasons = outcomes(asked, lambda name: asked[name](subject))
+    reasons = {name: reason for name, reason in reasons.items() if not asked[name].optional}
+    values: dict[str, Value | None] = {}
+    remarks: list[str] = []
+    for name in asked:
+        value = found.get(name)
+        if isinstance(value, Remarked):
+            remarks += value.remarks
+            value = value.value
+        if name in found or name in reasons:
+            values[name] = value
+    return Findings(values, reasons, tuple(dict.fromkeys(remarks)))

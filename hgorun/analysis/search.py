@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from hgorun.analysis.findings import Context, Findings
+from hgorun.analysis.reasons import NoValue
 from hgorun.errors import HgorunError
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.simulate import simulate
@@ -18,31 +18,24 @@ _DOUBLINGS = 10  # up or down from the configured theta
 _PRECISION = 0.02  # relatively
 
 
-def critical_theta(context: Context) -> Mapping[str, Findings]:
-    """theta_critical of every observer that has a theta.
+def critical_theta(experiment: Experiment, label: str, theta: float) -> float:
+    """The smallest theta with which an observer works, near the configured one.
 
     Without noise and disturbance, in the configured run: an observer works when its error in the last tenth of
     the run is at most 1 % of that at the start, in every state. The search halves theta until that fails, or
     doubles it until it succeeds, and then bisects to 2 %: it finds a border, not necessarily the only one. Where
     outputs are sampled or late, too large a theta fails, too.
+
+    Raises
+    ------
+    NoValue
+        When there is no border near.
     """
-    found = {}
-    for label, block in context.blocks.items():
-        found[label] = Findings()
-        if not hasattr(block.observer, "theta"):
-            found[label].withhold(f"{block.observer.type} has no constant theta", "theta_critical")
-            continue
-        config = _quiet(context.run.experiment, label)
-        limit = smallest(partial(works, config, label), float(block.observer.theta))
-        if isinstance(limit, str):
-            found[label].withhold(limit, "theta_critical")
-        else:
-            found[label].give(theta_critical=limit)
-    return found
+    return smallest(partial(works, _quiet(experiment, label), label), theta)
 
 
-def smallest(works: Callable[[float], bool], theta: float) -> float | str:
-    """The border above which ``works``, near theta; or why there is none."""
+def smallest(works: Callable[[float], bool], theta: float) -> float:
+    """The border above which ``works``, near theta; NoValue where there is none."""
     step = 0.5 if works(theta) else 2.0
     good, bad = (theta, None) if step < 1 else (None, theta)
     for _ in range(_DOUBLINGS):
@@ -53,9 +46,11 @@ def smallest(works: Callable[[float], bool], theta: float) -> float | str:
             good, bad = (good, theta) if step < 1 else (theta, bad)
             break
     if good is None:
-        return f"the error has not come down to 1 % at the end of the run with any theta tried up to {theta:.4g}"
+        raise NoValue(
+            f"the error has not come down to 1 % at the end of the run with any theta tried up to {theta:.4g}"
+        )
     if bad is None:
-        return f"the error comes down to 1 % by itself: with every theta tried down to {theta:.4g}"
+        raise NoValue(f"the error comes down to 1 % by itself: with every theta tried down to {theta:.4g}")
     while good > (1 + _PRECISION) * bad:
         middle = float(np.sqrt(good * bad))
         good, bad = (middle, bad) if works(middle) else (good, middle)

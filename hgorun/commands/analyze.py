@@ -5,14 +5,11 @@ from __future__ import annotations
 import json as json_text
 from pathlib import Path
 
-from hgorun.analysis.findings import Context
-from hgorun.analysis.report import CONTRIBUTORS, analysis_of
-from hgorun.analysis.search import critical_theta
+from hgorun.analysis.report import analysis_of
+from hgorun.analysis.subject import Context
 from hgorun.commands.options import Analyze
 from hgorun.commands.run import RESULTS, execute, warn
 from hgorun.errors import ConfigError
-from hgorun.result.result import Result
-from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import prepare
 from hgorun.study.loading import load
 from hgorun.tables import analysis as table
@@ -27,7 +24,7 @@ def analyze(options: Analyze) -> int:
     run = prepare(load(options.config, options.overrides, seed=options.seed, run=options.run))
     result = execute(run, show=options.text)
     warn(result)
-    analysis = analysis_of(run, result, (*CONTRIBUTORS, critical_theta) if options.search else CONTRIBUTORS)
+    analysis = analysis_of(run, result, search=options.search)
     written: list[Path] = []
     if options.plots and analysis.transients:
         from hgorun.figures import save
@@ -35,7 +32,7 @@ def analyze(options: Analyze) -> int:
 
         written = save(peaking(result, analysis.transients), target)
     if options.plots:
-        written += _bode(run, result, target.with_name(target.name.removesuffix("-analysis") + "-bode"))
+        written += _bode(analysis.context, target.with_name(target.name.removesuffix("-analysis") + "-bode"))
     if options.json:
         print(json_text.dumps(analysis.as_json(str(options.config)), indent=2, allow_nan=False))
     elif not options.quiet:
@@ -54,11 +51,11 @@ def _target(name: str, output: Path | None) -> Path:
     return (output or RESULTS) / f"{name}-analysis"
 
 
-def _bode(run: PreparedRun, result: Result, target: Path) -> list[Path]:
+def _bode(context: Context, target: Path) -> list[Path]:
     """The observers' frequency responses, where there are some."""
-    from hgorun.analysis.noise.bode import bode
+    from hgorun.analysis.noise.responses import frequency_responses
     from hgorun.figures import save
     from hgorun.figures.bode import bode_figure
 
-    data = bode(Context(run, result))
-    return save(bode_figure(data, result), target) if data.magnitude else []
+    data = frequency_responses(context)
+    return save(bode_figure(data, context.result), target) if data.magnitude else []

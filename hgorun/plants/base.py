@@ -94,6 +94,11 @@ class Plant(Block):
         """Where in the block the right-hand side of a state stands; empty where it is the class's own."""
         return ()
 
+    @classmethod
+    def example(cls) -> Mapping[str, object]:
+        """Keys of a block that works, where a start of every state between 0.5 and 1 and inputs of 0.1 do not."""
+        return {}
+
     def check(self) -> None:
         """Refuse what the keys alone do not show to be wrong.
 

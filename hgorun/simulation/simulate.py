@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from hgorun.engine.methods import METHODS
+from hgorun.engine.plan import Plan
 from hgorun.engine.program import Raw, Start, Tolerance
 from hgorun.result.result import Result
 from hgorun.simulation.checks import check_steps, longest_step
@@ -17,7 +18,7 @@ from hgorun.simulation.preparation import prepare
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.tables import build_plan
 
-__all__ = ["integrate", "perform", "prepare", "simulate"]
+__all__ = ["integrate", "integrate_lanes", "perform", "prepare", "simulate"]
 
 _DEFAULT_RTOL, _DEFAULT_ATOL = 1e-8, 1e-10
 
@@ -61,27 +62,41 @@ def perform(run: PreparedRun, *, check_step: bool = False, progress: Callable[[f
 
 def integrate(run: PreparedRun, step: float, progress: Callable[[float], None] | None = None) -> Raw:
     """One run with a nominal step, as the engine gives it."""
+    plan, start = _plan(run, step)
+    solver, time, tolerance = run.solver, run.time, None
+    if run.adaptive:
+        span = time.end - time.start
+        limit = min(solver.max_step or span, longest_step(run, step))
+        first = min(1e-4 * span, limit) if solver.step == "auto" else min(solver.step, limit)
+        tolerance = Tolerance(solver.rtol or _DEFAULT_RTOL, solver.atol or _DEFAULT_ATOL, limit, first)
+    program = run.structure.program(solver.method, adaptive=run.adaptive)
+    return program.run(plan, start, tolerance, progress)
+
+
+def integrate_lanes(runs: Sequence[PreparedRun]) -> Raw:
+    """Runs of one structure, one step and one schedule side by side in vector registers, a lane each."""
+    plans, starts = zip(*(_plan(run, runs[0].step) for run in runs), strict=True)
+    numbers = {name: np.column_stack([getattr(p, name) for p in plans]) for name in ("gain", "bias", "holds")}
+    start = Start(np.hstack([s.z for s in starts]), np.hstack([s.p for s in starts]), starts[0].bound)
+    program = runs[0].structure.program(runs[0].solver.method, lanes=len(runs))
+    return program.run(replace(plans[0], **numbers), start)
+
+
+def _plan(run: PreparedRun, step: float) -> tuple[Plan, Start]:
+    """The tables of a run, and where it starts."""
     check_steps(run, step)
-    longest, solver, time = longest_step(run, step), run.solver, run.time
     plan = build_plan(
         run.schedule,
         run.channels,
         run.grid,
         run.structure.system,
-        always_slope=bool(METHODS[solver.method].error),
-        longest=np.inf if run.adaptive else longest,
+        always_slope=bool(METHODS[run.solver.method].error),
+        longest=np.inf if run.adaptive else longest_step(run, step),
         reach=run.reach,
     )
-    bound = (1e6, 1e6) if solver.divergence is None else (solver.divergence, 0.0)
-    start = Start(run.numbers.z0[:, None], run.numbers.p[:, None], bound)
-    tolerance = None
-    if run.adaptive:
-        span = time.end - time.start
-        limit = min(solver.max_step or span, longest)
-        first = min(1e-4 * span, limit) if solver.step == "auto" else min(solver.step, limit)
-        tolerance = Tolerance(solver.rtol or _DEFAULT_RTOL, solver.atol or _DEFAULT_ATOL, limit, first)
-    program = run.structure.program(solver.method, adaptive=run.adaptive)
-    return program.run(plan, start, tolerance, progress)
+    divergence = run.solver.divergence
+    bound = (1e6, 1e6) if divergence is None else (divergence, 0.0)
+    return plan, Start(run.numbers.z0[:, None], run.numbers.p[:, None], bound)
 
 
 def _difference(a: Result, b: Result) -> dict[str, float]:

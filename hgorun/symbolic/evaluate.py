@@ -123,7 +123,7 @@ def _shaped(sparsity: ca.Sparsity, values: Floats) -> Floats:
     rows, columns = sparsity.shape
     if not sparsity.is_dense():
         full = np.zeros((len(values), columns * rows))
-        full[:, np.array(sparsity.get_col()) * rows + np.array(sparsity.row())] = values
+        full[:, np.array(sparsity.get_col(), dtype=int) * rows + np.array(sparsity.row(), dtype=int)] = values
         values = full
     if columns == 1:
         return values

@@ -4,32 +4,16 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from itertools import groupby
 from typing import Any
 
 import numpy as np
 
-from hgorun.analysis.findings import Findings
-from hgorun.analysis.report import Analysis
+from hgorun.analysis.finding import Finding
+from hgorun.analysis.report import Analysis, Findings
 from hgorun.tables.metrics import number, packed, wrapped
 from hgorun.tables.typeset import printable
 
-# Columns that stay together; keys that others contribute follow, one by one.
-_GROUPS = (
-    ("poles",),
-    ("beta", "chi", "lipschitz", "lipschitz_reached"),
-    ("theta", "theta_bound", "theta_critical"),
-    ("delay_max", "delay_bound", "delay_critical"),
-    ("period_critical", "tau_bound"),
-    ("eta_theta",),
-    ("peaking", "peaking_bound"),
-    ("noise_rms_predicted",),
-    ("noise_rms_measured",),
-    ("h2",),
-    ("hinf",),
-    ("excitation",),
-)
-# in JSON only
-_HIDDEN = {"mu", "P", "theta_bound_printed", "delay_bound_sharp", "lipschitz_box", "peaking_law", "excitation_details"}
 _CAUTION = (
     "theta_bound, delay_bound and tau_bound are sufficient: what the proofs ask for, usually 1e2 to 1e6 times more "
     "than is needed. delay_critical and period_critical are the limits of the linear error."
@@ -43,7 +27,7 @@ def text(analysis: Analysis) -> str:
     lines = wrapped(": ".join(part for part in (printable(analysis.name), printable(result.title)) if part))
     if unit:
         lines += wrapped(f"times in {unit}, rates in 1/{unit}; beta, chi and poles at theta = 1", "  ")
-    groups = [group for group in map(lambda keys: _columns(keys, found), _keys(found)) if group]
+    groups = [columns for group in _groups(analysis.findings) if (columns := _columns(group, found))]
     for block in packed(list(found), groups) if found else [["no observers"]]:
         lines += ["", *block]
     lines += ["", *wrapped(_CAUTION)]
@@ -52,24 +36,23 @@ def text(analysis: Analysis) -> str:
     return "\n".join(lines)
 
 
-def _keys(found: Mapping[str, Findings]) -> list[tuple[str, ...]]:
-    """All keys with something to show, in groups."""
-    known = {key for group in _GROUPS for key in group} | _HIDDEN
-    more = dict.fromkeys(key for f in found.values() for key in f.values if key not in known)
-    return [*_GROUPS, *((key,) for key in more)]
+def _groups(findings: Sequence[Finding]) -> list[list[Finding]]:
+    """What has a column, in groups that stay together."""
+    shown = [finding for finding in findings if "table" in finding.places]
+    return [list(group) for _, group in groupby(shown, lambda finding: finding.group)]
 
 
-def _columns(keys: Sequence[str], found: Mapping[str, Findings]) -> list[list[str]]:
+def _columns(group: Sequence[Finding], found: Mapping[str, Findings]) -> list[list[str]]:
     columns = []
-    for key in keys:
-        values = [f.values.get(key) for f in found.values()]
+    for finding in group:
+        values = [f.values.get(finding.name) for f in found.values()]
         maps = [v for v in values if isinstance(v, Mapping)]
         if maps and all(isinstance(v, Mapping) or v is None for v in values):
             for part in dict.fromkeys(name for m in maps for name in m):
-                cells = [_cell((v or {}).get(part)) for v in values]
-                columns.append([f"{key} {part}", *cells])
+                cells = [_cell(v.get(part) if isinstance(v, Mapping) else None) for v in values]
+                columns.append([f"{finding.title} {part}", *cells])
         else:
-            columns.append([key, *map(_cell, values)])
+            columns.append([finding.title, *map(_cell, values)])
     return [column for column in columns if any(cell != "-" for cell in column[1:])]
 
 

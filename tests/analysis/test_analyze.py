@@ -12,17 +12,21 @@ from typing import Any
 
 import numpy as np
 import pytest
+from examples import said
 
 import hgorun
 from hgorun import Experiment
-from hgorun.analysis.findings import Context, Findings
-from hgorun.analysis.report import KEYS, Analysis
+from hgorun.analysis.finding import Finding, all_findings
+from hgorun.analysis.reasons import NoValue
+from hgorun.analysis.report import Analysis, analysis_of
 from hgorun.analysis.search import smallest
+from hgorun.analysis.subject import Subject
 from hgorun.cli import main
 from hgorun.figures.peaking import peaking
 from hgorun.files import json_value
 from hgorun.tables import analysis as table
 
+PAPERS = {"lee", "meiners", "katayama"}
 CONFIG = """
 title: Van der Pol
 time: {end: 3, output_step: 0.01, unit: h}
@@ -33,6 +37,8 @@ observers:
   gain: {type: shgo_riccati, theta: 8}
 solver: {step: 1.0e-3}
 """
+# what every observer has in JSON
+KEYS = [f.name for f in all_findings() if "json" in f.places and not f.optional and f.name not in PAPERS]
 Shell = Callable[..., tuple[int, str, str]]
 
 
@@ -154,8 +160,10 @@ def test_the_search_finds_a_border(limit: float, start: float) -> None:
 
 
 def test_a_search_without_a_border_says_so() -> None:
-    assert "by itself" in str(smallest(lambda theta: True, 1.0))
-    assert "any theta" in str(smallest(lambda theta: False, 1.0))
+    with pytest.raises(NoValue, match="by itself"):
+        smallest(lambda theta: True, 1.0)
+    with pytest.raises(NoValue, match="any theta"):
+        smallest(lambda theta: False, 1.0)
 
 
 def test_compare_has_what_is_predicted(shell: Shell) -> None:
@@ -187,52 +195,32 @@ def test_the_figure_draws_bounds_where_they_hold(analysis: Analysis) -> None:
     assert np.max(error.get_ydata()) < np.max(bound.get_ydata())
 
 
-def test_the_table_takes_what_contributors_give(analysis: Analysis) -> None:
-    extra = {label: replace(found, values=dict(found.values)) for label, found in analysis.observers.items()}
-    extra["SHGO"].give(noise_rms_predicted={"x1": 0.125, "x2": 2.5}, anything=42.0, nothing=math.inf)
-    text = table.text(replace(analysis, observers=extra))
-    assert "noise_rms_predicted x2" in text
+def test_the_table_takes_what_is_declared(analysis: Analysis) -> None:
+    given: dict[str, Any] = {"noise": {"x1": 0.125, "x2": 2.5}, "anything": 42.0, "nothing": math.inf}
+    extra = tuple(Finding(name=name, meaning="", of=lambda _: 0.0, group=name, title=name) for name in given)
+    found = replace(analysis.observers["SHGO"], values={**analysis.observers["SHGO"].values, **given})
+    both = {**analysis.observers, "SHGO": found}
+    text = table.text(replace(analysis, findings=(*analysis.findings, *extra), observers=both))
+    assert "noise x2" in text
     assert "anything" in text
     assert "inf" in text
     assert max(map(len, text.splitlines())) <= 100
 
 
-def test_contributors_add_up(analysis: Analysis) -> None:
-    from hgorun.analysis.report import analysis_of
-    from hgorun.simulation.simulate import prepare
+def test_a_reason_is_caught_once_and_named(analysis: Analysis) -> None:
+    def refuse(observer: Subject) -> float:
+        raise NoValue(f"not for {observer.label}")
 
-    def one(context: Context) -> dict[str, Findings]:
-        found = Findings()
-        found.withhold("not here", "excitation", "beta")
-        return {label: found for label in context.blocks}
-
-    def two(context: Context) -> dict[str, Findings]:
-        found = Findings()
-        found.give(excitation={"delta": 0.5})
-        found.remarks.append("said once")
-        return {"SHGO": found}
-
-    run = prepare(Experiment({**_mapping(CONFIG)}))
-    made = analysis_of(run, analysis.result, (one, two, two)).observers
-    assert made["SHGO"].values["excitation"] == {"delta": 0.5}
-    assert "excitation" not in made["SHGO"].reasons
-    assert made["SHGO"].remarks == ["said once"]
-    assert made["slow"].reasons["excitation"] == "not here"
-
-
-def _mapping(text: str) -> dict[str, Any]:
-    import yaml
-
-    return dict(yaml.load(text, yaml.BaseLoader)) | {
-        "time": {"end": 3, "output_step": 0.01},
-        "plant": {"type": "van_der_pol", "initial": {"x1": 1, "x2": 0.5}},
-        "solver": {"step": 1e-3},
-        "observers": {
-            "SHGO": {"type": "shgo", "theta": 40},
-            "slow": {"type": "fhgo2", "theta": 2, "r": 1},
-            "gain": {"type": "shgo_riccati", "theta": 8},
-        },
-    }
+    asked = [
+        Finding(name="refused", meaning="", of=refuse),
+        Finding(name="silent", meaning="", of=refuse, optional=True),
+        Finding(name="of_one", meaning="", of=lambda _: 1.0, applies=lambda observer: observer.label == "slow"),
+    ]
+    context = analysis.context
+    made = analysis_of(context.run, context.result, asked).observers
+    assert made["SHGO"].values == {"refused": None}
+    assert made["SHGO"].reasons == {"refused": "not for SHGO"}
+    assert made["slow"].values == {"refused": None, "of_one": 1.0}
 
 
 def test_values_as_json_holds_them() -> None:
@@ -335,16 +323,16 @@ def test_a_gain_that_is_not_hurwitz_has_no_bounds() -> None:
     }
     made = hgorun.analyze(Experiment(config))
     found = made.observers["SHGO"]
-    assert found.values["hurwitz"] is False
-    assert np.allclose(found.values["poles"], [-2, 1])
-    assert found.values["beta"] is None
+    assert said(found)["hurwitz"] is False
+    assert np.allclose(said(found)["poles"], [-2, 1])
+    assert said(found)["beta"] is None
     assert "not Hurwitz" in found.reasons["theta_bound"]
-    assert found.values["peaking"]["x1"] >= 1
+    assert said(found)["peaking"]["x1"] >= 1
     assert not made.transients["SHGO"].holds
 
 
 def test_before_the_first_sample_nothing_is_promised() -> None:
     made = hgorun.analyze(Experiment({"time": {"end": 1, "output_step": 0.01}, **EVERYTHING["academic"]}))
     found = made.observers["FHGO II"]
-    assert found.values["delay_max"] == math.inf
-    assert found.values["eta_theta"] is None
+    assert said(found)["delay_max"] == math.inf
+    assert said(found)["eta_theta"] is None

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hgorun.analysis.convergence.gains import Certificate, ErrorDynamics
+from hgorun.analysis.convergence.gains import ErrorDynamics
 from hgorun.analysis.convergence.lipschitz import Lipschitz
 
 _FAR = 1e15  # no theta beyond this is looked for
@@ -64,7 +64,7 @@ def printed_theta(beta: float, lipschitz: Lipschitz) -> float:
     return max(1.0, len(lipschitz.positions) * lipschitz.value / beta)
 
 
-def delayed(dynamics: ErrorDynamics, certificate: Certificate, lipschitz: Lipschitz, theta: float) -> Halanay:
+def delayed(dynamics: ErrorDynamics, lipschitz: Lipschitz, theta: float) -> Halanay:
     """Theorem 3.4.1: d_M < beta/(chi (L_phi + theta)) (3.68), with the decay eta_theta(d_M) (3.70).
 
     V = zbar^T P zbar has (sqrt V)' <= -beta theta sqrt V + |P^(1/2) B~| theta |xi|, where xi, what the output did since
@@ -73,14 +73,14 @@ def delayed(dynamics: ErrorDynamics, certificate: Certificate, lipschitz: Lipsch
     |B~| = |G|, and needs sqrt(chi) |G|: chi is enough where |G|^2 <= chi, else that is taken. An observer whose
     output moves with more than the second state (low_power) has |flux| theta for theta.
     """
-    chi, push = certificate.chi, float(np.linalg.norm(dynamics.B, 2))
+    chi, push = dynamics.lyapunov.chi, float(np.linalg.norm(dynamics.B, 2))
     motion = theta * max(1.0, float(np.linalg.norm(dynamics.flux, 2))) + lipschitz.of_outputs
-    return Halanay(certificate.beta * theta, float(max(chi, np.sqrt(chi) * push)) * theta * motion)
+    return Halanay(dynamics.lyapunov.beta * theta, float(max(chi, np.sqrt(chi) * push)) * theta * motion)
 
 
-def delayed_sharply(dynamics: ErrorDynamics, certificate: Certificate, lipschitz: Lipschitz, theta: float) -> Halanay:
+def delayed_sharply(dynamics: ErrorDynamics, lipschitz: Lipschitz, theta: float) -> Halanay:
     """The same proof with nothing given away for a shorter formula: a = 2 beta theta - c_1, |P^(1/2) B~| as it is."""
-    P, least = certificate.P, certificate.eigenvalues[0]
+    P, least = dynamics.lyapunov.P, dynamics.lyapunov.eigenvalues[0]
     push = float(np.sqrt(np.linalg.norm(dynamics.B.T @ P @ dynamics.B, 2) / least))
     motion = theta * float(np.linalg.norm(dynamics.flux, 2)) + lipschitz.of_outputs
-    return Halanay(2 * certificate.beta * theta - lipschitz.constant(theta), push * theta * motion)
+    return Halanay(2 * dynamics.lyapunov.beta * theta - lipschitz.constant(theta), push * theta * motion)

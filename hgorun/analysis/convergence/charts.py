@@ -11,11 +11,9 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from hgorun.analysis.convergence.gains import NotApplicableError
+from hgorun.analysis.reasons import NoValue
 from hgorun.plants.build import BuiltPlant
-from hgorun.symbolic.canonical import CanonicalForm
-from hgorun.symbolic.forms import Form
-from hgorun.symbolic.triangular import TriangularForm
+from hgorun.symbolic.forms import BlockForm, ChainForm, Form
 
 _CURVED = 1e-8  # rounding of a second derivative that is zero
 
@@ -66,10 +64,10 @@ class Chart:
 
     @property
     def straight(self) -> bool:
-        return self.own or not ca.is_equal(self.variables, self.x)
+        return self.identity or not ca.is_equal(self.variables, self.x)
 
     @property
-    def own(self) -> bool:
+    def identity(self) -> bool:
         """Whether z is x."""
         return bool(ca.is_equal(self.map, self.x))
 
@@ -89,36 +87,41 @@ def chart_of(form: Form, plant: BuiltPlant) -> Chart:
 
     Raises
     ------
-    NotApplicableError
+    NoValue
         For forms whose theory is another.
     """
-    if isinstance(form, CanonicalForm):
+    if isinstance(form, ChainForm):
         return _of_chains(form, plant)
-    if isinstance(form, TriangularForm):
+    if isinstance(form, BlockForm):
         return _of_triangle(form, plant)
-    raise NotApplicableError("the theory of high-gain observers with a Lipschitz constant is not that of this observer")
+    raise NoValue("the theory of high-gain observers with a Lipschitz constant is not that of this observer")
 
 
-def _of_chains(form: CanonicalForm, plant: BuiltPlant) -> Chart:
+def _of_chains(form: ChainForm, plant: BuiltPlant) -> Chart:
     m = form.plant
     positions = np.array([k for length in form.chains for k in range(length)], dtype=int)
     z = m.x if form.identity else ca.vertcat(*[ca.SX.sym(f"z{i + 1}") for i in range(m.n)])
     names = m.states if form.identity else tuple(f"z{i + 1}" for i in range(m.n))
     moving = form.jacobian @ m.dynamics  # z'
-    raw = ca.jacobian(moving, m.x) - form.shift @ form.jacobian
+    raw = ca.jacobian(moving, m.x) - _shift(form) @ form.jacobian
     slopes_in_x = raw if form.identity else ca.solve(form.jacobian.T, raw.T).T
-    back = z if form.identity else _inverse(form, z)
+    inverse = z if form.identity else _inverse(form, z)
     slopes = slopes_in_x
-    if back is not None and not form.identity:
-        in_z = ca.substitute(ca.cse(moving), m.x, back)
-        slopes = ca.jacobian(in_z, z) - form.shift
+    if inverse is not None and not form.identity:
+        in_z = ca.substitute(ca.cse(moving), m.x, inverse)
+        slopes = ca.jacobian(in_z, z) - _shift(form)
     return Chart(
         names, positions, m.t, m.x, z, m.u, m.p, m.dynamics, ca.SX(slopes), ca.SX(slopes_in_x), form.phi_map,
-        m.x, ca.SX(raw), plant.parameters, back is not None,
+        m.x, ca.SX(raw), plant.parameters, inverse is not None,
     )  # fmt: skip
 
 
-def _inverse(form: CanonicalForm, z: ca.SX) -> ca.SX | None:
+def _shift(form: ChainForm) -> ca.SX:
+    """The links of the chains: z' = shift z + phi."""
+    return ca.SX(ca.diagcat(*[ca.DM(np.eye(length, k=1)) for length in form.chains]))
+
+
+def _inverse(form: ChainForm, z: ca.SX) -> ca.SX | None:
     """x of z: the plant's own, or that of a linear map."""
     m = form.plant
     if m.inverse is not None:
@@ -129,31 +132,25 @@ def _inverse(form: CanonicalForm, z: ca.SX) -> ca.SX | None:
     return None
 
 
-def _of_triangle(form: TriangularForm, plant: BuiltPlant) -> Chart:
+def _of_triangle(form: BlockForm, plant: BuiltPlant) -> Chart:
     m, outer = form.model, form.plant
     positions = np.array(form.block, dtype=int)
     links = positions[None, :] == positions[:, None] + 1
     jacobian = ca.jacobian(m.dynamics, m.x)
     _require_affine(form, plant, [(int(i), int(j)) for i, j in zip(*np.nonzero(links), strict=True)])
     slopes = jacobian * ca.DM(~links)
-    there = _there(form)
-    in_x = ca.substitute(slopes, m.x, there)
+    in_plant = form.coordinates(False)
+    in_x = ca.substitute(slopes, m.x, in_plant)
     return Chart(
-        m.states, positions, m.t, outer.x, m.x, m.u, m.p, outer.dynamics, slopes, ca.SX(in_x), there,
+        m.states, positions, m.t, outer.x, m.x, m.u, m.p, outer.dynamics, slopes, ca.SX(in_x), in_plant,
         m.x, slopes, plant.parameters, True,
     )  # fmt: skip
 
 
-def _there(form: TriangularForm) -> ca.SX:
-    """The coordinates where the plant is triangular, as functions of its own."""
-    plant = form.plant
-    return plant.x if plant.transform is None else plant.transform(plant.x, plant.p)
-
-
-def _require_affine(form: TriangularForm, plant: BuiltPlant, links: list[tuple[int, int]]) -> None:
+def _require_affine(form: BlockForm, plant: BuiltPlant, links: list[tuple[int, int]]) -> None:
     """f^(k) = F_k(u, x^(1)..x^(k)) x^(k+1) + phi^(k): decided at random points, since symbols may hide it."""
     m, block = form.model, form.block
-    z = ca.Function("z", [form.plant.x, form.plant.p], [_there(form)])(plant.initial, plant.parameters)
+    z = ca.Function("z", [form.plant.x, form.plant.p], [form.coordinates(False)])(plant.initial, plant.parameters)
     start, random = np.asarray(z.full()).ravel(), np.random.default_rng(0)
     points = [start * (1 + 0.2 * random.uniform(-1, 1, m.n)) + 0.05 * random.uniform(-1, 1, m.n) for _ in range(5)]
     for i, j in links:
@@ -164,7 +161,7 @@ def _require_affine(form: TriangularForm, plant: BuiltPlant, links: list[tuple[i
             first, second = curvature(random.uniform(), point, random.uniform(-1, 1, m.u.numel()), plant.parameters)
             size = float(np.max(np.abs(np.asarray(second.full())))) * (1 + float(np.max(np.abs(point))))
             if size > _CURVED * (1 + abs(float(first))):
-                raise NotApplicableError(
+                raise NoValue(
                     f"the derivative of {m.states[i]} is not affine in {m.states[j]}: F(u, xhat) x + phi(u, x) of "
                     "the theorem is not the plant"
                 )

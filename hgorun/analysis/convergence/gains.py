@@ -1,4 +1,4 @@
-"""The error's matrix at theta = 1, its poles, and the certificate P of its decay.
+"""The error's matrix at theta = 1, its poles, and the Lyapunov matrix P that shows its decay.
 
 In z = (xhat - x, filters) with the plant's nonlinearity phi, noise v and disturbance eps, every observer of
 constant gain here has, after a scaling zbar_i = theta^(-s_i) z_i,
@@ -17,23 +17,21 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from hgorun.observers.base import AnyObserver
+from hgorun.analysis.reasons import NoValue
+from hgorun.observers.base import AnyObserver, ContinuousObserver
+from hgorun.observers.capabilities import HighGain
 from hgorun.observers.constant_gain import PlacedGain
-from hgorun.observers.riccati import RiccatiGain, stationary
+from hgorun.observers.forward_differences import ForwardDifferences
+from hgorun.observers.riccati import RiccatiGain
 from hgorun.simulation.observer_block import Design, ObserverBlock
 from hgorun.symbolic.canonical import CanonicalForm
-from hgorun.symbolic.forms import Form
+from hgorun.symbolic.forms import BlockForm, ChainForm, Form
 from hgorun.symbolic.parameters import Parameters
 from hgorun.symbolic.plant import PlantModel
 from hgorun.symbolic.triangular import TriangularForm
 
 _ELSEWHERE = 2.0  # another theta, whose powers are read off
-GAINS = ("P", "S", "U")  # matrices that are integrated, and settle
 MU = 1.0  # of P A~ + A~^T P = -2 mu I
-
-
-class NotApplicableError(ValueError):
-    """A piece of theory that is not for this observer or plant; the message says why."""
 
 
 @dataclass(frozen=True)
@@ -61,9 +59,9 @@ class ErrorDynamics:
     known: np.ndarray | None = None
 
     @cached_property
-    def certificate(self) -> Certificate:
+    def lyapunov(self) -> Lyapunov:
         """What decays."""
-        return Certificate(self.A, self.known)
+        return Lyapunov(self.A, self.known)
 
     def scale(self, theta: float) -> np.ndarray:
         """theta^(-s), shape (N,)."""
@@ -71,7 +69,7 @@ class ErrorDynamics:
 
 
 @dataclass(frozen=True)
-class Certificate:
+class Lyapunov:
     """What P A~ + A~^T P = -2 mu I with mu = 1 says of a matrix A~.
 
     beta = mu/(2 lambda_max(P)) and chi = cond(P), (3.23) and (3.35) of Robles Magdaleno 2023. With
@@ -103,13 +101,13 @@ class Certificate:
 
         Raises
         ------
-        NotApplicableError
+        NoValue
             When A~ is not Hurwitz, or too near to it for double precision.
         """
         from scipy.linalg import solve_continuous_lyapunov
 
         if not self.hurwitz:
-            raise NotApplicableError("the error's matrix is not Hurwitz: no P exists")
+            raise NoValue("the error's matrix is not Hurwitz: no P exists")
         right = -2 * MU * np.eye(len(self.A))
         P = solve_continuous_lyapunov(self.A.T, right)
         P = 0.5 * (P + P.T)
@@ -119,7 +117,7 @@ class Certificate:
             P = 0.5 * (P + P.T)
         off = np.max(np.abs(P @ self.A + self.A.T @ P - right))
         if not (np.all(np.isfinite(P)) and off < 1e-3 and np.min(np.linalg.eigvalsh(P)) > 0):
-            raise NotApplicableError("the Lyapunov equation of the error's matrix has no solution in double precision")
+            raise NoValue("the Lyapunov equation of the error's matrix has no solution in double precision")
         return np.asarray(P)
 
     @cached_property
@@ -142,11 +140,11 @@ def error_dynamics(observer: AnyObserver, form: Form) -> ErrorDynamics:
 
     Raises
     ------
-    NotApplicableError
+    NoValue
         Where there are no such matrices.
     """
     chains = _chains(observer, form)
-    if hasattr(observer, "eps"):
+    if isinstance(observer, ForwardDifferences):
         return _differences(observer, form)
     at_one, other = (_linear(observer, chains, theta) for theta in (1.0, _ELSEWHERE))
     A, E, flux = at_one
@@ -156,46 +154,46 @@ def error_dynamics(observer: AnyObserver, form: Form) -> ErrorDynamics:
 
 def _asked_for(observer: AnyObserver, A: np.ndarray) -> np.ndarray | None:
     """The poles that the configuration or the theory names, if A has their characteristic polynomial."""
-    named = [np.full(len(A), -1.0)]
-    if isinstance(observer, PlacedGain) and observer.gains is None:
-        given = np.atleast_1d(np.asarray(observer.poles, dtype=complex))
-        named = [np.resize(given, len(A))]
-    elif hasattr(observer, "delta"):
-        named = [np.resize(np.roots([1.0, observer.delta, observer.delta]), len(A))]
-    found = np.poly(A)
+    if isinstance(observer, HighGain):
+        poles = observer.nominal_poles(len(A))
+    elif isinstance(observer, PlacedGain):
+        poles = observer.placed_poles(len(A))
+    else:
+        return None
     size = np.poly(-np.abs(np.linalg.eigvals(A)))
-    for poles in named:
-        if np.all(np.abs(np.poly(poles) - found) <= 1e-8 * np.abs(size)):
-            return poles
-    return None
+    return poles if np.all(np.abs(np.poly(poles) - np.poly(A)) <= 1e-8 * np.abs(size)) else None
 
 
 def _chains(observer: AnyObserver, form: Form) -> tuple[int, ...]:
     """Lengths of the chains."""
-    if isinstance(form, CanonicalForm):
-        if isinstance(observer, PlacedGain):
+    if isinstance(form, ChainForm):
+        if isinstance(observer, ForwardDifferences) or _is_flow(observer):
             return form.chains
-    elif isinstance(form, TriangularForm) and isinstance(observer, RiccatiGain):
+    elif isinstance(form, BlockForm) and isinstance(observer, RiccatiGain):
         if _is_constant_chain(form):
-            return (form.n,)
-        raise NotApplicableError(
+            return (form.model.n,)
+        raise NoValue(
             "the gain follows F(u, xhat) of a plant that is no chain of integrators: there is no constant matrix"
         )
-    raise NotApplicableError(f"the error of {observer.type} is not that of chains of integrators with a constant gain")
+    raise NoValue(f"the error of {observer.type} is not that of chains of integrators with a constant gain")
 
 
-def _is_constant_chain(form: TriangularForm) -> bool:
+def _is_flow(observer: AnyObserver) -> bool:
+    """Whether it is a differential equation of one constant high gain, with a slope everywhere."""
+    return isinstance(observer, HighGain) and isinstance(observer, ContinuousObserver)
+
+
+def _is_constant_chain(form: BlockForm) -> bool:
     """One output, and F = A_n whatever the input."""
-    if len(form.measured) != 1 or form.block != tuple(range(form.n)):
+    if len(form.measured) != 1 or form.block != tuple(range(form.model.n)):
         return False
     jacobian = ca.jacobian(form.model.dynamics, form.model.x)
-    links = [ca.simplify(jacobian[i, i + 1]) for i in range(form.n - 1)]
+    links = [ca.simplify(jacobian[i, i + 1]) for i in range(form.model.n - 1)]
     return all(link.is_constant() and float(link) == 1.0 for link in links)
 
 
-def _differences(observer: AnyObserver, form: Form) -> ErrorDynamics:
+def _differences(observer: ForwardDifferences, form: Form) -> ErrorDynamics:
     """Observers in forward differences: A_0 = A - H_0 C of the differential equation that they step."""
-    assert isinstance(observer, PlacedGain)
     n = form.plant.n
     H_0 = observer.gain(n)
     first = np.eye(n)[:1]
@@ -230,34 +228,24 @@ def _linear(observer: AnyObserver, chains: tuple[int, ...], theta: float) -> tup
     copy = block.copy(model.t, model.u, model.p)
     s = block.symbols(z)
     derivatives, correction = block.equations(copy, s, e)
-    moving = [block.states[name] for name in block.states if name not in GAINS]
-    names = [name for name in block.states if name not in GAINS]
+    roles = plain.roles(form)
+    names = [name for name in block.states if roles.get(name) != "gain"]
+    moving = [block.states[name] for name in names]
     rate = ca.vertcat(*[state.flat(derivatives[name]) for name, state in zip(names, moving, strict=True)])
     xi = ca.vertcat(*[z[state.start : state.start + state.size] for state in moving])
     H = ca.jacobian(copy.output(s.xhat), xi)
     flux = H @ rate + correction
     parts = [ca.jacobian(rate, xi), ca.jacobian(rate, e), H, ca.jacobian(flux, xi), ca.jacobian(flux, e)]
     values = ca.Function("linear", [parameters.symbol, z, e], [ca.densify(part) for part in parts])
-    found = values(parameters.values, _at_rest(block, model.n), np.zeros(len(chains)))
+    found = values(parameters.values, _settled(block, model.n), np.zeros(len(chains)))
     A0, E, H_, F0, F1 = (np.asarray(v.full()) for v in found)
     return A0 + E @ H_, E, F0 + F1 @ H_
 
 
-def _at_rest(block: ObserverBlock, n: int) -> np.ndarray:
-    """No error, and the matrices of a time-varying gain where they settle on a chain of n integrators.
-
-    S = S_inf of order r + n, whose S^-1 C^T are the binomial coefficients; of its blocks, U = -S_1^-1 S_2 and
-    P^-1 = S_3 - S_2^T S_1^-1 S_2.
-    """
+def _settled(block: ObserverBlock, n: int) -> np.ndarray:
+    """No error, and the matrices of a time-varying gain where they settle on a chain of n integrators."""
     z = np.zeros(block.end)
-    r = block.states["U"].shape[0] if "U" in block.states else 0
-    matrices = {}
-    if "S" in block.states:
-        matrices["S"] = stationary(block.states["S"].shape[0])
-    if "P" in block.states:
-        S = stationary(r + n)
-        matrices["U"] = -np.linalg.solve(S[:r, :r], S[:r, r:])
-        matrices["P"] = np.linalg.inv(S[r:, r:] + S[r:, :r] @ matrices["U"])
+    matrices = block.observer.settled(n) if isinstance(block.observer, RiccatiGain) else {}
     for name, values in matrices.items():
         if name in block.states:
             state = block.states[name]
@@ -282,9 +270,7 @@ def _powers(A: np.ndarray, other: np.ndarray, chains: tuple[int, ...]) -> np.nda
                     or abs(step - round(step)) > 1e-6
                     or known.get(j, known[i] + round(step)) != (known[i] + round(step))
                 ):
-                    raise NotApplicableError(
-                        "no scaling with powers of theta makes the error's matrix theta times another"
-                    )
+                    raise NoValue("no scaling with powers of theta makes the error's matrix theta times another")
                 if j not in known:
                     known[j] = known[i] + round(step)
                     waiting.append(j)

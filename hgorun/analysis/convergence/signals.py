@@ -110,7 +110,7 @@ def _disturbance(run: PreparedRun, chart: Chart, result: Result) -> np.ndarray:
     n, model = len(chart.names), run.plant.model
     if run.plant.disturbance.is_zero():
         return np.zeros(n)
-    if chart.own:
+    if chart.identity:
         low, high = ranges(run, run.plant.disturbance)
         return np.asarray(np.maximum(np.abs(low), np.abs(high)))
     pushed = ca.densify(chart.directions @ run.plant.disturbance)

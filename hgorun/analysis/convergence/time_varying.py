@@ -17,14 +17,15 @@ import casadi as ca
 import numpy as np
 
 from hgorun.analysis.convergence.bounds import Halanay
+from hgorun.analysis.convergence.envelope import Envelope
 from hgorun.analysis.convergence.lipschitz import Lipschitz
-from hgorun.analysis.convergence.peaking import Course
 from hgorun.analysis.convergence.signals import Amplitudes
 from hgorun.observers.riccati import stationary
 from hgorun.result.data import ObserverResult
 from hgorun.result.result import Result
 from hgorun.simulation.prepared import PreparedRun
-from hgorun.symbolic.triangular import TriangularForm, superdiagonal
+from hgorun.symbolic.forms import BlockForm
+from hgorun.symbolic.triangular import superdiagonal
 
 _KEPT = 0.25  # of theta: what of the decay of sqrt V is left for theta >= theta_bound
 
@@ -70,16 +71,16 @@ def _matrices(observer: ObserverResult) -> np.ndarray:
     return np.block([[whole, cross], [np.transpose(cross, (0, 2, 1)), corner]])
 
 
-def largest_links(run: PreparedRun, form: TriangularForm, result: Result, label: str) -> tuple[float, float]:
+def largest_links(run: PreparedRun, form: BlockForm, result: Result, label: str) -> tuple[float, float]:
     """(F_1, F_M): the largest norm of F's first block row, and of F, along the estimate."""
     m = form.model
     F = superdiagonal(m, form.block)(m.t, m.x, m.u, m.p)
-    there = m.x if form.plant.transform is None else form.plant.transform(form.plant.x, form.plant.p)
-    x = m.x if form.plant.transform is None else form.plant.x
+    there = form.coordinates(False)
+    x = form.plant.x
     f = ca.Function("F", [m.t, x, m.u, m.p], [ca.densify(ca.substitute(F, m.x, there))])
     xhat = result.observers[label].xhat
     values = f(ca.DM(result.time[None]), ca.DM(xhat.T), ca.DM(result.u.T), ca.DM(run.plant.parameters))
-    stack = np.moveaxis(np.asarray(values.full()).reshape(form.n, -1, form.n), 1, 0)
+    stack = np.moveaxis(np.asarray(values.full()).reshape(m.n, -1, m.n), 1, 0)
     stack = stack[np.all(np.isfinite(stack), axis=(1, 2))]
     norms = np.linalg.norm(stack, 2, axis=(1, 2))
     first = np.linalg.norm(stack[:, list(form.measured)], 2, axis=(1, 2))
@@ -105,9 +106,9 @@ def delayed(S: Gramian, filtered: bool, first_link: float, lipschitz: Lipschitz,
     return proved if proved.longest <= printed else Halanay(proved.a, proved.a / printed)
 
 
-def course(
+def envelope(
     S: Gramian, filtered: bool, delay: Halanay, scaled: np.ndarray, scale: np.ndarray, theta: float, a: Amplitudes
-) -> Course:
+) -> Envelope:
     """(3.105) for sqrt V, which bounds |zbar| with 1/sqrt(lambda_min(S)).
 
     Parameters
@@ -121,7 +122,7 @@ def course(
     push = np.sqrt(S.largest) if filtered else 1 / np.sqrt(S.smallest)
     pushed = float(np.linalg.norm(scale * (a.disturbance + a.rounding)))
     drive = theta * float(push) * a.noise + float(np.sqrt(S.largest)) * pushed
-    return Course(1 / float(np.sqrt(S.smallest)), delay.rate(a.delay), start, drive)
+    return Envelope(1 / float(np.sqrt(S.smallest)), delay.rate(a.delay), start, drive)
 
 
 @dataclass(frozen=True)

@@ -9,22 +9,27 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import cast
 
 import casadi as ca
 import numpy as np
 
 from hgorun.analysis.excitation.gramian import Links, gramians, seen
-from hgorun.observers.fhgo2_nuos import FilteredObserver2TimeVarying
+from hgorun.analysis.linear.coordinates import transformed
+from hgorun.analysis.reasons import NoValue
+from hgorun.observers.capabilities import FilterOrder
 from hgorun.observers.riccati import RiccatiGain
 from hgorun.result.data import ObserverResult
 from hgorun.result.result import Result
 from hgorun.simulation.prepared import PreparedRun
+from hgorun.symbolic.forms import BlockForm
+from hgorun.symbolic.triangular import TriangularCopy
 
 HORIZONS = np.array([0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0])  # T* tried where none is given
 _POINTS = 1_000, 6_000  # fewest and most times
 _WEAK = 0.01  # of what links of 1 give: less counts as not excited
 _NAMED = 3  # stretches of time that are named in words
+_UNIFORM = "uniformly observable: no excitation needed"
 
 
 @dataclass(frozen=True)
@@ -111,7 +116,7 @@ class Excitation:
     words: str
 
 
-def excitation(run: PreparedRun, label: str, result: Result, horizon: float | None = None) -> Excitation | str:
+def excitation(run: PreparedRun, label: str, result: Result, horizon: float | None = None) -> Excitation:
     """Excitation along a run, as the observer's theorem asks for it.
 
     Parameters
@@ -124,10 +129,10 @@ def excitation(run: PreparedRun, label: str, result: Result, horizon: float | No
         T*, a multiple of 1/12. Where it is omitted, that of ``HORIZONS`` which promises most for S, with a
         window not longer than a third of the run.
 
-    Returns
-    -------
-    Excitation or str
-        Why none is needed.
+    Raises
+    ------
+    NoValue
+        Where none is needed, or the run is too short.
 
     Notes
     -----
@@ -136,11 +141,11 @@ def excitation(run: PreparedRun, label: str, result: Result, horizon: float | No
     """
     observer = run.experiment.observers[label]
     if not isinstance(observer, RiccatiGain):
-        return "uniformly observable: no excitation needed"
+        raise NoValue(_UNIFORM)
     found = result.observers[label]
     names = _names(run, label)
-    filtered = isinstance(observer, FilteredObserver2TimeVarying)
-    r = observer.r if isinstance(observer, FilteredObserver2TimeVarying) else 0
+    filtered = isinstance(observer, FilterOrder)
+    r = observer.r if isinstance(observer, FilterOrder) else 0
     x = result.x if filtered or found.diverged_at is not None else found.xhat
     links = links_along(run, label, result.time, x)
     condition = f"(3.101), r = {r}" if r else "(3.86)" if filtered else "(2.43)"
@@ -148,11 +153,11 @@ def excitation(run: PreparedRun, label: str, result: Result, horizon: float | No
     return _look(links.behind_integrators(r), observer.theta, horizon, condition, names, r, found)
 
 
-def plant_excitation(run: PreparedRun, label: str, result: Result, horizon: float | None = None) -> Excitation | str:
+def plant_excitation(run: PreparedRun, label: str, result: Result, horizon: float | None = None) -> Excitation:
     """(3.86), without the filter's integrators, along the plant's state."""
     observer = run.experiment.observers[label]
     if not isinstance(observer, RiccatiGain):
-        return "uniformly observable: no excitation needed"
+        raise NoValue(_UNIFORM)
     links = links_along(run, label, result.time, result.x)
     names = _names(run, label)
     return _look(links, observer.theta, horizon, "(3.86)", names, 0, None)
@@ -160,11 +165,11 @@ def plant_excitation(run: PreparedRun, label: str, result: Result, horizon: floa
 
 def links_along(run: PreparedRun, label: str, times: np.ndarray, x: np.ndarray) -> Links:
     """F and C of a triangular model along states x (Nt, n) in the plant's coordinates."""
-    form: Any = run.forms[label]
+    form = _form(run, label)
     plant, model = run.plant, form.model
     t, p = model.t, model.p
-    copy = form.copy(t, plant.inputs, p, False, {})
-    own = x if form.plant.transform is None else _mapped(form, x, plant.parameters)
+    copy = cast(TriangularCopy, form.copy(t, plant.inputs, p, False, {}))  # what every RiccatiGain is for
+    own = transformed(form, x, plant.parameters)
     symbolic = copy.F(model.x)
     F = ca.Function("F", [t, model.x, p], [ca.densify(symbolic)])
     present = np.asarray(ca.DM(symbolic.sparsity(), 1.0).full()) > 0
@@ -174,14 +179,13 @@ def links_along(run: PreparedRun, label: str, times: np.ndarray, x: np.ndarray) 
 
 
 def _names(run: PreparedRun, label: str) -> list[str]:
-    form: Any = run.forms[label]
-    return list(form.model.states)
+    return list(_form(run, label).model.states)
 
 
-def _mapped(form: Any, x: np.ndarray, parameters: np.ndarray) -> np.ndarray:
-    plant = form.plant
-    z = ca.Function("T", [plant.x, plant.p], [plant.transform(plant.x, plant.p)])
-    return np.asarray(z(ca.DM(x.T), ca.DM(parameters)).full()).T
+def _form(run: PreparedRun, label: str) -> BlockForm:
+    form = run.forms[label]
+    assert isinstance(form, BlockForm)
+    return form
 
 
 def _look(
@@ -192,11 +196,11 @@ def _look(
     names: Sequence[str],
     filters: int,
     found: ObserverResult | None,
-) -> Excitation | str:
+) -> Excitation:
     start, end = float(links.times[0]), float(links.times[-1])
     horizons = HORIZONS[HORIZONS / theta <= (end - start) / 3] if horizon is None else np.array([horizon])
     if not horizons.size or horizons[-1] / theta >= end - start:
-        return "the run is shorter than the window of the Gramian"
+        raise NoValue("the run is shorter than the window of the Gramian")
     at = _times(start + horizons[-1] / theta, end, horizons[0] / theta)
     W = gramians(links, at, theta, horizons)
     values = np.linalg.eigvalsh(W)[..., 0]

@@ -20,13 +20,13 @@ from functools import cached_property
 import numpy as np
 
 from hgorun.analysis.linear.linear import Linearisation
+from hgorun.analysis.reasons import JUMPS, NoValue
 from hgorun.observers.base import SampledObserver
-from hgorun.observers.levant import LevantObserver
+from hgorun.observers.capabilities import SlidingMode
 from hgorun.result.data import ObserverResult
 from hgorun.result.result import Result
 from hgorun.simulation.prepared import PreparedRun
 
-_FILTERS = ("eta", "e")  # states of filters: zero where the estimate is right
 _SAME = 1e-7  # relative change below which the systems along a trajectory are one
 _MOST_TIMES = 4000  # along a run, at which it is linearised
 _NOTHING = 1e-12  # relative size of an influence that is rounding
@@ -99,7 +99,7 @@ class ErrorSystem:
         return max(self.times.size // 1000, 1)
 
 
-def error_system(run: PreparedRun, label: str, result: Result) -> ErrorSystem | str:
+def error_system(run: PreparedRun, label: str, result: Result) -> ErrorSystem:
     """The error's linear systems along the last two thirds of a run.
 
     Parameters
@@ -109,24 +109,24 @@ def error_system(run: PreparedRun, label: str, result: Result) -> ErrorSystem | 
     result : Result
         The run to look along, best :func:`hgorun.analysis.linear.nominal.nominal`; it must have this observer.
 
-    Returns
-    -------
-    ErrorSystem or str
-        Why there is none.
+    Raises
+    ------
+    NoValue
+        Where the observer has no slopes, or no flow, along this run.
     """
     observer = run.experiment.observers[label]
-    if isinstance(observer, LevantObserver):
-        return "the differentiator's right-hand side has no slope where its error is zero"
+    if isinstance(observer, SlidingMode):
+        raise NoValue("the right-hand side has no slope where the observer's error is zero")
     if isinstance(observer, SampledObserver):
-        return "the observer jumps at the samples: there is no flow between them"
+        raise NoValue(JUMPS)
     if label not in result.observers:
-        return "the run to look along does not have this observer"
+        raise NoValue("the run to look along does not have this observer")
     found = result.observers[label]
     third = result.time[0] + (result.time[-1] - result.time[0]) / 3
     chosen = np.flatnonzero(result.time >= third - 1e-9)
     chosen = chosen[:: max(chosen.size // _MOST_TIMES, 1)]
     if found.diverged_at is not None:
-        return f"the run to look along {found.status}"
+        raise NoValue(f"the run to look along {found.status}")
     linearisation = Linearisation(run, label)
     times = result.time[chosen]
     xi = _states(linearisation, found, chosen)
@@ -136,20 +136,19 @@ def error_system(run: PreparedRun, label: str, result: Result) -> ErrorSystem | 
     where = f"along the run from t = {times[0]:.4g} to {times[-1]:.4g}"
     system = ErrorSystem(times, A0[:, kept][:, :, kept], E[:, kept], H[:, :, kept], K0[:, :, kept], K, where)
     if not np.all(np.isfinite(system.G)) or not np.all(np.isfinite(system.H)):
-        return "the observer's equations have no finite slopes along the run"
+        raise NoValue("the observer's equations have no finite slopes along the run")
     return _constant(system)
 
 
-def at_end(run: PreparedRun, label: str, result: Result) -> ErrorSystem | str:
-    """The error's linear system at the last point of a run."""
+def at_end(run: PreparedRun, label: str, result: Result) -> ErrorSystem:
+    """The error's linear system at the last point of a run; NoValue as for :func:`error_system`."""
     last = len(result.time) - 1
     short = replace(
         result,
         time=result.time[last:],
         observers={name: _row(o, last) for name, o in result.observers.items()},
     )
-    found = error_system(run, label, short)
-    return found if isinstance(found, str) else replace(found, where=f"at the point of t = {result.time[-1]:.4g}")
+    return replace(error_system(run, label, short), where=f"at the point of t = {result.time[-1]:.4g}")
 
 
 def _row(result: ObserverResult, i: int) -> ObserverResult:
@@ -164,8 +163,8 @@ def _states(linearisation: Linearisation, found: ObserverResult, chosen: np.ndar
     """The observer's states at points of a run, filters empty, shape (M, N)."""
     b = linearisation.block
     xi = linearisation.states(found, chosen)
-    for name in _FILTERS:
-        if name in b.states:
+    for name, role in b.observer.roles(b.form).items():
+        if role == "filter":
             place = b.states[name]
             xi[:, place.start - b.start :][:, : place.size] = 0.0
     return xi

@@ -10,15 +10,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import casadi as ca
 import numpy as np
 
+from hgorun.analysis.linear.coordinates import transformed
 from hgorun.result.data import ObserverResult
 from hgorun.simulation.observer_block import ObserverBlock
 from hgorun.simulation.prepared import PreparedRun
-from hgorun.symbolic.canonical import CanonicalForm
 
 
 @dataclass(frozen=True)
@@ -168,22 +167,8 @@ class Linearisation:
         parts = []
         for name, place in self.block.states.items():
             if name == "xhat":
-                parts.append(self._own_coordinates(result.xhat[points]))
+                parameters, canonical = self.run.plant.parameters, self.block.canonical
+                parts.append(transformed(self.block.form, result.xhat[points], parameters, canonical=canonical))
             elif name != "alpha" and place.size:
                 parts.append(place.flattened(result.internal[name][points]))
         return np.concatenate(parts, axis=1)
-
-    def _own_coordinates(self, x: np.ndarray) -> np.ndarray:
-        """Estimates (M, n) in the coordinates where the observer computes."""
-        form: Any = self.block.form
-        plant, parameters = form.plant, self.run.plant.parameters
-        if isinstance(form, CanonicalForm):
-            if not self.block.canonical or form.identity:
-                return x
-            image = form.Phi(plant.x, plant.p)
-        elif plant.transform is not None:
-            image = plant.transform(plant.x, plant.p)
-        else:
-            return x
-        values = ca.Function("z", [plant.x, plant.p], [image])(ca.DM(x.T), ca.DM(parameters))
-        return np.asarray(values.full()).T

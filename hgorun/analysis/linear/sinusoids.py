@@ -9,6 +9,7 @@ import numpy as np
 from hgorun.analysis.linear.linear import Linear, Linearisation
 from hgorun.analysis.linear.transfer import relevant, require_hurwitz, response
 from hgorun.config.yaml_source import Source
+from hgorun.observers.capabilities import HighGain
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import prepare
@@ -28,7 +29,7 @@ def pi_eps(linear: Linear, omega: float, eps: float = 1.0, output: int = 0) -> n
 
     Raises
     ------
-    NoTheory
+    NoValue
         When the linearisation is not Hurwitz.
 
     Notes
@@ -73,7 +74,7 @@ def amplitude(
 
     Raises
     ------
-    NoTheory
+    NoValue
         When the linearisation is not Hurwitz.
     """
     run = prepare(run) if isinstance(run, Experiment) else run
@@ -102,12 +103,12 @@ def exponents(
     """
     run = prepare(run) if isinstance(run, Experiment) else run
     less, more = amplitude(run, label, omega * np.exp([-_RATIO, _RATIO]), x=x, output=output)
-    theta = getattr(run.experiment.observers[label], "theta", None)
+    observer = run.experiment.observers[label]
     in_eps = _slope(more, less)
-    if not isinstance(theta, float):
+    if not isinstance(observer, HighGain):
         return in_eps, np.full(less.shape, np.nan)
     low, high = (
-        amplitude(with_theta(run.experiment, label, theta * np.exp(step)), label, omega, x=x, output=output)
+        amplitude(with_theta(run.experiment, label, observer.theta * np.exp(step)), label, omega, x=x, output=output)
         for step in (-_RATIO, _RATIO)
     )
     return in_eps, _slope(low, high)

@@ -5,15 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from hgorun.analysis.linear.linear import Linear
-from hgorun.errors import HgorunError
+from hgorun.analysis.reasons import NoValue
 
 _DECADES, _PER_DECADE = 2, 40  # beyond the slowest and fastest eigenvalue, and how finely, in the search for peaks
 _DOUBLINGS = 60  # of the number of steps that a covariance is summed over
 _REFINEMENTS = 60  # of the golden section: 0.618^60 = 3e-13
-
-
-class NoTheory(HgorunError):
-    """There is no such number for this system; the message says why."""
 
 
 def relevant(linear: Linear) -> Linear:
@@ -62,15 +58,15 @@ def require_hurwitz(linear: Linear) -> None:
 
     Raises
     ------
-    NoTheory
+    NoValue
     """
     if not np.all(np.isfinite(linear.A)):
-        raise NoTheory("the observer's equations have no derivative at this point")
+        raise NoValue("the observer's equations have no derivative at this point")
     poles = np.linalg.eigvals(linear.A)
     worst = poles[np.argmax(poles.real)] if poles.size else -1.0
     # a pole of multiplicity m is only known to eps^(1/m)
     if not worst.real < -1e-9 * np.max(np.abs(poles), initial=1e-300):
-        raise NoTheory(f"the linearisation is not Hurwitz: it has an eigenvalue at {worst:.4g}")
+        raise NoValue(f"the linearisation is not Hurwitz: it has an eigenvalue at {worst:.4g}")
 
 
 def response(linear: Linear, omega: np.ndarray, delay: float = 0.0) -> np.ndarray:
@@ -116,7 +112,7 @@ def h2(linear: Linear) -> np.ndarray:
 
     Raises
     ------
-    NoTheory
+    NoValue
         When the linearisation is not Hurwitz.
     """
     from scipy.linalg import solve_continuous_lyapunov
@@ -140,7 +136,7 @@ def hinf(linear: Linear) -> tuple[np.ndarray, np.ndarray]:
 
     Raises
     ------
-    NoTheory
+    NoValue
         When the linearisation is not Hurwitz.
     """
     linear = relevant(linear)

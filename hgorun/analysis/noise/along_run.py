@@ -19,8 +19,9 @@ import numpy as np
 
 from hgorun.analysis.linear.exponentials import exponentials
 from hgorun.analysis.linear.linear import Linear, Linearisation
-from hgorun.analysis.linear.transfer import NoTheory, relevant_states, restricted
+from hgorun.analysis.linear.transfer import relevant_states, restricted
 from hgorun.analysis.noise.events import Edges, edges_of
+from hgorun.analysis.reasons import NO_SLOPES, NoValue, no_spectrum
 from hgorun.measurement.schedule import Channel
 from hgorun.noise.base import Wave
 from hgorun.result.result import Result
@@ -55,7 +56,7 @@ def noise_along(run: PreparedRun, label: str, result: Result, twin: Result) -> n
 
     Raises
     ------
-    NoTheory
+    NoValue
         For what has no linear answer: outputs both continuous and late, continuous outputs with noise
         whose spectrum is not known, runs with more events than can be followed, noise too large for slopes.
     """
@@ -63,7 +64,7 @@ def noise_along(run: PreparedRun, label: str, result: Result, twin: Result) -> n
     most = int(np.clip(_NUMBERS / observer.size, *_POINTS))
     points = np.arange(0, twin.time.size, max(twin.time.size // most, 1))
     if points.size < 4:
-        raise NoTheory("the output grid has too few points to linearise along")
+        raise NoValue("the output grid has too few points to linearise along")
     times, xi = twin.time[points], observer.states(twin.observers[label], points)
     waves = [_waves(channel) for channel in run.channels]
     edges = edges_of(run, result, twin, _STRETCHES if any(w is None for w in waves) else _STRETCHES_OF_WAVES)
@@ -71,7 +72,7 @@ def noise_along(run: PreparedRun, label: str, result: Result, twin: Result) -> n
     power: np.ndarray | None = None
     for _ in range(_ROUNDS):
         if not all(np.all(np.isfinite(value)) for value in vars(at).values()):
-            raise NoTheory("the observer's equations have no derivative on its way")
+            raise NoValue(NO_SLOPES)
         keep = relevant_states(at)
         moved, e, found = _followed(run, twin, result, edges, waves, times, restricted(at, keep))
         path = np.zeros_like(xi)
@@ -83,7 +84,7 @@ def noise_along(run: PreparedRun, label: str, result: Result, twin: Result) -> n
         power = found
         nodes = [observer.systems(times, xi + c * path, c * e) for c in GAUSS]
         at = Linear(*[0.5 * (a + b) for a, b in zip(*(vars(n).values() for n in nodes), strict=True)])
-    raise NoTheory("the noise is too large for the observer's slopes to say what it does")
+    raise NoValue("the noise is too large for the observer's slopes to say what it does")
 
 
 def _followed(
@@ -176,15 +177,15 @@ def _waves(channel: Channel) -> _Waves | None:
     if not any(s.continuous for s in channel.stretches):
         return None
     if len(channel.stretches) > 1:
-        raise NoTheory("the output is continuous in one phase and something else in another")
+        raise NoValue("the output is continuous in one phase and something else in another")
     stretch = channel.stretches[0]
     if not stretch.undelayed:
-        raise NoTheory("the output is continuous and late: what is on its way has no finite state")
+        raise NoValue("the output is continuous and late: what is on its way has no finite state")
     waves: list[Wave] = []
     for item in channel.noise[0].functions:  # of what is drawn the values themselves are known
         spectrum = item.spectrum()
         if spectrum is None:
-            raise NoTheory(f"noise of type {item.type} has no spectrum that is known")
+            raise NoValue(no_spectrum(item.type))
         waves += spectrum.waves
     return _Waves(np.array([w.phasor for w in waves]), np.array([w.omega for w in waves]))
 

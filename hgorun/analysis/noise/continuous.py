@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from hgorun.analysis.linear.linear import Linear
-from hgorun.analysis.linear.transfer import NoTheory, discrete_covariance, relevant, require_hurwitz, response
+from hgorun.analysis.linear.transfer import discrete_covariance, relevant, require_hurwitz, response
 from hgorun.analysis.noise.terms import NoiseTerms, grouped, require_spectra
+from hgorun.analysis.reasons import NEEDS_HOLD, NoValue
 from hgorun.noise.base import Draws
 
 _LOBES = 200  # of the spectrum of held noise: what is behind them is 1/(pi^2 lobes) of the power, filtered
@@ -30,7 +31,7 @@ def continuous_power(linear: Linear, terms: list[NoiseTerms], delay: float = 0.0
 
     Raises
     ------
-    NoTheory
+    NoValue
     """
     linear = relevant(linear)
     require_hurwitz(linear)
@@ -65,7 +66,7 @@ def held_power(linear: Linear, draws: Draws, output: int) -> np.ndarray:
     from scipy.linalg import expm
 
     if draws.hold is None or not np.isfinite(draws.hold):
-        raise NoTheory("random noise of a continuous output needs hold")
+        raise NoValue(NEEDS_HOLD)
     N = linear.A.shape[0]
     M = np.zeros((N + 1, N + 1))
     M[:N, :N], M[:N, N] = linear.A, linear.B[:, output]
@@ -103,7 +104,7 @@ def mean_squares(M: np.ndarray, L: np.ndarray, duration: float, P: np.ndarray) -
 def _delayed_power(linear: Linear, draws: Draws, output: int, delay: float) -> np.ndarray:
     """By the spectrum of held noise, variance hold sinc^2(omega hold/2), since a delay has no finite matrix."""
     if draws.hold is None or not np.isfinite(draws.hold):
-        raise NoTheory("random noise of a continuous output needs hold")
+        raise NoValue(NEEDS_HOLD)
     slowest = float(np.min(np.abs(np.linalg.eigvals(linear.A).real)))
     lobe = 2 * np.pi / draws.hold
     low = np.logspace(np.log10(slowest * 1e-5), np.log10(max(lobe, 100 * slowest)), 4000)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hgorun.analysis.linear.transfer import NoTheory
+from hgorun.analysis.reasons import NoValue
 from hgorun.result.result import Result
 from hgorun.simulation.prepared import PreparedRun
 
@@ -47,7 +47,7 @@ def edges_of(run: PreparedRun, result: Result, twin: Result, stretches: int) -> 
 
     Raises
     ------
-    NoTheory
+    NoValue
         When there are too many.
     """
     start, end = run.time.start, run.time.end
@@ -61,7 +61,7 @@ def edges_of(run: PreparedRun, result: Result, twin: Result, stretches: int) -> 
     times = times[(times >= start) & (times <= end)]
     times = times[np.diff(times, prepend=-np.inf) > _SAME * (end - start) / stretches]
     if times.size > _MOST:
-        raise NoTheory(f"the run has {times.size} samples and changes of held noise, too many to follow")
+        raise NoValue(f"the run has {times.size} samples and changes of held noise, too many to follow")
     taken: dict[int, list[tuple[int, int]]] = {}
     arriving: dict[int, list[tuple[int, int, float]]] = {}
     known, noise = result.measurements.time, result.measurements.y - twin.measurements.y

@@ -6,8 +6,8 @@ import casadi as ca
 import numpy as np
 
 from hgorun.analysis.linear.linear import Linearisation
-from hgorun.analysis.linear.transfer import NoTheory
 from hgorun.analysis.noise.along_run import GAUSS
+from hgorun.analysis.reasons import NoValue
 from hgorun.observers.base import Sample
 from hgorun.result.result import Result
 from hgorun.simulation.prepared import PreparedRun
@@ -27,7 +27,7 @@ def noise_of_jumps(run: PreparedRun, label: str, result: Result, twin: Result) -
 
     Raises
     ------
-    NoTheory
+    NoValue
         When the jumps have no derivative along the run, or there are no samples in the window.
     """
     observer = Linearisation(run, label)
@@ -43,7 +43,7 @@ def noise_of_jumps(run: PreparedRun, label: str, result: Result, twin: Result) -
         nodes = [_slopes(observer, arrival, xi + c * before_jump, y + c * v) for c in GAUSS]
         F, G, G_before, L = (0.5 * (a + b) for a, b in zip(*nodes, strict=True))
         if not all(np.all(np.isfinite(part)) for part in (F, G, G_before)):
-            raise NoTheory("the observer's jumps have no derivative on its way")
+            raise NoValue("the observer's jumps have no derivative on its way")
         driven = np.einsum("kij,kj->ki", G, v[1:]) + np.einsum("kij,kj->ki", G_before, v[:-1])
         deviation = np.zeros_like(driven)
         state = np.zeros(driven.shape[1])
@@ -55,7 +55,7 @@ def noise_of_jumps(run: PreparedRun, label: str, result: Result, twin: Result) -
     until = np.append(arrival[2:], run.time.end)
     held = np.clip(np.minimum(until, end) - np.maximum(arrival[1:], start), 0, None)
     if not held.sum() > 0:
-        raise NoTheory("there are no two samples before the end of the window")
+        raise NoValue("there are no two samples before the end of the window")
     squares = np.einsum("kij,kj->ki", L, deviation) ** 2
     return np.asarray((held[:, None] * squares).sum(axis=0) / held.sum())
 

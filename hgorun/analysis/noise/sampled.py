@@ -7,9 +7,10 @@ from functools import cached_property
 import numpy as np
 
 from hgorun.analysis.linear.linear import Linear
-from hgorun.analysis.linear.transfer import NoTheory, discrete_covariance, relevant
+from hgorun.analysis.linear.transfer import discrete_covariance, relevant
 from hgorun.analysis.noise.continuous import mean_squares
 from hgorun.analysis.noise.terms import NoiseTerms, aliased, require_spectra
+from hgorun.analysis.reasons import NoValue
 
 _SHORT = 1e-9  # of a period
 
@@ -34,7 +35,7 @@ class SampledLoop:
 
     Raises
     ------
-    NoTheory
+    NoValue
         When the difference equation is not stable.
     """
 
@@ -70,7 +71,7 @@ class SampledLoop:
         self.noise[held] = -np.eye(q)
         self.radius = float(np.max(np.abs(np.linalg.eigvals(self.step)), initial=0.0))
         if not self.radius < 1 - 1e-9:
-            raise NoTheory(f"with this sampling the linearisation is not stable: spectral radius {self.radius:.4g}")
+            raise NoValue(f"with this sampling the linearisation is not stable: spectral radius {self.radius:.4g}")
 
     def power_of(self, covariance: np.ndarray) -> np.ndarray:
         """Mean squares of the estimate over a period that starts with this covariance (or psi psi^*) after arrival."""
@@ -109,7 +110,7 @@ class SampledLoop:
 
         Raises
         ------
-        NoTheory
+        NoValue
             For draws held longer than a period, and noise whose spectrum is not known.
         """
         require_spectra(terms)
@@ -133,6 +134,6 @@ class SampledLoop:
             for d in t.draws:
                 if d.variance > 0:
                     if d.hold is not None and d.hold > self.period * (1 + _SHORT):
-                        raise NoTheory("draws held longer than a sampling period are not independent")
+                        raise NoValue("draws held longer than a sampling period are not independent")
                     power += self.power_of(self.covariance[i] * d.variance)
         return power

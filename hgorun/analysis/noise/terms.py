@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hgorun.analysis.linear.transfer import NoTheory
+from hgorun.analysis.reasons import NoValue, no_spectrum
 from hgorun.measurement.noise import StretchNoise
 from hgorun.noise.base import Draws, Wave
 
@@ -53,11 +53,11 @@ def require_spectra(terms: Sequence[NoiseTerms]) -> None:
 
     Raises
     ------
-    NoTheory
+    NoValue
     """
     unknown = dict.fromkeys(kind for t in terms for kind in t.other)
     if unknown:
-        raise NoTheory(f"noise of type {' and '.join(unknown)} has no spectrum that is known")
+        raise NoValue(no_spectrum(*unknown))
 
 
 def grouped(waves: Sequence[Wave]) -> list[Wave]:

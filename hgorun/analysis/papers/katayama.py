@@ -30,8 +30,8 @@ import casadi as ca
 import numpy as np
 
 from hgorun.analysis.papers.region import Points, along, box, evaluated
-from hgorun.observers.deadbeat import DeadbeatObserver
-from hgorun.observers.reduced_sampled import ReducedSampledObserver
+from hgorun.analysis.reasons import NoValue
+from hgorun.observers.reduced_order import ReducedOrder
 from hgorun.result.result import Result
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.symbolic.strict_feedback import StrictFeedbackForm
@@ -102,25 +102,21 @@ class KatayamaConditions:
     measured: float | None
 
 
-def katayama_conditions(run: PreparedRun, label: str, result: Result) -> KatayamaConditions | str:
-    """Conditions and bounds for `reduced_sampled` and `deadbeat`; a reason for other observers."""
+def katayama_conditions(run: PreparedRun, label: str, result: Result) -> KatayamaConditions:
+    """Conditions and bounds for `reduced_sampled` and `deadbeat`; NoValue for others."""
     observer = run.experiment.observers[label]
-    if not isinstance(observer, ReducedSampledObserver | DeadbeatObserver):
-        return "the conditions are for reduced_sampled and deadbeat"
+    if not isinstance(observer, ReducedOrder):
+        raise NoValue("the conditions are for reduced_sampled and deadbeat")
     form: Any = run.forms[label]
     samples = run.channels[0].samples
     arrival = samples.arrival[samples.used]
     steps = np.diff(arrival)
     if not steps.size:
-        return "there are no two samples"
+        raise NoValue("there are no two samples")
     T = float(steps.max())
     names = [run.plant.model.states[i] for i in form.hidden]
-    rates = (
-        np.broadcast_to(observer.H, len(names))
-        if isinstance(observer, ReducedSampledObserver)
-        else np.full(len(names), np.nan)
-    )
-    factors = np.where(np.isnan(rates), 0.0, 1 - T * rates)
+    rates = observer.rates(form)
+    factors = np.zeros(len(names)) if rates is None else 1 - T * rates
     noise, slope = _noise(run, result)
     constants, smallest = _constants(run, form, result, T, noise, slope)
     A2 = smallest > np.sqrt(_CONDITION) * constants.l_1
@@ -131,7 +127,7 @@ def katayama_conditions(run: PreparedRun, label: str, result: Result) -> Katayam
             return None
         c = constants
         p = _gap(c, n, w)
-        if isinstance(observer, DeadbeatObserver):
+        if rates is None:  # deadbeat: gone in one step
             return T * c.gamma + (1 + T * c.L_2) * p + T * c.L_2 * n
         # 1 - |1 - T h| is smallest at the longest or the shortest period
         worst = max(float(np.max(np.abs(1 - period * rates))) for period in (T, float(steps.min())))

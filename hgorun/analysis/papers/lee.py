@@ -21,6 +21,7 @@ import casadi as ca
 import numpy as np
 
 from hgorun.analysis.papers.region import along, evaluated
+from hgorun.analysis.reasons import NoValue
 from hgorun.config.expressions import parse
 from hgorun.observers.forward_differences import ForwardDifferences, eigenvalues
 from hgorun.result.result import Result
@@ -89,13 +90,13 @@ class LeeConditions:
     A4: Condition
 
 
-def lee_conditions(run: PreparedRun, label: str, result: Result) -> LeeConditions | str:
-    """Conditions of the paper for `hgo_fd` and `hgo_sa`; a reason for other observers."""
+def lee_conditions(run: PreparedRun, label: str, result: Result) -> LeeConditions:
+    """Conditions of the paper for `hgo_fd` and `hgo_sa`; NoValue for other observers."""
     from scipy.linalg import solve_continuous_lyapunov
 
     observer = run.experiment.observers[label]
     if not isinstance(observer, ForwardDifferences):
-        return "the conditions are for hgo_fd and hgo_sa"
+        raise NoValue("the conditions are for hgo_fd and hgo_sa")
     n, eps = run.plant.model.n, observer.eps
     H_0 = observer.H_0(n)
     A_0 = np.eye(n, k=1) - np.outer(H_0, np.eye(n)[0])

@@ -17,16 +17,18 @@ W is not part of a configuration. The bounds on mu are for W = I, and are to be 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import cast
 
 import casadi as ca
 import numpy as np
 
+from hgorun.analysis.linear.coordinates import transformed
 from hgorun.analysis.papers.lmi import Certificate, certificate
 from hgorun.analysis.papers.region import Points, along, box, evaluated
+from hgorun.analysis.reasons import NoValue
 from hgorun.config.expressions import parse
-from hgorun.observers.direct import DirectObserver
-from hgorun.observers.direct_dynamic import DirectDynamicObserver
+from hgorun.observers.capabilities import HighGain
+from hgorun.observers.output_injection import OutputInjection
 from hgorun.observers.praly_gain import DynamicGain
 from hgorun.result.result import Result
 from hgorun.simulation.prepared import PreparedRun
@@ -126,19 +128,20 @@ class Theorem2:
     mu_0_exact: float | None
 
 
-def meiners_conditions(run: PreparedRun, label: str, result: Result) -> Theorem1 | Theorem2 | str:
-    """The theorem of this observer; a reason for observers of other papers."""
+def meiners_conditions(run: PreparedRun, label: str, result: Result) -> Theorem1 | Theorem2:
+    """The theorem of this observer; NoValue for observers of other papers."""
     observer = run.experiment.observers[label]
-    if isinstance(observer, DirectObserver):
-        return _theorem_1(run, label, observer, result)
     if isinstance(observer, DynamicGain):
         return _theorem_2(run, label, observer, result)
-    return "the theorems are for direct, dynamic_gain and direct_dynamic"
+    if isinstance(observer, OutputInjection) and isinstance(observer, HighGain):
+        return _theorem_1(run, label, observer, observer.theta, result)
+    raise NoValue("the theorems are for direct, dynamic_gain and direct_dynamic")
 
 
 def slope_bound(run: PreparedRun, label: str, result: Result) -> SlopeBound:
     """(6) along a run, for an observer with a dynamic gain."""
-    observer: Any = run.experiment.observers[label]
+    observer = run.experiment.observers[label]
+    assert isinstance(observer, DynamicGain)
     form = _form(run, label)
     model, order = form.model, form.order
     J = ca.jacobian(model.dynamics, model.x)
@@ -155,11 +158,11 @@ def slope_bound(run: PreparedRun, label: str, result: Result) -> SlopeBound:
             ratio = np.where(largest > 0, largest / np.maximum(bound, 0.0), 0.0)
         return slopes, bound, ratio
 
-    x = _own(run, form, result.x)
+    x = transformed(form, result.x, run.plant.parameters)
     path = along(result.time, x)
     slopes, bound, ratio = look(path)
     worst = int(np.argmax(ratio))
-    estimate = _own(run, form, result.observers[label].xhat)
+    estimate = transformed(form, result.observers[label].xhat, run.plant.parameters)
     both = np.concatenate([x, estimate[np.all(np.isfinite(estimate), axis=1)]])
     _, _, in_box = look(box(result.time, both.min(axis=0), both.max(axis=0)))
     which = int(np.argmax(slopes[worst])) if places else 0
@@ -181,14 +184,14 @@ def slope_bound(run: PreparedRun, label: str, result: Result) -> SlopeBound:
     )
 
 
-def _theorem_1(run: PreparedRun, label: str, observer: DirectObserver, result: Result) -> Theorem1 | str:
+def _theorem_1(run: PreparedRun, label: str, observer: OutputInjection, theta: float, result: Result) -> Theorem1:
     from scipy.linalg import solve_continuous_lyapunov
 
     form = _form(run, label)
     model, order, n = form.model, list(form.order), form.n
     J = ca.jacobian(model.dynamics, model.x)[order, order]
     c = ca.jacobian(model.output, model.x)[0, order[0]]
-    points = along(result.time, _own(run, form, result.x))
+    points = along(result.time, transformed(form, result.x, run.plant.parameters))
     slopes = evaluated(run, J, model.x, points)
     head = evaluated(run, c, model.x, points)[:, 0, 0]
     l = observer.injection(form)  # noqa: E741  # the paper's letter
@@ -199,20 +202,21 @@ def _theorem_1(run: PreparedRun, label: str, observer: DirectObserver, result: R
     closed[:, :, 0] -= head[:, None] * l
     mean = closed.mean(axis=0)
     if np.max(np.linalg.eigvals(mean).real) >= 0:
-        return "A - l c is not Hurwitz with the run's mean slopes"
+        raise NoValue("A - l c is not Hurwitz with the run's mean slopes")
     S = solve_continuous_lyapunov(mean.T, -np.eye(n))
     decay = -float(np.max(np.linalg.eigvalsh(closed.swapaxes(1, 2) @ S + S @ closed)))
     lower = np.tril(np.ones((n, n), dtype=bool))
     L = float(np.sqrt(n) * np.max(np.linalg.norm(np.where(lower, slopes, 0.0), axis=2)))
     L_h = float(np.max(np.abs(head)))
-    theta = observer.theta
     k = theta * decay - 2 * float(np.linalg.norm(S, 2)) * L
-    proof = None
-    if observer.mu > 0 and observer.phi is not None and k > 0:
+    proof, blend = None, observer.blend
+    if blend is not None and k > 0:
         powers = theta ** np.arange(1, n + 1)
-        Gamma = np.outer(powers * l, np.eye(n)[0] * head.mean()) + observer.phi / 2 * np.eye(n)
+        Gamma = np.outer(powers * l, np.eye(n)[0] * head.mean()) + blend.phi / 2 * np.eye(n)
         proof = 2 * k / (L_h**2 * theta**2 * _noise(S, Gamma, 1 / powers))
-    return Theorem1(S, decay, L, L_h, k, observer.mu, proof, None if proof is None else SHARP * proof)
+    return Theorem1(
+        S, decay, L, L_h, k, 0.0 if blend is None else blend.mu, proof, None if proof is None else SHARP * proof
+    )
 
 
 def _theorem_2(run: PreparedRun, label: str, observer: DynamicGain, result: Result) -> Theorem2:
@@ -221,7 +225,8 @@ def _theorem_2(run: PreparedRun, label: str, observer: DynamicGain, result: Resu
     inequality = certificate(observer.injection(form).tolist(), observer.a, observer.b, observer.q)
     slopes = slope_bound(run, label, result)
     k = None if inequality.Q is None else observer.a * float(np.linalg.eigvalsh(inequality.Q)[0])
-    if not isinstance(observer, DirectDynamicObserver):
+    blend = observer.blend
+    if blend is None:
         return Theorem2(inequality, slopes, k, None, None, None, None)
     proof = None
     if inequality.Q is not None and k is not None:
@@ -230,7 +235,7 @@ def _theorem_2(run: PreparedRun, label: str, observer: DynamicGain, result: Resu
         largest = max(
             _noise(
                 inequality.Q,
-                np.eye(n, k=1) + theta * observer.phi / 2 * np.eye(n),
+                np.eye(n, k=1) + theta * blend.phi / 2 * np.eye(n),
                 theta ** (1 - np.arange(1, n + 1) - observer.b),
             )
             for theta in np.linspace(max(thetas.min(), 1.0), max(thetas.max(), 1.0), 50)
@@ -240,8 +245,8 @@ def _theorem_2(run: PreparedRun, label: str, observer: DynamicGain, result: Resu
         inequality,
         slopes,
         k,
-        bool(observer.phi > observer.a),
-        observer.mu_0,
+        bool(blend.phi > observer.a),
+        blend.mu,
         proof,
         None if proof is None else SHARP * proof,
     )
@@ -254,15 +259,4 @@ def _noise(S: np.ndarray, Gamma: np.ndarray, scale: np.ndarray) -> float:
 
 
 def _form(run: PreparedRun, label: str) -> LowerTriangularForm:
-    form: Any = run.forms[label]
-    assert isinstance(form, LowerTriangularForm)
-    return form
-
-
-def _own(run: PreparedRun, form: LowerTriangularForm, x: np.ndarray) -> np.ndarray:
-    """States (M, n) in the coordinates where the model is triangular."""
-    plant = form.plant
-    if plant.transform is None:
-        return x
-    T = ca.Function("T", [plant.x, plant.p], [plant.transform(plant.x, plant.p)])
-    return np.asarray(T(ca.DM(x.T), ca.DM(run.plant.parameters)).full()).T
+    return cast(LowerTriangularForm, run.forms[label])  # what every OutputInjection is for

@@ -11,19 +11,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
-from hgorun.analysis.linear.error_system import ErrorSystem, at_end, error_system
+from hgorun.analysis.linear.delay_margin import delay_margin
+from hgorun.analysis.linear.error_system import ErrorSystem, at_end
 from hgorun.analysis.linear.nominal import chain
-from hgorun.analysis.stability.delay_margin import delay_margin
+from hgorun.analysis.reasons import NoValue
 from hgorun.analysis.stability.growth import MOST_PERIODS, growth
 from hgorun.measurement.availability import Stretch
 from hgorun.observers.base import SampledObserver
-from hgorun.observers.forward_differences import ForwardDifferences, eigenvalues
-from hgorun.observers.reduced_sampled import ReducedSampledObserver
-from hgorun.result.result import Result
 from hgorun.simulation.prepared import PreparedRun
+from hgorun.symbolic.forms import Form
 
 _RATIO_CONSTANT, _RATIO_VARYING = 1.04, 1.12  # of neighbouring values in a search for a first crossing
 _SHORTEST, _LONGEST = 1e-2, 3e2  # of 1/rate, where the search starts and ends
@@ -38,15 +38,12 @@ class Limit:
 
     Attributes
     ----------
-    value : float or None
-    reason : str
-        Why there is none; empty where there is one.
+    value : float
     where : str
         Of which linear system it is the limit, and what was assumed.
     """
 
-    value: float | None
-    reason: str = ""
+    value: float
     where: str = ""
 
 
@@ -59,72 +56,36 @@ class Availability:
     remark: str
 
 
-_UNDELAYED = Limit(None, "the observer takes samples without delay")
+def chain_system(run: PreparedRun, label: str) -> ErrorSystem:
+    """The error on chains of integrators, phi = 0, gains at rest: its limits are exact.
 
-
-def critical(run: PreparedRun, label: str, result: Result | str) -> tuple[Limit, Limit]:
-    """The shortest period of sampling and the smallest constant delay at which the error no longer decays.
-
-    The period is critical at this theta and delay, the delay at this theta and sampling.
-
-    Parameters
-    ----------
-    run : PreparedRun
-    label : str
-        Of the observer.
-    result : Result or str
-        The run to linearise along, best :func:`hgorun.analysis.linear.nominal.nominal`. Where the linear system changes
-        along it the limit is that of the growth over the last two thirds of the run, the spectral radius of
-        the product of all monodromy matrices.
-
-    Returns
-    -------
-    tuple of Limit
-        Of the period, of the delay.
+    Raises
+    ------
+    NoValue
+        For observers and plants without such chains.
     """
-    if isinstance(run.experiment.observers[label], SampledObserver):
-        return _discrete(run, label), _UNDELAYED
-    if isinstance(result, str):
-        return (Limit(None, result),) * 2
-    return _both(run, lambda: error_system(run, label, result))
+    alone, result = chain(run, label)
+    return replace(at_end(alone, label, result), where="chains of integrators, phi = 0")
 
 
-def critical_chain(run: PreparedRun, label: str) -> tuple[Limit, Limit]:
-    """The same for chains of integrators, phi = 0, gains at rest: exact."""
-    if isinstance(run.experiment.observers[label], SampledObserver):
-        return Limit(None, "the observer's own limit does not depend on phi"), _UNDELAYED
-
-    def system() -> ErrorSystem | str:
-        pair = chain(run, label)
-        found = pair if isinstance(pair, str) else at_end(pair[0], label, pair[1])
-        return found if isinstance(found, str) else replace(found, where="chains of integrators, phi = 0")
-
-    return _both(run, system)
-
-
-def _both(run: PreparedRun, linearise: Callable[[], ErrorSystem | str]) -> tuple[Limit, Limit]:
-    availability = availability_of(run)
-    if isinstance(availability, str):
-        return (Limit(None, availability),) * 2
-    system = linearise()
-    if isinstance(system, str):
-        return (Limit(None, system),) * 2
-    return _critical_period(system, availability), _critical_delay(system, availability)
-
-
-def availability_of(run: PreparedRun) -> Availability | str:
-    """Period and delay of the outputs, or why there is no one period and delay.
+def availability_of(run: PreparedRun) -> Availability:
+    """Period and delay of the outputs.
 
     Of several phases the last. A delay that changes counts with its largest value, samples at uneven times
     with the longest time between two.
+
+    Raises
+    ------
+    NoValue
+        When there is no one period and delay.
     """
     last = [stretches[-1] for stretches in run.experiment.stretches]
     described = [_describe(run, i, stretch) for i, stretch in enumerate(last)]
     if any(d.period != described[0].period or d.delay != described[0].delay for d in described[1:]):
-        return "the outputs differ in their sampling or delay"
+        raise NoValue("the outputs differ in their sampling or delay")
     if len(run.experiment.stretches[0]) > 1:
         remark = "; ".join(r for r in (described[0].remark, "the last phase") if r)
-        return Availability(described[0].period, described[0].delay, remark)
+        return replace(described[0], remark=remark)
     return described[0]
 
 
@@ -147,7 +108,24 @@ def _describe(run: PreparedRun, i: int, stretch: Stretch) -> Availability:
     return Availability(period, delay, "; ".join(remarks))
 
 
-def _critical_period(system: ErrorSystem, availability: Availability) -> Limit:
+def critical_period(availability: Availability, system: ErrorSystem) -> Limit:
+    """The shortest period of sampling at which the error no longer decays, at this theta and delay.
+
+    Where the linear system changes along a run, that of the growth over the last two thirds of it: the spectral
+    radius of the product of all monodromy matrices.
+
+    Parameters
+    ----------
+    availability : Availability
+        What :func:`availability_of` says of the run.
+    system : ErrorSystem
+        Best along a run of :func:`hgorun.analysis.linear.nominal.nominal`, or :func:`chain_system`.
+
+    Raises
+    ------
+    NoValue
+        When it is stable, or unstable, at every period.
+    """
     delay = availability.delay
     where = "; ".join(w for w in (system.where, availability.remark if delay else "") if w)
     shortest = max(_SHORTEST / system.rate, delay / _MOST_WAITING)
@@ -159,13 +137,14 @@ def _critical_period(system: ErrorSystem, availability: Availability) -> Limit:
     return _search(system, lambda T: growth(system, T, delay), shortest, longest, where, "period")
 
 
-def _critical_delay(system: ErrorSystem, availability: Availability) -> Limit:
+def critical_delay(availability: Availability, system: ErrorSystem) -> Limit:
+    """The smallest constant delay at which the error no longer decays, at this theta and sampling.
+
+    Parameters and errors as for :func:`critical_period`.
+    """
     where, period = system.where, availability.period
     if period is None and system.constant:
-        margin = delay_margin(system.A0[0], system.E[0], system.H[0], system.K0[0], system.K[0])
-        if isinstance(margin, str):
-            return Limit(None, margin, where)
-        return Limit(margin, "", where)
+        return Limit(delay_margin(system.A0[0], system.E[0], system.H[0], system.K0[0], system.K[0]), where)
     shortest, longest = _SHORTEST / system.rate, _LONGEST / system.rate
     if not system.constant:
         span = system.times[-1] - system.times[0]
@@ -177,7 +156,7 @@ def _critical_delay(system: ErrorSystem, availability: Availability) -> Limit:
         coarse, fine = (lambda d, n=n: growth(system, d / n, d - d / (2 * n)) for n in (_COARSE, _FINE))
         return _search(system, coarse, shortest, longest, where, "delay", fine)
     if growth(system, period, 0.0) >= 0:
-        return Limit(None, f"unstable at the period {period:.4g} already without delay", where)
+        raise NoValue(f"unstable at the period {period:.4g} already without delay")
     longest = min(longest, _MOST_WAITING * period)
     return _search(system, lambda d: growth(system, period, d), shortest, longest, where, "delay")
 
@@ -196,32 +175,34 @@ def _search(
     precision = _PRECISION[0 if system.constant else 1]
     low = shortest
     if rate(low) >= 0:
-        return Limit(None, f"unstable at every {what} down to {low:.3g}", where)
+        raise NoValue(f"unstable at every {what} down to {low:.3g}")
     high = low * ratio
     while rate(high) < 0:
         low, high = high, high * ratio
         if low > longest:
-            return Limit(None, f"stable at every {what} up to {low:.3g}", where)
+            raise NoValue(f"stable at every {what} up to {low:.3g}")
     rate = fine or rate
     while low > shortest and rate(low) >= 0:
         low, high = low / ratio, low
     while rate(high) < 0:
         low, high = high, high * ratio
         if low > longest:
-            return Limit(None, f"stable at every {what} up to {low:.3g}", where)
+            raise NoValue(f"stable at every {what} up to {low:.3g}")
     while high - low > precision * high:
         middle = 0.5 * (low + high)
         low, high = (middle, high) if rate(middle) < 0 else (low, middle)
-    return Limit(0.5 * (low + high), "", where)
+    return Limit(0.5 * (low + high), where)
 
 
-def _discrete(run: PreparedRun, label: str) -> Limit:
-    """The observers that jump at the samples, as the error of the Euler model has it."""
-    observer = run.experiment.observers[label]
-    if isinstance(observer, ForwardDifferences):
-        poles = eigenvalues(observer.H_0(run.forms[label].plant.n))
-        value = observer.eps * float(np.min(-2 * poles.real / np.abs(poles) ** 2))
-        return Limit(value, "", "spectral radius of I + (T/eps) A_0")
-    if isinstance(observer, ReducedSampledObserver):
-        return Limit(2 / float(np.max(observer.H)), "", "|1 - T h_i| of the plant's Euler model, A3")
-    return Limit(None, "the estimate does not depend on earlier ones: no period makes it unstable")
+def jumping_period(observer: SampledObserver[Any, Any], form: Form) -> Limit:
+    """The critical period of an observer that jumps at the samples, as the observer declares it.
+
+    Raises
+    ------
+    NoValue
+        Where no period makes it unstable.
+    """
+    value, where = observer.longest_period(form)
+    if value is None:
+        raise NoValue(where)
+    return Limit(value, where)

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from examples import chain, experiment
+from examples import chain, experiment, said
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import brentq
@@ -61,30 +61,30 @@ def test_sufficient_and_exact_delays_of_a_chain(r: int, exact: float, bound: flo
     found = dynamics(3, r)
     none = slopes(np.zeros((3, 3)))
     for theta in (1.0, 5.0):
-        limit = bounds.delayed(found, found.certificate, none, theta).longest
+        limit = bounds.delayed(found, none, theta).longest
         assert limit * theta == pytest.approx(bound, rel=1e-3)
-        sharp = bounds.delayed_sharply(found, found.certificate, none, theta).longest
+        sharp = bounds.delayed_sharply(found, none, theta).longest
         assert limit < sharp < exact / theta
     assert exact_limit(found) == pytest.approx(exact, abs=5e-4)
 
 
 def test_theta_bound_by_hand() -> None:
     """phi_2 = L sin x_2: c_1 = L; phi_2 = L x_1: c_1 = L/theta, so that theta^2 = L/beta."""
-    found = analyze(second_order("3*sin(x2)")).observers["observer"].values
+    found = said(analyze(second_order("3*sin(x2)")).observers["observer"])
     assert found["lipschitz"] == pytest.approx(3, rel=0.02)
     assert found["theta_bound"] == pytest.approx(found["lipschitz"] / BETA, rel=1e-9)
     assert found["theta_bound_printed"] == pytest.approx(2 * found["lipschitz"] / BETA, rel=1e-9)
-    found = analyze(second_order("-3*x1")).observers["observer"].values
+    found = said(analyze(second_order("-3*x1")).observers["observer"])
     assert found["lipschitz"] == 3
     assert found["theta_bound"] == pytest.approx(np.sqrt(3 / BETA), rel=1e-9)
-    found = analyze(second_order("0")).observers["observer"].values
+    found = said(analyze(second_order("0")).observers["observer"])
     assert (found["lipschitz"], found["theta_bound"]) == (0, 1)
 
 
 def test_delay_bound_and_rate_by_hand() -> None:
     d = 1e-5
     found = analyze(second_order("-3*x1", sampling={"period": 4e-6}, delay=6e-6)).observers["observer"]
-    values, theta, L = found.values, 100, 3
+    values, theta, L = said(found), 100, 3
     assert (values["beta"], values["chi"]) == pytest.approx((BETA, CHI), rel=1e-12)
     assert values["delay_max"] == pytest.approx(d, rel=1e-9)
     assert values["delay_bound"] == pytest.approx(BETA / (CHI * (L + theta)), rel=1e-12)
@@ -96,10 +96,10 @@ def test_a_standard_observer_with_a_large_gain_needs_more_than_chi() -> None:
     """|G|^2 > chi: sqrt(chi) |G| stands in its place."""
     found = experiment(chain(2), {"observer": {"type": "shgo", "theta": 1, "poles": [-3, -4]}})
     made = error_dynamics(found.observers["observer"], found.forms["observer"])
-    chi, G = made.certificate.chi, np.hypot(7, 12)
+    chi, G = made.lyapunov.chi, np.hypot(7, 12)
     assert chi < G**2
-    limit = bounds.delayed(made, made.certificate, slopes(np.zeros((2, 2))), 1.0).longest
-    assert limit == pytest.approx(made.certificate.beta / (np.sqrt(chi) * G), rel=1e-9)
+    limit = bounds.delayed(made, slopes(np.zeros((2, 2))), 1.0).longest
+    assert limit == pytest.approx(made.lyapunov.beta / (np.sqrt(chi) * G), rel=1e-9)
 
 
 def test_the_euclidean_constant_of_chapter_2_is_too_small() -> None:

@@ -1,4 +1,4 @@
-"""Error matrices against the publications' formulas, certificates against pencil and paper."""
+"""Error matrices against the publications' formulas, Lyapunov matrices against pencil and paper."""
 
 from typing import Any
 
@@ -9,8 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hgorun import Experiment
-from hgorun.analysis.convergence.gains import Certificate, ErrorDynamics, NotApplicableError, error_dynamics
+from hgorun.analysis.convergence.gains import ErrorDynamics, Lyapunov, error_dynamics
 from hgorun.analysis.linear.linear import Linearisation
+from hgorun.analysis.reasons import NoValue
 from hgorun.observers.lowpass import F
 from hgorun.simulation.simulate import prepare
 from hgorun.symbolic.matrices import hurwitz_gain
@@ -86,7 +87,7 @@ def test_other_families() -> None:
 def test_riccati_gains_settle_to_binomials_on_a_chain(block: dict[str, Any], order: int) -> None:
     found = dynamics(3, theta=4, **block)
     assert same_spectrum(found.A, chain(hurwitz_gain(order, -1)))
-    assert np.all(found.certificate.poles == -1)
+    assert np.all(found.lyapunov.poles == -1)
 
 
 @pytest.mark.parametrize("delta", [1, 4, 7.5])
@@ -95,7 +96,7 @@ def test_fhgo1_on_a_chain(delta: float) -> None:
     found = dynamics(3, type="fhgo1", theta=4, delta=delta)
     expected = np.poly(np.resize(np.roots([1, delta, delta]), 6))
     assert np.allclose(np.poly(found.A), expected, rtol=1e-9)
-    assert np.allclose(np.poly(found.certificate.poles), expected, rtol=1e-9)
+    assert np.allclose(np.poly(found.lyapunov.poles), expected, rtol=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -143,13 +144,13 @@ def test_several_chains() -> None:
 
 def test_what_has_no_constant_matrix_says_so() -> None:
     made = experiment(3, {"type": "shgo_riccati", "theta": 3}, type="academic", initial={"x1": 1, "x2": 1, "x3": 1})
-    with pytest.raises(NotApplicableError, match="follows F"):
+    with pytest.raises(NoValue, match="follows F"):
         error_dynamics(made.observers["observer"], made.forms["observer"])
 
 
-def test_certificate_by_hand() -> None:
+def test_lyapunov_matrix_by_hand() -> None:
     """n = 2, poles -1: P = [[1, -1], [-1, 3]], eigenvalues 2 +- sqrt 2."""
-    found = dynamics(2, type="shgo", theta=5).certificate
+    found = dynamics(2, type="shgo", theta=5).lyapunov
     assert np.allclose(found.P, [[1, -1], [-1, 3]], rtol=1e-12)
     assert found.beta == pytest.approx(1 / (2 * (2 + np.sqrt(2))), rel=1e-12)
     assert found.chi == pytest.approx(3 + 2 * np.sqrt(2), rel=1e-12)
@@ -158,30 +159,30 @@ def test_certificate_by_hand() -> None:
 
 
 @given(st.floats(0.1, 10), st.floats(0.1, 10))
-def test_certificate_of_two_gains(g1: float, g2: float) -> None:
+def test_lyapunov_matrix_of_two_gains(g1: float, g2: float) -> None:
     """P of [[-g1, 1], [-g2, 0]]: p12 = -1, p11 = (1 + g2)/g1, p22 = (p11 + g1)/g2."""
-    found = Certificate(np.array([[-g1, 1.0], [-g2, 0.0]]))
+    found = Lyapunov(np.array([[-g1, 1.0], [-g2, 0.0]]))
     p11 = (1 + g2) / g1
     assert np.allclose(found.P, [[p11, -1], [-1, (p11 + g1) / g2]], rtol=1e-9)
 
 
 @pytest.mark.parametrize(("n", "expected"), [(2, (0.14645, 5.828)), (3, (0.057640, 22.065)), (4, (0.021067, 82.783))])
-def test_certificates_of_binomial_gains(n: int, expected: tuple[float, float]) -> None:
+def test_lyapunov_matrices_of_binomial_gains(n: int, expected: tuple[float, float]) -> None:
     """The same for every division of the order among filter and plant."""
     for r in range(n):
-        found = dynamics(n - r, type="fhgo2", theta=1, r=r).certificate if n - r > 1 else None
+        found = dynamics(n - r, type="fhgo2", theta=1, r=r).lyapunov if n - r > 1 else None
         if found is not None:
             assert (found.beta, found.chi) == pytest.approx(expected, rel=1e-4)
 
 
 def test_a_long_filter_still_has_one() -> None:
-    found = dynamics(2, type="fhgo2", theta=1, r=8).certificate
+    found = dynamics(2, type="fhgo2", theta=1, r=8).lyapunov
     assert np.allclose(found.P @ found.A + found.A.T @ found.P, -2 * np.eye(10), atol=1e-4)
     assert found.beta > 0
 
 
-def test_no_certificate_without_decay() -> None:
-    found = Certificate(np.array([[0.0, 1.0], [-1.0, 0.0]]))
+def test_no_lyapunov_matrix_without_decay() -> None:
+    found = Lyapunov(np.array([[0.0, 1.0], [-1.0, 0.0]]))
     assert not found.hurwitz
-    with pytest.raises(NotApplicableError, match="not Hurwitz"):
+    with pytest.raises(NoValue, match="not Hurwitz"):
         _ = found.beta

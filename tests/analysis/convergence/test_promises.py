@@ -4,14 +4,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from examples import findings, said
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hgorun import Experiment
-from hgorun.analysis.convergence.contributor import promises
-from hgorun.analysis.findings import Findings
-from hgorun.analysis.report import analyze
+from hgorun.analysis.report import Findings, analyze
+from hgorun.result.theory import Transient
 
+ASKED = findings("decay", "convergence")
 OBSERVERS = (
     ("shgo", 0),
     ("fhgo2", 0),
@@ -81,22 +82,26 @@ def with_noise(config: dict[str, Any], n: int) -> None:
     ]
 
 
-def promised(config: dict[str, Any], factor: float, span: float) -> Findings:
+def analysed(config: dict[str, Any]) -> tuple[Findings, Transient | None]:
+    analysis = analyze(Experiment(config), ASKED)
+    return analysis.observers["observer"], analysis.transients.get("observer")
+
+
+def promised(config: dict[str, Any], factor: float, span: float) -> tuple[Findings, Transient | None]:
     """What is found at theta = factor theta_bound, for a time of span/theta."""
     limit = 1.0
     for _ in range(6):  # theta_bound depends on the box of the run, and that on theta
         theta = factor * limit
         config["observers"]["observer"]["theta"] = theta
         config["time"] = {"end": span / theta, "output_step": span / theta / 1000}
-        found = analyze(Experiment(config), (promises,)).observers["observer"]
-        if found.transient is not None and found.transient.holds:
+        found, transient = analysed(config)
+        if transient is not None and transient.holds:
             break
-        limit = max(limit, found.values["theta_bound"])
-    return found
+        limit = max(limit, said(found)["theta_bound"])
+    return found, transient
 
 
-def assert_bounded(found: Findings) -> None:
-    transient = found.transient
+def assert_bounded(found: Findings, transient: Transient | None) -> None:
     assert transient is not None
     assert transient.holds, found.reasons
     assert np.all(transient.error <= transient.sharp)
@@ -104,13 +109,13 @@ def assert_bounded(found: Findings) -> None:
     assert np.all(np.diff(transient.bound, axis=0) <= 0)
     assert np.all(transient.bound[-1] < transient.bound[0])
     for column, name in zip(transient.bound.T, transient.names, strict=True):
-        law, since = found.values["peaking_law"][name], transient.time - transient.time[0]
+        law, since = said(found)["peaking_law"][name], transient.time - transient.time[0]
         assert np.allclose(column, law["start"] * np.exp(-law["rate"] * since) + law["rest"], rtol=1e-9)
 
 
-def assert_near(found: Findings) -> None:
+def assert_near(found: Findings, transient: Transient | None) -> None:
     """Without noise: (3.34) to the letter, and the sharp bound no wall far away."""
-    transient, values = found.transient, found.values
+    values = said(found)
     assert transient is not None
     theta, span = values["theta"], transient.time[-1] - transient.time[0]
     start = np.linalg.norm(transient.error[0])
@@ -131,10 +136,10 @@ def test_no_error_is_above_its_bound(kind: str, r: int, seed: int, n: int, noisy
     config = experiment(rng, kind, r, n)
     if noisy:
         with_noise(config, n)
-    found = promised(config, rng.uniform(1.001, 3), 40)
-    assert_bounded(found)
+    found, transient = promised(config, rng.uniform(1.001, 3), 40)
+    assert_bounded(found, transient)
     if not noisy:
-        assert_near(found)
+        assert_near(found, transient)
 
 
 @pytest.mark.parametrize(("kind", "r"), [("shgo", 0), ("fhgo2", 1)])
@@ -149,13 +154,13 @@ def test_no_error_is_above_its_bound_with_late_outputs(
         config["observers"]["observer"]["poles"] = -1
     if noisy:
         with_noise(config, 2)
-    found = promised(config, 1.5, 2)
-    late = 0.9 * found.values["delay_bound"]
+    found, _ = promised(config, 1.5, 2)
+    late = 0.9 * said(found)["delay_bound"]
     config["measurement"] |= {"sampling": {"period": 0.6 * late}, "delay": 0.4 * late} if sampled else {"delay": late}
-    found = analyze(Experiment(config), (promises,)).observers["observer"]
-    assert found.values["delay_max"] == pytest.approx(late, rel=1e-6)
-    assert 0 < found.values["eta_theta"] < found.values["beta"] * found.values["theta"]
-    assert_bounded(found)
+    found, transient = analysed(config)
+    assert said(found)["delay_max"] == pytest.approx(late, rel=1e-6)
+    assert 0 < said(found)["eta_theta"] < said(found)["beta"] * said(found)["theta"]
+    assert_bounded(found, transient)
 
 
 @pytest.mark.parametrize(("kind", "r"), [("shgo", 0), ("fhgo2", 2), ("treangle", 0)])
@@ -167,15 +172,15 @@ def test_a_coarse_output_grid_hides_no_slope(kind: str, r: int, seed: int, noisy
     config = experiment(rng, kind, r, 2)
     if noisy:
         with_noise(config, 2)
-    fine = promised(config, 1.5, 40)
+    fine, fine_transient = promised(config, 1.5, 40)
     config["time"]["output_step"] = config["time"]["end"] / 4
-    coarse = analyze(Experiment(config), (promises,)).observers["observer"]
-    assert coarse.transient is not None
-    assert fine.transient is not None
-    assert coarse.values["lipschitz"] >= fine.values["lipschitz_reached"] * (1 - 1e-9)
+    coarse, coarse_transient = analysed(config)
+    assert coarse_transient is not None
+    assert fine_transient is not None
+    assert said(coarse)["lipschitz"] >= said(fine)["lipschitz_reached"] * (1 - 1e-9)
     assert any("too coarse" in remark for remark in coarse.remarks)
-    if coarse.transient.holds:
-        assert np.all(fine.transient.error[::250] <= coarse.transient.sharp)
+    if coarse_transient.holds:
+        assert np.all(fine_transient.error[::250] <= coarse_transient.sharp)
     else:
         assert "below theta_bound" in coarse.reasons["peaking_bound"]
 
@@ -192,8 +197,8 @@ def test_slopes_that_grow_are_found_beyond_a_coarse_grid() -> None:
         },
         "observers": {"observer": {"type": "shgo", "theta": 50}},
     }
-    coarse = analyze(Experiment(config), (promises,)).observers["observer"].values
+    coarse = said(analysed(config)[0])
     config["time"] = {"end": 1, "output_step": 0.001}
-    fine = analyze(Experiment(config), (promises,)).observers["observer"].values
+    fine = said(analysed(config)[0])
     assert fine["lipschitz_reached"] > 10
     assert coarse["lipschitz"] >= fine["lipschitz"]

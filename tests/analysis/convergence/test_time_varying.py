@@ -4,18 +4,19 @@ from typing import Any
 
 import numpy as np
 import pytest
+from examples import findings, said
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hgorun import Experiment
 from hgorun.analysis.convergence import time_varying
-from hgorun.analysis.convergence.contributor import promises
 from hgorun.analysis.convergence.lipschitz import Lipschitz
 from hgorun.analysis.convergence.time_varying import Gramian
 from hgorun.analysis.report import analyze
 from hgorun.observers.riccati import stationary
 from hgorun.simulation.simulate import simulate
 
+ASKED = findings("decay", "convergence")
 FAMILIES: list[dict[str, Any]] = [
     {"type": "shgo_riccati"},
     {"type": "shgo_riccati", "equation": "lyapunov"},
@@ -55,15 +56,15 @@ def config(rng: np.random.Generator, block: dict[str, Any], theta: float, *, noi
 def test_no_error_is_above_its_bound(block: dict[str, Any], seed: int, noisy: bool) -> None:
     rng = np.random.default_rng(seed)
     theta = float(rng.uniform(4, 8))
-    found = analyze(Experiment(config(rng, block, theta, noisy=noisy)), (promises,)).observers["observer"]
-    transient = found.transient
+    analysis = analyze(Experiment(config(rng, block, theta, noisy=noisy)), ASKED)
+    found, transient = analysis.observers["observer"], analysis.transients.get("observer")
     assert transient is not None
     assert transient.holds, found.reasons
     assert np.all(transient.error <= transient.bound)
     assert np.all(transient.bound[-1] < transient.bound[0])
     if not noisy:
         assert np.all(transient.bound[-1] < 0.05 * transient.bound[0])
-    assert found.values["eta_theta"] == pytest.approx(theta / 4)
+    assert said(found)["eta_theta"] == pytest.approx(theta / 4)
 
 
 def test_the_reduced_matrices_are_those_of_the_full_equation() -> None:
@@ -120,13 +121,13 @@ def test_the_period_of_fhgo1() -> None:
 
 def test_fhgo1_says_what_its_theorem_lacks() -> None:
     made = config(np.random.default_rng(0), {"type": "fhgo1", "delta": 3}, 5, noisy=False)
-    found = analyze(Experiment(made), (promises,)).observers["observer"]
-    assert found.values["tau_bound"] is None
+    found = analyze(Experiment(made), ASKED).observers["observer"]
+    assert said(found)["tau_bound"] is None
     assert "larger theta or delta" in found.reasons["tau_bound"]
     made["observers"]["observer"]["delta"] = 1e5
     made["solver"] = {"method": "rk4", "step": 2e-6}
     made["time"] = {"end": 0.5, "output_step": 0.01}
     made["observers"]["observer"]["theta"] = 1000
-    values = analyze(Experiment(made), (promises,)).observers["observer"].values
+    values = said(analyze(Experiment(made), ASKED).observers["observer"])
     assert values["tau_bound"] is not None
     assert 0 < values["tau_bound"] < 1e-5

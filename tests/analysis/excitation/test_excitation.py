@@ -9,6 +9,7 @@ from examples import ACADEMIC, experiment
 from hgorun import ConfigError
 from hgorun.analysis.excitation.excitation import Excitation, excitation, links_along, plant_excitation
 from hgorun.analysis.excitation.gramian import gramians
+from hgorun.analysis.reasons import NoValue
 from hgorun.result.result import Result
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import perform, prepare
@@ -189,9 +190,11 @@ def test_where_none_is_needed() -> None:
         {"o": {"type": "shgo", "theta": 2}, "short": {"type": "shgo_riccati", "theta": 0.01}},
         end=1,
     )
-    assert excitation(run, "o", result) == "uniformly observable: no excitation needed"
-    assert plant_excitation(run, "o", result) == "uniformly observable: no excitation needed"
-    assert excitation(run, "short", result) == "the run is shorter than the window of the Gramian"
+    for condition in (excitation, plant_excitation):
+        with pytest.raises(NoValue, match="uniformly observable: no excitation needed"):
+            condition(run, "o", result)
+    with pytest.raises(NoValue, match="shorter than the window of the Gramian"):
+        excitation(run, "short", result)
 
 
 def test_several_outputs_and_blocks() -> None:

@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
+from examples import findings, said
 
 import hgorun
-from hgorun.analysis.findings import Context
-from hgorun.analysis.noise.bode import bode
-from hgorun.analysis.noise.contributor import noise
+from hgorun.analysis.noise.responses import frequency_responses
+from hgorun.analysis.report import analysis_of
+from hgorun.analysis.subject import Context
 from hgorun.figures.bode import bode_figure
 from hgorun.simulation.simulate import perform, prepare
 
@@ -34,7 +35,7 @@ def transfer(omega: np.ndarray) -> np.ndarray:
 
 
 def test_the_response_is_the_transfer_function(context: Context) -> None:
-    data = bode(context)
+    data = frequency_responses(context)
     np.testing.assert_allclose(data.magnitude["A"], transfer(data.omega), rtol=1e-9)
     assert list(data.own) == [40]
     figure = bode_figure(data, context.result)
@@ -42,7 +43,7 @@ def test_the_response_is_the_transfer_function(context: Context) -> None:
 
 
 def test_the_findings_are_its_numbers(context: Context) -> None:
-    values = noise(context)["A"].values
+    values = said(analysis_of(context.run, context.result, findings("noise")).observers["A"])
     amplitude = 0.5 * transfer(np.array([40.0]))[0]
     assert list(values["noise_amplitude"].values()) == pytest.approx(amplitude, rel=1e-9)
     for key in ("noise_rms_predicted", "noise_rms_measured"):

@@ -13,11 +13,12 @@ from scipy.linalg import expm
 import hgorun
 from hgorun.analysis.linear.linear import Linear, Linearisation
 from hgorun.analysis.linear.sinusoids import amplitude, exponents, pi_eps
-from hgorun.analysis.linear.transfer import NoTheory, h2, hinf, relevant, response
+from hgorun.analysis.linear.transfer import h2, hinf, relevant, response
 from hgorun.analysis.noise.continuous import continuous_power
-from hgorun.analysis.noise.prediction import measured_noise, noise_free, noise_prediction
+from hgorun.analysis.noise.prediction import measured_noise, predicted_noise, without_noise
 from hgorun.analysis.noise.sampled import SampledLoop
 from hgorun.analysis.noise.terms import NoiseTerms
+from hgorun.analysis.reasons import NoValue
 from hgorun.noise.base import Draws, Wave
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import prepare
@@ -89,7 +90,7 @@ def test_exponents() -> None:
 
 
 def test_marginal_is_refused() -> None:
-    with pytest.raises(NoTheory, match="not Hurwitz"):
+    with pytest.raises(NoValue, match="not Hurwitz"):
         h2(Linear(np.zeros((1, 1)), np.zeros((1, 1)) + 1, np.zeros((1, 1)), np.eye(1), np.zeros((1, 1)), np.eye(1)))
 
 
@@ -156,8 +157,8 @@ def test_prediction_is_the_difference_to_the_run_without_noise(measurement: dict
         "solver": {"method": "rk4", "step": 0.005},
     }
     experiment = hgorun.Experiment(config, name="test")
-    twin = hgorun.simulate(noise_free(experiment))
-    measured = measured_noise(hgorun.simulate(experiment), twin)
-    for label, prediction in noise_prediction(prepare(experiment), twin).items():
-        assert prediction.rms is not None, prediction.reason
-        np.testing.assert_allclose(prediction.rms, measured[label], rtol=0.01)
+    noise_free = hgorun.simulate(without_noise(experiment))
+    run, result = prepare(experiment), hgorun.simulate(experiment)
+    for label in result.observers:
+        predicted = predicted_noise(run, label, noise_free)
+        np.testing.assert_allclose(predicted, measured_noise(result, noise_free, label), rtol=0.01)

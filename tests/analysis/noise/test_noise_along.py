@@ -1,4 +1,4 @@
-"""Noise along a run: predicted from the linearisation, against a run with noise minus its twin without."""
+"""Noise along a run: predicted from the linearisation, against a run with noise minus its noise_free without."""
 
 from pathlib import Path
 
@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import hgorun
-from hgorun.analysis.noise.prediction import measured_noise, noise_free, noise_prediction
+from hgorun.analysis.noise.prediction import measured_noise, predicted_noise, without_noise
+from hgorun.analysis.reasons import NoValue
 from hgorun.reproduce.shipped import folder
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.simulate import perform, prepare, simulate
@@ -17,13 +18,11 @@ THESIS = folder() / "robles2023"
 def ratios(experiment: Experiment) -> dict[str, np.ndarray]:
     """Predicted over measured, shape (n,) for each observer."""
     run = prepare(experiment)
-    result, twin = perform(run), simulate(noise_free(experiment))
-    measured = measured_noise(result, twin)
-    found = {}
-    for label, prediction in noise_prediction(run, twin, result).items():
-        assert prediction.rms is not None, prediction.reason
-        found[label] = prediction.rms / measured[label]
-    return found
+    result, noise_free = perform(run), simulate(without_noise(experiment))
+    return {
+        label: predicted_noise(run, label, noise_free, result) / measured_noise(result, noise_free, label)
+        for label in result.observers
+    }
 
 
 @pytest.mark.parametrize(
@@ -77,7 +76,7 @@ def test_what_has_no_answer_says_why(tmp_path: Path) -> None:
     late = "measurement={delay: 0.1 + 0.05*sin(t), noise: [{type: uniform, low: -1, high: 1, hold: 0.02}]}"
     experiment = hgorun.load(path, [late])
     run = prepare(experiment)
-    result, twin = perform(run), simulate(noise_free(experiment))
-    for prediction in noise_prediction(run, twin, result).values():
-        assert prediction.rms is None
-        assert "continuous and late" in str(prediction.reason)
+    result, noise_free = perform(run), simulate(without_noise(experiment))
+    for label in result.observers:
+        with pytest.raises(NoValue, match="continuous and late"):
+            predicted_noise(run, label, noise_free, result)

@@ -1,9 +1,9 @@
-"""Noise of observers that jump at the samples, predicted along a run, against the run minus its twin."""
+"""Noise of observers that jump at the samples, predicted along a run, against the run minus its noise_free."""
 
 import pytest
 
 import hgorun
-from hgorun.analysis.noise.prediction import measured_noise, noise_free, noise_prediction
+from hgorun.analysis.noise.prediction import measured_noise, predicted_noise, without_noise
 from hgorun.reproduce.shipped import folder
 from hgorun.simulation.simulate import perform, prepare, simulate
 
@@ -21,10 +21,10 @@ def test_within_one_percent(file: str, name: str, settings: list[str], states: t
     windows += ["metrics.window=[2,6]", "metrics.transient=[0,2]"] if "time.end=6" in settings else []
     experiment = hgorun.load(folder() / file, [*settings, *windows], run=name)
     run = prepare(experiment)
-    result, twin = perform(run), simulate(noise_free(experiment))
-    measured = measured_noise(result, twin)
-    for label, prediction in noise_prediction(run, twin, result).items():
-        assert prediction.rms is not None, prediction.reason
+    result, noise_free = perform(run), simulate(without_noise(experiment))
+    for label in result.observers:
+        predicted = predicted_noise(run, label, noise_free, result)
+        measured = measured_noise(result, noise_free, label)
         for state in states:
             i = result.states.index(state)
-            assert prediction.rms[i] == pytest.approx(measured[label][i], rel=within), (label, state)
+            assert predicted[i] == pytest.approx(measured[i], rel=within), (label, state)

@@ -1,5 +1,6 @@
 """Critical periods and delays: known numbers, and runs a little below and above them."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -8,12 +9,17 @@ from examples import ACADEMIC, VAN_DER_POL, Block, chain, experiment, inline
 
 from hgorun.analysis.linear.error_system import error_system
 from hgorun.analysis.linear.nominal import nominal
+from hgorun.analysis.reasons import NoValue
 from hgorun.analysis.stability.critical import (
-    critical,
-    critical_chain,
+    Limit,
+    availability_of,
+    chain_system,
+    critical_delay,
+    critical_period,
+    jumping_period,
 )
 from hgorun.analysis.stability.growth import growth
-from hgorun.result.result import Result
+from hgorun.observers.base import SampledObserver
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import perform, prepare
 
@@ -25,9 +31,24 @@ def prepared(observers: dict[str, Block], plant: Block = CHAIN, end: float = 5, 
     return prepare(experiment(plant, observers, end=end, output_step=end / 1000, **more))
 
 
-def value(limit: Any) -> float:
-    assert limit.value is not None, limit.reason
-    return float(limit.value)
+def chain_period(run: PreparedRun, label: str) -> float:
+    return critical_period(availability_of(run), chain_system(run, label)).value
+
+
+def chain_delay(run: PreparedRun, label: str) -> float:
+    return critical_delay(availability_of(run), chain_system(run, label)).value
+
+
+def own_period(run: PreparedRun, label: str) -> float:
+    """What an observer that jumps at the samples declares."""
+    observer = run.experiment.observers[label]
+    assert isinstance(observer, SampledObserver)
+    return jumping_period(observer, run.forms[label]).value
+
+
+def along(limit: Callable[[Any, Any], Limit], run: PreparedRun, label: str) -> float:
+    """A limit along the nominal run."""
+    return limit(availability_of(run), error_system(run, label, nominal(run))).value
 
 
 def decay(run: PreparedRun, label: str) -> float:
@@ -53,21 +74,22 @@ def test_periods_of_three_integrators() -> None:
     }
     run = prepared({name: {**block, "theta": 4} for name, (block, _) in known.items()})
     for label, (_, T) in known.items():
-        assert 4 * value(critical_chain(run, label)[0]) == pytest.approx(T, abs=6e-4), label
+        assert 4 * chain_period(run, label) == pytest.approx(T, abs=6e-4), label
 
 
 def test_delays_of_three_integrators() -> None:
     run = prepared({f"r={r}": {"type": "fhgo2", "theta": 3, "r": r} for r in range(4)})
     for r, d in enumerate((0.927, 1.103, 1.255, 1.400)):
-        assert 3 * value(critical_chain(run, f"r={r}")[1]) == pytest.approx(d, abs=6e-4)
+        assert 3 * chain_delay(run, f"r={r}") == pytest.approx(d, abs=6e-4)
 
 
 def test_one_integrator_in_closed_form() -> None:
     """x' = 0, poles at -1: e(t) = e_k exp(-theta t) for ever; with a delay the same."""
     run = prepared({"o": SHGO}, chain(1, start=0))
-    assert critical_chain(run, "o")[0].value is None
-    assert "stable at every period" in critical_chain(run, "o")[0].reason
-    assert "stable at every delay" in critical_chain(run, "o")[1].reason
+    with pytest.raises(NoValue, match="stable at every period"):
+        chain_period(run, "o")
+    with pytest.raises(NoValue, match="stable at every delay"):
+        chain_delay(run, "o")
 
 
 def test_an_unstable_first_order_plant_in_closed_form() -> None:
@@ -81,9 +103,9 @@ def test_an_unstable_first_order_plant_in_closed_form() -> None:
     a, g = 0.5, 2.0
     run = prepared({"o": {"type": "shgo", "theta": 1, "poles": -g}}, inline({"x": f"{a}*x"}, "x", start=0))
     T = brentq(lambda T: np.exp(a * T) * a + g * np.exp(-g * T) - a - g, 0.1, 10)
-    assert value(critical(run, "o", nominal(run))[0]) == pytest.approx(T, rel=1e-3)
+    assert along(critical_period, run, "o") == pytest.approx(T, rel=1e-3)
     # the root that passes through zero: alpha(t) - alpha(t - d) = -d g e, xi = g e/a
-    assert value(critical(run, "o", nominal(run))[1]) == pytest.approx(1 / a - 1 / g, rel=1e-9)
+    assert along(critical_delay, run, "o") == pytest.approx(1 / a - 1 / g, rel=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -104,12 +126,11 @@ def test_runs_beside_the_critical_period(block: dict[str, Any], delay: float) ->
         block_ = {**block, "initial": {"x1": 1, "x2": -1, "x3": 1}}
         return prepared({"o": block_}, end=end, measurement={"sampling": {"period": period}, "delay": delay})
 
-    limit = critical_chain(at(0.5), "o")[0]
     if delay == 2.0:  # later than the observer bears at any period
-        assert limit.value is None
-        assert "unstable at every period" in limit.reason
+        with pytest.raises(NoValue, match="unstable at every period"):
+            chain_period(at(0.5), "o")
         return
-    T = value(limit)
+    T = chain_period(at(0.5), "o")
     assert decay(at(0.98 * T, 300 * T), "o") < 0 < decay(at(1.02 * T, 300 * T), "o")
 
 
@@ -119,7 +140,7 @@ def test_runs_beside_the_critical_delay(sampling: Any) -> None:
         block = {"type": "fhgo2", "theta": 1, "r": 1, "initial": {"x1": 1, "x2": -1, "x3": 1}}
         return prepared({"o": block}, end=end, step=0.02, measurement={"sampling": sampling, "delay": delay})
 
-    d = value(critical_chain(at(0.0), "o")[1])
+    d = chain_delay(at(0.0), "o")
     assert decay(at(0.98 * d, 300), "o") < 0 < decay(at(1.02 * d, 300), "o")
 
 
@@ -127,7 +148,7 @@ def test_sampling_ever_faster_is_the_continuous_output() -> None:
     """A held sample is period/2 old in the mean."""
     run = prepared({"o": SHGO})
     fast = prepared({"o": SHGO}, measurement={"sampling": {"period": 0.01}})
-    continuous, sampled = (value(critical_chain(r, "o")[1]) for r in (run, fast))
+    continuous, sampled = (chain_delay(r, "o") for r in (run, fast))
     assert sampled + 0.005 == pytest.approx(continuous, abs=2e-4)
 
 
@@ -135,9 +156,9 @@ def test_two_chains_have_the_limit_of_the_slower_one() -> None:
     """Two outputs that do not know of each other: as much as each alone."""
     dynamics = {"a1": "a2", "a2": "0", "b1": "b2", "b2": "b3", "b3": "0"}
     run = prepared({"o": SHGO}, inline(dynamics, ["a1", "b1"], start=0))
-    assert value(critical_chain(run, "o")[0]) == pytest.approx(2.896, abs=6e-4)
-    assert value(critical_chain(run, "o")[1]) == pytest.approx(0.9273, abs=6e-4)
-    assert value(critical(run, "o", nominal(run))[0]) == pytest.approx(2.896, abs=6e-4)
+    assert chain_period(run, "o") == pytest.approx(2.896, abs=6e-4)
+    assert chain_delay(run, "o") == pytest.approx(0.9273, abs=6e-4)
+    assert along(critical_period, run, "o") == pytest.approx(2.896, abs=6e-4)
 
 
 def test_a_time_varying_plant_against_its_own_run() -> None:
@@ -149,11 +170,8 @@ def test_a_time_varying_plant_against_its_own_run() -> None:
         return prepare(experiment(ACADEMIC, {"o": observer}, end=60, output_step=0.01, measurement=measurement))
 
     run = at(0.1)
-    result = nominal(run)
-    assert isinstance(result, Result)
-    T = value(critical(run, "o", result)[0])
-    system = error_system(run, "o", result)
-    assert not isinstance(system, str)
+    system = error_system(run, "o", nominal(run))
+    T = critical_period(availability_of(run), system).value
     assert not system.constant
     for factor in (0.9, 1.1):
         period = factor * T
@@ -174,10 +192,7 @@ def test_growth_along_a_trajectory_is_that_of_the_one_system() -> None:
     from dataclasses import replace
 
     run = prepared({"o": {"type": "fhgo2", "theta": 2, "r": 1}}, end=30)
-    result = nominal(run)
-    assert isinstance(result, Result)
-    one = error_system(run, "o", result)
-    assert not isinstance(one, str)
+    one = error_system(run, "o", nominal(run))
     assert one.constant
     matrices: dict[str, Any] = {
         name: np.repeat(getattr(one, name), 101, axis=0) for name in ("A0", "E", "H", "K0", "K")
@@ -190,12 +205,13 @@ def test_growth_along_a_trajectory_is_that_of_the_one_system() -> None:
 def test_discrete_observers() -> None:
     observers: dict[str, Block] = {"k": {"type": "reduced_sampled", "H": 0.5}, "d": {"type": "deadbeat"}}
     run = prepared(observers, VAN_DER_POL, measurement={"sampling": {"period": 0.1}})
-    assert critical(run, "k", "unused")[0].value == 4.0
-    assert critical(run, "d", "unused")[0].value is None
+    assert own_period(run, "k") == 4.0
+    with pytest.raises(NoValue, match="no period"):
+        own_period(run, "d")
     plant = {"type": "lee_second_order", "initial": {"x1": 1, "x2": 1}}
     observer = {"type": "hgo_fd", "eps": 0.01, "gains": [2, 2]}
     lee = prepared({"o": observer}, plant, 0.1, measurement={"sampling": {"period": 0.0004}})
-    period = value(critical(lee, "o", "unused")[0])
+    period = own_period(lee, "o")
     assert period == pytest.approx(0.01, rel=1e-12)
     A_0 = np.array([[-2.0, 1.0], [-2.0, 0.0]])
     radius = [np.max(np.abs(np.linalg.eigvals(np.eye(2) + f * period / 0.01 * A_0))) for f in (0.99, 1.01)]
@@ -204,5 +220,8 @@ def test_discrete_observers() -> None:
 
 def test_reasons() -> None:
     run = prepared({"l": {"type": "levant", "G": 1}, "o": SHGO})
-    assert "no slope" in critical(run, "l", nominal(run))[0].reason
-    assert "the plant" in critical(run, "o", "the plant is stepped at the samples")[0].reason
+    with pytest.raises(NoValue, match="no slope"):
+        error_system(run, "l", nominal(run))
+    stepped = prepared({"o": SHGO}, CHAIN | {"discretise": "euler"}, measurement={"sampling": {"period": 0.1}})
+    with pytest.raises(NoValue, match="stepped at the samples"):
+        nominal(stepped)

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from hgorun.analysis.reasons import NoValue
+
 _POINTS = 4_000
 _RANGE = 1e-4, 1e4  # of the fastest rate: frequencies looked at
 
 
-def delay_margin(A0: np.ndarray, E: np.ndarray, H: np.ndarray, K0: np.ndarray, K: np.ndarray) -> float | str:
+def delay_margin(A0: np.ndarray, E: np.ndarray, H: np.ndarray, K0: np.ndarray, K: np.ndarray) -> float:
     """The smallest constant delay d at which xi' = A0 xi + E e is no longer stable, where
 
         e = H xi(t - d) + alpha(t) - alpha(t - d),    alpha' = -(K0 xi + K e)
@@ -21,17 +23,17 @@ def delay_margin(A0: np.ndarray, E: np.ndarray, H: np.ndarray, K0: np.ndarray, K
     at d = arg(mu)/omega. What the multiplication has added at s = 0 is left out; a real root that passes
     through 0 is looked for in the equations at rest, where alpha(t) - alpha(t - d) = -d c.
 
-    Returns
-    -------
-    float or str
-        Why there is none.
+    Raises
+    ------
+    NoValue
+        Where it is unstable without delay, or stable whatever the delay.
     """
     from scipy.optimize import brentq
 
     A = A0 + E @ H
     poles = np.linalg.eigvals(A)
     if np.max(poles.real) >= 0:
-        return "unstable already without delay"
+        raise NoValue("unstable already without delay")
     N, q = E.shape
     eye = np.eye(N)
 
@@ -57,7 +59,9 @@ def delay_margin(A0: np.ndarray, E: np.ndarray, H: np.ndarray, K0: np.ndarray, K
             mu = _factors(omega)
             angle = float(np.angle(mu[np.argsort(np.abs(mu))[j]])) % (2 * np.pi)
             candidates.append(angle / omega)
-    return min(candidates) if candidates else "stable at every delay"
+    if not candidates:
+        raise NoValue("stable at every delay")
+    return min(candidates)
 
 
 def _at_rest(A0: np.ndarray, E: np.ndarray, H: np.ndarray, K0: np.ndarray, K: np.ndarray) -> list[float]:

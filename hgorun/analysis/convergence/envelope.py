@@ -1,4 +1,4 @@
-"""The transient that theory bounds, beside the one measured: peaking."""
+"""Exponential envelopes of the scaled error, as the proofs of convergence give them."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from hgorun.analysis.convergence.bounds import Halanay
-from hgorun.analysis.convergence.gains import Certificate, ErrorDynamics
+from hgorun.analysis.convergence.gains import ErrorDynamics
 from hgorun.analysis.convergence.signals import Amplitudes
 
 
 @dataclass(frozen=True)
-class Course:
+class Envelope:
     """|zbar(t)| <= gain (exp(-rate (t - t_0)) start + drive/rate)."""
 
     gain: float
@@ -27,9 +27,7 @@ class Course:
         return np.asarray(self.gain * (np.exp(-self.rate * since) * self.start + self.drive / self.rate))
 
 
-def course(
-    dynamics: ErrorDynamics, certificate: Certificate, delay: Halanay, start: np.ndarray, theta: float, a: Amplitudes
-) -> Course:
+def printed(dynamics: ErrorDynamics, delay: Halanay, start: np.ndarray, theta: float, a: Amplitudes) -> Envelope:
     """(3.22), (3.34), with late outputs (3.69), of Robles Magdaleno 2023.
 
         |e_i| <= chi theta^(i-1) (exp(-rate (t - t_0)) |e(t_0)| + (theta |B~| delta_v + theta^(1-n) delta_eps)/rate)
@@ -46,18 +44,16 @@ def course(
     scale = dynamics.scale(theta)
     first = max(float(np.linalg.norm(start)), float(np.linalg.norm(scale * start)))
     drive = theta * float(np.linalg.norm(dynamics.B, 2)) * a.noise + _pushed(dynamics, theta, a)
-    return Course(certificate.chi, delay.rate(a.delay), first, drive)
+    return Envelope(dynamics.lyapunov.chi, delay.rate(a.delay), first, drive)
 
 
-def sharp_course(
-    dynamics: ErrorDynamics, certificate: Certificate, delay: Halanay, start: np.ndarray, theta: float, a: Amplitudes
-) -> Course:
+def of_energy(dynamics: ErrorDynamics, delay: Halanay, start: np.ndarray, theta: float, a: Amplitudes) -> Envelope:
     """sqrt V of the same proof; |zbar_i| <= sqrt((P^-1)_ii) sqrt V. ``gain`` is left 1 for that."""
-    P = certificate.P
+    P = dynamics.lyapunov.P
     first = float(np.sqrt(max(_form(P, dynamics.scale(theta) * start), 0.0)))
     noise = theta * float(np.sqrt(np.linalg.norm(dynamics.B.T @ P @ dynamics.B, 2))) * a.noise
-    pushed = np.sqrt(certificate.eigenvalues[1]) * _pushed(dynamics, theta, a)
-    return Course(1.0, delay.rate(a.delay), first, noise + float(pushed))
+    pushed = np.sqrt(dynamics.lyapunov.eigenvalues[1]) * _pushed(dynamics, theta, a)
+    return Envelope(1.0, delay.rate(a.delay), first, noise + float(pushed))
 
 
 def _form(P: np.ndarray, z: np.ndarray) -> float:

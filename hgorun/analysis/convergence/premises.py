@@ -1,0 +1,120 @@
+"""What the convergence theorems start from, for one observer of a run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hgorun.analysis.convergence import envelope
+from hgorun.analysis.convergence.bounds import Halanay
+from hgorun.analysis.convergence.charts import Chart, chart_of
+from hgorun.analysis.convergence.gains import ErrorDynamics, error_dynamics
+from hgorun.analysis.convergence.lipschitz import Lipschitz, lipschitz
+from hgorun.analysis.convergence.signals import Amplitudes, amplitudes
+from hgorun.analysis.reasons import NoValue, outcome
+from hgorun.analysis.subject import Subject, once
+from hgorun.observers.base import SampledObserver
+from hgorun.observers.capabilities import HighGain
+from hgorun.symbolic.forms import BlockForm, ChainForm
+
+_FINE = 0.5  # of the fastest time constant: the output grid shows a transient whose steps are shorter
+_MORE = 1.5  # than the bound on a transient without delay: that with one is a little larger
+
+
+@dataclass(frozen=True, kw_only=True)
+class Premises:
+    """An observer's coordinates, slopes and disturbances.
+
+    Attributes
+    ----------
+    theta : float
+    chart : Chart
+    lipschitz : Lipschitz
+    amplitudes : Amplitudes
+    reach : ndarray or None
+        How far the estimate may go, where the output grid does not show it.
+    start : mapping of str to ndarray
+        Errors and internal states at the start, flat, by name; the estimate's error is ``xhat``.
+    """
+
+    theta: float
+    chart: Chart
+    lipschitz: Lipschitz
+    amplitudes: Amplitudes
+    reach: np.ndarray | None
+    start: Mapping[str, np.ndarray]
+
+
+@once
+def dynamics_of(subject: Subject) -> ErrorDynamics:
+    """The error's matrices at theta = 1."""
+    return error_dynamics(subject.observer, subject.form)
+
+
+def theta_of(subject: Subject) -> float:
+    """The observer's constant theta.
+
+    Raises
+    ------
+    NoValue
+        When it has none.
+    """
+    if not isinstance(subject.observer, HighGain):
+        raise NoValue(f"{subject.observer.type} has no constant theta")
+    return float(subject.observer.theta)
+
+
+@once
+def premises_of(subject: Subject) -> Premises:
+    """The premises of an observer's theorem.
+
+    Raises
+    ------
+    NoValue
+        Where there is no theorem to start from.
+    """
+    if isinstance(subject.observer, SampledObserver):
+        raise NoValue(f"{subject.observer.type} is a difference equation, the theorems are of flows")
+    theta = theta_of(subject)
+    chart = chart_of(subject.form, subject.run.plant)
+    limited = isinstance(subject.form, BlockForm) or chart.identity
+    saturation = {name: (low, high) for name, (low, high) in subject.observer.saturation.items()} if limited else {}
+    a = amplitudes(subject.run, chart, subject.result)
+    start = _start(subject, chart)
+    dynamics = outcome(lambda: dynamics_of(subject)).found
+    bounded = dynamics is not None and dynamics.lyapunov.hurwitz and isinstance(subject.form, ChainForm)
+    reach = _reach(dynamics, start, theta, a) if dynamics is not None and bounded and is_coarse(subject) else None
+    slopes = lipschitz(subject.run, chart, saturation, subject.result, subject.label, reach)
+    return Premises(theta=theta, chart=chart, lipschitz=slopes, amplitudes=a, reach=reach, start=start)
+
+
+def _start(subject: Subject, chart: Chart) -> dict[str, np.ndarray]:
+    error = chart.image(subject.found.xhat[:1]) - chart.image(subject.run.plant.initial[None])
+    start = {"xhat": error[0]}
+    roles = subject.observer.roles(subject.form)
+    for name, state in subject.block.states.items():
+        if name not in ("xhat", "alpha") and roles.get(name) != "gain" and state.size:
+            start[name] = np.ravel(state.numbers(np.asarray(subject.found.internal[name][0])))
+    return start
+
+
+def is_coarse(subject: Subject) -> bool:
+    """Whether a transient fits between two points of the output grid."""
+    time, observer = subject.result.time, subject.observer
+    return bool(time.size < 2 or (time[1] - time[0]) * observer.error_rate(subject.form) > _FINE)
+
+
+def _reach(dynamics: ErrorDynamics, start: Mapping[str, np.ndarray], theta: float, a: Amplitudes) -> np.ndarray:
+    """How far the theorem lets an estimate go, whatever the Lipschitz constant with which it holds; 50 % more."""
+    rate = Halanay(dynamics.lyapunov.beta * theta, 0.0)
+    first = np.concatenate(list(start.values()))
+    energy = envelope.of_energy(dynamics, rate, first, theta, replace(a, delay=0.0))
+    return np.asarray(_MORE * (weights(dynamics, theta) * energy.at(np.zeros(1))).ravel())
+
+
+def weights(dynamics: ErrorDynamics, theta: float) -> np.ndarray:
+    """theta^(i-1) sqrt((P^-1)_ii): what sqrt V is to the i-th error, shape (n, 1)."""
+    each = np.sqrt(np.diag(np.linalg.inv(dynamics.lyapunov.P)))
+    return np.asarray((each / dynamics.scale(theta))[: dynamics.n, None])

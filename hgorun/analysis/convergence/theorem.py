@@ -1,0 +1,241 @@
+"""What a convergence theorem says of one observer of a run, and the transient that it bounds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hgorun.analysis.convergence import bounds, envelope, time_varying
+from hgorun.analysis.convergence.bounds import Halanay
+from hgorun.analysis.convergence.envelope import Envelope
+from hgorun.analysis.convergence.premises import Premises, dynamics_of, is_coarse, premises_of, weights
+from hgorun.analysis.convergence.time_varying import FilterTheorem, Gramian
+from hgorun.analysis.reasons import DIVERGED, NoValue, outcome
+from hgorun.analysis.subject import Subject, once
+from hgorun.observers.capabilities import FilterCascade
+from hgorun.observers.riccati import RiccatiGain
+from hgorun.result.theory import Transient
+from hgorun.symbolic.forms import BlockForm, ChainForm
+
+_ROUNDING = 16 * np.finfo(float).eps
+
+
+@dataclass(frozen=True, kw_only=True)
+class Theorem:
+    """A theorem with the numbers of a run.
+
+    Attributes
+    ----------
+    theta_bound : float
+        The smallest theta that it asks for.
+    delay : Halanay
+        The decay with late outputs.
+    printed, sharp : (Envelope, ndarray of shape (n, 1))
+        Of the scaled error, and what it is to each coordinate's; ``sharp`` with nothing given away.
+    nominal_rate : float or None
+        Decay without delay, noise and disturbance, where it has a closed form.
+    """
+
+    theta_bound: float
+    delay: Halanay
+    printed: tuple[Envelope, np.ndarray]
+    sharp: tuple[Envelope, np.ndarray]
+    nominal_rate: float | None = None
+
+
+@once
+def theorem_of(subject: Subject) -> Theorem:
+    """The theorem of an observer.
+
+    Raises
+    ------
+    NoValue
+        Where none is known, or its assumptions have no numbers.
+    """
+    premises = premises_of(subject)
+    if not isinstance(subject.observer, RiccatiGain):
+        return _constant_gain(subject, premises)
+    gramian = gramian_of(subject)
+    if isinstance(subject.observer, FilterCascade):
+        raise NoValue("theorems 2.3.1 and 2.4.1 are of a period, not of a delay, and name no smallest theta")
+    return _time_varying_gain(subject, premises, gramian)
+
+
+def _constant_gain(subject: Subject, p: Premises) -> Theorem:
+    """Theorems 3.3.1 and 3.4.1."""
+    dynamics, theta, L, a = dynamics_of(subject), p.theta, p.lipschitz, p.amplitudes
+    lyapunov = dynamics.lyapunov
+    delay, sharp = delay_of(subject), sharp_delay_of(subject)
+    start = np.concatenate(list(p.start.values()))
+    scale = 1 / dynamics.scale(theta)[: dynamics.n, None]
+    return Theorem(
+        theta_bound=bounds.smallest_theta(lyapunov.beta, L.constant),
+        delay=delay,
+        printed=(envelope.printed(dynamics, delay, start, theta, a), scale),
+        sharp=(envelope.of_energy(dynamics, sharp, start, theta, a), weights(dynamics, theta)),
+        nominal_rate=lyapunov.beta * theta,
+    )
+
+
+def delay_of(subject: Subject) -> Halanay:
+    """Theorem 3.4.1 for an observer of constant gain."""
+    p = premises_of(subject)
+    return bounds.delayed(dynamics_of(subject), p.lipschitz, p.theta)
+
+
+def sharp_delay_of(subject: Subject) -> Halanay:
+    """The same proof with nothing given away."""
+    p = premises_of(subject)
+    return bounds.delayed_sharply(dynamics_of(subject), p.lipschitz, p.theta)
+
+
+@once
+def gramian_of(subject: Subject) -> Gramian:
+    """The range of S(t), of an observer whose gain follows F(u, xhat)."""
+    S = time_varying.gramian(subject.found)
+    if not S.smallest > 0:
+        raise NoValue("S(t) of this run is not positive definite")
+    return S
+
+
+def _links(subject: Subject) -> tuple[float, float]:
+    assert isinstance(subject.form, BlockForm)
+    return time_varying.largest_links(subject.run, subject.form, subject.result, subject.label)
+
+
+def _time_varying_gain(subject: Subject, p: Premises, S: Gramian) -> Theorem:
+    """Theorem 3.5.1."""
+    filtered = "filter" in subject.observer.roles(subject.form).values()
+    delay = time_varying.delayed(S, filtered, _links(subject)[0], p.lipschitz, p.theta)
+    scale = p.theta ** -p.chart.positions.astype(float)
+    filters = [values for name, values in p.start.items() if name != "xhat"]
+    scaled = np.concatenate([*filters, scale * p.start["xhat"]])
+    both = time_varying.envelope(S, filtered, delay, scaled, scale, p.theta, p.amplitudes), 1 / scale[:, None]
+    return Theorem(theta_bound=time_varying.smallest_theta(S, p.lipschitz), delay=delay, printed=both, sharp=both)
+
+
+@once
+def filter_theorem_of(subject: Subject) -> FilterTheorem:
+    """Theorems 2.3.1 and 2.4.1, of FHGO I.
+
+    Raises
+    ------
+    NoValue
+        For other observers.
+    """
+    observer = subject.observer
+    if not isinstance(observer, FilterCascade) or not isinstance(observer, RiccatiGain):
+        raise NoValue("theorem 2.4.1 is for fhgo1")
+    p, S = premises_of(subject), gramian_of(subject)
+    blocks = int(np.max(p.chart.positions)) + 1
+    return time_varying.filter_theorem(S, blocks, float(observer.delta), _links(subject), p.lipschitz, p.theta)
+
+
+@once
+def error_of(subject: Subject) -> np.ndarray:
+    """|zhat - z| of the run, shape (Nt, n), in the coordinates of the theory."""
+    chart = premises_of(subject).chart
+    with np.errstate(all="ignore"):
+        return np.asarray(np.abs(chart.image(subject.found.xhat) - chart.image(subject.result.x)))
+
+
+@dataclass(frozen=True)
+class BoundedTransient:
+    """Bounds of a theorem over time, shapes (Nt, n), and what the run lacks for them to hold."""
+
+    printed: np.ndarray
+    sharp: np.ndarray
+    lacking: tuple[str, ...]
+    too_coarse: bool
+
+
+@once
+def bounded_transient_of(subject: Subject) -> BoundedTransient:
+    """The bounds on the output grid."""
+    theorem, p = theorem_of(subject), premises_of(subject)
+    since = subject.result.time - subject.run.time.start
+    printed, sharp = (
+        (scale * course.at(since)[None] + _floor(subject)).T for course, scale in (theorem.printed, theorem.sharp)
+    )
+    lacking, coarse = _lacking(subject), is_coarse(subject)
+    if coarse and p.lipschitz.region != "saturation" and (p.reach is None or np.any(sharp[0] > p.reach)):
+        lacking.append("the output grid is too coarse to show where the slopes of phi matter")
+    return BoundedTransient(printed, np.minimum(printed, sharp), tuple(lacking), coarse)
+
+
+def _floor(subject: Subject) -> np.ndarray:
+    """What rounding leaves of the difference of truth and estimate itself, shape (n, 1)."""
+    image = premises_of(subject).chart.image(subject.result.x)
+    return np.asarray(_ROUNDING * np.max(np.abs(image), axis=0)[:, None])
+
+
+def peaking_law_of(subject: Subject) -> dict[str, dict[str, float]]:
+    """start exp(-rate (t - t_0)) + rest, by coordinate."""
+    (course, scale), p = theorem_of(subject).printed, premises_of(subject)
+    rest = (scale * course.at(np.array([np.inf])) + _floor(subject))[:, 0]
+    return {
+        name: {"start": float(a_i * course.gain * course.start), "rate": course.rate, "rest": float(r_i)}
+        for name, a_i, r_i in zip(p.chart.names, scale[:, 0], rest, strict=True)
+    }
+
+
+@once
+def transient_of(subject: Subject) -> Transient:
+    """The error over time with its bounds; infinite ones where there is no theorem.
+
+    Raises
+    ------
+    NoValue
+        Where there are no coordinates of a theory.
+    """
+    names, time, error = premises_of(subject).chart.names, subject.result.time, error_of(subject)
+    bounded = outcome(lambda: bounded_transient_of(subject)).found
+    if bounded is None:
+        nothing = np.full_like(error, np.inf)
+        return Transient(names, time, error, nothing, nothing, False)
+    theorem = theorem_of(subject)
+    nominal = None
+    if theorem.nominal_rate is not None:
+        course, scale = theorem.printed
+        decay = np.exp(-theorem.nominal_rate * (time - time[0]))
+        nominal = (scale * course.gain * course.start * decay).T
+    return Transient(names, time, error, bounded.printed, bounded.sharp, not bounded.lacking, nominal)
+
+
+def _lacking(subject: Subject) -> list[str]:
+    """What the theorem assumes and the run does not meet."""
+    theorem, p = theorem_of(subject), premises_of(subject)
+    run, observer, late = subject.run, subject.observer, p.amplitudes.delay
+    found = []
+    if p.theta < theorem.theta_bound * (1 - 1e-9):
+        found.append(f"theta = {p.theta:.4g} is below theta_bound = {theorem.theta_bound:.4g}")
+    if not late < theorem.delay.longest and late > 0:
+        found.append(too_late(subject))
+    if p.lipschitz.kind == "trajectory":
+        found.append("the slopes of phi are known along the trajectories only, not bounded between them")
+    found += p.lipschitz.remarks
+    if subject.found.diverged_at is not None:
+        found.append(DIVERGED)
+    if run.plant.block.discretise:
+        found.append("the plant is a difference equation")
+    if isinstance(subject.form, ChainForm) and not p.chart.identity and _clipped(subject):
+        found.append("the estimate leaves its saturation, which is in x and not in z")
+    if not run.adaptive and observer.fastest_rate(subject.form) * run.step > 1:
+        found.append(f"steps of {run.step:.3g} are too long for the observer's error to be followed")
+    return found
+
+
+def too_late(subject: Subject) -> str:
+    """That the measurement is later than the theorem allows."""
+    late, longest = premises_of(subject).amplitudes.delay, theorem_of(subject).delay.longest
+    return f"d_M = {late:.4g} is not below delay_bound = {longest:.4g}"
+
+
+def _clipped(subject: Subject) -> bool:
+    """Whether an estimate leaves its bounds on the output grid."""
+    xhat, states = subject.found.xhat, subject.result.states
+    return any(
+        bool(np.any(xhat[:, states.index(name)] < low) or np.any(xhat[:, states.index(name)] > high))
+        for name, (low, high) in subject.observer.saturation.items()
+    )

@@ -1,0 +1,166 @@
+"""What the convergence theorems ask for and bound: slopes, gain, delay, transient."""
+
+from __future__ import annotations
+
+from hgorun.analysis.convergence import bounds
+from hgorun.analysis.convergence.premises import dynamics_of, premises_of
+from hgorun.analysis.convergence.theorem import (
+    bounded_transient_of,
+    error_of,
+    filter_theorem_of,
+    gramian_of,
+    peaking_law_of,
+    sharp_delay_of,
+    theorem_of,
+    too_late,
+)
+from hgorun.analysis.finding import Remarked, finding
+from hgorun.analysis.reasons import NoValue, outcome
+from hgorun.analysis.subject import Subject
+from hgorun.observers.riccati import RiccatiGain
+
+
+def _coarse(observer: Subject) -> tuple[str, ...]:
+    """That the grid may miss the peak, where there is a bound to compare it with."""
+    bounded = outcome(lambda: bounded_transient_of(observer)).found
+    if bounded is None or not bounded.too_coarse:
+        return ()
+    return ("the output grid is too coarse for the transient: peaking is what the grid shows of it",)
+
+
+def _holds(observer: Subject) -> bool:
+    """Whether its gain is constant."""
+    return not _follows(observer)
+
+
+def _follows(observer: Subject) -> bool:
+    """Whether its gain follows F(u, xhat)."""
+    return isinstance(observer.observer, RiccatiGain)
+
+
+@finding(r"L_phi of (3.8), (3.16): the largest \|d phi_k/d z_i\|", group="decay")
+def lipschitz(observer: Subject) -> Remarked:
+    premises = premises_of(observer)
+    return Remarked(premises.lipschitz.value, premises.amplitudes.remarks)
+
+
+@finding(
+    "`interval over box`: a bound by interval arithmetic; `interval along run`: one on the segments between truth and "
+    "estimate, where the box has points that are no states; `trajectory`: the largest slope met, no bound",
+    places=("json",),
+    optional=True,
+)
+def lipschitz_kind(observer: Subject) -> str:
+    return premises_of(observer).lipschitz.kind
+
+
+@finding(
+    "where that is: the observer's saturation, or the box of the simulated truth and estimate, 5 % wider",
+    places=("json",),
+    optional=True,
+)
+def lipschitz_region(observer: Subject) -> str:
+    return premises_of(observer).lipschitz.region
+
+
+@finding("the largest slope met", group="decay", optional=True)
+def lipschitz_reached(observer: Subject) -> float:
+    return premises_of(observer).lipschitz.seen
+
+
+@finding("the box: [low, high] of every coordinate", places=("json",), optional=True)
+def lipschitz_box(observer: Subject) -> dict[str, list[float]]:
+    return {name: list(sides) for name, sides in premises_of(observer).lipschitz.box.items()}
+
+
+@finding(
+    "the smallest theta that the proof asks for: beta theta >= c_1(theta), c_1 the norm of the matrix of slopes scaled "
+    "with theta; time-varying gains: 4 sqrt(chi_S) c_1",
+    group="theta",
+)
+def theta_bound(observer: Subject) -> float | Remarked:
+    bound = theorem_of(observer).theta_bound
+    if not _follows(observer):
+        return bound
+    remark = "theta_bound, delay_bound and chi_S are with the S(t) of this run, which changes with theta"
+    return Remarked(bound, (remark,))
+
+
+@finding("max(1, n L_phi/beta): the same with (3.17)", places=("json",), optional=True, applies=_holds)
+def theta_bound_printed(observer: Subject) -> float:
+    premises = premises_of(observer)
+    return bounds.printed_theta(dynamics_of(observer).lyapunov.beta, premises.lipschitz)
+
+
+@finding("d_M: how old the newest measurement gets, sampling included", unit="time", group="delay")
+def delay_max(observer: Subject) -> float:
+    return premises_of(observer).amplitudes.delay
+
+
+@finding("d_M < beta/(chi (L_phi + theta)) (3.68)", unit="time", group="delay", places=("json", "table", "compare"))
+def delay_bound(observer: Subject) -> float:
+    return theorem_of(observer).delay.longest
+
+
+@finding(
+    "the same proof with nothing given away, 0 where it asks for a larger theta",
+    unit="time",
+    places=("json",),
+    optional=True,
+    applies=_holds,
+)
+def delay_bound_sharp(observer: Subject) -> float:
+    return sharp_delay_of(observer).longest
+
+
+@finding(
+    "the decay rate (3.70) at d_M; beta theta without delay. Promised for theta >= `theta_bound`",
+    unit="1/time",
+    group="rate",
+)
+def eta_theta(observer: Subject) -> float:
+    rate = theorem_of(observer).delay.rate(premises_of(observer).amplitudes.delay)
+    if not rate > 0:
+        raise NoValue(too_late(observer))
+    return rate
+
+
+@finding("for fhgo1: the largest sampling period of theorem 2.4.1, with (2.82) put right", unit="time", group="period")
+def tau_bound(observer: Subject) -> float:
+    theorem = filter_theorem_of(observer)
+    if not theorem.tau > 0:
+        raise NoValue(
+            f"theorem 2.4.1 asks for a larger theta or delta: mu(theta) = {theorem.mu:.4g}, nu = {theorem.nu:.4g}"
+        )
+    return theorem.tau
+
+
+@finding(r"the largest \|zhat - z\| of the run, by coordinate", unit="state", group="peaking")
+def peaking(observer: Subject) -> Remarked:
+    names, largest = premises_of(observer).chart.names, error_of(observer).max(axis=0)
+    return Remarked(dict(zip(names, largest, strict=True)), _coarse(observer))
+
+
+@finding(
+    "the same of the bound; null, with what is missing, where the run does not meet the theorem's assumptions",
+    unit="state",
+    group="peaking",
+)
+def peaking_bound(observer: Subject) -> dict[str, float]:
+    bounded = bounded_transient_of(observer)
+    if bounded.lacking:
+        raise NoValue("; ".join(bounded.lacking))
+    return dict(zip(premises_of(observer).chart.names, bounded.printed[0], strict=True))
+
+
+@finding("the bound over time, by coordinate: start exp(-rate (t - t_0)) + rest", places=("json",), optional=True)
+def peaking_law(observer: Subject) -> dict[str, dict[str, float]]:
+    if bounded_transient_of(observer).lacking:
+        raise NoValue("the bound does not hold")
+    return peaking_law_of(observer)
+
+
+@finding("time-varying gains: sup lambda_max(S)/inf lambda_min(S) of the run", optional=True, applies=_follows)
+def chi_S(observer: Subject) -> float:  # the theorem's letter
+    premises_of(observer)  # there is a theorem
+    return gramian_of(observer).chi

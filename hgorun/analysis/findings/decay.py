@@ -1,0 +1,59 @@
+"""How fast the error decays at theta = 1: its poles, and the Lyapunov function of the proofs."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hgorun.analysis.convergence.gains import MU
+from hgorun.analysis.convergence.premises import dynamics_of, theta_of
+from hgorun.analysis.finding import finding
+from hgorun.analysis.subject import Subject
+
+
+@finding(
+    "eigenvalues of the error's matrix A~ at theta = 1, on chains without nonlinearity, filters included",
+    group="poles",
+    unit="1/time",
+)
+def poles(observer: Subject) -> np.ndarray:
+    return dynamics_of(observer).lyapunov.poles
+
+
+@finding("whether they all have negative real parts")
+def hurwitz(observer: Subject) -> bool:
+    return dynamics_of(observer).lyapunov.hurwitz
+
+
+@finding(
+    "beta = mu/(2 lambda_max(P)) with P A~ + A~^T P = -2 mu I, mu = 1: (3.23), (3.35)", group="decay", unit="1/time"
+)
+def beta(observer: Subject) -> float:
+    return dynamics_of(observer).lyapunov.beta
+
+
+@finding("chi = cond(P): (3.6)", group="decay")
+def chi(observer: Subject) -> float:
+    return dynamics_of(observer).lyapunov.chi
+
+
+@finding("the mu of beta", places=("json",), optional=True)
+def mu(observer: Subject) -> float:
+    _ = dynamics_of(observer).lyapunov.P  # there is one
+    return MU
+
+
+@finding("the matrix P of beta and chi", places=("json",), optional=True)
+def P(observer: Subject) -> np.ndarray:
+    return dynamics_of(observer).lyapunov.P
+
+
+@finding(
+    "what the error decays with without delay", title="beta theta", places=("compare",), group="decay", optional=True
+)
+def beta_theta(observer: Subject) -> float:
+    return dynamics_of(observer).lyapunov.beta * theta_of(observer)
+
+
+@finding("the configured gain", group="theta", optional=True)
+def theta(observer: Subject) -> float:
+    return theta_of(observer)

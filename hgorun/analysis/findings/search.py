@@ -1,0 +1,20 @@
+"""What only simulating again and again finds."""
+
+from __future__ import annotations
+
+from hgorun.analysis.convergence.premises import theta_of
+from hgorun.analysis.finding import finding
+from hgorun.analysis.reasons import NoValue
+from hgorun.analysis.search import critical_theta
+from hgorun.analysis.subject import Subject
+
+
+@finding(
+    "with `--search`: the smallest theta with which the error of a run without noise and disturbance comes down to 1 %",
+    group="theta",
+    unit="1/time",
+)
+def theta_critical(observer: Subject) -> float:
+    if not observer.context.search:
+        raise NoValue("found by simulating again and again: asked for with --search")
+    return critical_theta(observer.run.experiment, observer.label, theta_of(observer))

@@ -1,0 +1,90 @@
+"""How rarely and how late the outputs may be measured: exact limits of the linear error."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from hgorun.analysis.finding import Remarked, finding
+from hgorun.analysis.linear.error_system import ErrorSystem, error_system
+from hgorun.analysis.linear.nominal import nominal
+from hgorun.analysis.reasons import NoValue
+from hgorun.analysis.stability.critical import (
+    Availability,
+    Limit,
+    availability_of,
+    chain_system,
+    critical_delay,
+    critical_period,
+    jumping_period,
+)
+from hgorun.analysis.subject import Context, Subject, once
+from hgorun.observers.base import SampledObserver
+from hgorun.result.result import Result
+
+_UNDELAYED = "the observer takes samples without delay"
+
+
+@once
+def _nominal(context: Context) -> Result:
+    return nominal(context.run)
+
+
+@once
+def _along_run(observer: Subject) -> ErrorSystem:
+    return error_system(observer.run, observer.label, _nominal(observer.context))
+
+
+@once
+def _on_chain(observer: Subject) -> ErrorSystem:
+    return chain_system(observer.run, observer.label)
+
+
+def _limit(
+    observer: Subject,
+    name: str,
+    limit: Callable[[Availability, ErrorSystem], Limit],
+    system: Callable[[Subject], ErrorSystem],
+) -> Remarked:
+    return _remarked(name, limit(availability_of(observer.run), system(observer)))
+
+
+def _remarked(name: str, limit: Limit) -> Remarked:
+    return Remarked(limit.value, (f"{name}: {limit.where}",) if limit.where else ())
+
+
+@finding(
+    "the sampling period where the linear error loses stability, along the noise-free run where the plant changes it",
+    unit="time",
+    group="period",
+    places=("json", "table", "compare"),
+)
+def period_critical(observer: Subject) -> Remarked:
+    if isinstance(observer.observer, SampledObserver):
+        return _remarked("period_critical", jumping_period(observer.observer, observer.form))
+    return _limit(observer, "period_critical", critical_period, _along_run)
+
+
+@finding(
+    "the delay where it does, at the configured sampling",
+    unit="time",
+    group="delay",
+    places=("json", "table", "compare"),
+)
+def delay_critical(observer: Subject) -> Remarked:
+    if isinstance(observer.observer, SampledObserver):
+        raise NoValue(_UNDELAYED)
+    return _limit(observer, "delay_critical", critical_delay, _along_run)
+
+
+@finding("`period_critical`, exactly, for chains of integrators", unit="time")
+def period_critical_chain(observer: Subject) -> Remarked:
+    if isinstance(observer.observer, SampledObserver):
+        raise NoValue("the observer's own limit does not depend on phi")
+    return _limit(observer, "period_critical_chain", critical_period, _on_chain)
+
+
+@finding("`delay_critical`, exactly, for chains of integrators", unit="time")
+def delay_critical_chain(observer: Subject) -> Remarked:
+    if isinstance(observer.observer, SampledObserver):
+        raise NoValue(_UNDELAYED)
+    return _limit(observer, "delay_critical_chain", critical_delay, _on_chain)

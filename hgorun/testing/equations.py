@@ -1,0 +1,154 @@
+"""The equations of one observer on one plant, as functions of numbers."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+
+from hgorun.observers.base import AnyObserver, ContinuousObserver, Sample, SampledObserver
+from hgorun.plants.build import BuiltPlant
+from hgorun.symbolic.forms import Copy, Form, ModelCopy
+from hgorun.symbolic.parameters import Parameters
+from hgorun.symbolic.states import StateBlock, Symmetric
+from hgorun.symbolic.symbols import Symbols
+from hgorun.testing.contract import Broken
+
+OPEN = "only t, the plant's parameters, the observer's states, its design and the innovation"
+
+
+class Equations:
+    """An observer's equations on a plant, in symbols and as functions.
+
+    Attributes
+    ----------
+    observer : Observer
+    plant : BuiltPlant
+    form : Form
+    design : dict of str to ndarray
+    states : dict of str to StateBlock
+        xhat and the observer's own, one after the other in the vector z.
+    """
+
+    def __init__(self, observer: AnyObserver, plant: BuiltPlant, form: Form) -> None:
+        self.observer, self.plant, self.form = observer, plant, form
+        self.design: dict[str, np.ndarray] = {n: np.asarray(v) for n, v in observer.design(form).items()}
+        self.defaults: Mapping[str, np.ndarray | Symmetric] = observer.states(form)
+        self.states: dict[str, StateBlock] = {}
+        end = 0
+        for name, value in {"xhat": np.zeros(plant.model.n), **self.defaults}.items():
+            self.states[name] = StateBlock.of(end, value)
+            end += self.states[name].size
+        self.size, self.outputs = end, len(plant.model.outputs)
+        self._parameters = Parameters()
+        self._p = self._parameters.add("plant", plant.parameters)
+        self._k = Symbols({name: self._parameters.add(name, value) for name, value in self.design.items()})
+        self._t, self._z, self._e = ca.SX.sym("t"), ca.SX.sym("z", end), ca.SX.sym("e", self.outputs)
+        self._s = Symbols({name: block.symbol(self._z) for name, block in self.states.items()})
+
+    @property
+    def where(self) -> str:
+        """The plant, for messages."""
+        return f"on {self.plant.block.type} with {self.plant.model.n} states"
+
+    def copy(self, t: ca.SX) -> Copy:
+        """The plant as the observer copies it."""
+        model = self.plant.model
+        u = ca.substitute(ca.substitute(self.plant.inputs, model.p, self._p), model.t, t)
+        canonical = self.observer.coordinates == "canonical"
+        return self.form.copy(t, u, self._p, canonical, {})
+
+    @cached_property
+    def rates(self) -> dict[str, ca.SX]:
+        """d/dt of every state, as the observer returns it."""
+        return dict(self._flow[0])
+
+    @cached_property
+    def correction(self) -> ca.SX | None:
+        """c as the observer declares it."""
+        return self._flow[1]
+
+    @cached_property
+    def _flow(self) -> tuple[Mapping[str, ca.SX], ca.SX | None]:
+        assert isinstance(self.observer, ContinuousObserver)
+        flow = self.observer.equations(self.copy(self._t), self._s, self._e, self._k)
+        return flow.derivatives, flow.correction
+
+    @cached_property
+    def felt(self) -> ca.SX | None:
+        """C_x (copy(xhat) - xhat'), where there is a copy of the plant."""
+        copy = self.copy(self._t)
+        if not isinstance(copy, ModelCopy):
+            return None
+        return ca.jtimes(copy.output(self._s.xhat), self._s.xhat, copy.copy(self._s.xhat) - self.rates["xhat"])
+
+    @cached_property
+    def flow(self) -> ca.Function:
+        """(t, parameters, z, e) -> (z', its Jacobian with e = C xhat - y)."""
+        rate = ca.vertcat(*[block.flat(self.rates[name]) for name, block in self.states.items()])
+        slope = ca.jacobian(rate, self._z)
+        guess = self.copy(self._t).output(self._s.xhat)
+        closed = slope + ca.jacobian(rate, self._e) @ ca.jacobian(guess, self._z)
+        return self.function("flow", rate, closed)
+
+    @cached_property
+    def leap(self) -> ca.Function:
+        """(t, parameters, z, e, y, previous, interval) -> z after a sample."""
+        assert isinstance(self.observer, SampledObserver)
+        y, previous, T = ca.SX.sym("y", self.outputs), ca.SX.sym("previous", self.outputs), ca.SX.sym("T")
+        after = self.jump(Sample(y, previous, T))
+        flat = ca.vertcat(*[block.flat(after.get(name, vars(self._s)[name])) for name, block in self.states.items()])
+        inputs = [self._t, self._parameters.symbol, self._z, self._e, y, previous, T]
+        return _closed("leap", inputs, [flat])
+
+    def jump(self, sample: Sample) -> dict[str, ca.SX]:
+        """What the observer returns for a sample."""
+        assert isinstance(self.observer, SampledObserver)
+        plant, before = self.copy(self._t), self.copy(self._t - sample.interval)
+        return dict(self.observer.jump(plant, before, self._s, sample, self._k))
+
+    def function(self, name: str, *expressions: ca.SX) -> ca.Function:
+        """(t, parameters, z, e) -> expressions; Broken where they hold other symbols."""
+        return _closed(name, [self._t, self._parameters.symbol, self._z, self._e], list(expressions))
+
+    def evaluate(self, function: ca.Function, t: float, z: np.ndarray, *more: object) -> list[np.ndarray]:
+        """The values of a function at numbers."""
+        found = function(t, self._parameters.values, z, *more)
+        return [np.asarray(v.full(), dtype=float) for v in (found if isinstance(found, tuple) else (found,))]
+
+    def start(self, x: np.ndarray) -> np.ndarray:
+        """z with the estimate at the plant's state x and the other states where they start."""
+        xhat = self.form.start(x, self.plant.parameters, self.observer.coordinates == "canonical")
+        values = {n: v.values if isinstance(v, Symmetric) else v for n, v in self.defaults.items()}
+        values["xhat"] = xhat
+        return np.concatenate([block.numbers(np.asarray(values[name])) for name, block in self.states.items()])
+
+    @property
+    def singular(self) -> bool:
+        """Whether the flow is no number at the start, the estimate right."""
+        if not isinstance(self.observer, ContinuousObserver):
+            return False
+        try:
+            rates = self.evaluate(self.flow, 0.0, self.start(self.plant.initial), np.zeros(self.outputs))[0]
+        except Exception:  # equations that are wrong in themselves: a law says how
+            return False
+        return not np.all(np.isfinite(rates))
+
+    def places(self, *roles: str) -> np.ndarray:
+        """Where in z the states of these roles lie; ``estimate`` is xhat's."""
+        of = {"xhat": "estimate", **self.observer.roles(self.form)}
+        blocks = [block for name, block in self.states.items() if of[name] in roles]
+        return np.concatenate([np.zeros(0, int), *(np.arange(b.start, b.start + b.size) for b in blocks)])
+
+
+def _closed(name: str, inputs: list[ca.SX], expressions: list[ca.SX]) -> ca.Function:
+    try:
+        return ca.Function(name, inputs, [ca.densify(ca.SX(expression)) for expression in expressions])
+    except RuntimeError as error:
+        free = re.search(r"variables \[(.*?)\] are free", str(error))
+        if free is None:
+            raise
+        raise Broken(f"the free symbols {free[1]} in its equations", OPEN) from error

@@ -1,0 +1,271 @@
+"""What every observer must keep, whatever its equations."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Collection, Iterable
+
+import casadi as ca
+import numpy as np
+
+from hgorun.errors import HgorunError, Problem
+from hgorun.observers import base
+from hgorun.observers.base import AnyObserver, ContinuousObserver, Sample, SampledObserver
+from hgorun.observers.capabilities import Differentiator, SlidingMode
+from hgorun.simulation.preparation import prepare
+from hgorun.symbolic.states import Symmetric
+from hgorun.testing.cases import WRONG_PLANTS, Case, Keys, Subject, as_tuple, built, lent
+from hgorun.testing.contract import Broken, Law, NotApplicable, Report, hold_to
+from hgorun.testing.equations import Equations
+from hgorun.testing.runs import RUN_LAWS
+
+POINTS = 5  # random ones
+CORRECTION = 1e-9  # relative difference of two ways to the same number
+RATE = 0.02  # of a rate: what it may lack
+CHAINS = (3, 2, 1)  # lengths that are tried
+
+
+def check_observer(
+    cls: type[AnyObserver],
+    block: Keys | None = None,
+    *,
+    plants: Iterable[Keys] | None = None,
+    skip: Collection[str] = (),
+) -> Report:
+    """Hold a class of observers to the laws that the rest of hgorun relies on.
+
+    Parameters
+    ----------
+    cls : type
+        The class; it need not be registered.
+    block : mapping, optional
+        Keys of its block, as in a configuration. They go before those of ``cls.example``; keys that have a
+        default may be left out.
+    plants : iterable of mapping, optional
+        Plant blocks, as in a configuration, all of which the observer must take. Where it is left out, the
+        first ones of a few common plants that it takes.
+    skip : collection of str
+        Names of laws that are not checked.
+
+    Returns
+    -------
+    Report
+        The laws that it keeps, and those that are not for it.
+
+    Raises
+    ------
+    ContractError
+        For the first law that is broken: its name, what was found and what would be right.
+    """
+    keys = dict(block or {})
+    with lent(cls, keys) as name:
+        return hold_to(cls.__name__, Subject(cls, name, keys, as_tuple(plants)), LAWS, skip)
+
+
+def _takes_a_plant(subject: Subject) -> None:
+    for case in subject.cases:
+        case.observer()
+
+
+def _finite_design(subject: Subject) -> None:
+    for case in subject.cases:
+        for name, value in case.equations().design.items():
+            if value.dtype.kind not in "fiub" or not np.all(np.isfinite(value)):
+                raise Broken(f"{name} = {value} {case.equations().where}", "finite numbers in all of its design")
+
+
+def _repeatable(subject: Subject) -> None:
+    for case in subject.cases:
+        one, other = case.equations(), case.equations()
+        for name in one.design:
+            if not np.array_equal(one.design[name], other.design[name]):
+                raise Broken(f"{name} = {one.design[name]}, then {other.design[name]}", "the same design every time")
+        for first, second in zip(_numbers(one), _numbers(other), strict=True):
+            if not np.array_equal(first, second, equal_nan=True):
+                gap = float(np.nanmax(np.abs(first - second)))
+                raise Broken(f"equations that differ by {gap:.3g} when they are built again", "the same equations")
+
+
+def _states(subject: Subject) -> None:
+    for case in subject.cases:
+        equations = case.equations()
+        for name, value in equations.defaults.items():
+            if name in ("xhat", "alpha"):
+                raise Broken(f"a state called {name}", "a name of its own: xhat and alpha are hgorun's")
+            values = value.values if isinstance(value, Symmetric) else value
+            if values.ndim > 2 or not np.all(np.isfinite(values)):
+                raise Broken(f"{name} starting at {values}", "a finite number, vector or matrix")
+            if isinstance(value, Symmetric) and not np.array_equal(values, values.T):
+                raise Broken(f"{name} starting at {values.tolist()}", "a symmetric matrix")
+        roles = equations.observer.roles(equations.form)
+        if set(roles) != set(equations.defaults):
+            raise Broken(f"roles of {sorted(roles)}", f"one role each of {sorted(equations.defaults)}")
+
+
+def _equations(subject: Subject) -> None:
+    for case in subject.cases:
+        equations = case.equations()
+        if isinstance(equations.observer, ContinuousObserver):
+            _same_shapes(equations, equations.rates, "derivatives", whole=True)
+            c = equations.correction
+            if c is not None and ca.SX(c).shape != (equations.outputs, 1):
+                raise Broken(f"a correction of shape {ca.SX(c).shape}", f"{(equations.outputs, 1)}, one an output")
+        if isinstance(equations.observer, SampledObserver):
+            sample = Sample(ca.SX.sym("y", equations.outputs), ca.SX.sym("y_", equations.outputs), ca.SX.sym("T"))
+            _same_shapes(equations, equations.jump(sample), "values after a jump", whole=False)
+        for values in _numbers(equations):
+            if not np.all(np.isfinite(values)):
+                raise Broken(f"{values.ravel()} near the start {equations.where}", "finite numbers")
+
+
+def _same_shapes(equations: Equations, found: dict[str, ca.SX], what: str, *, whole: bool) -> None:
+    known = set(equations.states)
+    if set(found) - known or (whole and known - set(found)):
+        raise Broken(f"{what} of {sorted(found)}", f"{'all' if whole else 'some'} of {sorted(known)}")
+    for name, value in found.items():
+        shape = (*equations.states[name].shape, 1, 1)[:2]
+        if ca.SX(value).shape != shape:
+            raise Broken(f"{what} of {name} with shape {ca.SX(value).shape}", f"{shape}, that of the state")
+
+
+def _numbers(equations: Equations) -> list[np.ndarray]:
+    """What the equations give at random points near the start."""
+    found = []
+    for z, e in _points(equations):
+        if isinstance(equations.observer, ContinuousObserver):
+            found.append(equations.evaluate(equations.flow, 0.3, z, e)[0])
+        if isinstance(equations.observer, SampledObserver):
+            found.append(equations.evaluate(equations.leap, 0.3, z, e, e + 0.1, e, 0.1)[0])
+    return found
+
+
+def _points(equations: Equations) -> list[tuple[np.ndarray, np.ndarray]]:
+    """States and innovations, drawn with a fixed seed."""
+    random = np.random.default_rng(1)
+    start = equations.start(equations.plant.initial)
+    found = []
+    for _ in range(POINTS):
+        z = start + 0.05 * (np.abs(start) + 1) * random.uniform(-1, 1, start.size)
+        found.append((z, 0.1 * random.uniform(-1, 1, equations.outputs)))
+    return found
+
+
+def _correction(subject: Subject) -> None:
+    for case in subject.cases:
+        equations = case.equations()
+        if not isinstance(equations.observer, ContinuousObserver):
+            raise NotApplicable("it has no flow")
+        felt = equations.felt
+        if felt is None or isinstance(equations.observer, Differentiator):
+            if equations.correction is None:
+                raise Broken("no correction in its Flow", "one, since there is no copy of the plant to derive it from")
+            raise NotApplicable("it has no copy of the plant")
+        if equations.correction is None:
+            continue
+        both = equations.function("both", equations.correction, felt)
+        for z, e in _points(equations):
+            declared, derived = equations.evaluate(both, 0.3, z, e)
+            size = float(np.max(np.abs(derived)) + np.max(np.abs(declared)))
+            if not np.max(np.abs(declared - derived)) <= CORRECTION * size + 1e-12:
+                raise Broken(
+                    f"the correction {declared.ravel()} declared {equations.where}",
+                    f"{derived.ravel()}, what the output of the estimate feels: C_x (copy(xhat) - xhat')",
+                )
+
+
+def _rate(subject: Subject) -> None:
+    """Sharply on integrators, whose eigenvalues are those of the design; elsewhere the plant's slopes move them."""
+    chains = [equations for n in CHAINS if (equations := _on_integrators(subject, n)) is not None]
+    for equations in [*chains[:1], *(case.equations() for case in subject.cases)]:
+        declared = float(equations.observer.fastest_rate(equations.form))
+        if not (np.isfinite(declared) and declared >= 0):
+            raise Broken(f"fastest_rate = {declared}", "a finite number, 0 where it is not known")
+        if not isinstance(equations.observer, ContinuousObserver):
+            raise NotApplicable("it has no flow: only that the rate is a number was looked at")
+        if declared == 0:
+            raise NotApplicable("fastest_rate is 0, unknown: step: auto goes by the plant alone")
+        if isinstance(equations.observer, SlidingMode):
+            raise NotApplicable("its right-hand side has no slope where the error is zero")
+        found, rounding = fastest(equations)
+        sharp = equations in chains
+        allowed = declared * (1 + RATE + rounding) if sharp else 2 * (declared + _slopes(equations))
+        if found > allowed:
+            raise Broken(
+                f"fastest_rate = {declared:.6g}, but eigenvalues up to {found:.6g} {equations.where}",
+                f"a rate not below that of the linearised error dynamics, {found:.6g}",
+            )
+
+
+def _on_integrators(subject: Subject, n: int) -> Equations | None:
+    """The observer of n integrators; None where it does not take them."""
+    names = tuple(f"x{i + 1}" for i in range(n))
+    keys = {"type": "integrator_chain", "n": n, "initial": dict.fromkeys(names, 0.5)}
+    case = Case(subject.cls, subject.name, {**subject.cls.example(names), **subject.keys}, keys)
+    try:
+        equations = case.equations()
+    except (HgorunError, Problem, Broken):
+        return None
+    return None if equations.singular else equations
+
+
+def fastest(equations: Equations) -> tuple[float, float]:
+    """The largest modulus of an eigenvalue of the linearised error at the truth, and its relative rounding.
+
+    Equal eigenvalues, N of them, are found to about the N-th root of the precision.
+    """
+    z = equations.start(equations.plant.initial)
+    _, slope = equations.evaluate(equations.flow, 0.0, z, np.zeros(equations.outputs))
+    kept = equations.places("estimate", "filter")
+    error = slope[np.ix_(kept, kept)]
+    if not np.all(np.isfinite(error)):
+        raise NotApplicable("its equations have no finite slope where the error is zero")
+    return float(np.max(np.abs(np.linalg.eigvals(error)), initial=0.0)), 3 * 1e-15 ** (1 / len(kept))
+
+
+def _slopes(equations: Equations) -> float:
+    """The norm of the plant's Jacobian at the start."""
+    model, plant = equations.plant.model, equations.plant
+    slope = ca.substitute(ca.jacobian(model.dynamics, model.x), model.u, plant.inputs)
+    values = ca.Function("A", [model.t, model.x, model.p], [ca.densify(slope)])(0.0, plant.initial, plant.parameters)
+    return float(np.linalg.norm(np.asarray(values.full()), 2))
+
+
+def _refuses(subject: Subject) -> None:
+    for keys in (dict(plant) for plant in WRONG_PLANTS):
+        states = built(keys).model.states
+        case = Case(subject.cls, subject.name, {**subject.cls.example(states), **subject.keys}, keys)
+        try:
+            prepare(case.experiment({"it": {"initial": case.aside}}))
+        except HgorunError:
+            continue
+        except Exception as error:
+            raise Broken(
+                f"{type(error).__name__}: {error}, for the plant {keys['dynamics']}, output {keys['output']}",
+                "an HgorunError that says why the plant is not one for this observer, or an observer that works",
+            ) from error
+
+
+def _explains_itself(subject: Subject) -> None:
+    cls = subject.cls
+    general = {inspect.getdoc(c) for c in vars(base).values() if isinstance(c, type)}
+    if not inspect.getdoc(cls) or inspect.getdoc(cls) in general:
+        raise Broken("no docstring", "one with the equations, the class of plants and the meaning of each gain")
+    if not cls.reference:
+        raise Broken("an empty reference", "the publication that the equations are from")
+    for key, field in cls.model_fields.items():
+        if not field.description:
+            raise Broken(f"the key {key} without description", "Field(description=...) for every key")
+
+
+LAWS: tuple[Law[Subject], ...] = (
+    Law("takes a plant", "an example block on a plant", _takes_a_plant),
+    Law("finite design", "the numbers of its design are finite", _finite_design),
+    Law("states", "its states have names and starts of their own", _states),
+    Law("equations", "its equations fit its states and are finite near the start", _equations),
+    Law("repeatable", "built again it is the same", _repeatable),
+    Law("correction", "the correction is what the output of the estimate feels", _correction),
+    Law("declared rate", "fastest_rate is not below the linearised error dynamics", _rate),
+    Law("refusal", "a plant that is not for it is refused by an HgorunError", _refuses),
+    *RUN_LAWS,
+    Law("documentation", "it explains itself", _explains_itself),
+)

@@ -1,0 +1,67 @@
+"""The observer and the plant of the page on extending hgorun, as a package of their own."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from outside import code_of, installed
+from typed import assert_strictly_typed
+
+import hgorun
+from hgorun.observers.base import OBSERVERS
+from hgorun.plants.base import PLANTS
+from hgorun.testing import check_observer, check_plant
+
+
+def page(*containing: str) -> str:
+    return "".join(code_of("extending.md", text) for text in containing)
+
+
+OBSERVER, PLANT = 'observer("ekf")', 'plant("tank")'
+TESTS = ("def test_the_filter", "def test_the_tank")
+
+
+def test_the_observer_and_the_plant_run_together(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with (
+        installed(tmp_path / "a", monkeypatch, OBSERVERS, "my_observers", page(OBSERVER), ekf="ExtendedKalman"),
+        installed(tmp_path / "b", monkeypatch, PLANTS, "my_plants", page(PLANT), tank="Tank"),
+    ):
+        config = {
+            "time": {"end": 10, "output_step": 0.1},
+            "plant": {"type": "tank", "inputs": {"q": "0.3 + 0.1*sin(t)"}, "initial": {"h1": 0.5, "h2": 0.4}},
+            "measurement": {"sampling": {"period": 0.1}, "noise": [{"type": "gaussian", "std": 0.02}]},
+            "observers": {
+                "EKF": {
+                    "type": "ekf",
+                    "r": 0.0004,
+                    "q": 0.001,
+                    "initial": {"h1": 0.8, "h2": 0.3},
+                    "internal": {"P": 0.05},
+                }
+            },
+            "seed": 1,
+        }
+        result = hgorun.simulate(hgorun.Experiment(config))
+        assert result.metrics()["EKF"]["rmse"]["h1"] < 0.03
+        assert check_observer(OBSERVERS.find("ekf")).left_out.keys() == {"declared rate"}
+        assert "slopes" in check_plant(PLANTS.find("tank")).kept
+
+
+def test_the_tests_of_the_page_pass(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with (
+        installed(tmp_path, monkeypatch, OBSERVERS, "my_observers", page(OBSERVER, PLANT), ekf="ExtendedKalman"),
+    ):
+        names: dict[str, object] = {}
+        exec(page(*TESTS), names)
+        for name, test in names.items():
+            if name.startswith("test_"):
+                assert callable(test)
+                test()
+        PLANTS.forget("tank")
+
+
+def test_the_page_passes_strict_type_checking(tmp_path: Path) -> None:
+    (tmp_path / "my_observers.py").write_text(page(OBSERVER, PLANT))
+    (tmp_path / "test_my_observers.py").write_text(page(*TESTS))
+    assert_strictly_typed(tmp_path / "my_observers.py", tmp_path / "test_my_observers.py")
