@@ -49,7 +49,8 @@ def _command(name: str, record: type[Options]) -> Callable[[Callable[[Options], 
 
     def add(function: Callable[[Options], int]) -> None:
         def run(**values: object) -> None:
-            raise typer.Exit(function(record(**values)))
+            given = {name: value for name, value in values.items() if value is not None}
+            raise typer.Exit(function(record(**given)))
 
         types = get_type_hints(record, include_extras=True)
         parameters = [
@@ -65,7 +66,7 @@ def _command(name: str, record: type[Options]) -> Callable[[Callable[[Options], 
 
 def _default(field: Field[Any]) -> object:
     if field.default_factory is not MISSING:
-        return field.default_factory()
+        return None  # not a list: click 8.1 refuses one for an argument that takes several values
     return Parameter.empty if field.default is MISSING else field.default
 
 
