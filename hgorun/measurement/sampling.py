@@ -53,13 +53,10 @@ def find_samples(stretches: list[Stretch], start: float, seed: int, output: str,
         if stretch.continuous:
             continue
         jitter, dropout = (generator(seed, channel, output, i) for channel in ("sampling", "dropout"))
-        times, k = _arrivals(stretch, jitter, dropout, left)
-        left -= times.size
         last = i == len(stretches) - 1
-        tolerance = 1e-12 * max(abs(stretch.end), abs(stretch.start))
-        inside = (times >= stretch.start - tolerance) & (
-            times <= stretch.end + tolerance if last else times < stretch.end - tolerance
-        )
+        times, k = _arrivals(stretch, last, jitter, dropout, left)
+        left -= times.size
+        inside = _belong(times, stretch, last)
         times, k = np.clip(times[inside], stretch.start, stretch.end), k[inside]
         delay = stretch.delay_at(times)
         if not np.all(np.isfinite(delay)) or np.any(delay < 0):
@@ -77,13 +74,21 @@ def find_samples(stretches: list[Stretch], start: float, seed: int, output: str,
         return Samples(empty, empty, none, none, none.astype(bool))
     all_taken = np.concatenate(taken)
     newest = np.maximum.accumulate(np.concatenate([[-np.inf], all_taken]))[:-1]
-    return Samples(
-        np.concatenate(arrival), all_taken, np.concatenate(number), np.concatenate(which), all_taken >= newest
-    )
+    # times that are equal on paper may differ by rounding
+    tolerance = 1e-12 * max(abs(stretches[0].start), abs(stretches[-1].end))
+    used = all_taken >= newest - tolerance
+    return Samples(np.concatenate(arrival), all_taken, np.concatenate(number), np.concatenate(which), used)
+
+
+def _belong(times: np.ndarray, stretch: Stretch, last: bool) -> np.ndarray:
+    """Which times lie in a stretch: its end belongs to the next one, where there is one."""
+    tolerance = 1e-12 * max(abs(stretch.end), abs(stretch.start))
+    before = times <= stretch.end + tolerance if last else times < stretch.end - tolerance
+    return np.asarray((times >= stretch.start - tolerance) & before)
 
 
 def _arrivals(
-    stretch: Stretch, jitter: np.random.Generator, dropout: np.random.Generator, most: int
+    stretch: Stretch, last: bool, jitter: np.random.Generator, dropout: np.random.Generator, most: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """Times and numbers; jitter and dropout draw apart, so that a longer run begins with the same samples."""
     sampling, path = stretch.sampling, stretch.paths["sampling"]
@@ -101,6 +106,7 @@ def _arrivals(
         times = stretch.start + sampling.offset + k * sampling.period
         shifts = jitter.uniform(-1.0, 1.0, k.size) * sampling.jitter
         kept = dropout.uniform(0.0, 1.0, k.size) >= sampling.dropout
+        kept &= _belong(times, stretch, last)  # jitter moves no sample of the next stretch back into this one
         moved = np.asarray(np.clip(times + shifts, stretch.start, stretch.end) if sampling.jitter else times)
         order = np.argsort(moved[kept], kind="stable")
         return moved[kept][order], k[kept][order]

@@ -1,5 +1,6 @@
 """Laws, exact or in distribution: equal bits, linear theory, white noise, stability limits, divergence."""
 
+import platform
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -126,6 +127,19 @@ def test_runs_repeat_bit_for_bit(solver, tmp_path, monkeypatch):
     for again in results[1:]:
         assert same(results[0], again, "S", "F")
         assert results[0].metrics() == again.metrics()
+
+
+@pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="names processors of this family")
+@pytest.mark.parametrize("solver", [{"step": 0.02}, {"method": "dopri5", "rtol": 1e-8}])
+@pytest.mark.parametrize("processor", ["x86-64", "x86-64-v2", "x86-64-v3"])
+def test_no_bit_depends_on_the_processor(processor, solver, tmp_path, monkeypatch):
+    """SSE2 alone, SSE4 and AVX2 with fma make the numbers of this processor."""
+    config = configuration(MEASUREMENTS["delayed"], {"S": SHGO, "F": FHGO}) | {"solver": solver}
+    here = run(tmp_path, config)
+    monkeypatch.setenv("HGORUN_CPU", processor)
+    there = run(tmp_path, config)
+    assert same(here, there, "S", "F")
+    assert here.metrics() == there.metrics()
 
 
 @pytest.mark.parametrize("name", ["continuous", "delayed"])

@@ -21,6 +21,7 @@ from hgorun.measurement.blocks import Measurement, Periodic, Phase
 from hgorun.observers.base import SampledObserver
 from hgorun.observers.capabilities import SlidingMode
 from hgorun.result.result import Result
+from hgorun.result.windows import points_in
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.prepared import PreparedRun
 
@@ -93,8 +94,7 @@ def _constant(run: PreparedRun, result: Result, label: str) -> Linear:
         raise NoValue("the observer is a difference equation: it jumps along the run")
     if result.observers[label].diverged_at is not None:
         raise NoValue(DIVERGED)
-    start, end = result.windows["steady"]
-    inside = np.flatnonzero((result.time >= start) & (result.time <= end))
+    inside = np.arange(result.time.size)[points_in(result.time, result.windows["steady"])]
     points = inside[np.unique(np.linspace(0, inside.size - 1, _POINTS).astype(int))]
     systems = relevant(observer.trajectory(result.observers[label], points, result.time[points]))
     for value in vars(systems).values():
@@ -124,7 +124,6 @@ def _silence(written: dict[str, Any], block: Measurement | Phase) -> None:
 
 def measured_noise(noisy: Result, noise_free: Result, label: str) -> np.ndarray:
     """Root mean square over the steady window of what noise has changed in an estimate, shape (n,)."""
-    start, end = noisy.windows["steady"]
-    inside = (noisy.time >= start) & (noisy.time <= end)
+    inside = points_in(noisy.time, noisy.windows["steady"])
     difference = noisy.observers[label].xhat - noise_free.observers[label].xhat
     return np.asarray(np.sqrt(np.mean(difference[inside] ** 2, axis=0)))
