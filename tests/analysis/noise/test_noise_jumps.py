@@ -8,6 +8,7 @@ from hgorun.reproduce.shipped import folder
 from hgorun.simulation.simulate import perform, prepare, simulate
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("file", "name", "settings", "states", "within"),
     [
