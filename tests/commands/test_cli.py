@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import h5py
 import jsonschema
@@ -195,12 +196,13 @@ def test_the_schema_accepts_the_shipped_experiments(path: Path) -> None:
 
 def test_the_schema_refuses_what_the_loader_refuses(shell: Shell) -> None:
     schema = build_schema()
-    for wrong in (
+    wrongs: tuple[dict[str, Any], ...] = (
         {"tme": {}},
         {"observers": {"a": {"type": "shgo", "theta": 1, "tetha": 2}}},
         {"seed": -1},
         {"plant": {"type": "contois", "colour": "red"}},
-    ):
+    )
+    for wrong in wrongs:
         with pytest.raises(jsonschema.ValidationError):
             jsonschema.validate(wrong, schema)
 

@@ -122,7 +122,7 @@ def test_the_blend_without_sharpness_is_the_observer_without_reconstruction() ->
     np.testing.assert_allclose(result.observers["none"].xhat, result.observers["faint"].xhat, rtol=1e-12)
 
 
-def inline(states: str, dynamics: dict[str, str], output: str, **more: Any) -> dict[str, Any]:
+def inline(states: str, dynamics: dict[str, str], output: str | list[str], **more: Any) -> dict[str, Any]:
     names = states.split()
     initial = {name: 0.5 + 0.1 * i for i, name in enumerate(names)}
     return {"states": names, "dynamics": dynamics, "output": output, "initial": initial, **more}

@@ -134,9 +134,8 @@ def test_spread_of_sa_falls_as_the_covariance_says(sa: hgorun.Result) -> None:
     spread *= SCALE
     np.testing.assert_allclose(spread[[20_000, 100_000, -1], 0], [0.0505, 0.0290, 0.0214], rtol=5e-3)
     np.testing.assert_allclose(spread[100_000], [0.02897, 2.3736], rtol=1e-3)
-    k = newest(sa)
-    late = k > 20_000
-    error = (sa.observers["o"].xhat - sa.x)[late] / spread[k[late]]
+    late = newest(sa) > 20_000
+    error = (sa.observers["o"].xhat - sa.x)[late] / spread[newest(sa)[late]]
     np.testing.assert_allclose(np.sqrt(np.mean(error**2, axis=0)), 1, atol=0.08)
 
 
