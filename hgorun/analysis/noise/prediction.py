@@ -88,7 +88,7 @@ def _power(run: PreparedRun, result: Result, label: str) -> np.ndarray:
 def _constant(run: PreparedRun, result: Result, label: str) -> Linear:
     observer = Linearisation(run, label)
     if isinstance(observer.block.observer, SampledObserver):
-        raise NoValue("the observer is a difference equation: it jumps along the run")
+        raise NoValue("the observer jumps at the samples: it has no steady flow")
     if result.observers[label].diverged_at is not None:
         raise NoValue(DIVERGED)
     inside = np.arange(result.time.size)[points_in(result.time, result.windows["steady"])]
