@@ -10,11 +10,16 @@ BIN := $(VENV)/bin
 endif
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: help figures test bench lint wheel clean
+LOWEST := .venv-lowest
+LOWEST_PYTHON ?= $(or $(shell command -v python3.11),$(PYTHON))
+
+.PHONY: help figures test test-lowest coverage bench lint wheel clean
 
 help:
 	@echo "make figures   every figure and claim of the publications, and results/REPORT.md"
-	@echo "make test      run the tests"
+	@echo "make test      run the tests; the fast ones: make test ARGS='-m \"not slow\"'"
+	@echo "make test-lowest  the fast tests with the lowest versions that pyproject.toml permits"
+	@echo "make coverage  run the tests, list the lines and branches of each file that they leave out"
 	@echo "make bench     measure the speed beside its bars"
 	@echo "make lint      ruff and mypy"
 	@echo "make wheel     build the wheel into dist/"
@@ -25,6 +30,13 @@ figures: $(VENV)/.installed
 
 test: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest $(ARGS)
+
+test-lowest: $(LOWEST)/.installed
+	$(subst $(VENV),$(LOWEST),$(BIN))/python -m pytest -m "not slow" $(ARGS)
+
+coverage: $(VENV)/.installed-dev
+	$(BIN)/python -m pytest --cov --cov-report=json $(ARGS)
+	$(BIN)/python tools/coverage_floor.py coverage.json $(FLOORS)
 
 bench: $(VENV)/.installed-dev
 	$(BIN)/python tests/benchmarks/bench.py $(ARGS)
@@ -38,7 +50,7 @@ wheel: $(VENV)/.installed-dev
 	$(BIN)/python -m build --wheel
 
 clean:
-	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) $(LOWEST) build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis .coverage coverage.json
 	find hgorun tests tools -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # The stamps are written last, so an interrupted installation is made again. What is installed is the checkout
@@ -50,6 +62,13 @@ $(VENV)/.installed: pyproject.toml | $(VENV)
 $(VENV)/.installed-dev: pyproject.toml | $(VENV)
 	$(PIP) -e ".[dev]"
 	touch $(VENV)/.installed $@
+
+$(LOWEST)/.installed: pyproject.toml tools/lowest.py
+	rm -rf $(LOWEST)
+	$(LOWEST_PYTHON) -m venv $(LOWEST)
+	$(LOWEST_PYTHON) tools/lowest.py >$(LOWEST)/constraints.txt
+	$(subst $(VENV),$(LOWEST),$(PIP)) -c $(LOWEST)/constraints.txt -e ".[dev]"
+	touch $@
 
 $(VENV):
 	@$(PYTHON) -c 'import sys; sys.exit("Python 3.11 or newer is needed, this is " + sys.version.split()[0] \

@@ -1,4 +1,4 @@
-"""Fit the polynomials of hgorun/engine/functions.py and print them.
+"""Fit the polynomials of hgorun/engine/functions/coefficients.py and print them.
 
 Each one approximates a smooth factor of its function, P in sin r = r + r³ P(r²) for one. The fit is minimax
 (Remez exchange) on the relative error of the *function*, in 60 digits. Coefficients are rounded to doubles
@@ -11,7 +11,7 @@ comes on top.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 from mpmath import mp, mpf
@@ -69,6 +69,55 @@ def log_weight(w: Real) -> Real:
     return s**3 / (2 * mp.atanh(s))
 
 
+def sine_quarter(z: Real) -> Real:
+    """P in sin r = r + r³ P(r²)."""
+    r = mp.sqrt(z)
+    return (mp.sin(r) - r) / r**3
+
+
+def cosine(z: Real) -> Real:
+    """P in cos r = 1 - r²/2 + r⁴ P(r²)."""
+    return (mp.cos(mp.sqrt(z)) - 1 + z / 2) / z**2
+
+
+def hyperbolic_sine(z: Real) -> Real:
+    """P in sinh r = r + r³ P(r²)."""
+    r = mp.sqrt(z)
+    return (mp.sinh(r) - r) / r**3
+
+
+def hyperbolic_sine_weight(z: Real) -> Real:
+    r = mp.sqrt(z)
+    return r**3 / mp.sinh(r)
+
+
+def hyperbolic_cosine(z: Real) -> Real:
+    """P in cosh r = 1 + r² P(r²)."""
+    return (mp.cosh(mp.sqrt(z)) - 1) / z
+
+
+def ratio(w: Real) -> Real:
+    """P in log((2 + s)/(2 - s)) = s (1 + s² P(s²))."""
+    s = mp.sqrt(w)
+    return (2 * mp.atanh(s / 2) / s - 1) / w
+
+
+def ratio_square(w: Real) -> Real:
+    """P in log((2 + s)/(2 - s)) = s (1 + s²/12 + s⁴ P(s²))."""
+    return (ratio(w) - mpf(1) / 12) / w
+
+
+def arc_tangent(z: Real) -> Real:
+    """P in atan r = r + r³ P(r²)."""
+    r = mp.sqrt(z)
+    return (mp.atan(r) - r) / r**3
+
+
+def arc_tangent_weight(z: Real) -> Real:
+    r = mp.sqrt(z)
+    return r**3 / mp.atan(r)
+
+
 LN2 = mp.log(2)
 MARGIN = 1 + mpf(1) / 200  # the reductions leave their ideal interval by a smaller fraction
 FITS = [
@@ -86,6 +135,24 @@ FITS = [
     Fit("COTH", 5, mpf(0), (MARGIN * 3 * LN2 / 8) ** 2, coth, coth_weight),
     # s = (m - 1)/(m + 1) with √½ <= m <= √2
     Fit("LOG", 6, mpf(0), (3 - mp.sqrt(8)) ** 2, log, log_weight),
+    Fit("SINE_QUARTER", 6, mpf(0), (MARGIN * mp.pi / 4) ** 2, sine_quarter, sine_weight),
+    Fit("COSINE_QUARTER", 5, mpf(0), (MARGIN * mp.pi / 4) ** 2, cosine, lambda z: z**2 / mp.cos(mp.sqrt(z))),
+    # P in exp r = 1 + r + r²/2 + r³ P(r)
+    Fit(
+        "EXP_CUBIC",
+        9,
+        -MARGIN * LN2 / 2,
+        MARGIN * LN2 / 2,
+        lambda r: (mp.expm1(r) - r - r**2 / 2) / r**3,
+        lambda r: abs(r) ** 3 / mp.exp(r),
+    ),
+    Fit("SINH", 4, mpf(0), (MARGIN * LN2 / 2) ** 2, hyperbolic_sine, hyperbolic_sine_weight),
+    Fit("COSH", 5, mpf(0), (MARGIN * LN2 / 2) ** 2, hyperbolic_cosine, lambda z: z / mp.cosh(mp.sqrt(z))),
+    # s/2 = (m - 1)/(m + 1) with √½ <= m <= √2
+    Fit("RATIO", 6, mpf(0), (MARGIN * (6 - 2 * mp.sqrt(8))) ** 2, ratio, lambda w: w),
+    Fit("RATIO_SQUARE", 7, mpf(0), (MARGIN * (6 - 2 * mp.sqrt(8))) ** 2, ratio_square, lambda w: w**2),
+    # beyond tan(π/8) the reduction takes the distance to π/4
+    Fit("ATAN", 11, mpf(0), (MARGIN * (mp.sqrt(2) - 1)) ** 2, arc_tangent, arc_tangent_weight),
 ]
 
 
@@ -116,12 +183,15 @@ def remez(target: list[Real], weight: list[Real], grid: list[Real], count: int) 
             nodes[k if k <= count and error[nodes[k]] * error[worst] > 0 else k - 1] = worst
 
 
-def fit(what: Fit) -> tuple[list[float], float]:
-    """The rounded coefficients and their largest weighted error."""
-    terms = what.degree + 1
-    middle, half, points = (what.low + what.high) / 2, (what.high - what.low) / 2, POINTS * terms
-    # an even number of Chebyshev points: none where a weight vanishes, at an end or in the middle
-    grid = [middle - half * mp.cos(mp.pi * (2 * i + 1) / (2 * points)) for i in range(points)]
+def nodes(what: Fit) -> list[Real]:
+    """An even number of Chebyshev points: none where a weight vanishes, at an end or in the middle."""
+    middle, half, points = (what.low + what.high) / 2, (what.high - what.low) / 2, POINTS * (what.degree + 1)
+    return [middle - half * mp.cos(mp.pi * (2 * i + 1) / (2 * points)) for i in range(points)]
+
+
+def fit(what: Fit) -> list[float]:
+    """The rounded coefficients."""
+    terms, grid = what.degree + 1, nodes(what)
     weight = [what.weight(x) for x in grid]
     rest = [what.factor(x) for x in grid]
     rounded: list[float] = []
@@ -130,14 +200,21 @@ def fit(what: Fit) -> tuple[list[float], float]:
         # go on with what the higher powers have to make up, divided by x; |x| keeps the weight positive
         rest = [(t - rounded[i]) / x for t, x in zip(rest, grid, strict=True)]
         weight = [w * abs(x) for w, x in zip(weight, grid, strict=True)]
-    return rounded, float(max(abs(w * r) for w, r in zip(weight, rest, strict=True)))
+    return rounded
+
+
+def heading(what: Fit, coefficients: Sequence[float]) -> str:
+    """The comment above some coefficients: where they are for, and their largest weighted error."""
+    rounded = [mpf(c) for c in coefficients]
+    error = max(abs(what.weight(x) * (what.factor(x) - value(rounded, x))) for x in nodes(what))
+    interval = f"[{float(what.low):.5f}, {float(what.high):.5f}]"
+    return f"# degree {what.degree} on {interval}, relative error 2^{float(mp.log(error, 2)):.1f}"
 
 
 def main() -> None:
     for what in FITS:
-        coefficients, error = fit(what)
-        interval = f"[{float(what.low):.5f}, {float(what.high):.5f}]"
-        print(f"# degree {what.degree} on {interval}, relative error 2^{float(mp.log(error, 2)):.1f}")
+        coefficients = fit(what)
+        print(heading(what, coefficients))
         print(f"{what.name} = (\n" + "".join(f"    {c!r},\n" for c in coefficients) + ")")
 
 

@@ -1,9 +1,7 @@
 """The options of each command, written once: the command line makes its parameters and its help from them.
 
-Only typer is imported here, so that help comes at once.
+Only typer is imported here, so that help comes at once; annotations are not put off, for the command line reads them.
 """
-
-from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -110,20 +108,20 @@ class Claims(Reproduction):
 
 @dataclass(frozen=True, kw_only=True)
 class List:
-    """List the available plants, observers, metrics and experiments."""
+    """List the available plants, observers, kinds of noise, metrics and experiments."""
 
-    kind: Annotated[str, typer.Argument(help="plants, observers, experiments or all.")] = "all"
+    kind: Annotated[str, typer.Argument(help="plants, observers, noise, metrics, experiments or all.")] = "all"
     json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False
 
 
 @dataclass(frozen=True, kw_only=True)
 class Show:
-    """Show a plant, an observer or an experiment in full.
+    """Show a plant, an observer, a kind of noise, a metric or an experiment in full.
 
     Its equations, its parameters with ranges and defaults, and its source.
     """
 
-    name: Annotated[str, typer.Argument(help="A plant, an observer or an experiment.")]
+    name: Annotated[str, typer.Argument(help="A plant, an observer, a kind of noise, a metric or an experiment.")]
     json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False
 
 

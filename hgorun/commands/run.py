@@ -15,6 +15,7 @@ from hgorun.result.result import Result
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import perform, prepare
+from hgorun.study.check import check_figures
 from hgorun.study.loading import load, load_study, refuse_twins
 from hgorun.tables import metrics as tables
 
@@ -123,6 +124,8 @@ def _experiments(path: Path, options: Configured) -> list[Experiment]:
     if options.run is not None:
         return [load(path, options.overrides, seed=options.seed, run=options.run)]
     study = load_study(path, options.overrides, seed=options.seed)
+    if len(study.runs) == 1 and path.stem in study.runs:  # figures beside the run are checked before it
+        check_figures(study)
     single = [r.experiment for r in study.runs.values() if r.single]
     if not single:
         raise ConfigError(

@@ -8,6 +8,7 @@ then the step that it must not ask for).
 
 from __future__ import annotations
 
+from hgorun.engine import functions
 from hgorun.engine.emit import Emitted
 from hgorun.engine.history import History
 from hgorun.engine.ir import Function, hexadecimal
@@ -166,9 +167,8 @@ def _maximum_scalar(f: Function, values: list[str]) -> str:
 def _factor(s: Stepper, error: str, most: str) -> str:
     """How the step changes: 0.9 error^(-1/5) between 0.2 and ``most``."""
     f = s.f
-    m = s.m
-    m.declarations.add("declare double @pow(double, double) nounwind memory(none)")
-    power = f.let(f"call double @pow(double {error}, double {hexadecimal(-1 / s.method.order)})")
+    with f.on_lanes(1) as scalar:
+        power = functions.call("pow", scalar, error, hexadecimal(-1 / s.method.order))
     factor = f.scalar("fmul", hexadecimal(_SAFETY), power)
     factor = _pick(f, f.test("olt", factor, most), factor, most)
     return _pick(f, f.test("ogt", factor, hexadecimal(_SHRINK)), factor, hexadecimal(_SHRINK))

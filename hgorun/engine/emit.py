@@ -11,10 +11,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 
 import casadi as ca
 
-from hgorun.engine.functions import INLINE
+from hgorun.engine import functions
 from hgorun.engine.ir import Block, Function
 from hgorun.errors import HgorunError
 from hgorun.symbolic.instructions import CLOCK, MAIN, SETUP, Instruction, read, rounds
@@ -37,11 +38,6 @@ _BINARY: dict[int, Callable[[Block, str, str], str]] = {
     ca.OP_OR: lambda b, x, y: _truth(b, b.let(f"or {b.mask} {_holds(b, x)}, {_holds(b, y)}")),
     ca.OP_IF_ELSE_ZERO: lambda b, x, y: b.select(_holds(b, x), y, b.constant(0.0)),
     ca.OP_COPYSIGN: lambda b, x, y: b.intrinsic("copysign", x, y),
-    ca.OP_POW: lambda b, x, y: b.libm("pow", x, y),
-    ca.OP_CONSTPOW: lambda b, x, y: b.libm("pow", x, y),
-    ca.OP_ATAN2: lambda b, x, y: b.libm("atan2", x, y),
-    ca.OP_FMOD: lambda b, x, y: b.libm("fmod", x, y),
-    ca.OP_HYPOT: lambda b, x, y: b.libm("hypot", x, y),
 }
 
 _UNARY: dict[int, Callable[[Block, str], str]] = {
@@ -60,30 +56,30 @@ _UNARY: dict[int, Callable[[Block, str], str]] = {
         b.constant(1.0),
         b.select(b.compare("olt", x, b.constant(0.0)), b.constant(-1.0), x),
     ),
-    **{
-        op: (lambda b, x, name=name: b.libm(name, x))  # type: ignore[misc]
-        for op, name in {
-            ca.OP_TAN: "tan",
-            ca.OP_ASIN: "asin",
-            ca.OP_ACOS: "acos",
-            ca.OP_ATAN: "atan",
-            ca.OP_SINH: "sinh",
-            ca.OP_COSH: "cosh",
-            ca.OP_ASINH: "asinh",
-            ca.OP_ACOSH: "acosh",
-            ca.OP_ATANH: "atanh",
-            ca.OP_LOG1P: "log1p",
-            ca.OP_EXPM1: "expm1",
-        }.items()
-    },
 }
 
 _CALLS = {
-    ca.OP_SIN: INLINE["sin"],
-    ca.OP_COS: INLINE["cos"],
-    ca.OP_TANH: INLINE["tanh"],
-    ca.OP_EXP: INLINE["exp"],
-    ca.OP_LOG: INLINE["log"],
+    ca.OP_SIN: "sin",
+    ca.OP_COS: "cos",
+    ca.OP_TAN: "tan",
+    ca.OP_ASIN: "asin",
+    ca.OP_ACOS: "acos",
+    ca.OP_ATAN: "atan",
+    ca.OP_ATAN2: "atan2",
+    ca.OP_EXP: "exp",
+    ca.OP_EXPM1: "expm1",
+    ca.OP_SINH: "sinh",
+    ca.OP_COSH: "cosh",
+    ca.OP_TANH: "tanh",
+    ca.OP_LOG: "log",
+    ca.OP_LOG1P: "log1p",
+    ca.OP_ASINH: "asinh",
+    ca.OP_ACOSH: "acosh",
+    ca.OP_ATANH: "atanh",
+    ca.OP_POW: "pow",
+    ca.OP_CONSTPOW: "pow",
+    ca.OP_HYPOT: "hypot",
+    ca.OP_FMOD: "fmod",
 }
 
 
@@ -213,16 +209,17 @@ class _Emitter:
 
     def calls(self, calls: Sequence[Instruction]) -> None:
         """Calls in one part that do not wait for each other: those of one function side by side."""
-        part = self.level[calls[0].arguments[0]]
+        part = max(self.level[a] for a in calls[0].arguments)
         f = self.parts[part]
         most = _TOGETHER if self.lanes == 1 else 1
-        for op in {call.op: None for call in calls}:
-            alike = [call for call in calls if call.op == op]
+        for name in {_CALLS[call.op]: None for call in calls}:
+            alike = [call for call in calls if _CALLS[call.op] == name]
             for i in range(0, len(alike), most):
                 some = alike[i : i + most]
-                arguments = [self.use(call.arguments[0], part) for call in some]
-                for call, name in zip(some, f.side_by_side(_CALLS[op], arguments), strict=True):
-                    self.define(call.value, part, name)
+                arguments = [[self.use(a, part) for a in call.arguments] for call in some]
+                values = f.side_by_side(partial(functions.call, name), arguments)
+                for call, value in zip(some, values, strict=True):
+                    self.define(call.value, part, value)
 
     def output(self, value: int, index: int) -> None:
         main = self.parts[MAIN]

@@ -26,8 +26,8 @@ class Block:
     lanes : int
         W >= 1.
     declarations : set of str
-        Collects the intrinsics and external functions that the body needs; shared by the
-        blocks of one module.
+        Collects the declarations and definitions that the body needs; shared by the blocks
+        of one module.
     """
 
     def __init__(self, lanes: int, declarations: set[str]) -> None:
@@ -87,6 +87,25 @@ class Block:
     def select(self, mask: str, yes: str, no: str) -> str:
         return self.let(f"select {self.mask} {mask}, {self.real} {yes}, {self.real} {no}")
 
+    def any(self, mask: str) -> str:
+        """Whether a mask holds in some lane, an i1."""
+        if self.lanes == 1:
+            return mask
+        name = f"@llvm.vector.reduce.or.v{self.lanes}i1"
+        self.declarations.add(f"declare i1 {name}({self.mask})")
+        return self.let(f"call i1 {name}({self.mask} {mask})")
+
+    def rarely(self, condition: str, usual: str, otherwise: Callable[[], str]) -> str:
+        """A value, or where an i1 holds the one that ``otherwise`` emits: nothing of it runs elsewhere."""
+        self._count += 1
+        here, there, after = (f"{kind}{self._count}" for kind in ("usual", "rare", "both"))
+        for line in (f"  br label %{here}", f"{here}:", f"  br i1 {condition}, label %{there}, label %{after}"):
+            self.lines.append(line)
+        self.lines.append(f"{there}:")
+        other = otherwise()
+        self.lines += [f"  br label %{after}", f"{after}:"]
+        return self.let(f"phi {self.real} [ {usual}, %{here} ], [ {other}, %{there} ]")
+
     def intrinsic(self, name: str, *arguments: str) -> str:
         """llvm.<name> on doubles: fabs, sqrt, floor, ceil, rint, copysign, fma, ..."""
         full = f"@llvm.{name}.{self._suffix}"
@@ -104,32 +123,32 @@ class Block:
     def from_bits(self, a: str) -> str:
         return self.let(f"bitcast {self.integer} {a} to {self.real}")
 
-    def side_by_side(self, function: Callable[[Block, str], str], arguments: Sequence[str]) -> list[str]:
-        """A function of several values; of scalars in one vector, so that they take the time of one."""
-        if len(arguments) == 1 or self.lanes > 1:
-            return [function(self, a) for a in arguments]
-        wide = Block(1 << (len(arguments) - 1).bit_length(), self.declarations)
-        wide.lines, wide._count = self.lines, self._count  # the same body
-        vector = wide.splat(arguments[-1])
-        for lane, argument in enumerate(arguments[:-1]):
-            vector = wide.let(f"insertelement {wide.real} {vector}, double {argument}, i64 {lane}")
-        result = function(wide, vector)
-        found = [wide.let(f"extractelement {wide.real} {result}, i64 {i}") for i in range(len(arguments))]
-        self._count = wide._count
-        return found
+    def side_by_side(self, function: Callable[..., str], calls: Sequence[Sequence[str]]) -> list[str]:
+        """The values of ``function(block, *arguments)`` for several arguments.
 
-    def libm(self, name: str, *arguments: str) -> str:
-        """A C library function, lane by lane, so that each lane has the bits of a single run."""
-        types = ", ".join(["double"] * len(arguments))
-        self.declarations.add(f"declare double @{name}({types}) nounwind memory(none)")
-        if self.lanes == 1:
-            return self.let(f"call double @{name}(" + ", ".join(f"double {a}" for a in arguments) + ")")
-        result = "poison"
-        for lane in range(self.lanes):
-            scalars = [self.let(f"extractelement {self.real} {a}, i64 {lane}") for a in arguments]
-            value = self.let(f"call double @{name}(" + ", ".join(f"double {s}" for s in scalars) + ")")
-            result = self.let(f"insertelement {self.real} {result}, double {value}, i64 {lane}")
-        return result
+        Those of scalars are computed in one vector, so that they take the time of one.
+        """
+        if len(calls) == 1 or self.lanes > 1:
+            return [function(self, *arguments) for arguments in calls]
+        with self.on_lanes(1 << (len(calls) - 1).bit_length()) as wide:
+            vectors = [wide.gather(entries) for entries in zip(*calls, strict=True)]
+            result = function(wide, *vectors)
+            return [wide.let(f"extractelement {wide.real} {result}, i64 {i}") for i in range(len(calls))]
+
+    @contextmanager
+    def on_lanes(self, lanes: int) -> Iterator[Block]:
+        """The same body, which the block goes on with on another number of lanes."""
+        other = Block(lanes, self.declarations)
+        other.lines, other._count = self.lines, self._count
+        yield other
+        self._count = other._count
+
+    def gather(self, scalars: Sequence[str]) -> str:
+        """Scalars in the first lanes, the last of them in the others, too."""
+        vector = self.splat(scalars[-1])
+        for lane, scalar in enumerate(scalars[:-1]):
+            vector = self.let(f"insertelement {self.real} {vector}, double {scalar}, i64 {lane}")
+        return vector
 
 
 class Function(Block):

@@ -49,12 +49,7 @@ def guard(f: Function, m: Module, t: str, z: str, lost: str) -> None:
     while len(bad) > 1:  # a tree: short chains of dependence
         pairs = [f.let(f"or {f.mask} {a}, {b}") for a, b in zip(bad[::2], bad[1::2], strict=False)]
         bad = pairs + bad[len(bad) - len(bad) % 2 :]
-    any_bad = bad[0]
-    if lanes > 1:
-        name = f"@llvm.vector.reduce.or.v{lanes}i1"
-        m.declarations.add(f"declare i1 {name}({f.mask})")
-        any_bad = f.let(f"call i1 {name}({f.mask} {any_bad})")
-    with f.when(any_bad):
+    with f.when(f.any(bad[0])):
         bounds = f.slot("double", lanes)
         f.store(bound, bounds, f.real)
         verdict = f.call("flag", f"ptr %ctx, double {t}, ptr {z}, ptr {bounds}", "i64")

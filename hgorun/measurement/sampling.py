@@ -39,27 +39,24 @@ class Samples:
     used: np.ndarray
 
 
-def find_samples(stretches: list[Stretch], start: float, seed: int, output: str, most: int) -> Samples:
+def find_samples(stretches: list[Stretch], start: float, seed: int, output: str, limit: int) -> Samples:
     """All samples of an output.
 
     Raises
     ------
     Problem
-        For a negative delay or more than ``most`` samples.
+        For a negative delay or more than ``limit`` samples.
     """
     arrival, taken, number, which = [], [], [], []
-    left = most
+    left = limit
     for i, stretch in enumerate(stretches):
         if stretch.continuous:
             continue
         jitter, dropout = (generator(seed, channel, output, i) for channel in ("sampling", "dropout"))
-        times, k = _arrivals(stretch, jitter, dropout, left)
-        left -= times.size
         last = i == len(stretches) - 1
-        tolerance = 1e-12 * max(abs(stretch.end), abs(stretch.start))
-        inside = (times >= stretch.start - tolerance) & (
-            times <= stretch.end + tolerance if last else times < stretch.end - tolerance
-        )
+        times, k = _arrivals(stretch, last, jitter, dropout, left)
+        left -= times.size
+        inside = _belong(times, stretch, last)
         times, k = np.clip(times[inside], stretch.start, stretch.end), k[inside]
         delay = stretch.delay_at(times)
         if not np.all(np.isfinite(delay)) or np.any(delay < 0):
@@ -77,13 +74,21 @@ def find_samples(stretches: list[Stretch], start: float, seed: int, output: str,
         return Samples(empty, empty, none, none, none.astype(bool))
     all_taken = np.concatenate(taken)
     newest = np.maximum.accumulate(np.concatenate([[-np.inf], all_taken]))[:-1]
-    return Samples(
-        np.concatenate(arrival), all_taken, np.concatenate(number), np.concatenate(which), all_taken >= newest
-    )
+    # times that are equal on paper may differ by rounding
+    tolerance = 1e-12 * max(abs(stretches[0].start), abs(stretches[-1].end))
+    used = all_taken >= newest - tolerance
+    return Samples(np.concatenate(arrival), all_taken, np.concatenate(number), np.concatenate(which), used)
+
+
+def _belong(times: np.ndarray, stretch: Stretch, last: bool) -> np.ndarray:
+    """Which times lie in a stretch: its end belongs to the next one, where there is one."""
+    tolerance = 1e-12 * max(abs(stretch.end), abs(stretch.start))
+    before = times <= stretch.end + tolerance if last else times < stretch.end - tolerance
+    return np.asarray((times >= stretch.start - tolerance) & before)
 
 
 def _arrivals(
-    stretch: Stretch, jitter: np.random.Generator, dropout: np.random.Generator, most: int
+    stretch: Stretch, last: bool, jitter: np.random.Generator, dropout: np.random.Generator, limit: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """Times and numbers; jitter and dropout draw apart, so that a longer run begins with the same samples."""
     sampling, path = stretch.sampling, stretch.paths["sampling"]
@@ -95,24 +100,25 @@ def _arrivals(
         return times, np.arange(times.size)
     if isinstance(sampling, Periodic):
         count = np.floor((stretch.end - stretch.start - sampling.offset) / sampling.period * (1 + 1e-12) + 1e-9) + 1
-        if count > most:
-            raise Problem((*path, "period"), f"{count:.3g} samples take {_memory(count, most)}")
+        if count > limit:
+            raise Problem((*path, "period"), f"{count:.3g} samples take {_memory(count, limit)}")
         k = np.arange(max(int(count), 0))
         times = stretch.start + sampling.offset + k * sampling.period
         shifts = jitter.uniform(-1.0, 1.0, k.size) * sampling.jitter
         kept = dropout.uniform(0.0, 1.0, k.size) >= sampling.dropout
+        kept &= _belong(times, stretch, last)  # jitter moves no sample of the next stretch back into this one
         moved = np.asarray(np.clip(times + shifts, stretch.start, stretch.end) if sampling.jitter else times)
         order = np.argsort(moved[kept], kind="stable")
         return moved[kept][order], k[kept][order]
-    return _stepped(stretch, (*path, "steps"), most)
+    return _stepped(stretch, (*path, "steps"), limit)
 
 
-def _memory(count: float, most: int) -> str:
-    need, left = (SAMPLE_BYTES * n / 2**30 for n in (count, most))
+def _memory(count: float, limit: int) -> str:
+    need, left = (SAMPLE_BYTES * n / 2**30 for n in (count, limit))
     return f"about {need:.3g} GiB; time.max_memory leaves {left:.3g} GiB for them"
 
 
-def _stepped(stretch: Stretch, path: tuple[str | int, ...], most: int) -> tuple[np.ndarray, np.ndarray]:
+def _stepped(stretch: Stretch, path: tuple[str | int, ...], limit: int) -> tuple[np.ndarray, np.ndarray]:
     """t_0 = start, t_(k+1) = t_k + steps(k)."""
     try:
         steps = compiled(stretch.sampling.steps, "k")
@@ -130,10 +136,10 @@ def _stepped(stretch: Stretch, path: tuple[str | int, ...], most: int) -> tuple[
                 raise Problem(path, f"steps must be positive, found {values[first]:g} at k = {numbers[first]}")
             values = values[:first]
         times = np.concatenate([times, times[-1] + np.cumsum(values)])
-        if times.size > most:
+        if times.size > limit:
             raise Problem(
                 path,
-                f"at t = {times[-1]:g} there are {times.size} samples, which take {_memory(times.size, most)}: "
+                f"at t = {times[-1]:g} there are {times.size} samples, which take {_memory(times.size, limit)}: "
                 "the steps are too short, or shrink before the end of the run",
             )
         block = min(block * 2, 1 << 20)

@@ -126,7 +126,7 @@ class Observer(Block, Generic[FormT, CopyT]):
     initial: dict[Name, Number] = Field(
         default_factory=dict, description="initial estimate in the plant's coordinates; omitted states 0"
     )
-    internal: dict[Name, Any] = Field(
+    internal: dict[Name, object] = Field(
         default_factory=dict, description="initial internal states: a number stands for that multiple of ones"
     )
     saturation: dict[Name, Interval] = Field(

@@ -48,7 +48,7 @@ class FilteredObserver1(FilterCascade, RiccatiGain):
         return {"theta": 2.0, "delta": 3.0}
 
     def design(self, form: TriangularForm) -> dict[str, np.ndarray]:
-        self.check(self.states(form))
+        self.require_fit(self.states(form))
         return {"theta": np.array(self.theta), "delta": np.array(self.delta)}
 
     def states(self, form: TriangularForm) -> dict[str, np.ndarray | Symmetric]:

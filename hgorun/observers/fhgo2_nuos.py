@@ -65,7 +65,7 @@ class FilteredObserver2TimeVarying(FilterOrder, RiccatiGain):
                 f"fhgo2_nuos is defined for one output, and the plant has {len(form.measured)}: "
                 f"{', '.join(form.plant.outputs)}; fhgo1 and shgo_riccati take several",
             )
-        self.check(self.states(form))
+        self.require_fit(self.states(form))
         return {"theta": np.array(self.theta), "b": hurwitz_gain(self.r, -1)}
 
     def states(self, form: TriangularForm) -> dict[str, np.ndarray | Symmetric]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from math import comb
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -73,7 +72,7 @@ class RiccatiGain(HighGain, ContinuousObserver[TriangularForm, TriangularCopy]):
         """
         return float(self.theta * (2 ** min(order, 10) - 1))
 
-    def check(self, defaults: dict[str, np.ndarray | Symmetric]) -> None:
+    def require_fit(self, defaults: dict[str, np.ndarray | Symmetric]) -> None:
         """Refuse what these observers cannot do with their block.
 
         Raises
@@ -91,7 +90,7 @@ class RiccatiGain(HighGain, ContinuousObserver[TriangularForm, TriangularCopy]):
                 _require_positive_definite(name, self.internal[name], default)
 
 
-def _require_positive_definite(name: str, given: Any, default: Symmetric) -> None:
+def _require_positive_definite(name: str, given: object, default: Symmetric) -> None:
     try:
         matrix = StateBlock.of(0, default).initial(given, default.values)
     except ValueError as error:

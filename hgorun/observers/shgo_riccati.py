@@ -50,7 +50,7 @@ class StandardRiccatiObserver(RiccatiGain):
     )
 
     def design(self, form: TriangularForm) -> dict[str, np.ndarray]:
-        self.check(self.states(form))
+        self.require_fit(self.states(form))
         return {"theta": np.array(self.theta)}
 
     def states(self, form: TriangularForm) -> dict[str, np.ndarray | Symmetric]:

@@ -99,7 +99,7 @@ class Plant(Block):
         """Keys of a block that works, where a start of every state between 0.5 and 1 and inputs of 0.1 do not."""
         return {}
 
-    def check(self) -> None:
+    def require_fit(self) -> None:
         """Refuse what the keys alone do not show to be wrong.
 
         Raises

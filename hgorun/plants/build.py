@@ -134,7 +134,7 @@ def build_plant(block: Plant) -> BuiltPlant:
     _require_known("plant", "inputs", block.inputs, inputs)
     _require_known("plant", "initial", block.initial, states)
     _require_known("plant", "disturbance", block.disturbance, states)
-    block.check()
+    block.require_fit()
     values = _parameter_values(block)
     _require_distinct({"states": states, "inputs": inputs, "parameters": tuple(values)})
     for name in inputs:

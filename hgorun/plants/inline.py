@@ -68,7 +68,7 @@ class InlinePlant(Plant):
     def place_of(self, state: str) -> tuple[str, ...]:
         return ("dynamics", state)
 
-    def check(self) -> None:
+    def require_fit(self) -> None:
         for name in self.dynamics:
             if name not in self.states:
                 known = ", ".join(self.states)

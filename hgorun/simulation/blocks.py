@@ -64,7 +64,7 @@ def check_again(source: Source, before: Checked, touched: Collection[KeyPath]) -
     if not sound or not all(isinstance(block, dict) for block in labels.values()):
         return check(source)
     if keys <= _PARTS:
-        blocks = before.blocks.model_copy(update={key: data[key] for key in _PARTS if key in data})
+        blocks = before.blocks.model_copy(update={key: data.get(key, {}) for key in _PARTS})
     else:
         of_a_run = {key: part for key, part in data.items() if key not in _NOT_OF_A_RUN}
         blocks = validate(Blocks, of_a_run, source, ())

@@ -48,6 +48,7 @@ def build_plan(
     longest: float,
     reach: float,
     inputs: RecordedInputs | None = None,
+    samples: Sequence[np.ndarray] | None = None,
 ) -> Plan:
     """The engine's tables, with the numbers of a run.
 
@@ -67,12 +68,16 @@ def build_plan(
         The longest continuous delay.
     inputs : RecordedInputs, optional
         Where the system takes its inputs from the tables.
+    samples : sequence of ndarray, shape (Nk,) each, optional
+        What arrives of every output, where it is recorded: the system's own outputs are zero then.
     """
     key = schedule, system, Same(grid), always_slope, longest, None if inputs is None else Same(inputs)
     tables = _TABLES.get(key, lambda: _build(schedule, channels, grid, system, always_slope, longest, inputs))
     changes = [channel.held_changes[1] for channel in channels]
     recorded = [] if inputs is None else [inputs.values(channels)]
     measured = [channel.gain_and_bias for channel in channels]
+    if samples is not None:
+        measured = [(np.ones(values.size), np.asarray(values, dtype=float)) for values in samples]
     return Plan(
         spans=tables.spans,
         counts=tables.counts,

@@ -2,8 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Literal
+
 from hgorun.config.expressions import nearest
+from hgorun.config.models import Figure, StudyBlocks
+from hgorun.config.validation import validate
 from hgorun.errors import Problem
+from hgorun.simulation.experiment import Experiment
 from hgorun.study.quantities import Quantity
 from hgorun.study.study import Study
 
@@ -15,23 +21,51 @@ def check(study: Study) -> None:
     ------
     ConfigError
     """
+    check_figures(study)
     with study.located():
-        if study.figures:
-            _check_figures(study)
         for i, sentence in enumerate(study.sentences):
             for quantity in sentence.quantities:
                 _check_quantity(study, quantity, ("claims", i, "value"))
 
 
-def _check_figures(study: Study) -> None:
+def check_figures(study: Study) -> None:
+    """Refuse figures that name what does not exist.
+
+    Raises
+    ------
+    ConfigError
+    """
+    with study.located():
+        _check(study.figures, {run.name: (run.experiment, run.ensemble.kind) for run in study.runs.values()})
+
+
+def check_figures_of(experiment: Experiment) -> None:
+    """The same for the figures beside an experiment, in a file that has no ``runs``.
+
+    Raises
+    ------
+    ConfigError
+    """
+    data = experiment.source.data
+    if "figures" in data:
+        blocks = validate(StudyBlocks, {"figures": data["figures"]}, experiment.source, ())
+        with experiment.located():
+            _check(blocks.figures, {experiment.name: (experiment, None)})
+
+
+def _check(
+    figures: Mapping[str, Figure], runs: Mapping[str, tuple[Experiment, Literal["seeds", "vary"] | None]]
+) -> None:
+    if not figures:
+        return
     from hgorun.figures import RunNames, check
 
     names = {}
-    for run in study.runs.values():
-        model, time = run.experiment.plant.model, run.experiment.blocks.time
-        span, labels = (time.start, time.end), tuple(run.experiment.observers)
-        names[run.name] = RunNames(model.states, model.outputs, labels, span, run.ensemble.kind)
-    check(study.figures, names)
+    for name, (experiment, kind) in runs.items():
+        model, time = experiment.plant.model, experiment.blocks.time
+        span, labels = (time.start, time.end), tuple(experiment.observers)
+        names[name] = RunNames(model.states, model.outputs, labels, span, kind)
+    check(figures, names)
 
 
 def _check_quantity(study: Study, quantity: Quantity, path: tuple[str | int, ...]) -> None:

@@ -9,6 +9,7 @@ from hgorun.config.expressions import nearest
 from hgorun.config.reading import read_source
 from hgorun.errors import ConfigError
 from hgorun.simulation.experiment import Experiment
+from hgorun.study.check import check_figures_of
 from hgorun.study.study import Study, study_of
 
 
@@ -37,7 +38,9 @@ def load(
     if not isinstance(source.data, dict) or "runs" not in source.data:
         if run is not None:
             raise ConfigError(f"the file has no runs, so none is called {run!r}", file=str(path))
-        return Experiment(source, name=Path(path).stem, text=text)
+        experiment = Experiment(source, name=Path(path).stem, text=text)
+        check_figures_of(experiment)  # what is wrong is said before anything runs
+        return experiment
     runs = study_of(source, Path(path).stem, text).runs
     if run is not None and run in runs:
         return runs[run].experiment

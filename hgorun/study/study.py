@@ -10,7 +10,6 @@ from typing import Any
 
 from hgorun.config.expressions import ExpressionError, parse
 from hgorun.config.models import Claim, Ensemble, Figure, StudyBlocks
-from hgorun.config.overrides import set_path
 from hgorun.config.validation import validate
 from hgorun.config.yaml_source import Source
 from hgorun.errors import ConfigError
@@ -45,6 +44,11 @@ class Run:
         return self.ensemble.kind is None
 
     @cached_property
+    def base(self) -> Experiment:
+        """The run, or what all members of the ensemble are variations of."""
+        return Experiment(self.source, name=self.name, text=self.text)
+
+    @cached_property
     def experiment(self) -> Experiment:
         """The run, or the first member of the ensemble."""
         return next(self.members())
@@ -56,29 +60,27 @@ class Run:
             return self.ensemble.vary.values
         if self.ensemble.seeds is None:
             return ()
-        first = Experiment(self.source, name=self.name).blocks.seed
+        first = self.base.blocks.seed
         return tuple(float(first + i) for i in range(self.ensemble.seeds))
 
     def members(self, start: int = 0) -> Iterator[Experiment]:
         """All members from a number on; a single run is the only member of itself."""
         if self.single:
-            yield Experiment(self.source, name=self.name, text=self.text)
+            yield self.base
         for value in self.varied[start:]:
-            source = self.source
-            for path, text in self._assignments(value):
-                source = set_path(source, f"{path}={text}")
-            yield Experiment(source, name=self.name, text=self.text)
+            yield self.base.varied(self._changes(value))
 
-    def _assignments(self, value: float) -> list[tuple[str, str]]:
+    def _changes(self, value: float) -> dict[str, float | int]:
+        """What a member changes of the base, by path."""
         vary = self.ensemble.vary
         if self.ensemble.seeds is not None:
-            return [("seed", str(int(value)))]
+            return {"seed": int(value)}
         if vary is None:
-            return []
-        found = []
+            return {}
+        found: dict[str, float | int] = {}
         for path, expression in vary.set.items():
             try:
-                found.append((path, repr(parse(expression, names=[vary.name]).number({vary.name: value}))))
+                found[path] = parse(expression, names=[vary.name]).number({vary.name: value})
             except ExpressionError as error:
                 file, line = self.source.where(())
                 raise ConfigError(str(error), file=file, line=line, key=f"runs.{self.name}.vary.set.{path}") from error

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import prod
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -79,7 +78,7 @@ class StateBlock:
             return np.asarray(values[:, i, j])
         return values.reshape(len(values), self.size)
 
-    def initial(self, given: Any, default: np.ndarray) -> np.ndarray:
+    def initial(self, given: object, default: np.ndarray) -> np.ndarray:
         """Numbers in the state's shape from what a configuration gives.
 
         A number stands for that multiple of ones, for a symmetric matrix of the identity.

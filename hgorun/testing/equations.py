@@ -85,6 +85,13 @@ class Equations:
             return None
         return ca.jtimes(copy.output(self._s.xhat), self._s.xhat, copy.copy(self._s.xhat) - self.rates["xhat"])
 
+    @property
+    def pulls(self) -> tuple[ca.SX, ca.SX]:
+        """How the innovation moves the declared correction, and -(C xhat)'; shapes (q, q)."""
+        xhat = self._s.xhat
+        slope = ca.jacobian(self.copy(self._t).output(xhat), xhat) @ ca.jacobian(self.rates["xhat"], self._e)
+        return ca.jacobian(ca.SX(self.correction), self._e), -slope
+
     @cached_property
     def flow(self) -> ca.Function:
         """(t, parameters, z, e) -> (z', its Jacobian with e = C xhat - y)."""

@@ -102,3 +102,12 @@ def test_where_the_cache_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     assert cache_folder() == tmp_path / ".cache" / "hgorun"
     monkeypatch.setenv("HGORUN_CACHE_DIR", str(tmp_path / "there"))
     assert cache_folder() == tmp_path / "there"
+
+
+def test_code_for_another_processor_is_another_entry(
+    folder: Path, compiled: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for processor in ("generic", "", "generic"):
+        monkeypatch.setenv("HGORUN_CPU", processor)
+        assert number(NativeModule(IR, ("number",))) == 42.0
+    assert len(compiled) == len(list(folder.iterdir())) == 2

@@ -8,11 +8,12 @@ from typing import Any
 import jsonschema
 import numpy as np
 import pytest
-from examples import load, prepared, run
+from examples import load, prepared, run, said
 from outside import code_of, installed
 
 import hgorun
 from hgorun.commands.catalogue import build_schema, list_all, show
+from hgorun.commands.options import List, Show
 from hgorun.errors import ConfigError
 from hgorun.noise.base import NOISE
 
@@ -61,7 +62,7 @@ def test_the_automatic_step_follows_it(tmp_path: Path) -> None:
 
 def test_amplitudes_are_numbers_of_the_same_code(tmp_path: Path) -> None:
     small, large = (prepared(tmp_path, config(CHIRP | {"amplitude": a})) for a in (0.1, 0.7))
-    assert str(next(iter(small.signals.values())).noise) == str(next(iter(large.signals.values())).noise)
+    assert small.structure is large.structure
 
 
 def test_draws_depend_on_the_seed_alone_and_remember(tmp_path: Path) -> None:
@@ -89,7 +90,7 @@ def test_the_analysis_predicts_it_along_the_run(
     tmp_path: Path, noise: dict[str, Any], measurement: dict[str, Any]
 ) -> None:
     found = hgorun.analyze(load(tmp_path, config(noise, **measurement))).observers["A"]
-    predicted, measured = found.values["noise_rms_predicted"], found.values["noise_rms_measured"]
+    predicted, measured = said(found)["noise_rms_predicted"], said(found)["noise_rms_measured"]
     for state, value in measured.items():
         assert predicted[state] == pytest.approx(value, rel=0.02)
 
@@ -97,7 +98,7 @@ def test_the_analysis_predicts_it_along_the_run(
 def test_the_analysis_says_why_it_cannot(tmp_path: Path) -> None:
     found = hgorun.analyze(load(tmp_path, config(CHIRP))).observers["A"]
     assert found.reasons["noise_rms_predicted"] == "noise of type chirp has no spectrum that is known"
-    assert found.values["noise_rms_measured"]["x1"] > 0.01
+    assert said(found)["noise_rms_measured"]["x1"] > 0.01
 
 
 def test_continuous_outputs_need_hold(tmp_path: Path) -> None:
@@ -126,9 +127,9 @@ def test_schema_and_catalogue_know_it(capsys: pytest.CaptureFixture[str]) -> Non
     jsonschema.validate(config(COLOURED | {"hold": 0.1}), schema)
     with pytest.raises(jsonschema.ValidationError):
         jsonschema.validate(config(CHIRP | {"rat": 1}), schema)
-    list_all("noise", json=True)
+    list_all(List(kind="noise", json=True))
     assert "A sinusoid that gets faster" in json.loads(capsys.readouterr().out)["noise"]["chirp"]
-    show("coloured", json=True)
+    show(Show(name="coloured", json=True))
     described = json.loads(capsys.readouterr().out)
     assert described["kind"] == "noise"
     assert [key["key"] for key in described["keys"]] == ["hold", "std", "rho"]

@@ -16,6 +16,7 @@ from outside import code_of, installed
 
 from hgorun import Result
 from hgorun.commands.catalogue import list_all, show
+from hgorun.commands.options import List, Show
 from hgorun.errors import HgorunError
 from hgorun.result.measure import measure
 from hgorun.result.metrics.base import METRICS, all_metrics, largest
@@ -147,9 +148,9 @@ def test_a_metric_of_another_package_is_like_one_of_ours(tmp_path: Path, capsys:
     assert whole == result.metrics()["A"]["bias"]["x1"]
     late = points_in(result.time, (2, 3))
     assert part == pytest.approx(abs(np.mean((result.observers["A"].xhat - result.x)[late, 0])), rel=1e-12)
-    list_all("metrics", json=True)
+    list_all(List(kind="metrics", json=True))
     assert list(json.loads(capsys.readouterr().out)["metrics"])[-1] == "bias"
-    show("bias", json=False)
+    show(Show(name="bias"))
     assert "size of the mean error" in capsys.readouterr().out
 
 

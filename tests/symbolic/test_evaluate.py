@@ -1,4 +1,4 @@
-"""Functions of CasADi at numbers, without a detour over its own matrices."""
+"""Functions along arrays: the numbers that CasADi's own calls give, bit for bit."""
 
 from __future__ import annotations
 
@@ -6,23 +6,57 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from hgorun.symbolic.evaluate import evaluate
+from hgorun.symbolic.evaluate import along, at, compiled, evaluate
 
-x = ca.SX.sym("x", 2)
+T, P, Z = ca.SX.sym("t"), ca.SX.sym("p", 2), ca.SX.sym("z", 5)
+F = ca.Function("f", [T, P, Z], [ca.sin(P[0] * T) * Z[:2], ca.horzcat(Z[2:4], P), ca.diag(Z[:3]), ca.SX(2, 1)])
+
+
+@pytest.mark.parametrize("points", [1, 2, 127, 128, 129, 300])
+def test_every_number_of_points(points: int) -> None:
+    random = np.random.default_rng(points)
+    t, p, z = random.normal(size=(points, 1)), random.normal(size=2), random.normal(size=(points, 5))
+    vector, matrix, sparse, zero = evaluate(F, t, p, z)
+    for i in range(points):
+        expected = [np.asarray(v.full()) for v in F(t[i, 0], p, z[i])]
+        assert np.array_equal(vector[i], expected[0][:, 0])
+        assert np.array_equal(matrix[i], expected[1])
+        assert np.array_equal(sparse[i], expected[2])
+        assert np.array_equal(zero[i], [0, 0])
+
+
+def test_no_points_and_one_point() -> None:
+    nothing = evaluate(F, np.zeros((0, 1)), [1, 2], np.zeros((0, 5)))
+    assert [v.shape for v in nothing] == [(0, 2), (0, 2, 2), (0, 3, 3), (0, 2)]
+    assert [v.shape for v in at(F, 0.5, [1, 2], np.ones(5))] == [(2,), (2, 2), (3, 3), (2,)]
+
+
+def test_what_does_not_fit_is_refused() -> None:
+    with pytest.raises(ValueError, match="argument 2"):
+        evaluate(F, np.zeros((4, 1)), [1, 2], np.zeros((4, 3)))
+
+
+def test_along_times() -> None:
+    times = np.linspace(0, 1, 7)
+    assert np.array_equal(along(compiled("t**2 + k", "t", "k"), times, 2.0), times**2 + 2)
+    assert compiled("t**2", "t") is compiled("t**2", "t")
+
+
+X = ca.SX.sym("x", 2)
 SPARSE = ca.SX(2, 3)
-SPARSE[0, 2], SPARSE[1, 0] = x[0], x[0] * x[1]
+SPARSE[0, 2], SPARSE[1, 0] = X[0], X[0] * X[1]
 
 
 @pytest.mark.parametrize(
     "expression",
-    [x * 2, x.T, SPARSE, ca.SX(2, 2), ca.jacobian(ca.SX(1), x)],
+    [X * 2, X.T, SPARSE, ca.SX(2, 2), ca.jacobian(ca.SX(1), X)],
     ids=["column", "row", "sparse", "empty", "slope"],
 )
 @pytest.mark.parametrize("points", [1, 3, 200])
-def test_as_casadi_does(expression: ca.SX, points: int) -> None:
-    function = ca.Function("f", [x], [expression])
-    at = np.random.default_rng(0).uniform(-1, 1, (points, 2))
-    (found,) = evaluate(function, at)
-    for row, values in zip(at, found, strict=True):
+def test_every_sparsity(expression: ca.SX, points: int) -> None:
+    function = ca.Function("f", [X], [expression])
+    rows = np.random.default_rng(0).uniform(-1, 1, (points, 2))
+    (found,) = evaluate(function, rows)
+    for row, values in zip(rows, found, strict=True):
         expected = np.asarray(function(row).full())
         np.testing.assert_array_equal(values, expected[:, 0] if expected.shape[1] == 1 else expected)

@@ -8,7 +8,7 @@ import numpy as np
 from hgorun.analysis.linear.linear import Linearisation
 from hgorun.analysis.noise.along_run import GAUSS, Deviation
 from hgorun.analysis.reasons import NoValue
-from hgorun.observers.base import Sample
+from hgorun.observers.base import ContinuousObserver, Sample
 from hgorun.result.result import Result
 from hgorun.simulation.prepared import PreparedRun
 
@@ -28,9 +28,12 @@ def noise_of_jumps(run: PreparedRun, label: str, result: Result, noise_free: Res
     Raises
     ------
     NoValue
-        When the jumps have no derivative along the run, or there are no samples in the window.
+        When the observer moves between its jumps, they have no derivative along the run, or there are no samples
+        in the window.
     """
     observer = Linearisation(run, label)
+    if isinstance(observer.block.observer, ContinuousObserver):
+        raise NoValue("the observer flows between its jumps: noise is predicted for observers that do one of both")
     samples = run.channels[0].samples
     arrival = samples.arrival[samples.used]
     rows = np.clip(np.searchsorted(result.measurements.time, arrival - 1e-12), 0, result.measurements.time.size - 1)
