@@ -11,6 +11,7 @@ import yaml
 import hgorun
 from hgorun import Experiment, Result
 from hgorun.analysis.finding import Finding, all_findings
+from hgorun.analysis.report import Findings
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import prepare
 
@@ -99,3 +100,8 @@ def prepared(folder: Path, config: str | Mapping[str, Any], *overrides: str) -> 
 def findings(*files: str) -> list[Finding]:
     """The findings declared in some files of hgorun/analysis/findings."""
     return [one for one in all_findings() if one.of.__module__.rpartition(".")[2] in files]
+
+
+def said(found: Findings) -> Block:
+    """What an analysis says of an observer, by finding; a test knows of which kind each value is."""
+    return dict(found.values)

@@ -84,21 +84,21 @@ class Points:
             near_one = 1 - np.abs(spread(1e-16, 1))
             return [even(-1, 1), even(0.35, 0.45), even(0.85, 0.95), near_one, -near_one, spread(1e-300, 1)]
         if name in ("atan", "asinh"):
-            turns = neighbours([math.sqrt(2) - 1, 1.0, math.sqrt(2) + 1, 2.0**30, 2.0**60])
-            return [even(-3, 3), even(0.35, 0.45), spread(1e-300, HUGE), spread(1e-5, 1e5), turns]
+            turning = neighbours([math.sqrt(2) - 1, 1.0, math.sqrt(2) + 1, 2.0**30, 2.0**60])
+            return [even(-3, 3), even(0.35, 0.45), spread(1e-300, HUGE), spread(1e-5, 1e5), turning]
         if name == "acosh":
-            turns = neighbours([2.0**30, 3 / math.sqrt(8)])
-            return [1 + np.abs(spread(1e-16, 1)), even(1, 3), np.abs(spread(1, HUGE)), turns, np.array([1.0])]
+            turning = neighbours([2.0**30, 3 / math.sqrt(8)])
+            return [1 + np.abs(spread(1e-16, 1)), even(1, 3), np.abs(spread(1, HUGE)), turning, np.array([1.0])]
         if name == "log1p":
             return [even(-1, 3), spread(1e-300, 0.99), np.abs(spread(1, HUGE)), -1 + np.abs(spread(1e-16, 1))]
         subnormal = self.rng.integers(1, 2**52, 300).view(np.float64)
-        ends = neighbours([math.sqrt(0.5), 1.0, math.sqrt(2), 2.0**-1022])
+        borders = neighbours([math.sqrt(0.5), 1.0, math.sqrt(2), 2.0**-1022])
         return [
             even(0.6, 1.5),
             1 + spread(1e-16, 0.1),
             np.abs(spread(1e-307, HUGE)),
             subnormal,
-            ends,
+            borders,
             np.array([LEAST]),
         ]
 

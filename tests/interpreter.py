@@ -1,4 +1,4 @@
-"""The engine's oracle: a structure and a plan carried out in plain numpy, step by step, to be checked by eye.
+"""The engine's oracle: a system and a plan carried out in plain numpy, step by step, to be checked by eye.
 
 Functions are CasADi's own evaluation of the same expressions; everything else (which step, which action, which
 row) is read from the documentation of the plan. One lane; no delay may reach into the step that is being made.
@@ -15,7 +15,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from hgorun.engine.layout import ARRIVE, DELAYED, JUMP, REBASE, RECORD, SET, TAKE, Structure, Variant
+from hgorun.engine.layout import ARRIVE, JUMP, REBASE, RECORD, SET, TAKE, HybridSystem, Regime
 from hgorun.engine.plan import Plan
 from hgorun.engine.program import Tolerance
 
@@ -82,11 +82,13 @@ class Run:
 
 
 class Interpreter:
-    """One run of a structure from z0 with parameters p."""
+    """One run of a system from z0 with parameters p."""
 
-    def __init__(self, s: Structure, plan: Plan, method: str, z0: Array, p: Array, bound: tuple[float, float]) -> None:
+    def __init__(
+        self, s: HybridSystem, plan: Plan, method: str, z0: Array, p: Array, bound: tuple[float, float]
+    ) -> None:
         self.s, self.plan, self.method, self.p, self.bound = s, plan, method, p, bound
-        self.z, self.w = z0.copy(), np.zeros(s.held)
+        self.z, self.w = z0.copy(), np.zeros(s.held.size)
         self.controlled = False
         self.slots = np.zeros((plan.slots, s.width))
         self.run = Run(
@@ -103,17 +105,16 @@ class Interpreter:
     def channels(self, t: float) -> Array:
         return self.function(self.s.channels, t, self.z, self.w).reshape(self.s.outputs, self.s.width)
 
-    def flow(self, variant: Variant, t: float, z: Array) -> Array:
+    def flow(self, regime: Regime, t: float, z: Array) -> Array:
         w = self.w.copy()
-        if variant in self.s.lags:
-            delays = self.function(self.s.lags[variant], t, z, w)
-            for i, (what, _) in enumerate(variant):
-                if what == DELAYED:
-                    first = i * self.s.held_width + 2
-                    w[first : first + self.s.width] = self.recalled(t - delays[i])[i]
+        if regime.lags is not None:
+            delays = self.function(regime.lags, t, z, w)
+            for i in regime.delayed:
+                first = self.s.held.output(i)
+                w[first : first + self.s.width] = self.recalled(t - delays[i])[i]
         # what an earlier look brought stays in w until the next one
         self.w = w
-        return self.function(self.s.flows[variant], t, z, w)
+        return self.function(regime.flow, t, z, w)
 
     def recalled(self, t: float) -> Array:
         """The channels at an earlier time, constant before the start."""
@@ -127,7 +128,7 @@ class Interpreter:
         return found[0], found[1]
 
     def act(self, t: float, rows: npt.NDArray[np.int64]) -> None:
-        s, width = self.s, self.s.held_width
+        s, held = self.s, self.s.held
         for op, output, slot, first, last in rows:
             if op == TAKE:
                 self.slots[slot] = self.channels(t)[output]
@@ -135,16 +136,16 @@ class Interpreter:
                 y = self.plan.gain[slot] * self.slots[slot, 0] + self.plan.bias[slot]
                 self.run.measured[slot] = y
                 if op == ARRIVE:
-                    base = output * width
-                    self.w[base + 1] = self.w[base + 2]
-                    self.w[base + 2] = y
-                    self.w[base + 3 : base + width] = self.slots[slot, 1:]
+                    self.w[held.previous(output)] = self.w[held.output(output)]
+                    self.w[held.output(output)] = y
+                    first_s = held.s(output, 0)
+                    self.w[first_s : first_s + s.observers] = self.slots[slot, 1:]
             elif op == SET:
                 self.w[output] = self.plan.holds[slot]
             elif op == REBASE:
-                for j, (_, stop, _) in enumerate(s.blocks):
-                    alpha, self.z[stop + output] = self.z[stop + output], 0.0
-                    self.w[output * width + 3 + j] += alpha
+                for j, place in enumerate(s.alpha[output]):
+                    alpha, self.z[place] = self.z[place], 0.0
+                    self.w[held.s(output, j)] += alpha
                     self.slots[first:last, 1 + j] += alpha
             elif op == JUMP:
                 start, stop, jump = s.jumps[output]
@@ -178,7 +179,7 @@ class Interpreter:
         while len(self.run.rows) < self.plan.grid.size and self.plan.grid[len(self.run.rows)] < step.t1 - snap:
             t = self.plan.grid[len(self.run.rows)]
             self.run.rows.append(step.z0.copy() if t <= step.t0 + snap else step.at(t, self.method))
-        if s.lags:
+        if any(regime.delayed for regime in s.regimes):
             a, da = self.trace(ends[0], step.z0, step.slopes[0])
             b, db = self.trace(ends[1], step.z1, step.slopes[-1])
             self.history.append((step.t0, step.t1, a, da, b, db))
@@ -194,11 +195,11 @@ class Interpreter:
                 self.run.diverged[j] = min(self.run.diverged[j], t)
                 z[start:end] = np.nan
 
-    def segments(self) -> Iterator[tuple[Variant, Array, npt.NDArray[np.int64]]]:
-        """Variant, span and counts of each segment, after what happens at its start."""
+    def segments(self) -> Iterator[tuple[Regime, Array, npt.NDArray[np.int64]]]:
+        """Regime, span and counts of each segment, after what happens at its start."""
         for span, counts in zip(self.plan.spans, self.plan.counts, strict=True):
             self.act(span[2], self.plan.actions[counts[4] : counts[5]])
-            yield self.s.variants[counts[3]], span, counts
+            yield self.s.regimes[counts[3]], span, counts
 
     def finished(self) -> Run:
         self.run.rows += [self.z] * (self.plan.grid.size - len(self.run.rows))
@@ -206,7 +207,7 @@ class Interpreter:
 
     def fixed(self) -> Run:
         """With the steps of the plan."""
-        for variant, (start, end, start_eval, end_eval), (count, first, last, *_) in self.segments():
+        for regime, (start, end, start_eval, end_eval), (count, first, last, *_) in self.segments():
             h = (end - start) / count
 
             def exact(i: int, start: float = start, end: float = end, h: float = h, count: int = count) -> float:
@@ -214,14 +215,14 @@ class Interpreter:
 
             for i in range(first, last):
                 ends = (start_eval if i == 0 else exact(i), end_eval if i + 1 == count else exact(i + 1))
-                step = self.step(partial(self.flow, variant), exact(i), exact(i + 1), ends)
+                step = self.step(partial(self.flow, regime), exact(i), exact(i + 1), ends)
                 self.accept(step, ends)
         return self.finished()
 
     def adaptive(self, tolerance: Tolerance) -> Run:
         """With the step that the error asks for: 0.9 error^(-1/5), between a fifth and five times."""
         s, wanted, self.controlled = self.s, tolerance.first_step, True
-        for variant, (start, end, start_eval, end_eval), _ in self.segments():
+        for regime, (start, end, start_eval, end_eval), _ in self.segments():
             t = start
             while t < end:
                 h = min(wanted, tolerance.max_step)
@@ -231,7 +232,7 @@ class Interpreter:
                     h = (end - t) / 2
                 t_new = end if landing else t + h
                 ends = (start_eval if t == start else t, end_eval if landing else t_new)
-                step = self.step(partial(self.flow, variant), t, t_new, ends)
+                step = self.step(partial(self.flow, regime), t, t_new, ends)
                 scale = tolerance.atol + tolerance.rtol * np.maximum(np.abs(step.z0), np.abs(step.z1))
                 ratio = np.abs(step.error) / scale
                 alive = [block for j, block in enumerate(s.blocks) if math.isinf(self.run.diverged[j])]

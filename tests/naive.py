@@ -19,8 +19,10 @@ from bisect import bisect_right
 from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
+import numpy.typing as npt
 
-Vector = np.ndarray
+Vector = npt.NDArray[np.float64]
+Run = dict[str, Vector]  # what a run leaves, by name
 Field = Callable[[float, Vector], Sequence[float] | Vector]
 
 
@@ -40,12 +42,12 @@ def saturated(fhat: Field, box: Sequence[tuple[float, float]]) -> Field:
         w = np.clip(xhat, low, high)
         phi = np.array(fhat(t, w), dtype=float)
         phi[:-1] -= w[1:]
-        return phi + np.append(xhat[1:], 0.0)
+        return np.asarray(phi + np.append(xhat[1:], 0.0))
 
     return chain
 
 
-def hermite(t: float, t_a: float, t_b: float, a, b, da, db):
+def hermite(t: float, t_a: float, t_b: float, a: Vector, b: Vector, da: Vector, db: Vector) -> Vector:
     """The cubic through a at t_a and b at t_b with slopes da and db: exactly a and b at the ends."""
     w = t_b - t_a
     p = (t - t_a) / w
@@ -103,7 +105,13 @@ def merged(times: Iterable[float]) -> list[float]:
     return result
 
 
-def schedule(sampling, delay, noise, t0: float, t_end: float) -> list[tuple[float, float, float]]:
+def schedule(
+    sampling: Sequence[float] | Vector,
+    delay: float | Sequence[float] | Vector | Callable[[float], float],
+    noise: Sequence[float] | Vector | None,
+    t0: float,
+    t_end: float,
+) -> list[tuple[float, float, float]]:
     """(t_k, taken_k, v_k) of every sample that arrives until t_end."""
     count = len(sampling)
     lags = [delay(t) for t in sampling] if callable(delay) else np.broadcast_to(delay, count)
@@ -118,8 +126,8 @@ def simulate(
     f: Field,
     h: Callable[[Vector], float],
     fhat: Field,
-    x0: Sequence[float],
-    xhat0: Sequence[float],
+    x0: Sequence[float] | Vector,
+    xhat0: Sequence[float] | Vector,
     *,
     theta: float,
     gains: float | Sequence[float],
@@ -130,7 +138,7 @@ def simulate(
     t0: float = 0.0,
     jinv: Callable[[Vector], Vector] | None = None,
     dh: Callable[[Vector], Vector] | None = None,
-    eta0: Sequence[float] | None = None,
+    eta0: Sequence[float] | Vector | None = None,
     box: Sequence[tuple[float, float]] | None = None,
     sampling: Sequence[float] | Vector | None = None,
     delay: float | Sequence[float] | Vector | Callable[[float], float] = 0.0,
@@ -138,7 +146,7 @@ def simulate(
     multiplicative: bool = False,
     events: Sequence[float] | Vector = (),
     method: str = "rk4",
-) -> dict[str, Vector]:
+) -> Run:
     """Simulate plant and observer from t0 to t_end; t, x, xhat, eta, alpha at `output_times`.
 
     gains     (K_r; K_n) as r + n numbers, or one number p: all poles at -p (at theta = 1)
@@ -168,9 +176,15 @@ def simulate(
     # The times to land on.
     landings = [t0, t_end, *(t for t in events if t0 < t < t_end)]
     samples: list[tuple[float, float, float]] = []
-    lag = delay if callable(delay) else lambda t: delay
+
+    def lag(t: float) -> float:
+        if callable(delay):
+            return delay(t)
+        assert isinstance(delay, int | float)
+        return delay
+
     if sampling is not None:
-        samples = schedule(sampling, delay, noise, t0, t_end)
+        samples = schedule(sampling, delay, None if callable(noise) else noise, t0, t_end)
         landings += [t for t, _, _ in samples] + [taken for _, taken, _ in samples]
     else:
         scan = np.linspace(t0, t_end, max(2000, math.ceil(4 * (t_end - t0) / step)) + 1)
@@ -219,11 +233,11 @@ def simulate(
         x, xhat, _, alpha = split(z)
         if sampling is not None:
             return 0.0 if held is None else held + alpha
-        v = 0.0 if noise is None else noise(t, mid)
+        v = noise(t, mid) if callable(noise) else 0.0
         if lag(t) == 0:
             return h(xhat) - noisy(h(x), v)
         s, y = past(t - lag(t))
-        return s + alpha - noisy(y, v)
+        return float(s + alpha - noisy(y, v))
 
     def rates(t: float, z: Vector, mid: float) -> Vector:
         x, xhat, eta, _ = split(z)
@@ -271,8 +285,8 @@ def simulate(
     if np.any(times < t0 - 1e-9) or np.any(times > t_end + 1e-9):
         raise ValueError(f"output outside [{t0}, {t_end}]")
     out = np.array([hermite(t, *steps[bisect_right(starts, t) - 1]) for t in np.clip(times, t0, t_end)])
-    result = dict(zip(("x", "xhat", "eta", "alpha"), split(out.T), strict=True))
-    result = {"t": times} | {name: value.T for name, value in result.items()}
+    parts = dict(zip(("x", "xhat", "eta", "alpha"), split(out.T), strict=True))
+    result = {"t": times} | {name: np.asarray(value).T for name, value in parts.items()}
     if sampling is not None:
         result |= {"taken": np.array([taken for _, taken, _ in samples]), "y": np.array(received)}
     return result

@@ -90,7 +90,9 @@ def naive(
     """
     n, late = len(x0), round(delay / STEP)
     z = np.concatenate([x0, w0, [0.0]])
-    rows, s_y, slopes, held = [z], [], [], 0.0
+    rows, held = [z], 0.0
+    s_y: list[Array] = []
+    slopes: list[Array] = []
 
     def past(half_steps: int) -> Array:
         i, odd = divmod(max(half_steps, 0), 2)

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from examples import said
 
 import hgorun
 from hgorun import Experiment
@@ -322,16 +323,16 @@ def test_a_gain_that_is_not_hurwitz_has_no_bounds() -> None:
     }
     made = hgorun.analyze(Experiment(config))
     found = made.observers["SHGO"]
-    assert found.values["hurwitz"] is False
-    assert np.allclose(found.values["poles"], [-2, 1])
-    assert found.values["beta"] is None
+    assert said(found)["hurwitz"] is False
+    assert np.allclose(said(found)["poles"], [-2, 1])
+    assert said(found)["beta"] is None
     assert "not Hurwitz" in found.reasons["theta_bound"]
-    assert found.values["peaking"]["x1"] >= 1
+    assert said(found)["peaking"]["x1"] >= 1
     assert not made.transients["SHGO"].holds
 
 
 def test_before_the_first_sample_nothing_is_promised() -> None:
     made = hgorun.analyze(Experiment({"time": {"end": 1, "output_step": 0.01}, **EVERYTHING["academic"]}))
     found = made.observers["FHGO II"]
-    assert found.values["delay_max"] == math.inf
-    assert found.values["eta_theta"] is None
+    assert said(found)["delay_max"] == math.inf
+    assert said(found)["eta_theta"] is None

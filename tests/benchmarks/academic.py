@@ -100,7 +100,7 @@ def plan(end: float = END, steps: int = STEPS, rows: int = ROWS) -> Plan:
     )
 
 
-def native(run: PreparedRun, *, lanes: int = 1) -> PreparedRun:
+def native(run: PreparedRun, *, lanes: int = 1) -> Callable[[Plan], np.ndarray]:
     """hgorun's engine: from a plan to rows of states, shape (points, 23, lanes)."""
     program = run.structure.program("rk4", lanes=lanes)
     start = Start(np.repeat(run.numbers.z0[:, None], lanes, axis=1), np.repeat(run.numbers.p[:, None], lanes, axis=1))

@@ -14,8 +14,9 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import academic
@@ -88,7 +89,7 @@ class Case:
         self.gap = 0.0
         for flags in ([], ["-ffp-contract=off"]) if academic.compiler() else ():
             call = academic.compiled(folder, *flags)
-            self.c.append(lambda call=call: call(self.plan, self.prepared.numbers.z0))
+            self.c.append(partial(call, self.plan, self.prepared.numbers.z0))
             self.gap = max(self.gap, gap(alone[-1], self.c[-1]()[-1]))
         steps = round(PART / academic.END * academic.STEPS)
         self.part, fine = academic.plan(PART, steps, 10), academic.plan(PART, 16 * steps, 10)
@@ -154,7 +155,7 @@ def command_line(count: int, folder: Path) -> Iterator[Row]:
 
     def simulate() -> None:
         environment = {**os.environ, "HGORUN_CACHE_DIR": str(cache)}
-        command = [program, "simulate", str(config), "-o", str(folder / "results"), "--quiet"]
+        command: list[str | Path] = [program, "simulate", str(config), "-o", str(folder / "results"), "--quiet"]
         checked(command, environment)
 
     def emptied() -> None:
@@ -177,7 +178,7 @@ def command_line(count: int, folder: Path) -> Iterator[Row]:
     yield at_most("hgorun --help / import typer", ratio, 2.0, milliseconds(a, b))
 
 
-def checked(command: list[str | Path], environment: dict[str, str] | None = None) -> None:
+def checked(command: Sequence[str | Path], environment: dict[str, str] | None = None) -> None:
     done = subprocess.run(command, env=environment, capture_output=True, text=True)
     if done.returncode != 0:
         said = (done.stderr or done.stdout).strip().splitlines()

@@ -57,7 +57,7 @@ PIECES += [
 
 
 @given(st.text(max_size=40) | st.lists(st.sampled_from(PIECES), max_size=12).map("".join))
-@settings(max_examples=800, deadline=1000)
+@settings(max_examples=800)
 def test_any_text_is_an_expression_or_an_expression_error(text: str) -> None:
     for names in (None, {"x", "alpha"}):
         try:
@@ -241,7 +241,7 @@ def test_names_that_cannot_be_used(name: str, words: str) -> None:
 
 
 @given(st.text("abxt_1é. λ", max_size=5) | st.sampled_from(PIECES))
-@settings(max_examples=200, deadline=1000)
+@settings(max_examples=200)
 def test_a_name_that_passes_is_an_expression_of_itself(name: str) -> None:
     try:
         check_name(name)

@@ -139,7 +139,7 @@ def test_set_path_into_an_empty_list_or_a_scalar() -> None:
         max_size=9,
     )
 )
-@settings(max_examples=200, deadline=1000)
+@settings(max_examples=200)
 def test_any_assignment_is_carried_out_or_refused(pieces: list[str]) -> None:
     try:
         source = set_path(parse(EXAMPLE, "c.yaml"), "".join(pieces))

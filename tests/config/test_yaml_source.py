@@ -185,7 +185,7 @@ def test_aliases_are_written_out() -> None:
     ),
     st.booleans(),
 )
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 def test_what_pyyaml_writes_is_read_back_by_both_parsers(value: Any, flow: bool) -> None:
     text = yaml.safe_dump({"root": value}, default_flow_style=flow, allow_unicode=True)
     if "? " in text:  # long or odd keys
@@ -344,7 +344,7 @@ YAML_PIECES = [
 
 
 @given(st.text(max_size=60) | st.lists(st.sampled_from(YAML_PIECES), max_size=14).map("".join))
-@settings(max_examples=600, deadline=1000)
+@settings(max_examples=600)
 def test_any_text_is_data_or_a_config_error_with_either_parser(text: str) -> None:
     sources = [with_parser(loader, text) for loader in PARSERS]
     accepted = [source for source in sources if source is not None]

@@ -12,20 +12,7 @@ import numpy.typing as npt
 import pytest
 from interpreter import Interpreter, Run
 
-from hgorun.engine.layout import (
-    ARRIVE,
-    CONTINUOUS,
-    DELAYED,
-    HELD,
-    JUMP,
-    REBASE,
-    RECORD,
-    SET,
-    SILENT,
-    TAKE,
-    Structure,
-    Variant,
-)
+from hgorun.engine.layout import ARRIVE, JUMP, REBASE, RECORD, SET, TAKE, Held, HybridSystem, Regime
 from hgorun.engine.plan import Plan
 from hgorun.engine.program import Program, Raw, Start, Tolerance
 from hgorun.errors import SimulationError
@@ -34,20 +21,13 @@ Array = npt.NDArray[np.float64]
 PLANT, OBSERVERS, OUTPUTS, PARAMETERS = 2, 2, 2, 2
 OWN = 2 + OUTPUTS  # states of an observer, then its alphas
 STATES = PLANT + OBSERVERS * OWN
-HELD_WIDTH = 3 + OBSERVERS
+LAYOUT = Held(OUTPUTS, OBSERVERS)
 END = 2.0
 BOUND = (5.0, 1.5)
-VARIANTS: dict[bool, list[Variant]] = {
-    False: [
-        ((SILENT, 0), (CONTINUOUS, 0)),
-        ((CONTINUOUS, 0), (HELD, 0)),
-        ((HELD, 0), (HELD, 0)),
-    ],
-    True: [
-        ((SILENT, 0), (HELD, 0)),
-        ((DELAYED, 0), (HELD, 0)),
-        ((DELAYED, 1), (DELAYED, 0)),
-    ],
+SILENT, CONTINUOUS, HELD, DELAYED = "silent", "continuous", "held", "delayed"
+KINDS = {  # what the two outputs are to the observers
+    False: [(SILENT, CONTINUOUS), (CONTINUOUS, HELD), (HELD, HELD)],
+    True: [(SILENT, HELD), (DELAYED, HELD), (DELAYED, DELAYED)],
 }
 
 
@@ -56,63 +36,59 @@ def block(j: int) -> slice:
     return slice(PLANT + j * OWN, PLANT + (j + 1) * OWN)
 
 
-def heard(w: ca.SX, variant: Variant, j: int) -> ca.SX:
+def heard(w: ca.SX, kinds: tuple[str, str], j: int) -> ca.SX:
     """What reaches observer j: the noise of each output, and what has been measured where that is told."""
     parts = []
-    for i, (what, _) in enumerate(variant):
-        base = i * HELD_WIDTH
-        parts.append(w[base])
-        if what in (HELD, DELAYED):
-            parts += [w[base + 2], w[base + 3 + j]]
-        if what == HELD:
-            parts += [w[base + 1], w[OUTPUTS * HELD_WIDTH]]
+    for i, kind in enumerate(kinds):
+        parts.append(w[LAYOUT.noise(i)])
+        if kind in (HELD, DELAYED):
+            parts += [w[LAYOUT.output(i)], w[LAYOUT.s(i, j)]]
+        if kind == HELD:
+            parts += [w[LAYOUT.previous(i)], w[LAYOUT.interval]]
     return ca.vertcat(*parts)
 
 
 @cache
-def structure(delayed: bool) -> Structure:
+def system(delayed: bool) -> HybridSystem:
     """Random coefficients; an observer knows the plant and itself, the plant only itself and time."""
     rng = np.random.default_rng(7)
-    t, p, z, w = ca.SX.sym("t"), ca.SX.sym("p", PARAMETERS), ca.SX.sym("z", STATES), ca.SX.sym("w", 11)
+    t, p, z, w = ca.SX.sym("t"), ca.SX.sym("p", PARAMETERS), ca.SX.sym("z", STATES), ca.SX.sym("w", LAYOUT.size)
     x = z[:PLANT]
 
     def matrix(rows: int, columns: int, scale: float = 1.0) -> ca.DM:
         return ca.DM(scale * rng.normal(size=(rows, columns)))
 
-    def flow(variant: Variant) -> ca.Function:
-        late = 1.0 + variant[0][1]
+    def regime(kinds: tuple[str, str]) -> Regime:
         rates = [ca.DM([[-0.3, 1.5], [-1.5, 0.1]]) @ x + ca.vertcat(ca.sin(9 * t), p[0] * ca.cos(t))]
         for j in range(OBSERVERS):
-            own, told = z[block(j)], heard(w, variant, j)
-            pull = ca.tanh(matrix(OWN, told.numel()) @ told) + late * matrix(OWN, PLANT) @ x
+            own, told = z[block(j)], heard(w, kinds, j)
+            pull = ca.tanh(matrix(OWN, told.numel()) @ told) + matrix(OWN, PLANT) @ x
             rates.append(matrix(OWN, OWN, 0.4) @ own + 5 * p[1] * j * own + pull + ca.sin(5 * t))
-        return ca.Function("flow", [t, p, z, w], [ca.vertcat(*rates)])
+        flow = ca.Function("flow", [t, p, z, w], [ca.vertcat(*rates)])
+        late = tuple(i for i, kind in enumerate(kinds) if kind == DELAYED)
+        lag = ca.vertcat(0.35 + 0.1 * ca.sin(3 * t), 0.45 - 0.1 * ca.cos(t))
+        return Regime(flow, ca.Function("lag", [t, p, z, w], [lag]) if late else None, late)
 
     def channels() -> ca.SX:
         found = []
         for i in range(OUTPUTS):
-            found.append(x[i] * p[0] + ca.sin(x[1 - i]) + t * w[i * HELD_WIDTH])
+            found.append(x[i] * p[0] + ca.sin(x[1 - i]) + t * w[LAYOUT.noise(i)])
             found += [z[block(j)][0] - z[block(j)][2 + i] for j in range(OBSERVERS)]
         return ca.vertcat(*found)
 
-    variants = VARIANTS[delayed]
     slope = ca.SX.sym("slope", STATES)
-    smooth = ca.substitute(channels(), w, ca.SX.zeros(11))  # a history is of what is smooth
-    lag = ca.vertcat(0.35 + 0.1 * ca.sin(3 * t), 0.45 - 0.1 * ca.cos(t))
+    smooth = ca.substitute(channels(), w, ca.SX.zeros(LAYOUT.size))  # a history is of what is smooth
     jumps = [(0, PLANT, ca.vertcat(x[1], -0.5 * x[0] + w[0]))]
     own = z[block(1)]
     jumps.append((block(1).start, block(1).stop, ca.vertcat(own[1], own[0], 0, 0) + 0.1 * ca.sin(t) + p[0]))
-    return Structure(
+    return HybridSystem(
         states=STATES,
         plant_states=PLANT,
-        held=11,
         parameters=PARAMETERS,
-        outputs=OUTPUTS,
-        observers=OBSERVERS,
-        has_alpha=True,
+        held=LAYOUT,
         blocks=tuple((block(j).start, block(j).start + 2, block(j).stop) for j in range(OBSERVERS)),
-        flows={v: flow(v) for v in variants},
-        lags={v: ca.Function("lag", [t, p, z, w], [lag]) for v in variants if any(k == DELAYED for k, _ in v)},
+        alpha=tuple(tuple(block(j).start + 2 + i for j in range(OBSERVERS)) for i in range(OUTPUTS)),
+        regimes=tuple(regime(kinds) for kinds in KINDS[delayed]),
         channels=ca.Function("channels", [t, p, z, w], [channels() if not delayed else smooth]),
         channel_slopes=ca.Function(
             "slopes", [t, p, z, slope], [ca.vertcat(smooth, ca.jacobian(smooth, z) @ slope + ca.jacobian(smooth, t))]
@@ -136,15 +112,15 @@ def plan(seed: int, *, most_steps: int = 6) -> Plan:
         for _ in range(rng.integers(0, 6)):
             op = int(rng.choice([TAKE, ARRIVE, RECORD, SET, REBASE, JUMP, ARRIVE]))
             output, low = int(rng.integers(0, OUTPUTS)), int(rng.integers(0, slots))
-            place = output * HELD_WIDTH if rng.random() < 0.5 else OUTPUTS * HELD_WIDTH
+            place = LAYOUT.noise(output) if rng.random() < 0.5 else LAYOUT.interval
             where = place if op == SET else output
             actions.append((op, where, int(rng.integers(0, slots)), low, int(rng.integers(low, slots + 1))))
         inward = rng.uniform(0, 1e-3, 2)
         for k, (a, b) in enumerate(pairwise(cuts)):
             spans.append((start, end, start + inward[0], end - inward[1]))
             many = (first, len(actions)) if k == 0 else (len(actions), len(actions))
-            variant = int(rng.integers(0, 3)) if k == 0 else counts[-1][3]
-            counts.append((steps, a, b, variant, *many, 1))
+            regime = int(rng.integers(0, 3)) if k == 0 else counts[-1][3]
+            counts.append((steps, a, b, regime, *many, 1))
     grid = np.sort(np.concatenate([[0.0, END, events[2]], rng.uniform(0, END, 30)]))
     return Plan(
         spans=np.array(spans),
@@ -167,7 +143,7 @@ def whole(made: Plan) -> Plan:
 
 @cache
 def program(method: str, *, delayed: bool = False, adaptive: bool = False, lanes: int = 1) -> Program:
-    return Program(structure(delayed), method, adaptive=adaptive, lanes=lanes)
+    return Program(system(delayed), method, adaptive=adaptive, lanes=lanes)
 
 
 def start_of(seed: int) -> tuple[Array, Array]:
@@ -192,11 +168,11 @@ def test_fixed_steps(seed: int, delayed: bool, method: str) -> None:
     made = plan(seed)
     z, p = start_of(seed)
     found = program(method, delayed=delayed).run(made, Start(z[:, None], p[:, None], BOUND))
-    assert_same(found, Interpreter(structure(delayed), made, method, z, p, BOUND).fixed())
+    assert_same(found, Interpreter(system(delayed), made, method, z, p, BOUND).fixed())
 
 
 def test_some_of_these_observers_diverge_and_some_do_not() -> None:
-    times = [Interpreter(structure(False), plan(seed), "rk4", *start_of(seed), BOUND).fixed() for seed in range(6)]
+    times = [Interpreter(system(False), plan(seed), "rk4", *start_of(seed), BOUND).fixed() for seed in range(6)]
     diverged = np.isfinite([run.diverged for run in times])
     assert 0 < diverged.sum() < diverged.size
 
@@ -207,7 +183,7 @@ def test_adaptive_steps(seed: int) -> None:
     z, p = start_of(seed)
     tolerance = Tolerance(rtol=1e-5, atol=1e-7, max_step=0.15, first_step=1e-3)
     found = program("dopri5", adaptive=True).run(made, Start(z[:, None], p[:, None], BOUND), tolerance)
-    expected = Interpreter(structure(False), made, "dopri5", z, p, BOUND).adaptive(tolerance)
+    expected = Interpreter(system(False), made, "dopri5", z, p, BOUND).adaptive(tolerance)
     assert expected.steps > len(made.spans)
     np.testing.assert_allclose(found.rows[:, :, 0], expected.rows, rtol=1e-7, atol=1e-8)
     np.testing.assert_allclose(found.measured[:, 0], expected.measured, rtol=1e-7, atol=1e-8)

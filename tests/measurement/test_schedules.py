@@ -156,7 +156,7 @@ def carried_out(case: Any) -> tuple[list[Channel], Schedule, list[list[naive.Pha
     block = layer_block(base) | ({"phases": [layer_block(p) for p in phases]} if phases else {})
     try:
         resolved = resolve(Measurement.model_validate(block), outputs, time)
-        channels = find_channels(resolved, tuple(outputs), time, seed, None)  # type: ignore[arg-type]  # no ratios
+        channels = find_channels(resolved, tuple(outputs), time, seed, None)
     except Problem:
         event("refused")
         assert any(map(refused, expected))
@@ -249,7 +249,7 @@ def test_jitter_moves_no_sample_of_the_next_phase_into_this_one() -> None:
     block = Measurement.model_validate({"sampling": sampling, "phases": [{"until": 1}, {"until": 2}]})
     time = Time(end=2, output_step=0.1)
     for seed in range(20):
-        (channel,) = find_channels(resolve(block, ["y"], time), ("y",), time, seed, None)  # type: ignore[arg-type]
+        (channel,) = find_channels(resolve(block, ["y"], time), ("y",), time, seed, None)
         first = channel.samples.stretch == 0
         assert channel.samples.number[first].max() == 1
         assert channel.samples.number[~first].min() == 0
@@ -264,7 +264,7 @@ def test_of_two_samples_taken_at_the_same_time_the_later_one_is_used() -> None:
         shifted = block.model_copy(
             update={"phases": (block.phases[0].model_copy(update={"until": start + 0.3}), block.phases[1])}
         )
-        (channel,) = find_channels(resolve(shifted, ["y"], time), ("y",), time, 0, None)  # type: ignore[arg-type]
+        (channel,) = find_channels(resolve(shifted, ["y"], time), ("y",), time, 0, None)
         taken = np.round(channel.samples.taken, 9)
         newest = np.maximum.accumulate(np.concatenate([[-np.inf], taken[:-1]]))
         np.testing.assert_array_equal(channel.samples.used, taken >= newest)

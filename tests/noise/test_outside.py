@@ -8,7 +8,7 @@ from typing import Any
 import jsonschema
 import numpy as np
 import pytest
-from examples import load, prepared, run
+from examples import load, prepared, run, said
 from outside import code_of, installed
 
 import hgorun
@@ -90,7 +90,7 @@ def test_the_analysis_predicts_it_along_the_run(
     tmp_path: Path, noise: dict[str, Any], measurement: dict[str, Any]
 ) -> None:
     found = hgorun.analyze(load(tmp_path, config(noise, **measurement))).observers["A"]
-    predicted, measured = found.values["noise_rms_predicted"], found.values["noise_rms_measured"]
+    predicted, measured = said(found)["noise_rms_predicted"], said(found)["noise_rms_measured"]
     for state, value in measured.items():
         assert predicted[state] == pytest.approx(value, rel=0.02)
 
@@ -98,7 +98,7 @@ def test_the_analysis_predicts_it_along_the_run(
 def test_the_analysis_says_why_it_cannot(tmp_path: Path) -> None:
     found = hgorun.analyze(load(tmp_path, config(CHIRP))).observers["A"]
     assert found.reasons["noise_rms_predicted"] == "noise of type chirp has no spectrum that is known"
-    assert found.values["noise_rms_measured"]["x1"] > 0.01
+    assert said(found)["noise_rms_measured"]["x1"] > 0.01
 
 
 def test_continuous_outputs_need_hold(tmp_path: Path) -> None:

@@ -93,6 +93,7 @@ def test_without_noise_the_paths_are_those_of_the_loop() -> None:
         np.testing.assert_allclose(observer.xhat, expected[name][..., 0], rtol=1e-9, err_msg=name)
 
 
+@pytest.mark.slow
 def test_with_the_same_draws_the_paths_are_those_of_the_loop() -> None:
     """20 seeds. Rounding could be amplified where a sign is near a change, but hardly is."""
     runs = noisy_runs(10.0)
@@ -121,7 +122,7 @@ def test_the_blend_without_sharpness_is_the_observer_without_reconstruction() ->
     np.testing.assert_allclose(result.observers["none"].xhat, result.observers["faint"].xhat, rtol=1e-12)
 
 
-def inline(states: str, dynamics: dict[str, str], output: str, **more: Any) -> dict[str, Any]:
+def inline(states: str, dynamics: dict[str, str], output: str | list[str], **more: Any) -> dict[str, Any]:
     names = states.split()
     initial = {name: 0.5 + 0.1 * i for i, name in enumerate(names)}
     return {"states": names, "dynamics": dynamics, "output": output, "initial": initial, **more}

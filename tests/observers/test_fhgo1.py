@@ -68,7 +68,7 @@ def test_noise_passes_as_many_filters_as_there_are_components() -> None:
             "delta": delta,
             "initial": {f"x{i}": 0.5 for i in (1, 2, 3)},
         }
-        more = {"solver": {"step": 5e-4}, "time": {"end": 25, "output_step": 1e-3}}
+        more: dict[str, Any] = {"step": 5e-4, "end": 25, "output_step": 1e-3}
         result = hgorun.simulate(experiment(3, {"o": block}, measurement={"noise": noise}, **more))
         late = result.time > 22
         e, t = (result.observers["o"].xhat - result.x)[late], result.time[late]

@@ -11,7 +11,7 @@ from examples import simulated
 
 import hgorun
 from hgorun.errors import ConfigError
-from hgorun.observers.fhgo2_nuos import stationary
+from hgorun.observers.riccati import stationary
 
 ACADEMIC = {
     "type": "academic",

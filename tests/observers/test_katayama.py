@@ -14,7 +14,7 @@ import hgorun
 from hgorun.errors import ConfigError
 from hgorun.result.data import ObserverResult
 
-BOTH = {"reduced": {"type": "reduced_sampled", "H": 0.5}, "deadbeat": {"type": "deadbeat"}}
+BOTH: dict[str, dict[str, Any]] = {"reduced": {"type": "reduced_sampled", "H": 0.5}, "deadbeat": {"type": "deadbeat"}}
 
 
 def noise(T: float, amplitude: float = 0.2) -> list[dict[str, Any]]:

@@ -26,7 +26,7 @@ import hgorun
 from hgorun.errors import ConfigError
 from hgorun.simulation.simulate import prepare
 
-KNOWN = {  # all poles at -1
+KNOWN: dict[int, list[tuple[float, float]]] = {  # all poles at -1
     2: [(2, 1)],
     3: [(2, 2), (2, 1 / 2)],
     4: [(2, 3), (2, 1), (2, 1 / 3)],

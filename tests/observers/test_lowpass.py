@@ -47,7 +47,7 @@ def test_the_limit_is_where_the_eigenvalues_cross_the_axis() -> None:
         M, _ = error_dynamics(chain(n), block | {"rho": limit * (1 - 1e-4)})
         values = np.linalg.eigvals(M)
         assert -0.01 < values.real.max() < 0
-        G = np.poly(np.full(n, poles) if np.ndim(poles) == 0 else np.array(poles, dtype=complex)).real
+        G = np.poly(np.full(n, poles) if isinstance(poles, int) else np.array(poles, dtype=complex)).real
         target = np.concatenate([np.poly(np.full(r, -1 / limit)) * limit**r, np.zeros(n)])
         target[-n:] += G[1:]
         assert abs(np.roots(target).real).min() < 1e-4

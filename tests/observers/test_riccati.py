@@ -33,14 +33,16 @@ def p_rate(P: Array, F: Array, k: Array) -> Array:
 
 
 class Shgo:
+    """rates(F, C, e, P, ...): what is subtracted from w', and the derivatives of P and of what follows it."""
+
     def __init__(self, theta: float, block: list[int], q: int) -> None:
         self.theta, self.powers, self.n, self.q = theta, np.array([theta**b for b in block]), len(block), q
 
     def start(self, p: float = 1.0) -> list[Array]:
         return [p * np.eye(self.n)]
 
-    def rates(self, F: Array, C: Array, e: Array, P: Array) -> tuple[Array, list[Array]]:
-        """What is subtracted from w', and the derivatives of the rest."""
+    def rates(self, F: Array, C: Array, e: Array, *rest: Array) -> tuple[Array, list[Array]]:
+        (P,) = rest
         K = P @ C.T
         return self.theta * self.powers * (K @ e), [self.theta * p_rate(P, F, K)]
 
@@ -53,7 +55,8 @@ class Fhgo1(Shgo):
     def start(self, p: float = 1.0) -> list[Array]:
         return [p * np.eye(self.n), np.zeros((max(self.block) + 1, self.q))]
 
-    def rates(self, F: Array, C: Array, e: Array, P: Array, eta: Array) -> tuple[Array, list[Array]]:
+    def rates(self, F: Array, C: Array, e: Array, *rest: Array) -> tuple[Array, list[Array]]:
+        P, eta = rest
         K = P @ C.T
         before = np.vstack([e / self.theta, eta[:-1]])  # theta A^T eta + C^T e, block by block
         deta = self.delta * self.theta * (-eta + self.theta * before)
@@ -69,7 +72,8 @@ class Fhgo2(Shgo):
     def start(self, p: float = 1.0) -> list[Array]:
         return [p * np.eye(self.n), np.zeros((self.r, self.n)), np.zeros(self.r)]
 
-    def rates(self, F: Array, C: Array, e: Array, P: Array, U: Array, eta: Array) -> tuple[Array, list[Array]]:
+    def rates(self, F: Array, C: Array, e: Array, *rest: Array) -> tuple[Array, list[Array]]:
+        P, U, eta = rest
         K_n = P @ U[:1].T
         K_r = self.b + (U @ K_n)[:, 0]
         dU = np.vstack([U[1:], C]) - np.outer(self.b, U[0]) - U @ F
@@ -189,7 +193,7 @@ def academic_F(t: float, x: Array) -> Array:
 
 
 CHAIN = [0, 1, 2]
-FAMILIES = {
+FAMILIES: dict[str, tuple[dict[str, Any], Callable[[float], Shgo], list[str]]] = {
     "shgo_riccati": ({"type": "shgo_riccati"}, lambda theta: Shgo(theta, CHAIN, 1), ["P"]),
     "fhgo1": ({"type": "fhgo1", "delta": 3}, lambda theta: Fhgo1(theta, CHAIN, 1, 3.0), ["P", "eta"]),
     "fhgo2_nuos r=1": (
@@ -357,7 +361,7 @@ def test_two_outputs_as_a_plain_simulator_has_them(family: str, sampled: bool) -
     measurement: dict[str, Any] = {"noise": [noise]}
     if sampled:
         measurement |= {"sampling": {"period": 0.1}, "delay": 0.05}
-    options = {"period": 0.1, "delay": lambda t: 0.05} if sampled else {}
+    options: dict[str, Any] = {"period": 0.1, "delay": lambda t: 0.05} if sampled else {}
     result = run(COUPLED, {**block, "theta": 2}, 3, 0.005, measurement=measurement)
     times, states = simulate(
         coupled,

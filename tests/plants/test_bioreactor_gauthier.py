@@ -12,7 +12,9 @@ from hgorun.symbolic.lower_triangular import state_affine_form
 
 def plant() -> BuiltPlant:
     return build_plant(
-        GauthierBioreactor(type="bioreactor_gauthier", inputs={"u": 0.08}, initial={"eta1": 0.05, "eta2": 0.04})
+        GauthierBioreactor.model_validate(
+            {"type": "bioreactor_gauthier", "inputs": {"u": 0.08}, "initial": {"eta1": 0.05, "eta2": 0.04}}
+        )
     )
 
 

@@ -17,7 +17,7 @@ from hgorun.plants.phytoplankton import Phytoplankton
 
 def reordered(cls: type[Plant]) -> type[Plant]:
     """The same plant with its parameters declared in the reverse order."""
-    parameters = dict(reversed(cls.known_parameters.items()))
+    parameters = dict(reversed(list(cls.known_parameters.items())))
     return type(cls.__name__, (cls,), {"known_parameters": parameters, "__module__": cls.__module__})
 
 

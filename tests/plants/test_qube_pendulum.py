@@ -16,7 +16,11 @@ DEFAULTS = {name: q.default or 0.0 for name, q in QubePendulum.known_parameters.
 
 def plant(**parameters: float) -> BuiltPlant:
     initial = {"theta": 0, "alpha": 0.1, "theta_dot": 0, "alpha_dot": 0}
-    return build_plant(QubePendulum(type="qube_pendulum", parameters=parameters, inputs={"V": 0}, initial=initial))
+    return build_plant(
+        QubePendulum.model_validate(
+            {"type": "qube_pendulum", "parameters": parameters, "inputs": {"V": 0}, "initial": initial}
+        )
+    )
 
 
 def rates(built: BuiltPlant, x: Any, V: float = 0.0) -> np.ndarray:

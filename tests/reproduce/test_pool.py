@@ -1,5 +1,6 @@
 """Jobs on several processes, as their parent sees them, and what a worker does in its own process."""
 
+import os
 import queue
 import signal
 from concurrent.futures import Future
@@ -107,8 +108,8 @@ def test_the_bar_is_drawn_at_a_terminal_only(
 
 def test_processors_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
     assert pool.processors() >= 1
-    monkeypatch.setattr(pool.os, "sched_getaffinity", lambda _: {0, 1, 2}, raising=False)
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 1, 2}, raising=False)
     assert pool.processors() == 3
-    monkeypatch.delattr(pool.os, "sched_getaffinity")
-    monkeypatch.setattr(pool.os, "cpu_count", lambda: None)
+    monkeypatch.delattr(os, "sched_getaffinity")
+    monkeypatch.setattr(os, "cpu_count", lambda: None)
     assert pool.processors() == 1

@@ -99,7 +99,7 @@ def test_xarray_opens_it_with_units_and_labels(file: Path, engine: str) -> None:
         x = tree["plant"]["x"]
         assert x.dims == ("time", "plant_state")
         assert x.attrs["units"] == "g/L"
-        assert list(tree["plant_state"].values) == ["x1", "x2"]
+        assert tree["plant_state"].to_numpy().tolist() == ["x1", "x2"]
         assert float(x.sel(plant_state="x2")[0]) == 15.0
         assert tree["observers/SHGO"]["xhat"].dims == ("time", "plant_state")
     with xarray.open_dataset(file, engine=engine, group="observers/SHGO") as data:
@@ -248,6 +248,7 @@ def test_an_unwritable_place_is_said(config: Path, tmp_path: Path) -> None:
         result.save(tmp_path / "file" / "a.h5")
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="needs SIGKILL")
 def test_a_killed_process_leaves_no_partial_file(tmp_path: Path) -> None:
     """Whatever the moment, the result is absent or whole; an earlier one stays until it is replaced."""

@@ -4,7 +4,7 @@ import platform
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ from hgorun.simulation.simulate import integrate
 HELD = [{"type": "gaussian", "std": 0.1, "hold": 0.15}]
 DRAWN = [{"type": "uniform", "low": -0.1, "high": 0.2}]
 SINE = [{"type": "sinusoids", "terms": [{"amplitude": 0.1, "omega": 3}]}]
-MEASUREMENTS = {
+MEASUREMENTS: dict[str, dict[str, Any]] = {
     "continuous": {"noise": HELD},
     "sampled": {
         "sampling": {"period": 0.25, "jitter": 0.05, "dropout": 0.1},
@@ -81,7 +81,7 @@ def same(a: Result, b: Result, *labels: str) -> bool:
 
 
 @pytest.mark.parametrize("name", MEASUREMENTS)
-def test_filter_of_order_zero_is_the_standard_observer(name, tmp_path):
+def test_filter_of_order_zero_is_the_standard_observer(name: str, tmp_path: Path) -> None:
     config = configuration(MEASUREMENTS[name], {"S": SHGO, "F": SHGO | {"type": "fhgo2", "r": 0}})
     result = run(tmp_path, config)
     one, two = result.observers.values()
@@ -90,7 +90,7 @@ def test_filter_of_order_zero_is_the_standard_observer(name, tmp_path):
 
 
 @pytest.mark.parametrize("name", ["sampled", "delayed", "phases"])
-def test_an_observer_does_not_feel_the_others(name, tmp_path):
+def test_an_observer_does_not_feel_the_others(name: str, tmp_path: Path) -> None:
     """Alone, before and behind others, and beside one that diverges."""
     measurement = MEASUREMENTS[name]
     alone = {
@@ -111,7 +111,7 @@ def test_an_observer_does_not_feel_the_others(name, tmp_path):
 
 
 @pytest.mark.parametrize("solver", [{"step": 0.02}, {"method": "dopri5", "rtol": 1e-8}])
-def test_runs_repeat_bit_for_bit(solver, tmp_path, monkeypatch):
+def test_runs_repeat_bit_for_bit(solver: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """With code compiled anew, with code from the cache, and told of progress in slices of a segment."""
     monkeypatch.setenv("HGORUN_CACHE_DIR", str(tmp_path / "cache"))
     noise = [{"type": "gaussian", "std": 0.1, "hold": 0.01}]  # many segments
@@ -132,7 +132,9 @@ def test_runs_repeat_bit_for_bit(solver, tmp_path, monkeypatch):
 @pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="names processors of this family")
 @pytest.mark.parametrize("solver", [{"step": 0.02}, {"method": "dopri5", "rtol": 1e-8}])
 @pytest.mark.parametrize("processor", ["x86-64", "x86-64-v2", "x86-64-v3"])
-def test_no_bit_depends_on_the_processor(processor, solver, tmp_path, monkeypatch):
+def test_no_bit_depends_on_the_processor(
+    processor: str, solver: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """SSE2 alone, SSE4 and AVX2 with fma make the numbers of this processor."""
     config = configuration(MEASUREMENTS["delayed"], {"S": SHGO, "F": FHGO}) | {"solver": solver}
     here = run(tmp_path, config)
@@ -143,7 +145,9 @@ def test_no_bit_depends_on_the_processor(processor, solver, tmp_path, monkeypatc
 
 
 @pytest.mark.parametrize("name", ["continuous", "delayed"])
-def test_pieces_of_a_long_segment_do_not_change_bits(name, tmp_path, monkeypatch):
+def test_pieces_of_a_long_segment_do_not_change_bits(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     config = configuration(MEASUREMENTS[name] | {"noise": SINE}, {"S": SHGO, "F": FHGO})
     whole = run(tmp_path, config, "solver.step=0.0004")
     monkeypatch.setattr("hgorun.simulation.tables._PIECE", 7)
@@ -151,7 +155,7 @@ def test_pieces_of_a_long_segment_do_not_change_bits(name, tmp_path, monkeypatch
     assert same(whole, pieces, "S", "F")
 
 
-def test_a_pause_inside_an_adaptive_segment(tmp_path):
+def test_a_pause_inside_an_adaptive_segment(tmp_path: Path) -> None:
     """More steps in one segment than native code makes at one go."""
     config = configuration({"noise": SINE}, {"F": FHGO}) | {"plant": PLANT | {"inputs": {"u": "cos(3*t)"}}}
     precise = {"method": "dopri5", "rtol": 1e-10, "atol": 1e-12}
@@ -179,17 +183,19 @@ def in_lanes(folder: Path, config: dict[str, Any], lanes: list[list[str]]) -> tu
     for each in runs:
         programs = each.structure._programs
         asked.append(Recorded(each.structure.program("rk4")))
-        programs["rk4", False, 1] = asked[-1]
+        programs["rk4", False, 1] = cast(Program, asked[-1])
         single.append(integrate(each, each.step))
         programs["rk4", False, 1] = asked[-1].program
-    numbers = {name: np.column_stack([getattr(a.plan, name) for a in asked]) for name in ("gain", "bias", "holds")}
+    numbers: dict[str, Any] = {
+        name: np.column_stack([getattr(a.plan, name) for a in asked]) for name in ("gain", "bias", "holds")
+    }
     z, p = (np.hstack([getattr(a.start, name) for a in asked]) for name in ("z", "p"))
     program = Program(runs[0].structure.system, "rk4", lanes=len(lanes))
     return program.run(replace(asked[0].plan, **numbers), Start(z, p, asked[0].start.bound)), single
 
 
 @pytest.mark.parametrize("name", ["sampled", "delayed", "phases"])
-def test_lanes_have_the_bits_of_single_runs(name, tmp_path):
+def test_lanes_have_the_bits_of_single_runs(name: str, tmp_path: Path) -> None:
     """Four runs in one vector register, with their own gains, starts and draws; one of them diverges."""
     measurement = MEASUREMENTS[name]
     if name == "sampled":  # arrivals are common to all lanes, so they must not depend on the seed
@@ -277,7 +283,7 @@ def assert_linear(result: Result, r: int, exact: np.ndarray) -> None:
 
 
 @pytest.mark.parametrize("solver", SOLVERS, ids=["rk4", "dopri5"])
-def test_linear_plant_measured_continuously(solver, tmp_path):
+def test_linear_plant_measured_continuously(solver: dict[str, Any], tmp_path: Path) -> None:
     result = run_linear(tmp_path, {}, 2.0, solver)
     for r in range(4):
         M, b = whole_system(r, 2.0)
@@ -288,7 +294,7 @@ def test_linear_plant_measured_continuously(solver, tmp_path):
 
 
 @pytest.mark.parametrize("solver", SOLVERS, ids=["rk4", "dopri5"])
-def test_linear_plant_sampled_late(solver, tmp_path):
+def test_linear_plant_sampled_late(solver: dict[str, Any], tmp_path: Path) -> None:
     """Samples every 0.3 that are 0.2 old: between arrivals e is a held number plus alpha."""
     result = run_linear(tmp_path, {"sampling": {"period": 0.3}, "delay": 0.2}, 2.0, solver)
     for r in range(4):
@@ -326,7 +332,7 @@ def exact_covariance(M: np.ndarray, b: np.ndarray, hold: float, count: int) -> t
 
 
 @pytest.mark.parametrize(("n", "sigma"), [(2, [3.536, 15.81]), (3, [4.541, 41.83, 136.9])])
-def test_held_white_noise(n, sigma, tmp_path):
+def test_held_white_noise(n: int, sigma: list[float], tmp_path: Path) -> None:
     """Poles at -10. Noise of unit density held for 0.01 is white to the observer within half a percent."""
     hold, end, pole = 0.01, 2000.0, 10.0
     observers = {
@@ -397,7 +403,7 @@ def growth(folder: Path, measurement: dict[str, Any], thetas: dict[str, float]) 
     ],
     ids=["period", "delay"],
 )
-def test_largest_theta_times_period_or_delay(measurement, limits, tmp_path):
+def test_largest_theta_times_period_or_delay(measurement: dict[str, Any], limits: Any, tmp_path: Path) -> None:
     below = growth(tmp_path, measurement, {k: 0.99 * limit for k, limit in limits.items()})
     above = growth(tmp_path, measurement, {k: 1.01 * limit for k, limit in limits.items()})
     assert max(below.values()) < 0.8
@@ -409,7 +415,7 @@ def test_largest_theta_times_period_or_delay(measurement, limits, tmp_path):
 
 @pytest.mark.parametrize("solver", [{"step": 0.01}, {"method": "dopri5", "rtol": 1e-9, "atol": 1e-11}])
 @pytest.mark.parametrize("name", ["sampled", "delayed"])
-def test_a_diverging_observer_is_flagged_and_masked(name, solver, tmp_path):
+def test_a_diverging_observer_is_flagged_and_masked(name: str, solver: dict[str, Any], tmp_path: Path) -> None:
     """theta T_e = 15, theta d = 10: far beyond what a filter of order 2 on a chain of two stands."""
     measurement = MEASUREMENTS[name] if name == "delayed" else {"sampling": {"period": 0.25}, "noise": DRAWN}
     lost = FHGO | {"theta": 60 if name == "sampled" else 40}
@@ -442,7 +448,7 @@ def test_a_diverging_observer_is_flagged_and_masked(name, solver, tmp_path):
 
 
 @pytest.mark.parametrize("solver", [{"step": 0.001}, {"method": "dopri5", "rtol": 1e-9, "atol": 1e-11}])
-def test_a_diverging_plant_ends_the_run(solver, tmp_path):
+def test_a_diverging_plant_ends_the_run(solver: dict[str, Any], tmp_path: Path) -> None:
     """x' = x^2 from 1 is infinite at t = 1."""
     config = {
         "time": {"end": 3, "output_step": 0.1},
@@ -454,7 +460,7 @@ def test_a_diverging_plant_ends_the_run(solver, tmp_path):
         run(tmp_path, config)
 
 
-def test_an_estimate_may_leave_the_plant_far_behind(tmp_path):
+def test_an_estimate_may_leave_the_plant_far_behind(tmp_path: Path) -> None:
     """The bound grows with the plant: a plant that grows like e^(3 t) is not a divergence."""
     config = {
         "time": {"end": 12, "output_step": 0.1},

@@ -2,6 +2,7 @@
 
 import time
 from itertools import islice, product
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from hgorun.errors import ConfigError
 from hgorun.measurement.noise import generator
 from hgorun.simulation.simulate import prepare
 from hgorun.simulation.tables import count_steps, in_pieces
+from hgorun.symbolic.canonical import CanonicalForm
 from hgorun.symbolic.observability import _chain_lengths
 
 CONFIG: dict[str, Any] = {
@@ -38,7 +40,7 @@ def with_measurement(**measurement: Any) -> dict[str, Any]:
     return CONFIG | {"measurement": measurement}
 
 
-def refused(folder, config, *overrides: str) -> str:
+def refused(folder: Path, config: dict[str, Any], *overrides: str) -> str:
     """The message, after little time."""
     began = time.perf_counter()
     with pytest.raises(ConfigError) as error:
@@ -51,23 +53,23 @@ def refused(folder, config, *overrides: str) -> str:
 
 @pytest.mark.parametrize("step", ["5e-324", "1e-300", "1e-20", "1e-11"])
 @pytest.mark.parametrize("noise", [[], [{"type": "gaussian", "snr_db": 20}]], ids=["plain", "snr"])
-def test_a_step_with_too_many_steps(step, noise, tmp_path):
+def test_a_step_with_too_many_steps(step: float, noise: list[Any], tmp_path: Path) -> None:
     message = refused(tmp_path, with_measurement(noise=noise, sampling={"period": 0.5}) | {"solver": {"step": step}})
     assert "solver.step: the run takes" in message
     assert "give a longer solver.step" in message
 
 
-def test_an_automatic_step_with_too_many_steps(tmp_path):
+def test_an_automatic_step_with_too_many_steps(tmp_path: Path) -> None:
     message = refused(tmp_path, CONFIG | {"solver": {"step": "auto"}}, "observers.S.theta=1e15")
     assert "solver.step: the run takes" in message
 
 
-def test_the_longest_adaptive_step(tmp_path):
+def test_the_longest_adaptive_step(tmp_path: Path) -> None:
     solver = {"method": "dopri5", "rtol": 1e-6, "max_step": 1e-20}
     assert "solver.max_step: the run takes 1e+21 steps" in refused(tmp_path, CONFIG | {"solver": solver})
 
 
-def test_the_pieces_of_a_long_run_are_bounded():
+def test_the_pieces_of_a_long_run_are_bounded() -> None:
     steps = count_steps(np.array([5.0, 0.0001, 4.9]), 1.1e-9)
     spans = np.zeros((3, 4))
     counts = np.column_stack([steps, 0 * steps, steps, *[0 * steps] * 4])
@@ -81,13 +83,13 @@ def test_the_pieces_of_a_long_run_are_bounded():
 @pytest.mark.parametrize(
     ("sampling", "key"), [({"period": 1e-6}, "period"), ({"period": 5e-324}, "period"), ({"steps": "1e-6"}, "steps")]
 )
-def test_too_many_samples(sampling, key, tmp_path):
+def test_too_many_samples(sampling: Any, key: str, tmp_path: Path) -> None:
     message = refused(tmp_path, with_measurement(sampling=sampling), "time.max_memory=2e8")
     assert f"measurement.sampling.{key}: " in message
     assert "time.max_memory leaves 0.186 GiB" in message
 
 
-def test_samples_are_counted_over_outputs_and_phases(tmp_path):
+def test_samples_are_counted_over_outputs_and_phases(tmp_path: Path) -> None:
     phases = [{"until": 5, "sampling": {"period": 1e-3}}, {"until": 10, "sampling": {"period": 2e-3}}]
     run(tmp_path, with_measurement(phases=phases), "time.max_memory=8e6")
     assert "measurement.phases.1.sampling.period: " in refused(
@@ -99,7 +101,7 @@ def test_samples_are_counted_over_outputs_and_phases(tmp_path):
     assert "measurement.sampling.period: " in refused(tmp_path, several, "time.max_memory=1.9e7")
 
 
-def test_too_many_draws(tmp_path):
+def test_too_many_draws(tmp_path: Path) -> None:
     for hold in (1e-6, 5e-324):
         message = refused(tmp_path, with_measurement(noise=[DRAWN | {"hold": hold}]))
         assert "measurement.noise.0.hold: " in message
@@ -111,31 +113,32 @@ def test_too_many_draws(tmp_path):
     assert "measurement.noise.0.hold: " in message
 
 
-def test_a_phase_keeps_only_its_own_draws(tmp_path):
+def test_a_phase_keeps_only_its_own_draws(tmp_path: Path) -> None:
     """And they are those of a run that has only this phase's noise."""
     noise = [DRAWN | {"hold": 0.01}, {"type": "gaussian", "std": 1, "hold": 0.03}]
     phases = [{"until": 10 * (i + 1) / 5} for i in range(5)]
     channel = prepared(tmp_path, with_measurement(noise=noise, phases=phases)).channels[0]
-    for k, (stretch, noise) in enumerate(zip(channel.stretches, channel.noise, strict=True)):
-        assert len(noise._held) == 2
-        assert all(kept.size <= 2 / hold + 4 for hold, _, kept in noise._held)
+    for k, (stretch, kept_noise) in enumerate(zip(channel.stretches, channel.noise, strict=True)):
+        assert len(kept_noise._held) == 2
+        assert all(kept.size <= 2 / hold + 4 for hold, _, kept in kept_noise._held)
         times = np.linspace(stretch.start, stretch.end, 997)
         expected = np.zeros(times.size)
-        for j, item in enumerate(noise.random):
+        for j, item in enumerate(kept_noise.random):
+            assert item.hold is not None
             draws = generator(0, "noise", f"{channel.name}/{k}", j)
             whole = item.draw(draws, int(10 / item.hold * (1 + 1e-12)) + 1)
             index = np.floor(times / item.hold * (1 + 1e-12) + 1e-9).astype(int)
             expected += whole[np.clip(index, 0, whole.size - 1)]
-        np.testing.assert_array_equal(noise.held(times), expected)
+        np.testing.assert_array_equal(kept_noise.held(times), expected)
 
 
-def test_the_history_of_a_long_delay(tmp_path):
+def test_the_history_of_a_long_delay(tmp_path: Path) -> None:
     message = refused(tmp_path, with_measurement(delay=5), "solver.step=1e-7")
     assert "measurement.delay: with steps of 1e-07 the history of a delay of 5 takes" in message
     assert "time.max_memory allows 2 GiB" in message
 
 
-def test_the_history_is_as_long_as_the_delay():
+def test_the_history_is_as_long_as_the_delay() -> None:
     ends = np.array([[0.0, 1.0], [1.0, 1.0 + 1e-3], [1.0 + 1e-3, 100.0], [1.0 + 1e-3, 100.0]])
     steps = np.array([100, 50, 5000, 4900])
     spanned = 0.1 * 100 + 50 + 1
@@ -143,19 +146,19 @@ def test_the_history_is_as_long_as_the_delay():
     assert history_pieces(ends, steps, 1000.0) > steps.sum()
 
 
-def test_events_that_delays_repeat(tmp_path):
+def test_events_that_delays_repeat(tmp_path: Path) -> None:
     config = with_measurement(delay=0.001, noise=[DRAWN | {"hold": 0.01}])
     run(tmp_path, config, "time.max_memory=6e6")
     assert "measurement.delay: " in refused(tmp_path, config, "time.max_memory=3e6")
 
 
 @pytest.mark.parametrize(("n", "outputs"), [(1, 1), (4, 2), (7, 3), (6, 6), (8, 4)])
-def test_few_shares_of_states_are_all_tried(n, outputs):
+def test_few_shares_of_states_are_all_tried(n: int, outputs: int) -> None:
     every = [s for s in product(range(1, n + 1), repeat=outputs) if sum(s) == n]
     assert list(_chain_lengths(n, outputs)) == sorted(every, key=lambda s: max(s) - min(s))
 
 
-def test_many_shares_of_states():
+def test_many_shares_of_states() -> None:
     began = time.perf_counter()
     for n, outputs in ((20, 10), (25, 10), (60, 20)):
         shares = list(_chain_lengths(n, outputs))
@@ -167,7 +170,7 @@ def test_many_shares_of_states():
     assert time.perf_counter() - began < 2
 
 
-def test_many_states_and_outputs(tmp_path):
+def test_many_states_and_outputs(tmp_path: Path) -> None:
     """Ten oscillators, each measured."""
     names = [f"{kind}{i}" for i in range(10) for kind in "xv"]
     dynamics = {f"x{i}": f"v{i}" for i in range(10)} | {f"v{i}": f"-x{i}" for i in range(10)}
@@ -179,11 +182,13 @@ def test_many_states_and_outputs(tmp_path):
     }
     observers = {"S": {"type": "shgo", "theta": 2, "initial": dict.fromkeys(names, 0)}}
     experiment = load(tmp_path, CONFIG | {"plant": plant, "observers": observers})
-    assert experiment.forms["S"].chains == (2,) * 10
+    form = experiment.forms["S"]
+    assert isinstance(form, CanonicalForm)
+    assert form.chains == (2,) * 10
 
 
 @pytest.mark.parametrize("more", [{}, {"jitter": 0.05}, {"dropout": 0.3}, {"jitter": 0.05, "dropout": 0.3}])
-def test_a_longer_run_begins_with_the_same_samples(more, tmp_path):
+def test_a_longer_run_begins_with_the_same_samples(more: dict[str, Any], tmp_path: Path) -> None:
     config = with_measurement(sampling={"period": 0.1, **more}, noise=[DRAWN])
     short, long = (prepare(load(tmp_path, config, f"time.end={end}")).channels[0].samples for end in (5, 10))
     inside = short.arrival < 4.9
@@ -193,7 +198,9 @@ def test_a_longer_run_begins_with_the_same_samples(more, tmp_path):
     np.testing.assert_array_equal(short.number[inside], long.number[:count])
 
 
-def test_running_out_of_memory_names_the_causes(monkeypatch, capsys):
+def test_running_out_of_memory_names_the_causes(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     def exhausted(*_: Any, **__: Any) -> None:
         raise MemoryError
 

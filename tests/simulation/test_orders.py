@@ -86,7 +86,7 @@ def halved(step: float, count: int = 4) -> list[float]:
     return [step / 2**k for k in range(count)]
 
 
-RK4_SCENARIOS = {
+RK4_SCENARIOS: dict[str, dict[str, Any]] = {
     "continuous": {"noise": SINE},
     "held noise": {"noise": HELD},
     "multiplicative": {"noise": HELD, "mode": "multiplicative"},
@@ -111,13 +111,13 @@ RK4_SCENARIOS = {
 
 
 @pytest.mark.parametrize("name", RK4_SCENARIOS)
-def test_rk4_is_of_order_four(name, tmp_path):
+def test_rk4_is_of_order_four(name: str, tmp_path: Path) -> None:
     found = orders(tmp_path, halved(0.025), RK4_SCENARIOS[name])
     assert found == pytest.approx(dict.fromkeys(found, 4.0), abs=0.1)
 
 
 @pytest.mark.parametrize("delay", ["0.25 + 0.1*sin(t)", "0.25 + 0.25*sin(t)"])
-def test_rk4_is_of_order_four_between_irregular_breakpoints(delay, tmp_path):
+def test_rk4_is_of_order_four_between_irregular_breakpoints(delay: Any, tmp_path: Path) -> None:
     """Steps in short gaps are not quite halved: the slope is clean later, at the end of the run."""
     found = orders(tmp_path, halved(0.05), {"delay": delay, "noise": SINE}, output_step=END)
     assert found == pytest.approx(dict.fromkeys(found, 4.0), abs=0.1)
@@ -129,44 +129,44 @@ def test_rk4_is_of_order_four_between_irregular_breakpoints(delay, tmp_path):
     [{"noise": SINE}, PERIODIC | LATE, {"delay": 0.2}],
     ids=["continuous", "sampled, late", "constant delay"],
 )
-def test_rk4_keeps_its_order_through_jumps(measurement, plant, tmp_path):
+def test_rk4_keeps_its_order_through_jumps(measurement: dict[str, Any], plant: dict[str, Any], tmp_path: Path) -> None:
     found = orders(tmp_path, halved(0.025), measurement, plant=plant)
     assert found == pytest.approx(dict.fromkeys(found, 4.0), abs=0.1)
 
 
 @pytest.mark.parametrize("where", KINKED)
-def test_rk4_keeps_its_order_through_kinks(where, tmp_path):
+def test_rk4_keeps_its_order_through_kinks(where: str, tmp_path: Path) -> None:
     found = orders(tmp_path, halved(0.025), {"noise": SINE}, plant=KINKED[where])
     assert found == pytest.approx(dict.fromkeys(found, 4.0), abs=0.1)
 
 
 @pytest.mark.parametrize("name", ["sampled", "constant delay"])
-def test_rk4_between_its_steps_is_of_order_four(name, tmp_path):
+def test_rk4_between_its_steps_is_of_order_four(name: str, tmp_path: Path) -> None:
     """Output points that no step lands on: the cubic Hermite polynomial."""
     found = orders(tmp_path, halved(0.025), RK4_SCENARIOS[name], output_step=0.0037)
     assert found == pytest.approx(dict.fromkeys(found, 4.0), abs=0.1)
 
 
 @pytest.mark.parametrize("measurement", [{"noise": SINE}, {"noise": HELD}, PERIODIC, PERIODIC | LATE])
-def test_dopri5_with_fixed_steps_is_of_order_five(measurement, tmp_path):
+def test_dopri5_with_fixed_steps_is_of_order_five(measurement: dict[str, Any], tmp_path: Path) -> None:
     """Its fifth-order terms are small on purpose: only short steps show them alone."""
     found = orders(tmp_path, halved(0.025), measurement, "dopri5")
     assert found == pytest.approx(dict.fromkeys(found, 5.0), abs=0.2)
 
 
-def test_dopri5_with_a_continuous_delay_has_the_order_of_the_cubic_history(tmp_path):
+def test_dopri5_with_a_continuous_delay_has_the_order_of_the_cubic_history(tmp_path: Path) -> None:
     found = orders(tmp_path, halved(0.025), {"delay": 0.25, "noise": SINE}, "dopri5")
     del found["plant"]
     assert found == pytest.approx(dict.fromkeys(found, 4.0), abs=0.1)
 
 
 @pytest.mark.parametrize("measurement", [{"noise": SINE}, PERIODIC | LATE, {"delay": 0.25}])
-def test_euler_is_of_order_one(measurement, tmp_path):
+def test_euler_is_of_order_one(measurement: dict[str, Any], tmp_path: Path) -> None:
     found = orders(tmp_path, halved(0.0025), measurement, "euler")
     assert found == pytest.approx(dict.fromkeys(found, 1.0), abs=0.1)
 
 
-def test_the_reported_integration_error_is_the_difference_to_half_the_step(tmp_path):
+def test_the_reported_integration_error_is_the_difference_to_half_the_step(tmp_path: Path) -> None:
     """For a method of order four that is 15/16 of the error."""
     config = {
         "time": {"end": END, "output_step": 0.2},
@@ -179,7 +179,7 @@ def test_the_reported_integration_error_is_the_difference_to_half_the_step(tmp_p
     exact = run(tmp_path, config | {"solver": {"step": 0.001}})
     assert reported.integration_error is not None
     pairs = {"plant": (half.x, exact.x, reported.x)}
-    pairs["F"] = tuple(result.observers["F"].xhat for result in (half, exact, reported))
+    pairs["F"] = (half.observers["F"].xhat, exact.observers["F"].xhat, reported.observers["F"].xhat)
     for name, (at_half, at_zero, at_step) in pairs.items():
         assert reported.integration_error[name] == np.abs(at_step - at_half).max()
         error = np.abs(at_step - at_zero).max()

@@ -71,7 +71,7 @@ def test_every_family_on_samples(delay: str, inputs: RecordedInputs | None) -> N
 
 @pytest.mark.parametrize("inputs", [None, INPUT], ids=["input of time", "held input"])
 def test_observers_that_jump_at_samples(inputs: RecordedInputs | None) -> None:
-    observers = {
+    observers: dict[str, Block] = {
         "reduced": {"type": "reduced_sampled", "H": 3, "initial": {"b": 1}},
         "deadbeat": {"type": "deadbeat"},
     }

@@ -3,15 +3,16 @@
 The plain simulator makes the same steps, so the differences are rounding (1e-12); DOP853 makes its own.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 from examples import prepared, run
-from naive import Field, binomial_gains, saturated
+from naive import Field, Vector, binomial_gains, saturated
 from naive import simulate as plainly
 from scipy.integrate import solve_ivp
 
@@ -45,7 +46,7 @@ class Model:
         return list(self.block["initial"])
 
 
-def van_der_pol_copy(t, x):
+def van_der_pol_copy(t: float, x: Vector) -> Vector:
     return np.array([x[1], 0.5 * (1 - x[0] ** 2) * x[1] - x[0]])
 
 
@@ -58,20 +59,20 @@ VAN_DER_POL = Model(
 )
 
 
-def contois(rate):
-    def f(t, x):
+def contois(rate: Callable[[float], float]) -> Field:
+    def f(t: float, x: Vector) -> Vector:
         g = 1.064 * x[0] * x[1] / (4.39 * x[0] + x[1])
         return np.array([g - rate(t) * x[0], -g + rate(t) * (20 - x[1])])
 
     return f
 
 
-def contois_jinv(x):
+def contois_jinv(x: Vector) -> Vector:
     q = (4.39 * x[0] + x[1]) ** 2
     return np.linalg.inv([[1, 0], [1.064 * x[1] ** 2 / q, 1.064 * 4.39 * x[0] ** 2 / q]])
 
 
-def contois_model(rate, D, kinks=()):
+def contois_model(rate: Callable[[float], float], D: str, kinks: tuple[float, ...] = ()) -> Model:
     block = {"type": "contois", "inputs": {"D": D}, "initial": {"x1": 1.5, "x2": 15}}
     f = contois(rate)
     return Model(block, f, f, [1.5, 15.0], [1.0, 14.0], jinv=contois_jinv, kinks=kinks)
@@ -96,7 +97,7 @@ INLINE_CONTOIS = replace(
 )
 
 
-def integrators(t, x):
+def integrators(t: float, x: Vector) -> Vector:
     return np.array([x[1], x[2], -x[0] - 2 * x[1] - np.tanh(x[2]) + np.cos(2 * t) * x[0]])
 
 
@@ -116,7 +117,7 @@ INTEGRATORS = Model(
 )
 
 
-def chain_copy(t, x):
+def chain_copy(t: float, x: Vector) -> Vector:
     return np.array([x[1] - 0.3 * x[0] ** 3, x[2] + x[0] * np.sin(t), -x[2] - np.sin(x[1])])
 
 
@@ -136,12 +137,12 @@ CHAIN = Model(
 )
 
 
-def triangular(t, x):
+def triangular(t: float, x: Vector) -> Vector:
     u = 0.4 * np.sin(3 * t)
     return np.array([2 * x[1] + u * x[0], (2 + np.sin(x[0])) * x[2] - x[1], -x[0] - x[2] + u * x[1]])
 
 
-def triangular_jinv(x):
+def triangular_jinv(x: Vector) -> Vector:
     """z = (x_1, 2 x_2, 2 ((2 + sin x_1) x_3 - x_2)), the map of the drift."""
     return np.linalg.inv([[1, 0, 0], [0, 2, 0], [2 * np.cos(x[0]) * x[2], -2, 2 * (2 + np.sin(x[0]))]])
 
@@ -162,12 +163,12 @@ TRIANGULAR = Model(
 )
 
 
-def gauge(w):
+def gauge(w: Vector) -> tuple[float, float]:
     """The curved output h(w) = w_1 + w_1^3/10 and its slope."""
     return w[0] + w[0] ** 3 / 10, 1 + 0.3 * w[0] ** 2
 
 
-def curved_jinv(w):
+def curved_jinv(w: Vector) -> Vector:
     """z = (h, h' w_2)."""
     slope = gauge(w)[1]
     return np.linalg.inv([[slope, 0], [0.6 * w[0] * w[1], slope]])
@@ -190,10 +191,14 @@ CURVED_OUTPUT = Model(
 )
 
 BOX = {"x1": [-0.5, 0.6], "x2": [-0.4, 0.8]}
-SATURATED = replace(VAN_DER_POL, copy=saturated(van_der_pol_copy, list(BOX.values())), observer={"saturation": BOX})
+SATURATED = replace(
+    VAN_DER_POL,
+    copy=saturated(van_der_pol_copy, [(-0.5, 0.6), (-0.4, 0.8)]),
+    observer={"saturation": BOX},
+)
 
 
-def saturated_contois(t, x):
+def saturated_contois(t: float, x: Vector) -> Vector:
     """f(w) + F(w) (x - w) at w = sat x: the x_2 that multiplies F = df_1/dx_2 is not saturated."""
     w = np.clip(x, [0.5, 5], [1.4, 12])
     slope = 1.064 * 4.39 * w[0] ** 2 / (4.39 * w[0] + w[1]) ** 2
@@ -232,25 +237,25 @@ HELD = [
 END = 3.0
 
 
-def sine(t, mid=None):
+def sine(t: float, mid: float | None = None) -> float:
     return 0.1 * np.sin(3 * t)
 
 
-def two_sines(t, mid=None):
+def two_sines(t: float, mid: float | None = None) -> float:
     return 0.1 * np.sin(3 * t + 0.4) + 0.05 * np.sin(11 * t)
 
 
-def counted(times):
+def counted(times: Vector) -> Vector:
     return 0.1 * np.sin(3 * times) + 0.02 * (-1.0) ** np.arange(len(times))
 
 
-def drawn(times):
+def drawn(times: Vector) -> Vector:
     """The draws of DRAWN in their order, one a sample."""
     gauss, flat = (generator(0, "noise", "x1/0", i) for i in range(2))
     return gauss.normal(0, 1, len(times)) * 0.1 + flat.uniform(-0.1, 0.2, len(times))
 
 
-def held(t, mid):
+def held(t: float, mid: float) -> float:
     """The draws of HELD at ``mid``, inside the step's segment: its end does not see the next one."""
     gauss, flat = (generator(0, "noise", "x1/0", i) for i in range(2))
     first, second = gauss.normal(0, 1, 21) * 0.1, flat.uniform(-0.1, 0.2, 8)
@@ -258,13 +263,13 @@ def held(t, mid):
 
 
 HOLD_CHANGES = [*(0.15 * np.arange(1, 21)), *(0.4 * np.arange(1, 8))]
-EVERY = 0.25 * np.arange(13)
-LATER = 0.35 + 0.25 * np.arange(11)
-IRREGULAR = np.array([0.0, 0.17, 0.2, 0.61, 1.05, 1.9, 2.2, 2.55])
+EVERY: npt.NDArray[Any] = 0.25 * np.arange(13)
+LATER: npt.NDArray[Any] = 0.35 + 0.25 * np.arange(11)
+IRREGULAR: Vector = np.array([0.0, 0.17, 0.2, 0.61, 1.05, 1.9, 2.2, 2.55])
 MIXED = "where(sin(4*t) > 0, 0.55, 0.05)"  # makes later samples overtake earlier ones
 
 
-def mixed(t):
+def mixed(t: float) -> float:
     return 0.55 if np.sin(4 * t) > 0 else 0.05
 
 
@@ -274,7 +279,9 @@ class Scenario:
     options: dict[str, Any]
 
 
-def sampled(times, noise=counted, **more):
+def sampled(
+    times: npt.NDArray[Any], noise: Callable[[Vector], Sequence[float] | Vector] = counted, **more: Any
+) -> dict[str, Any]:
     return {"sampling": times, "noise": noise(times), **more}
 
 
@@ -328,7 +335,7 @@ SCENARIOS = {
 
 def observers(model: Model, **more: Any) -> dict[str, Any]:
     """The standard observer as S, the filtered ones as F0 .. F3."""
-    common = {"theta": THETA, "initial": dict(zip(model.states, model.xhat0, strict=True))}
+    common: dict[str, Any] = {"theta": THETA, "initial": dict(zip(model.states, model.xhat0, strict=True))}
     common |= model.observer | more
     return {"S": {"type": "shgo", **common}} | {f"F{r}": {"type": "fhgo2", "r": r, **common} for r in range(4)}
 
@@ -345,7 +352,7 @@ def configuration(model: Model, measurement: dict[str, Any], **more: Any) -> dic
 
 def difference_to_plain(result: Result, model: Model, options: dict[str, Any]) -> float:
     """Largest difference in x, xhat, eta and the samples, over all five observers."""
-    common = {"theta": THETA, "gains": 1.0, "t_end": END, "step": STEP, "output_times": result.time}
+    common: dict[str, Any] = {"theta": THETA, "gains": 1.0, "t_end": END, "step": STEP, "output_times": result.time}
     common |= {"jinv": model.jinv, "dh": model.dh} | options
     common["events"] = [*common.get("events", ()), *model.kinks]
     worst = 0.0
@@ -369,29 +376,29 @@ def check(folder: Path, model: Model, scenario: Scenario) -> None:
 
 
 @pytest.mark.parametrize("name", SCENARIOS)
-def test_every_measurement(name, tmp_path):
+def test_every_measurement(name: str, tmp_path: Path) -> None:
     check(tmp_path, VAN_DER_POL, SCENARIOS[name])
 
 
 @pytest.mark.parametrize("scenario", ["varying delay", "sampled, out of order"])
 @pytest.mark.parametrize("name", [name for name in MODELS if name != "van der pol"])
-def test_every_plant(name, scenario, tmp_path):
+def test_every_plant(name: str, scenario: str, tmp_path: Path) -> None:
     check(tmp_path, MODELS[name], SCENARIOS[scenario])
 
 
 # ---- what needs more than a table ----
 
 
-def test_start_away_from_zero(tmp_path):
+def test_start_away_from_zero(tmp_path: Path) -> None:
     """Samples, holds and delays count from the start; functions of time do not."""
 
-    def late_held(t, mid):
+    def late_held(t: float, mid: float) -> float:
         return held(t, mid - 5)
 
-    def lag(t):
+    def lag(t: float) -> float:
         return 0.25 + 0.1 * np.sin(2 * t)
 
-    scenarios = [
+    scenarios: list[tuple[dict[str, Any], dict[str, Any]]] = [
         ({"sampling": {"period": 0.25}, "noise": COUNTED, "delay": MIXED}, sampled(5 + EVERY, delay=mixed)),
         ({"delay": "0.25 + 0.1*sin(2*t)", "noise": SINE}, {"delay": lag, "noise": sine}),
         ({"noise": HELD}, {"noise": late_held, "events": 5 + np.array(HOLD_CHANGES)}),
@@ -403,7 +410,7 @@ def test_start_away_from_zero(tmp_path):
         assert difference_to_plain(result, VAN_DER_POL, options) < CLOSE
 
 
-def test_jitter_and_dropout(tmp_path):
+def test_jitter_and_dropout(tmp_path: Path) -> None:
     """Which samples come, and when, is read from the result; the rest follows."""
     sampling = {"period": 0.1, "offset": 0.05, "jitter": 0.04, "dropout": 0.3}
     block = {"sampling": sampling, "noise": DRAWN, "delay": "0.15 + 0.1*sin(9*t)"}
@@ -417,18 +424,18 @@ def test_jitter_and_dropout(tmp_path):
     gauss, flat = (generator(3, "noise", "x1/0", i) for i in range(2))
     count = number[-1] + 1  # a lost sample has its draw too
     noise = gauss.normal(0, 1, count) * 0.1 + flat.uniform(-0.1, 0.2, count)
-    options = {"sampling": times, "noise": noise[number], "delay": lambda t: 0.15 + 0.1 * np.sin(9 * t)}
+    options: dict[str, Any] = {"sampling": times, "noise": noise[number], "delay": lambda t: 0.15 + 0.1 * np.sin(9 * t)}
     assert difference_to_plain(result, VAN_DER_POL, options) < CLOSE
 
 
 @pytest.mark.parametrize("name", ["sampled", "varying delay", "continuous, held"])
-def test_initial_filter_state_gains_and_theta(name, tmp_path):
+def test_initial_filter_state_gains_and_theta(name: str, tmp_path: Path) -> None:
     eta0, gains = [0.3, -0.2], [3.0, 4.0, 2.5, 1.0]
     scenario = SCENARIOS[name]
     config = configuration(VAN_DER_POL, scenario.block)
     config["observers"] = {"F": {"type": "fhgo2", "r": 2, "theta": 2.2, "gains": gains, "internal": {"eta": eta0}}}
     result = run(tmp_path, config)
-    common = {"theta": 2.2, "gains": gains, "r": 2, "eta0": eta0, "t_end": END, "step": STEP}
+    common: dict[str, Any] = {"theta": 2.2, "gains": gains, "r": 2, "eta0": eta0, "t_end": END, "step": STEP}
     model = replace(VAN_DER_POL, xhat0=[0.0, 0.0])
     options = common | scenario.options | {"output_times": result.time}
     plain = plainly(model.f, model.h, model.copy, model.x0, model.xhat0, **options)
@@ -438,10 +445,10 @@ def test_initial_filter_state_gains_and_theta(name, tmp_path):
 
 
 @pytest.mark.parametrize("is_sampled", [False, True])
-def test_jumping_input(is_sampled, tmp_path):
+def test_jumping_input(is_sampled: bool, tmp_path: Path) -> None:
     """From jump to jump by the plain simulator, started again each time; a sample arrives at every jump."""
 
-    def field(u):
+    def field(u: float) -> Field:
         return lambda t, x: van_der_pol_copy(t, x) + np.array([0.0, u])
 
     block = {
@@ -457,13 +464,13 @@ def test_jumping_input(is_sampled, tmp_path):
     time = {"end": END, "output_step": 0.05}
     result = run(tmp_path, configuration(model, measurement, time=time))
     for label, r in [("S", 0), ("F0", 0), ("F1", 1), ("F2", 2), ("F3", 3)]:
-        x, xhat, eta = model.x0, model.xhat0, np.zeros(r)
+        x, xhat, eta = np.array(model.x0), np.array(model.xhat0), np.zeros(r)
         for piece in range(5):
             t0, t1, u = 0.6 * piece, 0.6 * (piece + 1), (-1.0) ** piece
             rows = slice(12 * piece, 12 * piece + 13)
-            options = {"theta": THETA, "gains": 1.0, "step": STEP, "t0": t0, "t_end": t1, "eta0": eta}
+            options: dict[str, Any] = {"theta": THETA, "gains": 1.0, "step": STEP, "t0": t0, "t_end": t1, "eta0": eta}
             arrivals = t0 + period * np.arange(4)
-            seen = {"sampling": arrivals, "noise": sine(arrivals)} if is_sampled else {"noise": sine}
+            seen = {"sampling": arrivals, "noise": [sine(t) for t in arrivals]} if is_sampled else {"noise": sine}
             options |= seen | {"output_times": np.clip(result.time[rows], t0, t1)}
             plain = plainly(field(u), model.h, field(u), x, xhat, r=r, **options)
             np.testing.assert_allclose(result.x[rows], plain["x"], rtol=0, atol=CLOSE)
@@ -471,7 +478,7 @@ def test_jumping_input(is_sampled, tmp_path):
             x, xhat, eta = plain["x"][-1], plain["xhat"][-1], plain["eta"][-1]
 
 
-def test_two_outputs_of_two_separate_plants(tmp_path):
+def test_two_outputs_of_two_separate_plants(tmp_path: Path) -> None:
     """Each output has its own measurement; an observer of both is two observers of one."""
     block = {
         "states": ["a1", "a2", "b1", "b2", "b3"],
@@ -495,14 +502,14 @@ def test_two_outputs_of_two_separate_plants(tmp_path):
     # All steps land on the events of both; those that the delay repeats, the plain simulator finds by itself.
     all_events = prepared(tmp_path, config).schedule.events
     samples = [*IRREGULAR, *(t - mixed(t) for t in IRREGULAR)]
-    late = {"delay": lambda t: 0.25 + 0.1 * np.sin(2 * t), "noise": sine, "events": samples}
+    late: dict[str, Any] = {"delay": lambda t: 0.25 + 0.1 * np.sin(2 * t), "noise": sine, "events": samples}
     parts = [
         (first, slice(0, 2), 0, sampled(IRREGULAR, delay=mixed, events=all_events)),
         (second, slice(2, 5), 1, late),
     ]
     for part, states, column, options in parts:
         for label, r in [("S", 0), ("F1", 1), ("F2", 2), ("F3", 3)]:
-            common = {"theta": THETA, "gains": 1.0, "t_end": END, "step": STEP, "r": r}
+            common: dict[str, Any] = {"theta": THETA, "gains": 1.0, "t_end": END, "step": STEP, "r": r}
             common |= options | {"output_times": result.time}
             plain = plainly(part.f, part.h, part.copy, part.x0, part.xhat0, **common)
             found = result.observers[label]
@@ -522,7 +529,9 @@ def test_two_outputs_of_two_separate_plants(tmp_path):
     [{"noise": SINE}, PERIODIC | {"delay": MIXED}, {"delay": "0.25 + 0.1*sin(2*t)", "noise": SINE}],
     ids=["continuous", "sampled", "delayed"],
 )
-def test_canonical_coordinates_are_the_original_ones_seen_through_the_map(measurement, tmp_path):
+def test_canonical_coordinates_are_the_original_ones_seen_through_the_map(
+    measurement: dict[str, Any], tmp_path: Path
+) -> None:
     config = configuration(CONTOIS, measurement, solver={"step": 0.002})
     original = run(tmp_path, config)
     for block in config["observers"].values():
@@ -532,7 +541,7 @@ def test_canonical_coordinates_are_the_original_ones_seen_through_the_map(measur
         np.testing.assert_allclose(found.xhat, original.observers[label].xhat, rtol=0, atol=1e-9)
 
 
-def test_recorded_continuous_measurements(tmp_path):
+def test_recorded_continuous_measurements(tmp_path: Path) -> None:
     """Of what time they speak, and the noisy value, on the output grid."""
     for name, scenario in SCENARIOS.items():
         if "sampling" in scenario.options:
@@ -552,7 +561,7 @@ def test_recorded_continuous_measurements(tmp_path):
         np.testing.assert_allclose(seen.y[:, 0], noisy, rtol=0, atol=1e-6, err_msg=name)
 
 
-def test_signal_to_noise_ratio(tmp_path):
+def test_signal_to_noise_ratio(tmp_path: Path) -> None:
     """20 dB: the variance of the noise is a hundredth of the mean square of the output over the run."""
     noise = [{"type": "gaussian", "snr_db": 20}]
     config = configuration(VAN_DER_POL, {"sampling": {"period": 0.2}, "noise": noise})
@@ -578,10 +587,10 @@ class Exact:
         self.pieces: list[Any] = []
         self.start = self.z
 
-    def split(self, z):
+    def split(self, z: Vector) -> tuple[Vector, Vector, Vector, Any]:
         return z[: self.n], z[self.n : 2 * self.n], z[2 * self.n : -1], z[-1]
 
-    def rates(self, t, z, e):
+    def rates(self, t: float, z: Vector, e: float) -> Vector:
         model, r = self.model, self.r
         x, xhat, eta, _ = self.split(z)
         kappa = THETA ** np.arange(1, self.n + 1) * self.gain[r:] * (eta[0] if r else e)
@@ -589,17 +598,17 @@ class Exact:
         eta_rate = THETA * (np.append(eta[1:], e) - self.gain[:r] * eta[0]) if r else []
         return np.concatenate([model.f(t, x), model.copy(t, xhat) - correction, eta_rate, [-kappa[0]]])
 
-    def past(self, t):
+    def past(self, t: float) -> Vector:
         """z(t), constant before the start."""
         if t <= 0 or not self.pieces:
             return self.start
         return next(p for p in reversed(self.pieces) if p.t_min <= t or p is self.pieces[0])(t)
 
-    def s_minus_y(self, t):
+    def s_minus_y(self, t: float) -> float:
         x, xhat, _, alpha = self.split(self.past(t))
         return self.model.h(xhat) - alpha - self.model.h(x)
 
-    def go(self, end, innovation):
+    def go(self, end: float, innovation: Callable[[float, Vector], float]) -> None:
         """On to ``end`` with e = innovation(t, z)."""
         piece = solve_ivp(
             lambda t, z: self.rates(t, z, innovation(t, z)),
@@ -613,31 +622,34 @@ class Exact:
         self.pieces.append(piece.sol)
         self.t, self.z = end, piece.y[:, -1]
 
-    def continuous(self, end, v):
-        def innovation(t, z):
+    def hold(self, end: float, held: float) -> None:
+        self.go(end, lambda t, z: held + z[-1])
+
+    def continuous(self, end: float, v: Callable[[float], float]) -> None:
+        def innovation(t: float, z: Vector) -> float:
             x, xhat, _, _ = self.split(z)
             return self.model.h(xhat) - self.model.h(x) - v(t)
 
         self.go(end, innovation)
 
-    def sampled(self, end, period, delay, v):
+    def sampled(self, end: float, period: float, delay: float, v: Callable[[float], float]) -> None:
         """Samples from now on."""
         count = round((end - self.t) / period)
         for arrival in self.t + period * np.arange(count):
             held = self.s_minus_y(arrival - delay) - v(arrival)
-            self.go(min(arrival + period, end), lambda t, z, held=held: held + z[-1])
+            self.hold(min(arrival + period, end), held)
 
-    def delayed(self, end, delay, v, stops):
+    def delayed(self, end: float, delay: float, v: Callable[[float], float], stops: Sequence[float]) -> None:
         """Constant delay; ``stops`` are no further apart than it."""
         for stop in [*stops, end]:
             self.go(stop, lambda t, z: self.s_minus_y(t - delay) + z[-1] - v(t))
 
-    def at(self, times):
+    def at(self, times: Vector) -> tuple[Vector, Vector, Vector]:
         x, xhat, eta, _ = self.split(np.array([self.past(t) for t in times]).T)
         return x.T, xhat.T, eta.T
 
 
-def assert_near(result, exact, label, tolerance):
+def assert_near(result: Result, exact: Exact, label: str, tolerance: float) -> None:
     x, xhat, eta = exact.at(result.time)
     found = result.observers[label]
     np.testing.assert_allclose(result.x, x, rtol=0, atol=tolerance)
@@ -651,7 +663,7 @@ PRECISE = {"method": "dopri5", "rtol": 1e-10, "atol": 1e-12}
 
 @pytest.mark.parametrize("model", [VAN_DER_POL, CONTOIS, CURVED_OUTPUT], ids=["vdp", "contois", "curved"])
 @pytest.mark.parametrize("is_sampled", [False, True])
-def test_adaptive_steps_against_dop853(model, is_sampled, tmp_path):
+def test_adaptive_steps_against_dop853(model: Model, is_sampled: bool, tmp_path: Path) -> None:
     measurement = {"sampling": {"period": 0.5}, "noise": SINE} if is_sampled else {"noise": SINE}
     result = run(tmp_path, configuration(model, measurement, solver=PRECISE))
     for label, r in [("S", 0), ("F1", 1), ("F2", 2), ("F3", 3)]:
@@ -665,7 +677,7 @@ def test_adaptive_steps_against_dop853(model, is_sampled, tmp_path):
 
 @pytest.mark.parametrize("solver", [PRECISE, {"step": 0.002}], ids=["dopri5", "rk4"])
 @pytest.mark.parametrize("model", [VAN_DER_POL, CONTOIS], ids=["vdp", "contois"])
-def test_phases(model, solver, tmp_path):
+def test_phases(model: Model, solver: dict[str, Any], tmp_path: Path) -> None:
     """Continuous, then sampled and late, then continuous and late, then sampled again: the past is one."""
     phases = [
         {"until": 0.8, "sampling": "continuous", "delay": 0},
@@ -683,7 +695,7 @@ def test_phases(model, solver, tmp_path):
         assert_near(result, exact, label, 1e-8)
 
 
-def test_phases_begin_in_silence(tmp_path):
+def test_phases_begin_in_silence(tmp_path: Path) -> None:
     """A sampled phase after a continuous one has no innovation until its first sample."""
     phases = [{"until": 1, "noise": SINE}, {"until": END, "sampling": {"times": [1.5, 2.0]}, "noise": SINE}]
     result = run(tmp_path, configuration(VAN_DER_POL, {"phases": phases}, solver={"step": 0.002}))
@@ -693,22 +705,26 @@ def test_phases_begin_in_silence(tmp_path):
         exact.go(1.5, lambda t, z: 0.0)
         exact.sampled(2.5, 0.5, 0.0, sine)
         held = exact.s_minus_y(2.0) - sine(2.0)
-        exact.go(END, lambda t, z, held=held: held + z[-1])
+        exact.hold(END, held)
         assert_near(result, exact, label, 1e-8)
 
 
 @pytest.mark.parametrize("solver", [PRECISE, {"step": 0.005}], ids=["dopri5", "rk4"])
-def test_delay_that_grows_from_zero(solver, tmp_path):
+def test_delay_that_grows_from_zero(solver: dict[str, Any], tmp_path: Path) -> None:
     """d = 0.2 t looks into the step being made. The reference: passes, each told the past by the last."""
     config = configuration(VAN_DER_POL, {"delay": "0.2*t", "noise": SINE}, solver=solver)
     config["time"] = {"end": 1.5, "output_step": 0.037}
     result = run(tmp_path, config)
+
+    def told_by(earlier: Exact) -> Callable[[float, Vector], float]:
+        return lambda t, z: earlier.s_minus_y(0.8 * t) + z[-1] - sine(t)
+
     for label, r in [("S", 0), ("F2", 2)]:
         earlier = Exact(VAN_DER_POL, r)
         earlier.continuous(1.5, sine)
         for _ in range(14):
             exact = Exact(VAN_DER_POL, r)
-            exact.go(1.5, lambda t, z, past=earlier: past.s_minus_y(0.8 * t) + z[-1] - sine(t))
+            exact.go(1.5, told_by(earlier))
             earlier = exact
         assert_near(result, exact, label, 1e-8)
 
@@ -717,7 +733,7 @@ def test_delay_that_grows_from_zero(solver, tmp_path):
     "delay",
     ["0.1*(1 - cos(2*t))", "0.15 + 0.15*sin(2*t)", "0.3*abs(sin(2*t))", "max(0, 0.3*sin(2*t))", "0.0004"],
 )
-def test_vanishing_delay_against_a_finer_step(delay, tmp_path):
+def test_vanishing_delay_against_a_finer_step(delay: Any, tmp_path: Path) -> None:
     config = configuration(VAN_DER_POL, {"delay": delay, "noise": SINE})
     coarse = run(tmp_path, config, "solver.step=0.01")
     fine = run(tmp_path, config, "solver.step=0.001")
@@ -735,10 +751,10 @@ def gap(a: Result, b: Result) -> float:
     return max(float(np.abs(a.observers[k].xhat - b.observers[k].xhat).max()) for k in a.observers)
 
 
-def test_a_phase_begins_at_an_event_that_is_a_rounding_error_earlier(tmp_path):
+def test_a_phase_begins_at_an_event_that_is_a_rounding_error_earlier(tmp_path: Path) -> None:
     """1.4 - 0.8 < 0.6: the sample that arrives at 1.4 was taken just before the phase change at 0.6."""
 
-    def config(delay):
+    def config(delay: float) -> dict[str, Any]:
         second = {"until": END, "sampling": {"period": 0.2}, "delay": delay, "noise": SINE}
         return configuration(VAN_DER_POL, {"phases": [{"until": 0.6, "noise": SINE}, second]})
 
@@ -746,19 +762,19 @@ def test_a_phase_begins_at_an_event_that_is_a_rounding_error_earlier(tmp_path):
     assert gap(run(tmp_path, config(0.8)), run(tmp_path, config(0.8 - 1e-8))) < 1e-6
 
 
-def test_the_first_sample_arrives_a_rounding_error_after_an_event(tmp_path):
+def test_the_first_sample_arrives_a_rounding_error_after_an_event(tmp_path: Path) -> None:
     """0.1 + 0.2 > 0.3, where the disturbance has a kink."""
     disturbance = {"x2": "0.2*abs(0.3 - t)"}
     model = replace(VAN_DER_POL, block=VAN_DER_POL.block | {"disturbance": disturbance})
 
-    def config(offset):
+    def config(offset: float | str) -> dict[str, Any]:
         return configuration(model, {"sampling": {"period": 1, "offset": offset}})
 
     assert gap(run(tmp_path, config("0.1+0.2")), run(tmp_path, config(0.3 + 1e-8))) < 1e-6
 
 
-def test_a_listed_sample_at_the_beginning_of_a_phase_belongs_to_it(tmp_path):
-    def times(until):
+def test_a_listed_sample_at_the_beginning_of_a_phase_belongs_to_it(tmp_path: Path) -> None:
+    def times(until: str) -> Vector:
         phases = [{"until": until}, {"until": END, "sampling": {"times": [0.6, 1.6]}}]
         return run(tmp_path, configuration(VAN_DER_POL, {"phases": phases})).measurements.time
 
@@ -766,7 +782,7 @@ def test_a_listed_sample_at_the_beginning_of_a_phase_belongs_to_it(tmp_path):
     np.testing.assert_allclose(times("0.1*6")[-2:], [0.6, 1.6], rtol=0, atol=1e-15)
 
 
-def test_a_jump_that_rounding_moves_off_its_event(tmp_path):
+def test_a_jump_that_rounding_moves_off_its_event(tmp_path: Path) -> None:
     """sin(pi (t + 1000)) changes sign some hundred ulp beside the integers, where samples arrive."""
     block = {"type": "integrator_chain", "n": 2, "phi": "u", "initial": {"x1": 0, "x2": 0}}
     block["inputs"] = {"u": "sign(sin(pi*(t + 1000)))"}

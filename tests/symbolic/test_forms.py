@@ -44,7 +44,7 @@ def test_the_state_is_found_again_from_the_derivatives_of_the_output(block: Bloc
 def test_with_an_input_the_derivatives_are_those_along_the_trajectory() -> None:
     """y = a^3 + 3 a, a' = b + u, b' = -a + u': written out by hand."""
     model = model_of(inline({"a": "b + u", "b": "-a"}, "a**3 + 3*a", inputs={"u": "sin(t)"}))
-    Phi = reconstruction(model, (0, 1), [np.array([0.5, 0.4])], np.zeros(0))
+    Phi = reconstruction(model, (0, 1), [np.array([0.5, 0.4])], np.zeros(0)).function
     a, b, u, du = 0.6, -0.3, 0.25, 1.5
     Y = [a**3 + 3 * a, (3 * a**2 + 3) * (b + u)]
     np.testing.assert_allclose(numbers(Phi(0, Y, ca.DM([[u, du]]), [], [0.4, 0.0])), [a, b], rtol=1e-12)

@@ -65,7 +65,9 @@ def test_no_value_lies_outside(text: str, corners: tuple[float, float, float, fl
         ("x**3 - x", ((-1.0, 1.0), (0, 0)), 2 / 3**1.5),
     ],
 )
-def test_cutting_a_box_finds_the_largest_value(text: str, box: tuple, expected: float) -> None:
+def test_cutting_a_box_finds_the_largest_value(
+    text: str, box: tuple[tuple[float, float], ...], expected: float
+) -> None:
     low, high = (np.array(side, dtype=float) for side in zip(*box, strict=True))
     found = largest(function(text), low, high)
     assert found.reached <= expected * (1 + 1e-12)

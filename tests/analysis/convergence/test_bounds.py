@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from examples import chain, experiment
+from examples import chain, experiment, said
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import brentq
@@ -70,21 +70,21 @@ def test_sufficient_and_exact_delays_of_a_chain(r: int, exact: float, bound: flo
 
 def test_theta_bound_by_hand() -> None:
     """phi_2 = L sin x_2: c_1 = L; phi_2 = L x_1: c_1 = L/theta, so that theta^2 = L/beta."""
-    found = analyze(second_order("3*sin(x2)")).observers["observer"].values
+    found = said(analyze(second_order("3*sin(x2)")).observers["observer"])
     assert found["lipschitz"] == pytest.approx(3, rel=0.02)
     assert found["theta_bound"] == pytest.approx(found["lipschitz"] / BETA, rel=1e-9)
     assert found["theta_bound_printed"] == pytest.approx(2 * found["lipschitz"] / BETA, rel=1e-9)
-    found = analyze(second_order("-3*x1")).observers["observer"].values
+    found = said(analyze(second_order("-3*x1")).observers["observer"])
     assert found["lipschitz"] == 3
     assert found["theta_bound"] == pytest.approx(np.sqrt(3 / BETA), rel=1e-9)
-    found = analyze(second_order("0")).observers["observer"].values
+    found = said(analyze(second_order("0")).observers["observer"])
     assert (found["lipschitz"], found["theta_bound"]) == (0, 1)
 
 
 def test_delay_bound_and_rate_by_hand() -> None:
     d = 1e-5
     found = analyze(second_order("-3*x1", sampling={"period": 4e-6}, delay=6e-6)).observers["observer"]
-    values, theta, L = found.values, 100, 3
+    values, theta, L = said(found), 100, 3
     assert (values["beta"], values["chi"]) == pytest.approx((BETA, CHI), rel=1e-12)
     assert values["delay_max"] == pytest.approx(d, rel=1e-9)
     assert values["delay_bound"] == pytest.approx(BETA / (CHI * (L + theta)), rel=1e-12)

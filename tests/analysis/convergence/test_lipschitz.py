@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from examples import experiment
+from examples import experiment, said
 
 from hgorun import Experiment
 from hgorun.analysis.convergence.charts import chart_of
@@ -48,12 +48,12 @@ def test_each_slope_and_its_norms() -> None:
 
 def test_the_box_follows_the_saturation_or_the_run() -> None:
     plant = inline(2, x1="x2", x2="-x1**3")
-    values = found(plant, {"type": "shgo", "theta": 5, "saturation": {"x1": [-2, 2]}}).values
+    values = said(found(plant, {"type": "shgo", "theta": 5, "saturation": {"x1": [-2, 2]}}))
     assert values["lipschitz"] == pytest.approx(12, rel=0.011)
     assert values["lipschitz"] >= 12
     assert values["lipschitz_box"]["x1"] == [-2, 2]
     assert "saturation of x1" in values["lipschitz_region"]
-    free = found(plant, {"type": "shgo", "theta": 5}).values
+    free = said(found(plant, {"type": "shgo", "theta": 5}))
     low, high = free["lipschitz_box"]["x1"]
     assert free["lipschitz"] == pytest.approx(3 * max(low**2, high**2), rel=0.011)
     assert free["lipschitz_reached"] <= free["lipschitz"]
@@ -71,14 +71,14 @@ def test_jumps_are_said() -> None:
 
 def test_inputs_are_enclosed() -> None:
     plant = inline(2, x1="x2", x2="-u*x1") | {"inputs": {"u": "2 + sin(7*t)"}}
-    values = found(plant, {"type": "shgo", "theta": 5}).values
+    values = said(found(plant, {"type": "shgo", "theta": 5}))
     assert values["lipschitz"] == pytest.approx(3, rel=0.02)
     assert values["lipschitz"] >= 3
 
 
 def test_a_linear_map_of_states() -> None:
     """x1' = 2 x2, x2' = -x1 - x2, y = x1: z = (x1, 2 x2), z2' = -2 z1 - z2."""
-    values = found(inline(2, x1="2*x2", x2="-x1 - x2"), {"type": "shgo", "theta": 5}).values
+    values = said(found(inline(2, x1="2*x2", x2="-x1 - x2"), {"type": "shgo", "theta": 5}))
     assert values["lipschitz_kind"] == "interval over box"
     assert values["lipschitz"] == pytest.approx(2, rel=1e-9)
     assert list(values["lipschitz_box"]) == ["z1", "z2"]
@@ -87,7 +87,7 @@ def test_a_linear_map_of_states() -> None:
 def test_a_map_without_an_inverse_is_followed_along_the_run() -> None:
     """x1' = x2 + x2^3 + 1: z2 = x1', z2' = -(1 + 3 x2^2) x2, whose slope to z2 is -1 - 6 x2^2/(1 + 3 x2^2)."""
     plant = inline(2, x1="x2 + x2**3 + 1", x2="-x2")
-    values = found(plant, {"type": "shgo", "theta": 5, "initial": {"x1": 0.4, "x2": 0.6}}).values
+    values = said(found(plant, {"type": "shgo", "theta": 5, "initial": {"x1": 0.4, "x2": 0.6}}))
     assert values["lipschitz_kind"] == "interval along run"
     exact = 1 + 6 * 0.6**2 / (1 + 3 * 0.6**2)
     assert values["lipschitz_reached"] <= values["lipschitz"]
@@ -114,6 +114,7 @@ def test_slopes_between_truth_and_estimate_agree_with_the_box() -> None:
     assert np.all(own[np.tril_indices(2)] >= 0.2 * met[np.tril_indices(2)])
 
 
+@pytest.mark.slow
 def test_contois_in_the_thesis() -> None:
     """z1' = z2 - D z1: the slope mu of the dilution, and a bound for the other row."""
     import hgorun
@@ -121,9 +122,9 @@ def test_contois_in_the_thesis() -> None:
     path = next(file for name, file in experiments().items() if name.endswith("contois_te025"))
     observers = analyze(hgorun.load(path)).observers
     for of in observers.values():
-        assert of.values["lipschitz_kind"] == "interval along run"
-        assert 1.064 <= of.values["lipschitz_reached"] <= of.values["lipschitz"] < 10
-        assert of.values["theta_bound"] > of.values["theta"]
+        assert said(of)["lipschitz_kind"] == "interval along run"
+        assert 1.064 <= said(of)["lipschitz_reached"] <= said(of)["lipschitz"] < 10
+        assert said(of)["theta_bound"] > said(of)["theta"]
 
 
 def test_triangular_charts_know_their_coordinates() -> None:
@@ -148,8 +149,8 @@ def test_triangular_charts_know_their_coordinates() -> None:
     x = np.array([[3, 1.7, 0.03]])
     assert np.allclose(chart.image(x), [[3, 1 / 1.7, 1 / 0.05]])
     of = analyze(made).observers["observer"]
-    assert of.values["lipschitz"] > 0
-    assert of.values["peaking"]["z1"] >= 0.5
+    assert said(of)["lipschitz"] > 0
+    assert said(of)["peaking"]["z1"] >= 0.5
 
 
 def test_what_is_not_affine_is_refused() -> None:

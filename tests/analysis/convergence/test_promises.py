@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from examples import findings
+from examples import findings, said
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -97,7 +97,7 @@ def promised(config: dict[str, Any], factor: float, span: float) -> tuple[Findin
         found, transient = analysed(config)
         if transient is not None and transient.holds:
             break
-        limit = max(limit, found.values["theta_bound"])
+        limit = max(limit, said(found)["theta_bound"])
     return found, transient
 
 
@@ -109,13 +109,13 @@ def assert_bounded(found: Findings, transient: Transient | None) -> None:
     assert np.all(np.diff(transient.bound, axis=0) <= 0)
     assert np.all(transient.bound[-1] < transient.bound[0])
     for column, name in zip(transient.bound.T, transient.names, strict=True):
-        law, since = found.values["peaking_law"][name], transient.time - transient.time[0]
+        law, since = said(found)["peaking_law"][name], transient.time - transient.time[0]
         assert np.allclose(column, law["start"] * np.exp(-law["rate"] * since) + law["rest"], rtol=1e-9)
 
 
 def assert_near(found: Findings, transient: Transient | None) -> None:
     """Without noise: (3.34) to the letter, and the sharp bound no wall far away."""
-    values = found.values
+    values = said(found)
     assert transient is not None
     theta, span = values["theta"], transient.time[-1] - transient.time[0]
     start = np.linalg.norm(transient.error[0])
@@ -128,7 +128,7 @@ def assert_near(found: Findings, transient: Transient | None) -> None:
 
 
 @pytest.mark.parametrize(("kind", "r"), OBSERVERS)
-@settings(max_examples=5, deadline=None)
+@settings(max_examples=5)
 @given(seed=seeds, n=st.integers(2, 4), noisy=st.booleans())
 def test_no_error_is_above_its_bound(kind: str, r: int, seed: int, n: int, noisy: bool) -> None:
     rng = np.random.default_rng(seed)
@@ -143,7 +143,7 @@ def test_no_error_is_above_its_bound(kind: str, r: int, seed: int, n: int, noisy
 
 
 @pytest.mark.parametrize(("kind", "r"), [("shgo", 0), ("fhgo2", 1)])
-@settings(max_examples=4, deadline=None)
+@settings(max_examples=4)
 @given(seed=seeds, noisy=st.booleans(), sampled=st.booleans())
 def test_no_error_is_above_its_bound_with_late_outputs(
     kind: str, r: int, seed: int, noisy: bool, sampled: bool
@@ -155,16 +155,16 @@ def test_no_error_is_above_its_bound_with_late_outputs(
     if noisy:
         with_noise(config, 2)
     found, _ = promised(config, 1.5, 2)
-    late = 0.9 * found.values["delay_bound"]
+    late = 0.9 * said(found)["delay_bound"]
     config["measurement"] |= {"sampling": {"period": 0.6 * late}, "delay": 0.4 * late} if sampled else {"delay": late}
     found, transient = analysed(config)
-    assert found.values["delay_max"] == pytest.approx(late, rel=1e-6)
-    assert 0 < found.values["eta_theta"] < found.values["beta"] * found.values["theta"]
+    assert said(found)["delay_max"] == pytest.approx(late, rel=1e-6)
+    assert 0 < said(found)["eta_theta"] < said(found)["beta"] * said(found)["theta"]
     assert_bounded(found, transient)
 
 
 @pytest.mark.parametrize(("kind", "r"), [("shgo", 0), ("fhgo2", 2), ("treangle", 0)])
-@settings(max_examples=5, deadline=None)
+@settings(max_examples=5)
 @given(seed=seeds, noisy=st.booleans())
 def test_a_coarse_output_grid_hides_no_slope(kind: str, r: int, seed: int, noisy: bool) -> None:
     """The peak lies between two points: the box is that of the bound, which holds the peak."""
@@ -177,7 +177,7 @@ def test_a_coarse_output_grid_hides_no_slope(kind: str, r: int, seed: int, noisy
     coarse, coarse_transient = analysed(config)
     assert coarse_transient is not None
     assert fine_transient is not None
-    assert coarse.values["lipschitz"] >= fine.values["lipschitz_reached"] * (1 - 1e-9)
+    assert said(coarse)["lipschitz"] >= said(fine)["lipschitz_reached"] * (1 - 1e-9)
     assert any("too coarse" in remark for remark in coarse.remarks)
     if coarse_transient.holds:
         assert np.all(fine_transient.error[::250] <= coarse_transient.sharp)
@@ -197,8 +197,8 @@ def test_slopes_that_grow_are_found_beyond_a_coarse_grid() -> None:
         },
         "observers": {"observer": {"type": "shgo", "theta": 50}},
     }
-    coarse = analysed(config)[0].values
+    coarse = said(analysed(config)[0])
     config["time"] = {"end": 1, "output_step": 0.001}
-    fine = analysed(config)[0].values
+    fine = said(analysed(config)[0])
     assert fine["lipschitz_reached"] > 10
     assert coarse["lipschitz"] >= fine["lipschitz"]

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from examples import findings
+from examples import findings, said
 
 import hgorun
 from hgorun.analysis.noise.responses import frequency_responses
@@ -43,7 +43,7 @@ def test_the_response_is_the_transfer_function(context: Context) -> None:
 
 
 def test_the_findings_are_its_numbers(context: Context) -> None:
-    values = analysis_of(context.run, context.result, findings("noise")).observers["A"].values
+    values = said(analysis_of(context.run, context.result, findings("noise")).observers["A"])
     amplitude = 0.5 * transfer(np.array([40.0]))[0]
     assert list(values["noise_amplitude"].values()) == pytest.approx(amplitude, rel=1e-9)
     for key in ("noise_rms_predicted", "noise_rms_measured"):

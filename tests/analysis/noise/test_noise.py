@@ -159,6 +159,6 @@ def test_prediction_is_the_difference_to_the_run_without_noise(measurement: dict
     experiment = hgorun.Experiment(config, name="test")
     noise_free = hgorun.simulate(without_noise(experiment))
     run, result = prepare(experiment), hgorun.simulate(experiment)
-    for label in config["observers"]:
+    for label in result.observers:
         predicted = predicted_noise(run, label, noise_free)
         np.testing.assert_allclose(predicted, measured_noise(result, noise_free, label), rtol=0.01)

@@ -1,13 +1,17 @@
 """Noise of observers that jump at the samples, predicted along a run, against the run minus its noise_free."""
 
 import pytest
+from outside import code_of
 
 import hgorun
 from hgorun.analysis.noise.prediction import measured_noise, predicted_noise, without_noise
+from hgorun.analysis.reasons import NoValue
+from hgorun.observers.base import OBSERVERS
 from hgorun.reproduce.shipped import folder
 from hgorun.simulation.simulate import perform, prepare, simulate
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("file", "name", "settings", "states", "within"),
     [
@@ -28,3 +32,19 @@ def test_within_one_percent(file: str, name: str, settings: list[str], states: t
         for state in states:
             i = result.states.index(state)
             assert predicted[i] == pytest.approx(measured[i], rel=within), (label, state)
+
+
+def test_an_observer_that_flows_between_its_jumps_gets_a_reason_and_no_number() -> None:
+    names: dict[str, type] = {}
+    exec(code_of("extending.md", 'observer("ekf")').replace('@observer("ekf")\n', ""), names)
+    config = {
+        "time": {"end": 2, "output_step": 0.1},
+        "plant": {"type": "integrator_chain", "n": 2, "phi": "-x1", "initial": {"x1": 1, "x2": 0}},
+        "measurement": {"sampling": {"period": 0.1}, "noise": [{"type": "gaussian", "std": 0.02}]},
+        "observers": {"o": {"type": "ekf"}},
+    }
+    with OBSERVERS.replaced("ekf", names["ExtendedKalman"]):
+        experiment = hgorun.Experiment(config)
+        run = prepare(experiment)
+        with pytest.raises(NoValue, match="flows between its jumps"):
+            predicted_noise(run, "o", simulate(without_noise(experiment)), perform(run))

@@ -4,14 +4,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from examples import VAN_DER_POL, chain, experiment, inline
+from examples import VAN_DER_POL, Block, chain, experiment, inline
 
 from hgorun import Experiment
 from hgorun.analysis.papers.katayama import KatayamaConditions, katayama_conditions
 from hgorun.analysis.reasons import NoValue
 from hgorun.simulation.simulate import perform, prepare
 
-OBSERVERS = {"k": {"type": "reduced_sampled", "H": 0.5}, "d": {"type": "deadbeat"}}
+OBSERVERS: dict[str, Block] = {"k": {"type": "reduced_sampled", "H": 0.5}, "d": {"type": "deadbeat"}}
 
 
 def conditions(config: Experiment, label: str) -> KatayamaConditions:
@@ -34,7 +34,7 @@ def example(period: float, noise: str | None = "0.2*sin(10*t)", observers: dict[
 def test_where_the_bounds_are_reached(slope: float) -> None:
     """x' = z, z' = 0 and n = slope t: Psi is wrong by the slope, and so is z in the end, for both observers."""
     measurement = {"sampling": {"period": 0.1}, "noise": [{"type": "expression", "value": f"{slope}*t"}]}
-    observers = {"k": {"type": "reduced_sampled", "H": 1.5}, "d": {"type": "deadbeat"}}
+    observers: dict[str, Block] = {"k": {"type": "reduced_sampled", "H": 1.5}, "d": {"type": "deadbeat"}}
     config = experiment(chain(2, start=[1, 2]), observers, end=50, measurement=measurement)
     for label in ("k", "d"):
         found = conditions(config, label)

@@ -194,17 +194,16 @@ def test_growth_along_a_trajectory_is_that_of_the_one_system() -> None:
     run = prepared({"o": {"type": "fhgo2", "theta": 2, "r": 1}}, end=30)
     one = error_system(run, "o", nominal(run))
     assert one.constant
-    many = replace(
-        one,
-        times=np.linspace(0, 20, 101),
-        **{name: np.repeat(getattr(one, name), 101, axis=0) for name in ("A0", "E", "H", "K0", "K")},
-    )
+    matrices: dict[str, Any] = {
+        name: np.repeat(getattr(one, name), 101, axis=0) for name in ("A0", "E", "H", "K0", "K")
+    }
+    many = replace(one, times=np.linspace(0, 20, 101), **matrices)
     for T, d in ((0.3, 0.0), (1.0, 0.25), (0.2, 0.5), (2.0, 0.0)):
         assert growth(many, T, d) == pytest.approx(growth(one, T, d), abs=1e-6)
 
 
 def test_discrete_observers() -> None:
-    observers = {"k": {"type": "reduced_sampled", "H": 0.5}, "d": {"type": "deadbeat"}}
+    observers: dict[str, Block] = {"k": {"type": "reduced_sampled", "H": 0.5}, "d": {"type": "deadbeat"}}
     run = prepared(observers, VAN_DER_POL, measurement={"sampling": {"period": 0.1}})
     assert own_period(run, "k") == 4.0
     with pytest.raises(NoValue, match="no period"):
