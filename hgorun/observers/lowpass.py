@@ -68,8 +68,8 @@ class LowPassObserver(FilterOrder, ConstantGain):
             filtered = (B(r).T @ s.eta).T
             derivatives["eta"] = k.theta / k.rho * ((A(r).T - ca.DM.eye(r)) @ s.eta + C(r).T @ e.T)
         kappa = k.theta * plant.inv_Delta(k.theta) @ (k.G * plant.along_chains(filtered))
-        derivatives["xhat"] = plant.copy(s.xhat) - plant.lift(s.xhat, kappa)
-        return Flow(derivatives, correction=plant.heads(kappa))
+        derivatives["xhat"] = plant.copy(s.xhat) - plant.lift(s.xhat, kappa, k.theta)
+        return Flow(derivatives, correction=plant.felt(s.xhat, kappa, k.theta))
 
     def fastest_rate(self, form: CanonicalForm) -> float:
         spectra = [np.linalg.eigvals(F(self.rho, self.r, self.gain(length))) for length in form.chains]

@@ -38,8 +38,8 @@ class StandardObserver(ConstantGain):
     def equations(self, plant: PlantCopy, s: Symbols, e: ca.SX, k: Symbols) -> Flow:
         kappa = k.theta * plant.inv_Delta(k.theta) @ (k.G * plant.along_chains(e))
         return Flow(
-            {"xhat": plant.copy(s.xhat) - plant.lift(s.xhat, kappa)},
-            correction=plant.heads(kappa),
+            {"xhat": plant.copy(s.xhat) - plant.lift(s.xhat, kappa, k.theta)},
+            correction=plant.felt(s.xhat, kappa, k.theta),
         )
 
     def fastest_rate(self, form: CanonicalForm) -> float:
