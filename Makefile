@@ -36,7 +36,7 @@ test-lowest: $(LOWEST)/.installed
 
 coverage: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest --cov --cov-report=json $(ARGS)
-	$(BIN)/python tools/coverage_floor.py coverage.json
+	$(BIN)/python tools/coverage_floor.py coverage.json $(FLOORS)
 
 bench: $(VENV)/.installed-dev
 	$(BIN)/python tests/benchmarks/bench.py $(ARGS)

@@ -9,7 +9,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import MISSING, Field, fields
 from inspect import Parameter, Signature, getdoc
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
@@ -52,13 +52,11 @@ def _command(name: str, record: type[Options]) -> Callable[[Callable[[Options], 
             given = {name: value for name, value in values.items() if value is not None}
             raise typer.Exit(function(record(**given)))
 
-        types = get_type_hints(record, include_extras=True)
         parameters = [
-            Parameter(f.name, Parameter.KEYWORD_ONLY, default=_default(f), annotation=types[f.name])
-            for f in fields(record)
+            Parameter(f.name, Parameter.KEYWORD_ONLY, default=_default(f), annotation=f.type) for f in fields(record)
         ]
         run.__dict__["__signature__"] = Signature(parameters)  # what typer reads
-        run.__annotations__ = types
+        run.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
         app.command(name, help=getdoc(record))(run)
 
     return add

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
-from typing import Any
 
 import numpy as np
 
 from hgorun.analysis.reasons import NoValue
 from hgorun.errors import HgorunError
+from hgorun.measurement.blocks import noise_blocks
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.simulate import simulate
 
@@ -57,11 +57,10 @@ def smallest(works: Callable[[float], bool], theta: float) -> float:
     return good
 
 
-def works(config: dict[str, Any], label: str, theta: float) -> bool:
+def works(experiment: Experiment, label: str, theta: float) -> bool:
     """Whether the observer finds the state in a run of its own."""
-    observer = config["observers"][label] | {"theta": theta}
     try:
-        result = simulate(Experiment(config | {"observers": {label: observer}}))
+        result = simulate(experiment.varied({f"observers.{label}.theta": theta}))
     except HgorunError:  # a run that would take forever, or a gain beyond double precision
         return False
     error = np.abs(result.observers[label].xhat - result.x)
@@ -71,19 +70,8 @@ def works(config: dict[str, Any], label: str, theta: float) -> bool:
     return bool(np.all(np.max(last, axis=0) <= _LEFT * np.linalg.norm(error[0])))
 
 
-def _quiet(experiment: Experiment, label: str) -> dict[str, Any]:
-    """The configuration without noise and disturbance, with one observer."""
-    config = experiment.resolved()
-    plant = {key: value for key, value in config["plant"].items() if key != "disturbance"}
-    kept = ("time", "solver", "seed")
-    return {key: config[key] for key in kept if key in config} | {
-        "plant": plant,
-        "measurement": _without_noise(config.get("measurement", {})),
-        "observers": {label: config["observers"][label]},
-    }
-
-
-def _without_noise(block: Any) -> Any:
-    if isinstance(block, Mapping):
-        return {key: _without_noise(value) for key, value in block.items() if key != "noise"}
-    return [_without_noise(part) for part in block] if isinstance(block, list) else block
+def _quiet(experiment: Experiment, label: str) -> Experiment:
+    """The experiment without noise and disturbance, with one observer."""
+    left_out = ["plant.disturbance", "metrics", *(path for path, _ in noise_blocks(experiment.measurement))]
+    left_out += [f"observers.{other}" for other in experiment.observers if other != label]
+    return experiment.varied(dict.fromkeys(left_out))

@@ -1,9 +1,7 @@
 """The options of each command, written once: the command line makes its parameters and its help from them.
 
-Only typer is imported here, so that help comes at once.
+Only typer is imported here, so that help comes at once; annotations are not put off, for the command line reads them.
 """
-
-from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, SerializeAsAny, model_validator
@@ -108,3 +109,15 @@ class Measurement(Availability):
 
     outputs: dict[Name, Availability] = Field(default_factory=dict, description="overrides for single outputs")
     phases: tuple[Phase, ...] = Field(default=(), description="one after the other in time")
+
+
+def noise_blocks(measurement: Measurement) -> Iterator[tuple[str, tuple[Noise, ...]]]:
+    """Where noise is given in a configuration, of all outputs and of single ones: paths, and what stands there."""
+    blocks: list[tuple[str, Measurement | Phase]] = [("measurement", measurement)]
+    blocks += [(f"measurement.phases.{i}", phase) for i, phase in enumerate(measurement.phases)]
+    for path, block in blocks:
+        if block.noise is not None:
+            yield f"{path}.noise", block.noise
+        for name, output in block.outputs.items():
+            if output.noise is not None:
+                yield f"{path}.outputs.{name}.noise", output.noise

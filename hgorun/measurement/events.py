@@ -16,6 +16,7 @@ import numpy as np
 
 from hgorun.memo import Memo
 from hgorun.symbolic.evaluate import along
+from hgorun.symbolic.graph import arguments, operations
 
 LEVELS = 4  # repetitions of an event that a fourth-order method can see
 _DIFFERENCES = {ca.OP_FMIN, ca.OP_FMAX, ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE}
@@ -23,24 +24,16 @@ _DIFFERENCES = {ca.OP_FMIN, ca.OP_FMAX, ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE}
 
 def kink_arguments(expressions: Iterable[ca.SX]) -> list[ca.SX]:
     """The expressions whose zeros are the kinks."""
-    found: list[ca.SX] = []
-    seen: set[int] = set()
-    stack = [e[i] for e in expressions for i in range(e.numel())]
-    while stack:
-        node = stack.pop()
-        if node.is_leaf() or node.element_hash() in seen:
-            continue
-        seen.add(node.element_hash())
-        parts = [node.dep(i) for i in range(node.n_dep())]
-        stack += parts
-        op = node.op()
+    zeros_of: list[ca.SX] = []
+    for node in operations(expressions):
+        op, parts = node.op(), arguments(node)
         if op in (ca.OP_FABS, ca.OP_SIGN):
-            found.append(parts[0])
+            zeros_of.append(parts[0])
         elif op in _DIFFERENCES:
-            found.append(parts[0] - parts[1])
+            zeros_of.append(parts[0] - parts[1])
         elif op in (ca.OP_FLOOR, ca.OP_CEIL):
-            found.append(ca.sin(np.pi * parts[0]))
-    return found
+            zeros_of.append(ca.sin(np.pi * parts[0]))
+    return zeros_of
 
 
 def roots(functions: list[Callable[[np.ndarray], np.ndarray]], start: float, end: float, points: int) -> np.ndarray:
@@ -49,14 +42,14 @@ def roots(functions: list[Callable[[np.ndarray], np.ndarray]], start: float, end
     Zeros closer to each other than the spacing of ``points`` may be missed.
     """
     grid = np.linspace(start, end, points)
-    found = []
+    zeros = []
     for function in functions:
         values = function(grid)
-        found.append(grid[values == 0.0])
+        zeros.append(grid[values == 0.0])
         change = np.flatnonzero(np.sign(values[:-1]) * np.sign(values[1:]) < 0)
         low, high = grid[change], grid[change + 1]
-        found.append(_bisect(function, low, high))
-    return np.unique(np.concatenate(found)) if found else np.zeros(0)
+        zeros.append(_bisect(function, low, high))
+    return np.unique(np.concatenate(zeros)) if zeros else np.zeros(0)
 
 
 def _bisect(function: Callable[[np.ndarray], np.ndarray], low: np.ndarray, high: np.ndarray) -> np.ndarray:

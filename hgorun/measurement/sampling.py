@@ -39,16 +39,16 @@ class Samples:
     used: np.ndarray
 
 
-def find_samples(stretches: list[Stretch], start: float, seed: int, output: str, most: int) -> Samples:
+def find_samples(stretches: list[Stretch], start: float, seed: int, output: str, limit: int) -> Samples:
     """All samples of an output.
 
     Raises
     ------
     Problem
-        For a negative delay or more than ``most`` samples.
+        For a negative delay or more than ``limit`` samples.
     """
     arrival, taken, number, which = [], [], [], []
-    left = most
+    left = limit
     for i, stretch in enumerate(stretches):
         if stretch.continuous:
             continue
@@ -88,7 +88,7 @@ def _belong(times: np.ndarray, stretch: Stretch, last: bool) -> np.ndarray:
 
 
 def _arrivals(
-    stretch: Stretch, last: bool, jitter: np.random.Generator, dropout: np.random.Generator, most: int
+    stretch: Stretch, last: bool, jitter: np.random.Generator, dropout: np.random.Generator, limit: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """Times and numbers; jitter and dropout draw apart, so that a longer run begins with the same samples."""
     sampling, path = stretch.sampling, stretch.paths["sampling"]
@@ -100,8 +100,8 @@ def _arrivals(
         return times, np.arange(times.size)
     if isinstance(sampling, Periodic):
         count = np.floor((stretch.end - stretch.start - sampling.offset) / sampling.period * (1 + 1e-12) + 1e-9) + 1
-        if count > most:
-            raise Problem((*path, "period"), f"{count:.3g} samples take {_memory(count, most)}")
+        if count > limit:
+            raise Problem((*path, "period"), f"{count:.3g} samples take {_memory(count, limit)}")
         k = np.arange(max(int(count), 0))
         times = stretch.start + sampling.offset + k * sampling.period
         shifts = jitter.uniform(-1.0, 1.0, k.size) * sampling.jitter
@@ -110,15 +110,15 @@ def _arrivals(
         moved = np.asarray(np.clip(times + shifts, stretch.start, stretch.end) if sampling.jitter else times)
         order = np.argsort(moved[kept], kind="stable")
         return moved[kept][order], k[kept][order]
-    return _stepped(stretch, (*path, "steps"), most)
+    return _stepped(stretch, (*path, "steps"), limit)
 
 
-def _memory(count: float, most: int) -> str:
-    need, left = (SAMPLE_BYTES * n / 2**30 for n in (count, most))
+def _memory(count: float, limit: int) -> str:
+    need, left = (SAMPLE_BYTES * n / 2**30 for n in (count, limit))
     return f"about {need:.3g} GiB; time.max_memory leaves {left:.3g} GiB for them"
 
 
-def _stepped(stretch: Stretch, path: tuple[str | int, ...], most: int) -> tuple[np.ndarray, np.ndarray]:
+def _stepped(stretch: Stretch, path: tuple[str | int, ...], limit: int) -> tuple[np.ndarray, np.ndarray]:
     """t_0 = start, t_(k+1) = t_k + steps(k)."""
     try:
         steps = compiled(stretch.sampling.steps, "k")
@@ -136,10 +136,10 @@ def _stepped(stretch: Stretch, path: tuple[str | int, ...], most: int) -> tuple[
                 raise Problem(path, f"steps must be positive, found {values[first]:g} at k = {numbers[first]}")
             values = values[:first]
         times = np.concatenate([times, times[-1] + np.cumsum(values)])
-        if times.size > most:
+        if times.size > limit:
             raise Problem(
                 path,
-                f"at t = {times[-1]:g} there are {times.size} samples, which take {_memory(times.size, most)}: "
+                f"at t = {times[-1]:g} there are {times.size} samples, which take {_memory(times.size, limit)}: "
                 "the steps are too short, or shrink before the end of the run",
             )
         block = min(block * 2, 1 << 20)

@@ -19,7 +19,7 @@ from hgorun.measurement.variants import CONTINUOUS, DELAYED, HELD, SILENT, Varia
 from hgorun.noise.base import RandomNoise
 
 _SHORT = 1e-9  # events closer than this part of a step are one
-_DRAW_BYTES = 16  # of memory that a draw takes until the stretch's own are left
+_DRAW_BYTES = 16  # of memory that a draw takes until those that a stretch needs are left
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,10 +20,13 @@ RUN = (
     "config/evaluation.py",
     "config/expressions.py",
     "config/grammar.py",
+    "config/literals.py",
     "config/models.py",
+    "config/reads.py",
     "config/types.py",
     "engine",
     "measurement",
+    "memo.py",
     "noise",
     "observers",
     "plants",
@@ -41,7 +44,7 @@ def code(parts: Sequence[str]) -> dict[str, str]:
     """{room: hash} of rooms and files of the package."""
     rooms: dict[str, list[str]] = {}
     for part in parts:
-        rooms.setdefault(part.split("/")[0], []).append(_digest(part))
+        rooms.setdefault(part.split("/")[0].removesuffix(".py"), []).append(_digest(part))
     return {room: _hash("".join(digests)) for room, digests in rooms.items()}
 
 

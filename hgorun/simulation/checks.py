@@ -117,9 +117,9 @@ def _held_at_start(run: PreparedRun) -> np.ndarray:
     system = run.structure.system
     held, layout = np.zeros(system.held.size), system.held
     (channels,) = at(system.channels, run.time.start, run.numbers.p, run.numbers.z0, held)
-    for i, own in enumerate(channels.reshape(system.outputs, system.width)):
-        held[layout.previous(i)] = own[0]
-        held[layout.output(i) : layout.output(i) + own.size] = own
+    for i, output in enumerate(channels.reshape(system.outputs, system.width)):
+        held[layout.previous(i)] = output[0]
+        held[layout.output(i) : layout.output(i) + output.size] = output
     held[layout.interval] = 1.0
     return held
 

@@ -35,10 +35,10 @@ def record(run: PreparedRun, raw: Raw) -> Result:
     settings = MetricSettings.of(blocks.metrics, run.time)
     measured = {b.label: xhat[metric] for b, xhat in zip(numbers.observers, estimates, strict=True)}
     metrics = measure(run.grid[metric], x[metric], measured, settings)
-    found = {}
+    observers = {}
     for j, (b, xhat) in enumerate(zip(numbers.observers, estimates, strict=True)):
         lost_at = float(raw.diverged[j, 0])
-        found[b.label] = ObserverResult(
+        observers[b.label] = ObserverResult(
             type=b.observer.type,
             xhat=np.ascontiguousarray(xhat[shown]),
             internal={name: st.shaped(rows[shown]) for name, st in b.states.items() if name != "xhat" and st.size},
@@ -63,7 +63,7 @@ def record(run: PreparedRun, raw: Raw) -> Result:
         outputs=model.outputs,
         units={"time": run.time.unit, **run.plant.units},
         measurements=_measurements(run, raw, grid, y),
-        observers=found,
+        observers=observers,
         config=run.experiment.text,
         resolved=run.experiment.resolved_later,
         seed=blocks.seed,

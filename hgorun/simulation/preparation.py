@@ -95,9 +95,8 @@ def _mean_squares(experiment: Experiment) -> np.ndarray | None:
 
 def _schedule(experiment: Experiment, channels: list[Channel], step: float) -> Schedule:
     time, points = experiment.blocks.time, experiment.points
-    found = [plant_kinks(experiment.plant, time, points)]
-    found += [kinks_of(s, points) for channel in channels for s in channel.stretches if s.continuous]
-    kinks = np.concatenate(found)
+    of_signals = [kinks_of(s, points) for channel in channels for s in channel.stretches if s.continuous]
+    kinks = np.concatenate([plant_kinks(experiment.plant, time, points), *of_signals])
     key: Hashable = tuple(channel.timing for channel in channels), time, kinks.tobytes(), step, points
     return _SCHEDULES.get(key, lambda: build_schedule(channels, time, kinks, step, points))
 

@@ -101,8 +101,8 @@ def _plan(run: PreparedRun, step: float) -> tuple[Plan, Start]:
 
 def _difference(a: Result, b: Result) -> dict[str, float]:
     """Largest difference of two runs, for the plant and for each observer that did not diverge."""
-    found = {"plant": float(np.max(np.abs(a.x - b.x)))}
+    largest = {"plant": float(np.max(np.abs(a.x - b.x)))}
     for label, observer in a.observers.items():
         gap = np.abs(observer.xhat - b.observers[label].xhat)
-        found[label] = float(np.max(gap)) if np.all(np.isfinite(gap)) else float("inf")
-    return found
+        largest[label] = float(np.max(gap)) if np.all(np.isfinite(gap)) else float("inf")
+    return largest

@@ -372,7 +372,11 @@ def number_of(i: int) -> str:
     return f"{'.'.join(map(str, keys))}={text[:30]}"
 
 
-@pytest.mark.parametrize("i", range(len(CASES)), ids=number_of)
+# One in five runs with the fast tests: each is a whole command.
+@pytest.mark.parametrize(
+    "i",
+    [pytest.param(i, id=number_of(i), marks=[pytest.mark.slow] if i % 5 else []) for i in range(len(CASES))],
+)
 def test_a_wrong_key_is_refused(
     i: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -93,6 +93,7 @@ expressions = st.recursive(atoms(), lambda parts: chains(parts) | calls(parts) |
 points = st.fixed_dictionaries({name: st.floats(-9, 9).map(lambda v: round(v, 3)) for name in ("x", "y")})
 
 
+@pytest.mark.slow
 @given(expressions, points)
 @settings(max_examples=500)
 def test_numbers_are_pythons(pair: Pair, values: dict[str, float]) -> None:
@@ -115,6 +116,7 @@ def test_numbers_are_pythons(pair: Pair, values: dict[str, float]) -> None:
     assert type(found) is float
 
 
+@pytest.mark.slow
 @given(expressions, points)
 @settings(max_examples=250)
 def test_casadi_agrees(pair: Pair, values: dict[str, float]) -> None:

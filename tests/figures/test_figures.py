@@ -540,6 +540,7 @@ def test_files_are_named_after_the_figure_and_nothing_else_is_left(result: Resul
     assert written[0].stat().st_mode & 0o777 == 0o666 & ~umask
 
 
+@pytest.mark.slow
 def test_equal_bytes_in_another_process(result: Result, tmp_path: Path) -> None:
     """Whatever the hash seed, the clock and the user's own settings of matplotlib."""
     save(draw(result, block({"state": "x1"}, {"error": "x2"})), tmp_path / "a")

@@ -344,6 +344,7 @@ def noisy(seed: int) -> Mapping[str, ObserverResult]:
     return {kind: made_up(kind, A.x + random.standard_normal(A.x.shape)) for kind in kinds}
 
 
+@pytest.mark.slow
 def test_thumbnails_are_small_and_repeatable(tmp_path: Path) -> None:
     figure = block({"state": "x1"}, {"error": "x2"}, {"magnitude": "x2"}, title="noise")
     written = [thumbnail(draw(replace(A, observers=noisy(1)), figure), tmp_path / n / "1.2.png") for n in "ab"]
@@ -365,6 +366,7 @@ def test_thumbnails_are_small_and_repeatable(tmp_path: Path) -> None:
         thumbnail(draw(A, figure), tmp_path / "file" / "1.png")
 
 
+@pytest.mark.slow
 def test_a_figure_drawn_twice_is_the_same_bytes(tmp_path: Path) -> None:
     """With columns, an inset, scaling and runs; saving once more, or in another format before, changes nothing."""
     figure = block(

@@ -93,6 +93,7 @@ def test_without_noise_the_paths_are_those_of_the_loop() -> None:
         np.testing.assert_allclose(observer.xhat, expected[name][..., 0], rtol=1e-9, err_msg=name)
 
 
+@pytest.mark.slow
 def test_with_the_same_draws_the_paths_are_those_of_the_loop() -> None:
     """20 seeds. Rounding could be amplified where a sign is near a change, but hardly is."""
     runs = noisy_runs(10.0)

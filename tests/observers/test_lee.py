@@ -122,6 +122,7 @@ def test_stationary_spread_is_that_of_the_lyapunov_equation(fixed: hgorun.Result
     np.testing.assert_array_less(np.abs(error.std(axis=0) / exact - 1), 4 * deviation)
 
 
+@pytest.mark.slow
 def test_spread_of_sa_falls_as_the_covariance_says(sa: hgorun.Result) -> None:
     t = sa.measurements.time
     P, spread = np.zeros((2, 2)), np.empty((t.size, 2))

@@ -2,6 +2,7 @@
 
 import shutil
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -69,6 +70,7 @@ def test_all_else_has_a_meaning(other: str) -> None:
 
 # What is used by all and computes nothing: messages, files, names. How a configuration is read shows in what was read.
 WITHOUT_NUMBERS = {
+    "hgorun.config.overrides",
     "hgorun.config.paths",
     "hgorun.config.validation",
     "hgorun.config.yaml_errors",
@@ -99,7 +101,7 @@ def test_what_code_imports_is_hashed_with_it(groups: tuple[tuple[str, ...], ...]
         for target in GRAPH[name] - own - beside
         if (name, target) not in CHECKS and not MODULES[target].read_text().count("\n") <= 1
     }
-    assert sorted(missing) == []
+    assert sorted(missing) == [], "name these files in reproduce/code.py, or here if no number follows from them"
 
 
 def test_every_part_named_is_there() -> None:
@@ -112,6 +114,7 @@ def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     copy = tmp_path / "hgorun"
     shutil.copytree(SOURCE, copy, ignore=shutil.ignore_patterns("__pycache__"))
     monkeypatch.setattr(subject, "PACKAGE", copy)
+    monkeypatch.setattr(subject, "meaning", cache(meaning))  # most files stay as they are
     yield copy
     forget()
 

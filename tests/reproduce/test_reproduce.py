@@ -90,6 +90,7 @@ def test_only_what_changed_is_made(tmp_path: Path) -> None:
     assert made([name], output) == ["study0/first"]
 
 
+@pytest.mark.slow
 def test_processes_give_the_same_files_as_one(tmp_path: Path) -> None:
     names = studies(tmp_path, count=3)
     made(names, tmp_path / "one", workers=1)
@@ -97,6 +98,7 @@ def test_processes_give_the_same_files_as_one(tmp_path: Path) -> None:
     assert files(tmp_path / "one") == files(tmp_path / "two")
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="sends signals")
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT])
 def test_killed_in_the_middle_and_started_again(tmp_path: Path, how: signal.Signals) -> None:
@@ -145,6 +147,7 @@ def test_leftovers_of_dead_processes_go_and_of_living_ones_stay(tmp_path: Path) 
     assert (tmp_path / "b.png").read_text() == "b"
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="makes a pseudo-terminal")
 @pytest.mark.parametrize("jobs", ["1", "2"])
 def test_a_person_at_a_terminal_sees_progress(tmp_path: Path, jobs: str) -> None:

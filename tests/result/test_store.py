@@ -248,6 +248,7 @@ def test_an_unwritable_place_is_said(config: Path, tmp_path: Path) -> None:
         result.save(tmp_path / "file" / "a.h5")
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="needs SIGKILL")
 def test_a_killed_process_leaves_no_partial_file(tmp_path: Path) -> None:
     """Whatever the moment, the result is absent or whole; an earlier one stays until it is replaced."""

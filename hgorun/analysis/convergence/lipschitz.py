@@ -16,6 +16,7 @@ from hgorun.analysis.convergence.charts import Chart
 from hgorun.analysis.convergence.segments import along
 from hgorun.result.result import Result
 from hgorun.simulation.prepared import PreparedRun
+from hgorun.symbolic.graph import operations
 from hgorun.symbolic.intervals import Enclosure, largest
 
 _MARGIN = 0.05  # of the width of a box around trajectories, on either side: they are known on a grid
@@ -199,14 +200,4 @@ def ranges(run: PreparedRun, signals: ca.SX) -> tuple[np.ndarray, np.ndarray]:
 
 def _jumps(chart: Chart) -> bool:
     """Whether phi has an operation that jumps with the state."""
-    stack = [chart.field[i] for i in range(chart.field.numel())]
-    seen: set[int] = set()
-    while stack:
-        node = stack.pop()
-        if node.is_leaf() or node.element_hash() in seen:
-            continue
-        seen.add(node.element_hash())
-        if node.op() in _JUMPS and ca.depends_on(node, chart.x):
-            return True
-        stack += [node.dep(i) for i in range(node.n_dep())]
-    return False
+    return any(node.op() in _JUMPS and ca.depends_on(node, chart.x) for node in operations([chart.field]))

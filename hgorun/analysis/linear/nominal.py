@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -31,29 +32,29 @@ def nominal(run: PreparedRun) -> Result:
     ------
     NoValue
     """
-    config = run.experiment.resolved()
-    kept = [label for label, o in run.experiment.observers.items() if not isinstance(o, SampledObserver)]
-    if not kept:
+    experiment, plant = run.experiment, run.plant
+    if all(isinstance(o, SampledObserver) for o in experiment.observers.values()):
         raise NoValue("every observer here jumps at the samples")
-    if run.plant.block.discretise:
+    if plant.block.discretise:
         raise NoValue("the plant is stepped at the samples")
-    initial = dict(zip(run.plant.model.states, map(float, run.plant.initial), strict=True))
-    config["observers"] = {label: config["observers"][label] for label in kept}
-    for label, block in config["observers"].items():
-        form = run.forms[label]
+    span = run.time.end - run.time.start
+    changes: dict[str, Any] = {
+        "time.output_step": span / float(np.clip(span / run.step, *_POINTS)),
+        "measurement": None,
+        "metrics": None,
+    }
+    initial = dict(zip(plant.model.states, map(float, plant.initial), strict=True))
+    for label, observer in experiment.observers.items():
+        if isinstance(observer, SampledObserver):
+            changes[f"observers.{label}"] = None
+            continue
         try:  # the true state, unless the observer cannot start there
-            form.start(
-                run.plant.initial, run.plant.parameters, run.experiment.observers[label].coordinates != "original"
-            )
+            run.forms[label].start(plant.initial, plant.parameters, observer.coordinates != "original")
         except ValueError:
             continue
-        block["initial"] = initial
-    span = run.time.end - run.time.start
-    config["time"]["output_step"] = span / float(np.clip(span / run.step, *_POINTS))
-    config["measurement"] = {}
-    for name in ("metrics", "figures"):
-        config.pop(name, None)
-    return _simulated(config, "nominal", "without noise, sampling and delay there is no run")[1]
+        changes[f"observers.{label}.initial"] = initial
+    failure = "without noise, sampling and delay there is no run"
+    return _simulated(lambda: experiment.varied(changes, name="nominal"), failure)[1]
 
 
 def chain(run: PreparedRun, label: str) -> tuple[PreparedRun, Result]:
@@ -84,22 +85,20 @@ def chain(run: PreparedRun, label: str) -> tuple[PreparedRun, Result]:
     observer = run.experiment.observers[label]
     slowest = observer.settling_rate if isinstance(observer, HighGain) else 1.0
     end = _MEMORY / slowest
-    return _simulated(
-        {
-            "time": {"end": end, "output_step": end / 10},
-            "plant": {
-                "type": "inline",
-                "states": states,
-                "dynamics": {s: rates[s] for s in states},
-                "output": {f"y{i + 1}": one[0] for i, one in enumerate(names)},
-                "initial": dict.fromkeys(states, 0.0),
-            },
-            "observers": {label: block},
-            "solver": {"method": "rk4", "step": "auto"},
+    config = {
+        "time": {"end": end, "output_step": end / 10},
+        "plant": {
+            "type": "inline",
+            "states": states,
+            "dynamics": {s: rates[s] for s in states},
+            "output": {f"y{i + 1}": one[0] for i, one in enumerate(names)},
+            "initial": dict.fromkeys(states, 0.0),
         },
-        "chain",
-        "the observer does not take a chain of integrators",
-    )
+        "observers": {label: block},
+        "solver": {"method": "rk4", "step": "auto"},
+    }
+    failure = "the observer does not take a chain of integrators"
+    return _simulated(lambda: Experiment(config, name="chain"), failure)
 
 
 def chain_lengths(form: Form) -> tuple[int, ...] | None:
@@ -112,10 +111,10 @@ def chain_lengths(form: Form) -> tuple[int, ...] | None:
     return (len(sizes),) * int(sizes[0]) if np.all(sizes == sizes[0]) else None
 
 
-def _simulated(config: dict[str, Any], name: str, failure: str) -> tuple[PreparedRun, Result]:
-    """The run of a configuration; ``failure`` introduces the reason where there is none."""
+def _simulated(experiment: Callable[[], Experiment], failure: str) -> tuple[PreparedRun, Result]:
+    """The run of an experiment; ``failure`` introduces the reason where there is none."""
     try:
-        run = prepare(Experiment(config, name=name))
+        run = prepare(experiment())
         return run, perform(run)
     except HgorunError as error:
         raise NoValue(f"{failure}: {error}") from error

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from copy import deepcopy
-
 import numpy as np
 
 from hgorun.analysis.linear.linear import Linear, Linearisation
 from hgorun.analysis.linear.transfer import relevant, require_hurwitz, response
-from hgorun.config.yaml_source import Source
 from hgorun.observers.capabilities import HighGain
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.prepared import PreparedRun
@@ -122,7 +119,5 @@ def _slope(low: np.ndarray, high: np.ndarray) -> np.ndarray:
 
 def with_theta(experiment: Experiment, label: str, theta: float) -> Experiment:
     """The experiment with another theta in one observer, and no other observer."""
-    data = deepcopy(experiment.source.data)
-    data["observers"] = {label: data["observers"][label] | {"theta": float(theta)}}
-    data.pop("figures", None)  # they may name the others
-    return Experiment(Source(data, experiment.source.positions), name=experiment.name, text=experiment.text)
+    others: dict[str, float | None] = {f"observers.{other}": None for other in experiment.observers if other != label}
+    return experiment.varied(others | {f"observers.{label}.theta": float(theta)})

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from copy import deepcopy
 from functools import partial
-from typing import Any
 
 import numpy as np
 
@@ -16,8 +14,7 @@ from hgorun.analysis.noise.jumps import noise_of_jumps
 from hgorun.analysis.noise.sampled import SampledLoop
 from hgorun.analysis.noise.terms import NoiseTerms
 from hgorun.analysis.reasons import DIVERGED, NO_SLOPES, NoValue, first_of
-from hgorun.config.yaml_source import Source
-from hgorun.measurement.blocks import Measurement, Periodic, Phase
+from hgorun.measurement.blocks import Periodic, noise_blocks
 from hgorun.observers.base import SampledObserver
 from hgorun.observers.capabilities import SlidingMode
 from hgorun.result.result import Result
@@ -59,7 +56,7 @@ def _power_along(run: PreparedRun, label: str, noise_free: Result, result: Resul
     if result.observers[label].diverged_at is not None:
         raise NoValue(DIVERGED)
     jumps = isinstance(run.experiment.observers[label], SampledObserver)
-    return (noise_of_jumps if jumps else noise_along)(run, label, result, noise_free)
+    return (noise_of_jumps if jumps else noise_along)(run, label, result, noise_free).mean_square
 
 
 def has_noise(run: PreparedRun) -> bool:
@@ -107,19 +104,9 @@ def _constant(run: PreparedRun, result: Result, label: str) -> Linear:
 
 def without_noise(experiment: Experiment) -> Experiment:
     """The same experiment with noise of size zero: the same events and steps, so nothing else differs."""
-    data, blocks = deepcopy(experiment.source.data), experiment.measurement
-    measurement = data.get("measurement") or {}
-    _silence(measurement, blocks)
-    for written, phase in zip(measurement.get("phases") or (), blocks.phases, strict=True):
-        _silence(written, phase)
-    return Experiment(Source(data, experiment.source.positions), name=experiment.name, text=experiment.text)
-
-
-def _silence(written: dict[str, Any], block: Measurement | Phase) -> None:
-    """Replace the noise of all outputs, and that of single ones, in a configuration."""
-    for mapping, own in ((written, block), *((written["outputs"][name], o) for name, o in block.outputs.items())):
-        if own.noise is not None:
-            mapping["noise"] = [item.silent() for item in own.noise]
+    return experiment.varied(
+        {path: [item.silent() for item in noise] for path, noise in noise_blocks(experiment.measurement)}
+    )
 
 
 def measured_noise(noisy: Result, noise_free: Result, label: str) -> np.ndarray:
