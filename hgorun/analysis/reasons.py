@@ -20,6 +20,7 @@ K = TypeVar("K")
 DIVERGED = "the observer diverged"
 JUMPS = "the observer jumps at the samples: there is no flow between them"
 NO_SLOPES = "the observer's equations have no derivative on its way"
+SLIDING = "the right-hand side has no slope where the observer's error is zero"
 NEEDS_HOLD = "random noise of a continuous output needs hold"
 
 

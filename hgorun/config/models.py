@@ -115,7 +115,7 @@ class Scaling(Block):
     state: str = Field(description="a plant state")
     run: str | None = Field(default=None, description="a run with vary (default: the only one)")
     of: str = Field(default="amplitude", description="the quantity shown, as in claims: amplitude, rmse, sup, hf, ...")
-    theory: bool = Field(default=False, description="lines of the linearised noise gain beside the points")
+    theory: bool = Field(default=False, description="lines of what the linearised observer makes of the noise")
 
 
 class Panel(Block):

@@ -36,12 +36,16 @@ class ScaledObserver:
     measured : ndarray, shape (m,)
         From simulation; points that are not positive and finite are left out.
     theory : ndarray, shape (m,), or None
+        What is predicted; NaN where nothing can be, None where that is everywhere or not asked for.
+    reasons : tuple of str
+        Why predictions are missing.
     """
 
     type: str
     filter_order: int | None
     measured: np.ndarray
     theory: np.ndarray | None = None
+    reasons: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from hgorun.files import remove_leftovers
-from hgorun.reproduce.state import State, number, of_claim, of_figure, of_run
+from hgorun.reproduce.state import Json, State, number, of_claim, of_figure, of_run
 from hgorun.result.result import Result
 from hgorun.study.check import check
 from hgorun.study.loading import load_study
@@ -83,6 +83,8 @@ class Outcome:
         Integration error of each single run, None where the method's step defines the run.
     diverged : dict of str to list of str
         For each run the observers that diverged, in words.
+    refused : dict of str to list of str
+        For each figure the lines of theory that are missing, in words.
     """
 
     figures: dict[str, list[str]] = field(default_factory=dict)
@@ -90,6 +92,7 @@ class Outcome:
     values: dict[str, list[float]] = field(default_factory=dict)
     errors: dict[str, float | None] = field(default_factory=dict)
     diverged: dict[str, list[str]] = field(default_factory=dict)
+    refused: dict[str, list[str]] = field(default_factory=dict)
 
 
 class Work:
@@ -133,6 +136,7 @@ class Work:
         for name in self.job.figures:
             files = [os.path.normpath(self.state.folder / f) for f in self.state.files("figures", name)]
             found.figures[name], found.small[name] = files[:-1], files[-1]
+            found.refused[name] = _words(self.state.data["figures"][name].get("refused"))
         for i in self._numbers:
             claim = self.study.claims[i]
             found.values[claim.id] = self.state.values("claims", claim.id)
@@ -141,7 +145,7 @@ class Work:
             if run.single and entry is not None:
                 error, lost = entry.get("integration_error"), entry.get("diverged")
                 found.errors[run.name] = None if error is None else number(error)
-                found.diverged[run.name] = [str(words) for words in lost] if isinstance(lost, list) else []
+                found.diverged[run.name] = _words(lost)
         return found
 
     def _runs(self, figures: Iterable[str], claims: Iterable[int]) -> list[Run]:
@@ -226,7 +230,7 @@ class Work:
 
     def _draw(self, name: str, results: Mapping[str, Result], ensembles: Mapping[str, Any]) -> None:
         from hgorun.figures import draw, save, thumbnail
-        from hgorun.study.scaling import scaling_data
+        from hgorun.study.scaling import refused, scaling_data
 
         shown = [results[run] for run in self.study.runs_of(name) if run in results]
         scalings = scaling_data(self.study, name, ensembles)
@@ -234,7 +238,13 @@ class Work:
         written = save(figure, self._figure_folder / name)
         written.append(thumbnail(figure, self.state.folder / "small" / f"{name}.png"))
         files = [relative(path, self.state.folder) for path in written]
-        self.state.note("figures", name, of_figure(self.study, name), files=list(files))
+        self.state.note(
+            "figures", name, of_figure(self.study, name), files=list(files), refused=list(refused(scalings))
+        )
+
+
+def _words(found: Json) -> list[str]:
+    return [str(words) for words in found] if isinstance(found, list) else []
 
 
 def relative(path: Path, folder: Path) -> str:

@@ -171,7 +171,10 @@ def built(keys: Keys) -> BuiltPlant:
 def lent(subject: type[AnyObserver], keys: Keys) -> Iterator[str]:
     """A name under which configurations find the class for a while: its own, or that of the block's type."""
     if not is_observer(subject):
-        raise TypeError(f"check_observer takes a concrete class of observers, found {subject!r}")
+        raise TypeError(
+            f"found {subject!r}; expected a class derived from ContinuousObserver, SampledObserver or HybridObserver "
+            "with nothing left abstract"
+        )
     own = [name for name, cls in OBSERVERS.all().items() if cls is subject]
     name = str(keys.get("type", own[0] if own else subject.__name__))
     with OBSERVERS.replaced(name, subject):

@@ -256,3 +256,9 @@ def test_an_observer_without_the_plants_equations_does_not_stay_and_may_say_so()
             return Flow({"xhat": -plant.along_chains(e)}, correction=e)
 
     assert check_observer(Honest).left_out["fixed point"] == "it does without the plant's equations"
+
+
+@pytest.mark.parametrize("thing", [StandardObserver(type="shgo", theta=2), ContinuousObserver, int])
+def test_what_is_no_class_of_observers(thing: object) -> None:
+    with pytest.raises(TypeError, match="expected a class derived from ContinuousObserver, SampledObserver or Hybrid"):
+        check_observer(thing)  # type: ignore[arg-type]  # that is the test

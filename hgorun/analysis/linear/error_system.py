@@ -20,7 +20,7 @@ from functools import cached_property
 import numpy as np
 
 from hgorun.analysis.linear.linear import Linearisation
-from hgorun.analysis.reasons import JUMPS, NoValue
+from hgorun.analysis.reasons import JUMPS, SLIDING, NoValue
 from hgorun.observers.base import SampledObserver
 from hgorun.observers.capabilities import SlidingMode
 from hgorun.result.data import ObserverResult
@@ -116,7 +116,7 @@ def error_system(run: PreparedRun, label: str, result: Result) -> ErrorSystem:
     """
     observer = run.experiment.observers[label]
     if isinstance(observer, SlidingMode):
-        raise NoValue("the right-hand side has no slope where the observer's error is zero")
+        raise NoValue(SLIDING)
     if isinstance(observer, SampledObserver):
         raise NoValue(JUMPS)
     if label not in result.observers:

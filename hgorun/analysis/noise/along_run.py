@@ -27,7 +27,7 @@ from hgorun.noise.base import Wave
 from hgorun.result.result import Result
 from hgorun.simulation.prepared import PreparedRun
 
-_NUMBERS = 60_000  # states times points of the twin's output grid at which it is linearised
+_NUMBERS = 60_000  # states times points of the noise_free's output grid at which it is linearised
 _POINTS = 3000, 6000  # least and most points
 _STRETCHES, _STRETCHES_OF_WAVES = 3000, 6000  # of a run, at least
 GAUSS = (0.5 - np.sqrt(3) / 6, 0.5 + np.sqrt(3) / 6)  # nodes of the mean slope, of equal weight
@@ -42,8 +42,29 @@ class _Waves:
     omegas: np.ndarray
 
 
-def noise_along(run: PreparedRun, label: str, result: Result, twin: Result) -> np.ndarray:
-    """Mean square over the steady window of what the run's noise does to each state of the estimate, shape (n,).
+@dataclass(frozen=True)
+class Deviation:
+    """What the noise of a run does to an estimate, as far as the linearised observer says.
+
+    Attributes
+    ----------
+    times : ndarray, shape (K,)
+        Not evenly spaced.
+    estimate : ndarray, shape (K, n)
+        The deviation of each state of the estimate.
+    mean_square : ndarray, shape (n,)
+        Over the steady window.
+    """
+
+    times: np.ndarray
+    estimate: np.ndarray
+    mean_square: np.ndarray
+
+
+def noise_along(
+    run: PreparedRun, label: str, result: Result, noise_free: Result, at: np.ndarray | None = None
+) -> Deviation:
+    """What the run's noise does to each state of the estimate.
 
     Parameters
     ----------
@@ -51,8 +72,10 @@ def noise_along(run: PreparedRun, label: str, result: Result, twin: Result) -> n
         With noise.
     label : str
         Of the observer.
-    result, twin : Result
+    result, noise_free : Result
         Of the run, whose samples give the noise, and of the same without noise, where the observer is linearised.
+    at : ndarray, optional
+        Times that have to be among those of the deviation.
 
     Raises
     ------
@@ -62,44 +85,46 @@ def noise_along(run: PreparedRun, label: str, result: Result, twin: Result) -> n
     """
     observer = Linearisation(run, label)
     most = int(np.clip(_NUMBERS / observer.size, *_POINTS))
-    points = np.arange(0, twin.time.size, max(twin.time.size // most, 1))
+    points = np.arange(0, noise_free.time.size, max(noise_free.time.size // most, 1))
     if points.size < 4:
         raise NoValue("the output grid has too few points to linearise along")
-    times, xi = twin.time[points], observer.states(twin.observers[label], points)
+    times, xi = noise_free.time[points], observer.states(noise_free.observers[label], points)
     waves = [_waves(channel) for channel in run.channels]
-    edges = edges_of(run, result, twin, _STRETCHES if any(w is None for w in waves) else _STRETCHES_OF_WAVES)
-    at = observer.systems(times, xi)
+    stretches = _STRETCHES if any(w is None for w in waves) else _STRETCHES_OF_WAVES
+    edges = edges_of(run, result, noise_free, stretches, () if at is None else at)
+    systems = observer.systems(times, xi)
     power: np.ndarray | None = None
     for _ in range(_ROUNDS):
-        if not all(np.all(np.isfinite(value)) for value in vars(at).values()):
+        if not all(np.all(np.isfinite(value)) for value in vars(systems).values()):
             raise NoValue(NO_SLOPES)
-        keep = relevant_states(at)
-        moved, e, found = _followed(run, twin, result, edges, waves, times, restricted(at, keep))
+        keep = relevant_states(systems)
+        moved, e, deviation = _followed(run, noise_free, result, edges, waves, times, restricted(systems, keep))
+        found = deviation.mean_square
         path = np.zeros_like(xi)
         path[:, keep] = moved
         if not np.all(np.isfinite(found)):
             break
         if power is not None and np.all(np.abs(np.sqrt(found) - np.sqrt(power)) <= _STANDS * np.sqrt(found)):
-            return found
+            return deviation
         power = found
         nodes = [observer.systems(times, xi + c * path, c * e) for c in GAUSS]
-        at = Linear(*[0.5 * (a + b) for a, b in zip(*(vars(n).values() for n in nodes), strict=True)])
+        systems = Linear(*[0.5 * (a + b) for a, b in zip(*(vars(n).values() for n in nodes), strict=True)])
     raise NoValue("the noise is too large for the observer's slopes to say what it does")
 
 
 def _followed(
     run: PreparedRun,
-    twin: Result,
+    noise_free: Result,
     result: Result,
     edges: Edges,
     waves: list[_Waves | None],
     times: np.ndarray,
     at: Linear,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """d xi and the innovation of sampled outputs at times, and the mean square of L d xi over the window."""
+) -> tuple[np.ndarray, np.ndarray, Deviation]:
+    """d xi and the innovation of sampled outputs at times, and the deviation of the estimate."""
     h = np.diff(edges.times)
     G_1, G_2 = (
-        _generators(_at(times, at, nodes), waves, run, nodes, twin)
+        _generators(_at(times, at, nodes), waves, run, nodes, noise_free)
         for nodes in (edges.times[:-1] + c * h for c in GAUSS)
     )
     h = h[:, None, None]
@@ -112,16 +137,17 @@ def _followed(
     place = np.clip(np.searchsorted(edges.times, times, side="right") - 1, 0, len(psi) - 1)
     sampled = np.array([w is None for w in waves])
     e = np.where(sampled, psi[place, N : N + q] + psi[place, N + q : N + 2 * q], 0.0)
+    moved = np.einsum("kij,kj->ki", here.L, psi[:, :N])
     start, end = result.windows["steady"]
     inside = np.flatnonzero((edges.times >= start) & (edges.times <= end))
     first, last = inside[0], inside[-1]
     if not np.all(sampled):  # the ends of the stretches meet all phases of the waves
         weights = np.gradient(edges.times[inside])[:, None]
         squares = np.einsum("kij,kj->ki", here.L[inside], psi[inside, :N]) ** 2
-        return path, e, np.asarray((weights * squares).sum(axis=0) / weights.sum())
+        return path, e, Deviation(edges.times, moved, (weights * squares).sum(axis=0) / weights.sum())
     between = slice(first, last)
     found = _mean_square(psi[first : last + 1], steps[between], G_1[between], here.L[first : last + 1], h[between])
-    return path, e, found
+    return path, e, Deviation(edges.times, moved, found)
 
 
 def _mean_square(psi: np.ndarray, steps: np.ndarray, G: np.ndarray, L: np.ndarray, h: np.ndarray) -> np.ndarray:
@@ -199,7 +225,7 @@ def _start(at: Linear, waves: list[_Waves | None], t: float) -> np.ndarray:
 
 
 def _generators(
-    at: Linear, waves: list[_Waves | None], run: PreparedRun, middles: np.ndarray, twin: Result
+    at: Linear, waves: list[_Waves | None], run: PreparedRun, middles: np.ndarray, noise_free: Result
 ) -> np.ndarray:
     """G of psi' = G psi on every stretch."""
     count, N, q = at.E.shape
@@ -217,7 +243,11 @@ def _generators(
         else:  # e = C xhat - y - v
             G[:, xi, xi] += E[:, :, None] * at.H[:, None, i, :]
             G[:, alpha, xi] -= K[:, :, None] * at.H[:, None, i, :]
-            scale = np.interp(middles, twin.time, twin.y[:, i]) if run.channels[i].stretches[0].multiplicative else one
+            scale = (
+                np.interp(middles, noise_free.time, noise_free.y[:, i])
+                if run.channels[i].stretches[0].multiplicative
+                else one
+            )
             sources.append((N + q + i, scale))
             for omega in wave.omegas:
                 sources.append((rotating, -scale))

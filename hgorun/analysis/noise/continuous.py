@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from hgorun.analysis.linear.delay_margin import delay_margin
 from hgorun.analysis.linear.linear import Linear
 from hgorun.analysis.linear.transfer import discrete_covariance, relevant, require_hurwitz, response
 from hgorun.analysis.noise.terms import NoiseTerms, grouped, require_spectra
-from hgorun.analysis.reasons import NEEDS_HOLD, NoValue
+from hgorun.analysis.reasons import NEEDS_HOLD, NoValue, outcome
 from hgorun.noise.base import Draws
 
 _LOBES = 200  # of the spectrum of held noise: what is behind them is 1/(pi^2 lobes) of the power, filtered
@@ -35,6 +36,8 @@ def continuous_power(linear: Linear, terms: list[NoiseTerms], delay: float = 0.0
     """
     linear = relevant(linear)
     require_hurwitz(linear)
+    if delay > 0:
+        _require_stable(linear, delay)
     require_spectra(terms)
     power: np.ndarray = constant(linear, terms, delay) ** 2
     outputs = [i for i, t in enumerate(terms) for _ in grouped(t.waves)]
@@ -50,6 +53,13 @@ def continuous_power(linear: Linear, terms: list[NoiseTerms], delay: float = 0.0
             if d.variance > 0:
                 power += held_power(linear, d, i) if delay == 0 else _delayed_power(linear, d, i, delay)
     return power
+
+
+def _require_stable(linear: Linear, delay: float) -> None:
+    """Refuse a delay beyond the observer's margin: its response is a number there, too, but no steady state."""
+    margin = outcome(lambda: delay_margin(linear.A0, linear.E, linear.H, linear.K0, linear.K)).found
+    if margin is not None and delay >= margin:
+        raise NoValue(f"the delay {delay:.4g} is beyond the stability limit {margin:.4g} of the linearisation")
 
 
 def constant(linear: Linear, terms: list[NoiseTerms], delay: float = 0.0) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,15 +36,19 @@ class Edges:
     held: dict[int, np.ndarray]
 
 
-def edges_of(run: PreparedRun, result: Result, twin: Result, stretches: int) -> Edges:
+def edges_of(
+    run: PreparedRun, result: Result, noise_free: Result, stretches: int, more: Sequence[float] | np.ndarray = ()
+) -> Edges:
     """The edges of a run.
 
     Parameters
     ----------
-    result, twin : Result
+    result, noise_free : Result
         With and without noise: the difference of their measurements is what a sample carries.
     stretches : int
         How many there are at least.
+    more : sequence of float
+        Times that have to be edges.
 
     Raises
     ------
@@ -51,7 +56,7 @@ def edges_of(run: PreparedRun, result: Result, twin: Result, stretches: int) -> 
         When there are too many.
     """
     start, end = run.time.start, run.time.end
-    parts = [np.linspace(start, end, stretches + 1)]
+    parts = [np.linspace(start, end, stretches + 1), np.asarray(more, dtype=float)]
     for channel in run.channels:
         samples = channel.samples
         parts += [samples.arrival[samples.used], samples.taken[samples.used]]
@@ -64,7 +69,7 @@ def edges_of(run: PreparedRun, result: Result, twin: Result, stretches: int) -> 
         raise NoValue(f"the run has {times.size} samples and changes of held noise, too many to follow")
     taken: dict[int, list[tuple[int, int]]] = {}
     arriving: dict[int, list[tuple[int, int, float]]] = {}
-    known, noise = result.measurements.time, result.measurements.y - twin.measurements.y
+    known, noise = result.measurements.time, result.measurements.y - noise_free.measurements.y
     for i, channel in enumerate(run.channels):
         s = channel.samples
         for j in np.flatnonzero(s.used):

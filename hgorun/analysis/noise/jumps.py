@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 
 from hgorun.analysis.linear.linear import Linearisation
-from hgorun.analysis.noise.along_run import GAUSS
+from hgorun.analysis.noise.along_run import GAUSS, Deviation
 from hgorun.analysis.reasons import NoValue
 from hgorun.observers.base import ContinuousObserver, Sample
 from hgorun.result.result import Result
@@ -15,14 +15,14 @@ from hgorun.simulation.prepared import PreparedRun
 _ROUNDS = 3  # predictions, each from the mean slopes that the one before gives
 
 
-def noise_of_jumps(run: PreparedRun, label: str, result: Result, twin: Result) -> np.ndarray:
-    """Mean square over the steady window of what the run's noise does to each state of the estimate, shape (n,).
+def noise_of_jumps(run: PreparedRun, label: str, result: Result, noise_free: Result) -> Deviation:
+    """What the run's noise does to each state of the estimate; it stays from a sample to the next.
 
     With v_k the noise of sample k, d xi_k = F_k d xi_(k-1) + G_k v_k + G'_k v_(k-1) from the second sample on.
 
     Parameters
     ----------
-    run, label, result, twin
+    run, label, result, noise_free
         As for :func:`hgorun.analysis.noise.along_run.noise_along`.
 
     Raises
@@ -37,13 +37,14 @@ def noise_of_jumps(run: PreparedRun, label: str, result: Result, twin: Result) -
     samples = run.channels[0].samples
     arrival = samples.arrival[samples.used]
     rows = np.clip(np.searchsorted(result.measurements.time, arrival - 1e-12), 0, result.measurements.time.size - 1)
-    v = (result.measurements.y - twin.measurements.y)[rows]
-    y = twin.measurements.y[rows]
-    before = np.clip(np.searchsorted(twin.time, arrival[1:] - 1e-12) - 1, 0, twin.time.size - 1)
-    xi = observer.states(twin.observers[label], before)
+    v = (result.measurements.y - noise_free.measurements.y)[rows]
+    y = noise_free.measurements.y[rows]
+    before = np.clip(np.searchsorted(noise_free.time, arrival[1:] - 1e-12) - 1, 0, noise_free.time.size - 1)
+    xi = observer.states(noise_free.observers[label], before)
+    slopes = _slopes(observer)
     before_jump = np.zeros_like(xi)
     for _ in range(_ROUNDS):  # the mean slopes between the run without noise and the one that is predicted
-        nodes = [_slopes(observer, arrival, xi + c * before_jump, y + c * v) for c in GAUSS]
+        nodes = [_evaluated(slopes, observer, arrival, xi + c * before_jump, y + c * v) for c in GAUSS]
         F, G, G_before, L = (0.5 * (a + b) for a, b in zip(*nodes, strict=True))
         if not all(np.all(np.isfinite(part)) for part in (F, G, G_before)):
             raise NoValue("the observer's jumps have no derivative on its way")
@@ -59,14 +60,13 @@ def noise_of_jumps(run: PreparedRun, label: str, result: Result, twin: Result) -
     held = np.clip(np.minimum(until, end) - np.maximum(arrival[1:], start), 0, None)
     if not held.sum() > 0:
         raise NoValue("there are no two samples before the end of the window")
-    squares = np.einsum("kij,kj->ki", L, deviation) ** 2
-    return np.asarray((held[:, None] * squares).sum(axis=0) / held.sum())
+    moved = np.einsum("kij,kj->ki", L, deviation)
+    mean_square = (held[:, None] * moved**2).sum(axis=0) / held.sum()
+    return Deviation(arrival[1:], moved, np.asarray(mean_square))
 
 
-def _slopes(
-    observer: Linearisation, arrival: np.ndarray, xi: np.ndarray, y: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """F, G, G' and L = d xhat/d xi of every jump but the first sample's, shapes (K-1, N, N), ..., (K-1, n, N)."""
+def _slopes(observer: Linearisation) -> ca.Function:
+    """F, G, G' and L = d xhat/d xi of a jump, of t, p, z, this sample, the one before and the time between them."""
     run, b = observer.run, observer.block
     model, p = run.plant.model, run.structure.plant
     t, q = model.t, len(model.outputs)
@@ -79,8 +79,15 @@ def _slopes(
     parts = [ca.jacobian(after, own), ca.jacobian(after, sample.y), ca.jacobian(after, sample.previous)]
     parts.append(ca.jacobian(b.estimate(t, u, p, z), own))
     arguments = [t, run.structure.p, z, sample.y, sample.previous, sample.interval]
-    slopes = ca.Function("slopes", arguments, [ca.densify(part) for part in parts])
-    states = np.zeros((z.numel(), len(xi)))
+    return ca.Function("slopes", arguments, [ca.densify(part) for part in parts])
+
+
+def _evaluated(
+    slopes: ca.Function, observer: Linearisation, arrival: np.ndarray, xi: np.ndarray, y: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Of every jump but the first sample's, shapes (K-1, N, N), ..., (K-1, n, N)."""
+    run, b = observer.run, observer.block
+    states = np.zeros((run.structure.system.states, len(xi)))
     states[b.start : b.stop] = xi.T
     values = slopes(arrival[None, 1:], run.numbers.p, states, y[1:].T, y[:-1].T, np.diff(arrival)[None, :])
     shapes = [part.shape for part in slopes.sx_out()]

@@ -56,7 +56,7 @@ def _power_along(run: PreparedRun, label: str, noise_free: Result, result: Resul
     if result.observers[label].diverged_at is not None:
         raise NoValue(DIVERGED)
     jumps = isinstance(run.experiment.observers[label], SampledObserver)
-    return (noise_of_jumps if jumps else noise_along)(run, label, result, noise_free)
+    return (noise_of_jumps if jumps else noise_along)(run, label, result, noise_free).mean_square
 
 
 def has_noise(run: PreparedRun) -> bool:
