@@ -57,6 +57,6 @@ def test_of_an_observer_that_must_be_fast_enough() -> None:
 
 
 def test_a_run_that_cannot_be_made_does_not_work() -> None:
-    config = experiment(chain(2), {"o": {"type": "shgo", "theta": 2}}, step=0.01).resolved()
-    assert not works(config, "o", 1e200)
-    assert not works(config, "o", 1e4)  # diverges with this step
+    made = experiment(chain(2), {"o": {"type": "shgo", "theta": 2}}, step=0.01)
+    assert not works(made, "o", 1e200)
+    assert not works(made, "o", 1e4)  # diverges with this step

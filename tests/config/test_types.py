@@ -27,7 +27,7 @@ def test_what_was_found(value: object, text: str) -> None:
 @pytest.mark.parametrize(
     ("poles", "words"),
     [
-        ([-1, "x", -2], "a pole is a number or text such as \"-1+2j\", found 'x'"),
+        ([-1, "x", -2], "a pole is a number or text such as \"-1[+]2j\", found 'x'"),
         ([-1, {}, -2], "found a mapping"),
         ([-1, 2, -2], "must have a negative real part, found 2"),
         (["-1+1j", "-1+1j", -2], "-1\\+1j has no partner"),
