@@ -239,9 +239,20 @@ def build_schedule(channels: list[Channel], time: Time, kinks: np.ndarray, step:
     # in the middle: what happens at an event may be written a rounding error later than the event
     middle = 0.5 * (events[:-1] + events[1:])
     kinds = np.concatenate([c.kinds_at(middle) for c in channels], axis=1)
-    distinct, variant = np.unique(kinds, axis=0, return_inverse=True)
+    distinct, variant = _distinct(kinds)
     variants = tuple(tuple((int(a), int(b)) for a, b in row.reshape(-1, 2)) for row in distinct)
     return Schedule(events=events, inward=inward, variants=variants, variant=variant.ravel())
+
+
+def _distinct(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Distinct rows of small numbers in lexical order, and which of them each row is."""
+    sizes = rows.max(axis=0) + 1
+    if np.prod(sizes.astype(float)) > len(rows) + 1000:
+        distinct, which = np.unique(rows, axis=0, return_inverse=True)
+        return distinct, which.ravel()
+    codes = np.ravel_multi_index(tuple(rows.T), tuple(sizes))  # sorting takes longer than all the rest
+    present = np.flatnonzero(np.bincount(codes))
+    return np.stack(np.unravel_index(present, tuple(sizes)), axis=1), np.searchsorted(present, codes)
 
 
 def _clipped(times: np.ndarray, time: Time, tolerance: float) -> np.ndarray:
