@@ -30,6 +30,7 @@ Place = Literal["json", "table", "compare"]
 GROUPS = (
     "poles",
     "decay",
+    "slopes",
     "theta",
     "delay",
     "period",

@@ -6,7 +6,7 @@ import inspect
 import json as json_text
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
@@ -28,8 +28,11 @@ from hgorun.registry import Registry
 from hgorun.reproduce.shipped import experiments
 from hgorun.result.metrics.base import Metric, all_metrics
 
+if TYPE_CHECKING:
+    from hgorun.analysis.finding import Finding
+
 _REGISTRIES: dict[str, Registry[Any]] = {"plants": PLANTS, "observers": OBSERVERS, "noise": NOISE}
-_KINDS = (*_REGISTRIES, "metrics", "experiments")
+_KINDS = (*_REGISTRIES, "metrics", "findings", "experiments")
 
 
 def _first_line(cls: type) -> str:
@@ -48,6 +51,8 @@ def _entries(kind: str) -> dict[str, str]:
     """Name: one line, of all things of a kind."""
     if kind == "experiments":
         return _titles()
+    if kind == "findings":
+        return {name: finding.meaning for name, finding in _findings().items()}
     if kind == "metrics":
         return {name: metric.meaning for name, metric in all_metrics().items()}
     return {name: _first_line(cls) for name, cls in _REGISTRIES[kind].all().items()}
@@ -84,14 +89,35 @@ def show(options: Show) -> int:
         described = _metric(metrics[name])
         print(json_text.dumps(described, indent=2) if json else "\n".join(f"{k}: {v}" for k, v in described.items()))
         return 0
+    findings = _findings()
+    if name in findings:
+        described = _finding(findings[name])
+        print(json_text.dumps(described, indent=2) if json else "\n".join(f"{k}: {v}" for k, v in described.items()))
+        return 0
     shipped = experiments()
     for path, file in shipped.items():
         if name in (path, Path(path).name):
             text = file.read_text(encoding="utf-8")
             print(json_text.dumps({"name": path, "kind": "experiment", "text": text}) if json else text)
             return 0
-    known = [*(name for registry in _REGISTRIES.values() for name in registry.names()), *metrics, *shipped]
+    known = [*(name for registry in _REGISTRIES.values() for name in registry.names()), *metrics, *findings, *shipped]
     raise ConfigError(f"nothing is called {name!r}.{nearest(name, known)} See hgorun list")
+
+
+def _findings() -> dict[str, Finding]:
+    from hgorun.analysis.finding import all_findings  # with all of the analysis, which nothing else here needs
+
+    return {finding.name: finding for finding in all_findings()}
+
+
+def _finding(finding: Finding) -> dict[str, Any]:
+    return {
+        "name": finding.name,
+        "kind": "finding",
+        "meaning": finding.meaning,
+        "unit": finding.unit or "none",
+        "shown in": ", ".join(finding.places),
+    }
 
 
 def _metric(metric: Metric) -> dict[str, Any]:

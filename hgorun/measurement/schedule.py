@@ -194,7 +194,7 @@ def check_delays(channels: list[Channel], points: int) -> tuple[float, float]:
     return smallest, largest
 
 
-def build_schedule(channels: list[Channel], time: Time, kinks: np.ndarray, step: float, points: int) -> Schedule:
+def build_schedule(channels: list[Channel], time: Time, kinks: np.ndarray, step: float) -> Schedule:
     """Collect all events of a run.
 
     Parameters
@@ -203,8 +203,6 @@ def build_schedule(channels: list[Channel], time: Time, kinks: np.ndarray, step:
         Kinks of the functions of time.
     step : float
         Nominal step: events much closer than it are one.
-    points : int
-        How finely delays are searched for repeated events.
     """
     tolerance = max(_SHORT * step, 4 * np.spacing(max(abs(time.start), abs(time.end))))
     times = [np.array([time.start, time.end]), kinks]
@@ -217,10 +215,7 @@ def build_schedule(channels: list[Channel], time: Time, kinks: np.ndarray, step:
     events = _clipped(np.concatenate(times), time, tolerance)
     newest, sharp = events, [kinks]
     for _ in range(LEVELS if continuous_delays(channels) else 0):
-        found = [
-            repeated(newest, s.delay_at, s.delay_is_constant, s.start, s.end, points)
-            for s in continuous_delays(channels)
-        ]
+        found = [repeated(newest, s.delay, s.start, s.end).times for s in continuous_delays(channels)]
         sharp += found  # a jump of an output comes back as a jump
         fresh = merge(np.concatenate(found), tolerance)
         near = np.searchsorted(events, fresh)
@@ -244,9 +239,20 @@ def build_schedule(channels: list[Channel], time: Time, kinks: np.ndarray, step:
     # in the middle: what happens at an event may be written a rounding error later than the event
     middle = 0.5 * (events[:-1] + events[1:])
     kinds = np.concatenate([c.kinds_at(middle) for c in channels], axis=1)
-    distinct, variant = np.unique(kinds, axis=0, return_inverse=True)
+    distinct, variant = _distinct(kinds)
     variants = tuple(tuple((int(a), int(b)) for a, b in row.reshape(-1, 2)) for row in distinct)
     return Schedule(events=events, inward=inward, variants=variants, variant=variant.ravel())
+
+
+def _distinct(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Distinct rows of small numbers in lexical order, and which of them each row is."""
+    sizes = rows.max(axis=0) + 1
+    if np.prod(sizes.astype(float)) > len(rows) + 1000:
+        distinct, which = np.unique(rows, axis=0, return_inverse=True)
+        return distinct, which.ravel()
+    codes = np.ravel_multi_index(tuple(rows.T), tuple(sizes))  # sorting takes longer than all the rest
+    present = np.flatnonzero(np.bincount(codes))
+    return np.stack(np.unravel_index(present, tuple(sizes)), axis=1), np.searchsorted(present, codes)
 
 
 def _clipped(times: np.ndarray, time: Time, tolerance: float) -> np.ndarray:

@@ -21,6 +21,8 @@ from hgorun.registry import Registry
 
 T = TypeVar("T")
 
+_LONGEST_LABEL = 100
+
 
 @dataclass(frozen=True)
 class Checked:
@@ -133,9 +135,9 @@ def _plant(blocks: Blocks, source: Source) -> Plant:
 def _observer(label: str, block: dict[str, Any], source: Source) -> AnyObserver:
     path = ("observers", label)
     file, line = source.where(path)
-    if not label or "/" in label or "." in label:
+    if not label or "/" in label or "." in label or len(label) > _LONGEST_LABEL:
         raise ConfigError(
-            "an observer's label must not be empty and has no / and no . in it",
+            f"an observer's label has 1 to {_LONGEST_LABEL} characters, no / and no . among them",
             file=file,
             line=line,
             key=f"observers.{label}",

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import TYPE_CHECKING
 
+from hgorun.config.expressions import nearest
 from hgorun.errors import Problem
 from hgorun.result.result import Result
 from hgorun.study.quantities import Quantity
 from hgorun.study.study import Study
+
+if TYPE_CHECKING:
+    from hgorun.analysis.report import Analysis
 
 
 def theory_of(study: Study, results: Mapping[str, Result]) -> Callable[[Quantity], float]:
@@ -22,7 +26,7 @@ def theory_of(study: Study, results: Mapping[str, Result]) -> Callable[[Quantity
     from hgorun.analysis.report import analysis_of
     from hgorun.simulation.simulate import perform, prepare
 
-    known: dict[str, Any] = {}
+    known: dict[str, Analysis] = {}
 
     def look_up(quantity: Quantity) -> float:
         (name, label), *_ = quantity.of
@@ -30,12 +34,14 @@ def theory_of(study: Study, results: Mapping[str, Result]) -> Callable[[Quantity
             run = prepare(study.runs[name].experiment)
             known[name] = analysis_of(run, results[name] if name in results else perform(run))
         found = known[name].observers[str(label)]
-        value: Any = found.values
+        value: object = found.values
         for part in [*str(quantity.key).split("."), *([quantity.state] if quantity.state else [])]:
             value = value.get(part) if isinstance(value, Mapping) else None
         if isinstance(value, (bool, int, float)):
             return float(value)
-        reason = found.reasons.get(str(quantity.key).split(".")[0], "it is no number")
+        key = str(quantity.key).split(".")[0]
+        unknown = "" if key in found.values else f"nothing is called {key!r}.{nearest(key, found.values)}".rstrip()
+        reason = found.reasons.get(key) or unknown or "it is not a number"
         raise Problem(("claims",), f"{quantity}: the analysis has no such number: {reason}")
 
     return look_up

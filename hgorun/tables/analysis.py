@@ -36,6 +36,12 @@ def text(analysis: Analysis) -> str:
     return "\n".join(lines)
 
 
+def reference(findings: Sequence[Finding]) -> str:
+    """Keys, units and meanings as a table in Markdown: the reference in docs/analysis.md."""
+    rows = [f"| `{f.name}` | {f.unit} | {f.meaning} |" for f in findings if "json" in f.places]
+    return "\n".join(["| key | unit | meaning |", "|---|---|---|", *rows])
+
+
 def _groups(findings: Sequence[Finding]) -> list[list[Finding]]:
     """What has a column, in groups that stay together."""
     shown = [finding for finding in findings if "table" in finding.places]

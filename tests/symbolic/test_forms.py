@@ -150,3 +150,21 @@ def test_the_observability_map_and_its_jacobian(seed: int) -> None:
     h = 1e-6
     columns = [(numbers(form.Phi(x + h * e, [])) - numbers(form.Phi(x - h * e, []))) / (2 * h) for e in np.eye(3)]
     np.testing.assert_allclose(np.asarray(form.J(x, []).full()), np.column_stack(columns), rtol=1e-6, atol=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("dynamics", "output", "message"),
+    [
+        ({"a": "b", "b": "-a", "c": "-c"}, "a", "state c does not appear in the output a"),
+        ({"a": "b + c", "b": "-b", "c": "-c"}, "a", r"rank 2 of 3\): b, c cannot be told apart from the output a"),
+        ({"a": "b", "b": "c*sin(t)", "c": "-a"}, "a", "depends on time"),
+        ({"a": "1 + 0*a"}, {"y1": "a", "y2": "2*a"}, "2 outputs measure 1 states: at most one output a state"),
+        ({"a": "sqrt(-1 - a**2)*b", "b": "0"}, "a", "not a finite number near the initial state"),
+        ({"a": "u*b", "b": "c + u", "c": "0"}, "a", "state b, c does not appear"),
+    ],
+)
+def test_what_has_no_canonical_coordinates(dynamics: dict[str, str], output: Any, message: str) -> None:
+    inputs = {"u": "sin(t)"} if any("u" in text.replace("sqrt", "") for text in dynamics.values()) else {}
+    model = model_of(inline(dynamics, output, inputs=inputs))
+    with pytest.raises(NotObservableForm, match=message):
+        canonical_form(model, np.full(model.n, 0.5), np.zeros(0))

@@ -38,15 +38,17 @@ def _follows(observer: Subject) -> bool:
     return isinstance(observer.observer, RiccatiGain)
 
 
-@finding(r"L_phi of (3.8), (3.16): the largest \|d phi_k/d z_i\|", group="decay")
+@finding(r"L_phi of (3.8), (3.16): the largest \|d phi_k/d z_i\|", group="slopes")
 def lipschitz(observer: Subject) -> Remarked:
     premises = premises_of(observer)
     return Remarked(premises.lipschitz.value, premises.amplitudes.remarks)
 
 
 @finding(
-    "`interval over box`: a bound by interval arithmetic; `interval along run`: one on the segments between truth and "
+    "what `lipschitz` is. `interval over box`: a bound by interval arithmetic; `interval along run`: one on the "
+    "segments between truth and "
     "estimate, where the box has points that are no states; `trajectory`: the largest slope met, no bound",
+    group="slopes",
     places=("json",),
     optional=True,
 )
@@ -55,7 +57,8 @@ def lipschitz_kind(observer: Subject) -> str:
 
 
 @finding(
-    "where that is: the observer's saturation, or the box of the simulated truth and estimate, 5 % wider",
+    "where `lipschitz` is taken: the observer's saturation, or the box of the simulated truth and estimate, 5 % wider",
+    group="slopes",
     places=("json",),
     optional=True,
 )
@@ -63,12 +66,12 @@ def lipschitz_region(observer: Subject) -> str:
     return premises_of(observer).lipschitz.region
 
 
-@finding("the largest slope met", group="decay", optional=True)
+@finding("the largest slope of phi that the run has met", group="slopes", optional=True)
 def lipschitz_reached(observer: Subject) -> float:
     return premises_of(observer).lipschitz.seen
 
 
-@finding("the box: [low, high] of every coordinate", places=("json",), optional=True)
+@finding("the box of `lipschitz`: [low, high] of every coordinate", group="slopes", places=("json",), optional=True)
 def lipschitz_box(observer: Subject) -> dict[str, list[float]]:
     return {name: list(sides) for name, sides in premises_of(observer).lipschitz.box.items()}
 
@@ -86,7 +89,9 @@ def theta_bound(observer: Subject) -> float | Remarked:
     return Remarked(bound, (remark,))
 
 
-@finding("max(1, n L_phi/beta): the same with (3.17)", places=("json",), optional=True, applies=_holds)
+@finding(
+    "max(1, n L_phi/beta): `theta_bound` with (3.17)", group="theta", places=("json",), optional=True, applies=_holds
+)
 def theta_bound_printed(observer: Subject) -> float:
     premises = premises_of(observer)
     return bounds.printed_theta(dynamics_of(observer).lyapunov.beta, premises.lipschitz)
@@ -97,14 +102,20 @@ def delay_max(observer: Subject) -> float:
     return premises_of(observer).amplitudes.delay
 
 
-@finding("d_M < beta/(chi (L_phi + theta)) (3.68)", unit="time", group="delay", places=("json", "table", "compare"))
+@finding(
+    "the delay that the proof allows: d_M < beta/(chi (L_phi + theta)) (3.68)",
+    unit="time",
+    group="delay",
+    places=("json", "table", "compare"),
+)
 def delay_bound(observer: Subject) -> float:
     return theorem_of(observer).delay.longest
 
 
 @finding(
-    "the same proof with nothing given away, 0 where it asks for a larger theta",
+    "`delay_bound` with nothing given away in the proof, 0 where it asks for a larger theta",
     unit="time",
+    group="delay",
     places=("json",),
     optional=True,
     applies=_holds,
@@ -142,7 +153,8 @@ def peaking(observer: Subject) -> Remarked:
 
 
 @finding(
-    "the same of the bound; null, with what is missing, where the run does not meet the theorem's assumptions",
+    "the theorem's bound on `peaking`; null, with what is missing, where the run does not meet the theorem's "
+    "assumptions",
     unit="state",
     group="peaking",
 )
@@ -153,7 +165,12 @@ def peaking_bound(observer: Subject) -> dict[str, float]:
     return dict(zip(premises_of(observer).chart.names, bounded.printed[0], strict=True))
 
 
-@finding("the bound over time, by coordinate: start exp(-rate (t - t_0)) + rest", places=("json",), optional=True)
+@finding(
+    "the bound on the error over time, by coordinate: start exp(-rate (t - t_0)) + rest",
+    group="peaking",
+    places=("json",),
+    optional=True,
+)
 def peaking_law(observer: Subject) -> dict[str, dict[str, float]]:
     if bounded_transient_of(observer).lacking:
         raise NoValue("the bound does not hold")

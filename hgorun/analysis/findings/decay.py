@@ -19,7 +19,7 @@ def poles(observer: Subject) -> np.ndarray:
     return dynamics_of(observer).lyapunov.poles
 
 
-@finding("whether they all have negative real parts")
+@finding("whether all `poles` have negative real parts", group="poles")
 def hurwitz(observer: Subject) -> bool:
     return dynamics_of(observer).lyapunov.hurwitz
 
@@ -36,13 +36,13 @@ def chi(observer: Subject) -> float:
     return dynamics_of(observer).lyapunov.chi
 
 
-@finding("the mu of beta", places=("json",), optional=True)
+@finding("the mu of `beta` and `P`", group="decay", places=("json",), optional=True)
 def mu(observer: Subject) -> float:
     _ = dynamics_of(observer).lyapunov.P  # there is one
     return MU
 
 
-@finding("the matrix P of beta and chi", places=("json",), optional=True)
+@finding("the Lyapunov matrix P of `beta` and `chi`", group="decay", places=("json",), optional=True)
 def P(observer: Subject) -> np.ndarray:
     return dynamics_of(observer).lyapunov.P
 
@@ -54,6 +54,6 @@ def beta_theta(observer: Subject) -> float:
     return dynamics_of(observer).lyapunov.beta * theta_of(observer)
 
 
-@finding("the configured gain", group="theta", optional=True)
+@finding("the configured high gain", group="theta", optional=True)
 def theta(observer: Subject) -> float:
     return theta_of(observer)

@@ -21,13 +21,15 @@ def excitation(observer: Subject) -> Remarked:
     return Remarked(seen.delta, (f"excitation: {seen.words}",))
 
 
-@finding("when it is least", unit="time", optional=True)
+@finding("when the excitation is least", unit="time", group="excitation", optional=True)
 def excitation_at(observer: Subject) -> float:
     return _excitation(observer).at
 
 
 @finding(
-    "horizon, weights of the states, stretches of time where a state is hardly seen, eigenvalues of P or S",
+    "of the excitation: horizon, weights of the states, stretches of time where a state is hardly seen, eigenvalues"
+    " of P or S",
+    group="excitation",
     places=("json",),
     optional=True,
 )

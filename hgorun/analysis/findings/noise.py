@@ -39,7 +39,9 @@ def noise_rms_predicted(observer: Subject) -> dict[str, float]:
     return observer.by_state(predicted_noise(observer.run, observer.label, noise_free, observer.result))
 
 
-@finding("the same from the run minus one without noise, on the output grid", unit="state", group="noise, measured")
+@finding(
+    "root mean square of the run minus one without noise, on the output grid", unit="state", group="noise, measured"
+)
 def noise_rms_measured(observer: Subject) -> dict[str, float]:
     rms = measured_noise(observer.result, _noise_free(observer.context), observer.label)
     if not np.all(np.isfinite(rms)):
@@ -56,7 +58,7 @@ def h2(observer: Subject) -> dict[str, float]:
     return observer.by_state(h2_norm(linear_at_end(observer)))
 
 
-@finding("the largest amplification of a sinusoid, of the same", unit="state/output")
+@finding("the largest amplification of a sinusoid, of the observer linearised as for `h2`", unit="state/output")
 def hinf(observer: Subject) -> Remarked:
     largest, _ = hinf_norm(linear_at_end(observer))
     when = f"h2, hinf: linearised at t = {observer.result.time[-1]:.4g}, output continuous and not late"
@@ -74,7 +76,10 @@ def _waves(observer: Subject) -> tuple[Wave, ...]:
     return waves
 
 
-@finding("amplitude of the same under the configuration's own sinusoids", unit="state")
+@finding(
+    "amplitude of the estimate under the configuration's own sinusoids, of the observer linearised as for `h2`",
+    unit="state",
+)
 def noise_amplitude(observer: Subject) -> dict[str, float]:
     waves = _waves(observer)
     sizes = np.abs([wave.phasor for wave in waves])
@@ -96,11 +101,11 @@ def _exponent(observer: Subject, slopes: np.ndarray) -> dict[str, float]:
     return observer.by_state(slopes)
 
 
-@finding("the exponent of that amplitude in eps = 1/omega, at the fastest sinusoid")
+@finding("the exponent of `noise_amplitude` in eps = 1/omega, at the fastest sinusoid")
 def noise_exponent_eps(observer: Subject) -> dict[str, float]:
     return _exponent(observer, _exponents(observer)[0])
 
 
-@finding("its exponent in theta")
+@finding("the exponent of `noise_amplitude` in theta, at the fastest sinusoid")
 def noise_exponent_theta(observer: Subject) -> dict[str, float]:
     return _exponent(observer, _exponents(observer)[1])

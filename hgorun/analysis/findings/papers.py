@@ -23,7 +23,7 @@ def lee(observer: Subject) -> dict[str, object]:
 
 
 @finding(
-    "the same of Meiners, Adamy 2025",
+    "what Meiners, Adamy 2025 assume and conclude: conditions, constants, certificates, bounds",
     applies=lambda o: isinstance(o.observer, OutputInjection),
 )
 def meiners(observer: Subject) -> dict[str, object]:
@@ -31,7 +31,7 @@ def meiners(observer: Subject) -> dict[str, object]:
 
 
 @finding(
-    "the same of Katayama",
+    "what Katayama assumes and concludes: conditions, constants, bounds",
     applies=lambda o: isinstance(o.observer, ReducedOrder),
 )
 def katayama(observer: Subject) -> dict[str, object]:

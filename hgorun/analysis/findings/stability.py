@@ -65,7 +65,7 @@ def period_critical(observer: Subject) -> Remarked:
 
 
 @finding(
-    "the delay where it does, at the configured sampling",
+    "the delay where the linear error loses stability, at the configured sampling",
     unit="time",
     group="delay",
     places=("json", "table", "compare"),
@@ -76,14 +76,14 @@ def delay_critical(observer: Subject) -> Remarked:
     return _limit(observer, "delay_critical", critical_delay, _along_run)
 
 
-@finding("`period_critical`, exactly, for chains of integrators", unit="time")
+@finding("`period_critical`, exactly, for chains of integrators", unit="time", group="period")
 def period_critical_chain(observer: Subject) -> Remarked:
     if isinstance(observer.observer, SampledObserver):
         raise NoValue("the observer's own limit does not depend on phi")
     return _limit(observer, "period_critical_chain", critical_period, _on_chain)
 
 
-@finding("`delay_critical`, exactly, for chains of integrators", unit="time")
+@finding("`delay_critical`, exactly, for chains of integrators", unit="time", group="delay")
 def delay_critical_chain(observer: Subject) -> Remarked:
     if isinstance(observer.observer, SampledObserver):
         raise NoValue(_UNDELAYED)

@@ -51,7 +51,7 @@ def delay_margin(A0: np.ndarray, E: np.ndarray, H: np.ndarray, K0: np.ndarray, K
     k = K0 @ X + K
     s = 1j * grid[:, None, None]
     curves = np.sort(np.abs(np.linalg.eigvals(np.linalg.solve(s * np.eye(q) + k, s * (H @ X) + k))), axis=1)
-    candidates = _at_rest(A0, E, H, K0, K)
+    candidates = _constant_solutions(A0, E, H, K0, K)
     for j in range(q):
         above = curves[:, j] > 1
         for i in np.flatnonzero(above[1:] != above[:-1]):
@@ -64,7 +64,7 @@ def delay_margin(A0: np.ndarray, E: np.ndarray, H: np.ndarray, K0: np.ndarray, K
     return min(candidates)
 
 
-def _at_rest(A0: np.ndarray, E: np.ndarray, H: np.ndarray, K0: np.ndarray, K: np.ndarray) -> list[float]:
+def _constant_solutions(A0: np.ndarray, E: np.ndarray, H: np.ndarray, K0: np.ndarray, K: np.ndarray) -> list[float]:
     """Delays at which the equations have a constant solution other than zero."""
     from scipy.linalg import eigvals
 

@@ -28,7 +28,7 @@ from hgorun.result.result import Result
 from hgorun.simulation.prepared import PreparedRun
 
 _SAME = 1e-7  # relative change below which the systems along a trajectory are one
-_MOST_TIMES = 4000  # along a run, at which it is linearised
+_MAX_TIMES = 4000  # along a run, at which it is linearised
 _NOTHING = 1e-12  # relative size of an influence that is rounding
 
 
@@ -124,7 +124,7 @@ def error_system(run: PreparedRun, label: str, result: Result) -> ErrorSystem:
     found = result.observers[label]
     third = result.time[0] + (result.time[-1] - result.time[0]) / 3
     chosen = np.flatnonzero(result.time >= third - 1e-9)
-    chosen = chosen[:: max(chosen.size // _MOST_TIMES, 1)]
+    chosen = chosen[:: max(chosen.size // _MAX_TIMES, 1)]
     if found.diverged_at is not None:
         raise NoValue(f"the run to look along {found.status}")
     linearisation = Linearisation(run, label)

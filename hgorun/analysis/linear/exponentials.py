@@ -8,7 +8,7 @@ from hgorun.analysis.linear.error_system import ErrorSystem
 
 _TERMS = 9  # of the exponential's series, after scaling to a norm of 1/2: 3e-10
 _FINE = 0.5  # of 1/rate: the longest step of a transition matrix
-_MOST_STEPS = 8_000
+_MAX_STEPS = 8_000
 
 
 def transitions(system: ErrorSystem, starts: np.ndarray, length: float) -> np.ndarray:
@@ -22,7 +22,7 @@ def transitions(system: ErrorSystem, starts: np.ndarray, length: float) -> np.nd
 
         return np.broadcast_to(expm(G[0] * length), (starts.size, *G.shape[1:]))
     step = _FINE / system.fastest
-    steps = int(np.clip(np.ceil(length / step), 1, max(_MOST_STEPS // starts.size, 1)))
+    steps = int(np.clip(np.ceil(length / step), 1, max(_MAX_STEPS // starts.size, 1)))
     h = length / steps
     at = starts[:, None] + h * np.arange(steps)
     root = np.sqrt(3) / 6

@@ -146,7 +146,7 @@ class Linearisation:
         call()
         return Linear(*[np.ascontiguousarray(values.swapaxes(1, 2)) for values in results])
 
-    def at_rest(self, x: np.ndarray) -> np.ndarray:
+    def at_truth(self, x: np.ndarray) -> np.ndarray:
         """The states xi (N,) of an observer that has found the plant's state x, filters empty.
 
         Matrices such as P start from their configured initial values.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hgorun.analysis.linear.linear import Linear, Linearisation
-from hgorun.analysis.linear.transfer import relevant, require_hurwitz, response
+from hgorun.analysis.linear.transfer import response, steady_part
 from hgorun.observers.capabilities import HighGain
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.prepared import PreparedRun
@@ -36,8 +36,7 @@ def pi_eps(linear: Linear, omega: float, eps: float = 1.0, output: int = 0) -> n
     """
     from scipy.linalg import solve_sylvester
 
-    linear = relevant(linear)
-    require_hurwitz(linear)
+    linear = steady_part(linear)
     S = np.array([[0.0, omega], [-omega, 0.0]])
     BR = np.outer(linear.B[:, output], [1.0, 0.0])
     return np.asarray(linear.L @ solve_sylvester(eps * linear.A, -S, -eps * BR))
@@ -75,17 +74,15 @@ def amplitude(
         When the linearisation is not Hurwitz.
     """
     run = prepare(run) if isinstance(run, Experiment) else run
-    linear = _at_rest(run, label, x)
+    linear = _at_truth(run, label, x)
     found = np.abs(response(linear, np.atleast_1d(omega))[:, :, output])
     return np.asarray(found if np.ndim(omega) else found[0])
 
 
-def _at_rest(run: PreparedRun, label: str, x: np.ndarray | None) -> Linear:
+def _at_truth(run: PreparedRun, label: str, x: np.ndarray | None) -> Linear:
     observer = Linearisation(run, label)
-    at = observer.at_rest(run.plant.initial if x is None else np.asarray(x, dtype=float))
-    linear = relevant(observer.at(run.time.start, at))
-    require_hurwitz(linear)
-    return linear
+    at = observer.at_truth(run.plant.initial if x is None else np.asarray(x, dtype=float))
+    return steady_part(observer.at(run.time.start, at))
 
 
 def exponents(

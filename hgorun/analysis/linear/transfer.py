@@ -69,6 +69,19 @@ def require_hurwitz(linear: Linear) -> None:
         raise NoValue(f"the linearisation is not Hurwitz: it has an eigenvalue at {worst:.4g}")
 
 
+def steady_part(linear: Linear) -> Linear:
+    """:func:`relevant` of a linearisation that has a steady state.
+
+    Raises
+    ------
+    NoValue
+        When it is not Hurwitz.
+    """
+    linear = relevant(linear)
+    require_hurwitz(linear)
+    return linear
+
+
 def response(linear: Linear, omega: np.ndarray, delay: float = 0.0) -> np.ndarray:
     """Frequency response from the noise of each output to each state of the estimate.
 
@@ -117,8 +130,7 @@ def h2(linear: Linear) -> np.ndarray:
     """
     from scipy.linalg import solve_continuous_lyapunov
 
-    linear = relevant(linear)
-    require_hurwitz(linear)
+    linear = steady_part(linear)
     P = solve_continuous_lyapunov(linear.A, -linear.B @ linear.B.T)
     return np.asarray(np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", linear.L, P, linear.L), 0)))
 
@@ -139,8 +151,7 @@ def hinf(linear: Linear) -> tuple[np.ndarray, np.ndarray]:
     NoValue
         When the linearisation is not Hurwitz.
     """
-    linear = relevant(linear)
-    require_hurwitz(linear)
+    linear = steady_part(linear)
     poles = np.linalg.eigvals(linear.A)
     if not poles.size:
         return (np.zeros((linear.L.shape[0], linear.E.shape[1])),) * 2

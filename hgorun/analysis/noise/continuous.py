@@ -6,7 +6,7 @@ import numpy as np
 
 from hgorun.analysis.linear.delay_margin import delay_margin
 from hgorun.analysis.linear.linear import Linear
-from hgorun.analysis.linear.transfer import discrete_covariance, relevant, require_hurwitz, response
+from hgorun.analysis.linear.transfer import discrete_covariance, response, steady_part
 from hgorun.analysis.noise.terms import NoiseTerms, grouped, require_spectra
 from hgorun.analysis.reasons import NEEDS_HOLD, NoValue, outcome
 from hgorun.noise.base import Draws
@@ -34,8 +34,7 @@ def continuous_power(linear: Linear, terms: list[NoiseTerms], delay: float = 0.0
     ------
     NoValue
     """
-    linear = relevant(linear)
-    require_hurwitz(linear)
+    linear = steady_part(linear)
     if delay > 0:
         _require_stable(linear, delay)
     require_spectra(terms)

@@ -11,7 +11,7 @@ from hgorun.analysis.reasons import NoValue
 from hgorun.result.result import Result
 from hgorun.simulation.prepared import PreparedRun
 
-_MOST = 60_000  # stretches, before it is given up
+_MAX_EDGES = 60_000  # stretches, before it is given up
 _SAME = 1e-9  # of the shortest regular stretch: edges closer than that are one
 
 
@@ -65,7 +65,7 @@ def edges_of(
     times = np.sort(np.concatenate(parts))
     times = times[(times >= start) & (times <= end)]
     times = times[np.diff(times, prepend=-np.inf) > _SAME * (end - start) / stretches]
-    if times.size > _MOST:
+    if times.size > _MAX_EDGES:
         raise NoValue(f"the run has {times.size} samples and changes of held noise, too many to follow")
     taken: dict[int, list[tuple[int, int]]] = {}
     arriving: dict[int, list[tuple[int, int, float]]] = {}

@@ -18,7 +18,7 @@ from fractions import Fraction
 
 import numpy as np
 
-_MOST_ROUNDS = 400
+_MAX_ROUNDS = 400
 _GAP = 1e-6  # between the best Q and the bound for all Q
 _INSIDE = 1e-10  # added to Z: its eigenvalues stay >= 0 when the sums are made exact
 
@@ -71,7 +71,7 @@ def certificate(l: Sequence[float], a: float, b: float, q: float) -> Certificate
     bounds: list[float] = []
     owners: list[tuple[int, np.ndarray]] = []
     best, best_Q = -np.inf, zero
-    for _ in range(_MOST_ROUNDS):
+    for _ in range(_MAX_ROUNDS):
         for k, v in cuts:
             rows.append([*(-float(v @ S[k] @ v) for S in slopes), 1.0])
             bounds.append(float(v @ constant[k] @ v))

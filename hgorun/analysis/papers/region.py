@@ -10,7 +10,7 @@ import numpy as np
 
 from hgorun.simulation.prepared import PreparedRun
 
-_POINTS, _MOST_CORNERS, _MOST_TIMES = 2_000, 1_024, 2_000
+_POINTS, _MAX_CORNERS, _MAX_TIMES = 2_000, 1_024, 2_000
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,7 @@ class Points:
 
 def along(times: np.ndarray, x: np.ndarray) -> Points:
     """A trajectory, at most 2,000 of its points."""
-    step = max(times.size // _MOST_TIMES, 1)
+    step = max(times.size // _MAX_TIMES, 1)
     return Points(times[::step], x[::step])
 
 
@@ -31,7 +31,7 @@ def box(times: np.ndarray, low: np.ndarray, high: np.ndarray) -> Points:
     """Corners of a box and points drawn inside it (seed fixed), each at one of the times."""
     generator = np.random.default_rng(0)
     inside = generator.uniform(low, high, (_POINTS, low.size))
-    if 2**low.size <= _MOST_CORNERS:
+    if 2**low.size <= _MAX_CORNERS:
         corners = np.array(list(product(*zip(low, high, strict=True))))
         inside = np.concatenate([corners, inside])
     return Points(generator.choice(times, len(inside)), inside)

@@ -19,7 +19,7 @@ from hgorun.analysis.linear.delay_margin import delay_margin
 from hgorun.analysis.linear.error_system import ErrorSystem, at_end
 from hgorun.analysis.linear.nominal import chain
 from hgorun.analysis.reasons import NoValue
-from hgorun.analysis.stability.growth import MOST_PERIODS, growth
+from hgorun.analysis.stability.growth import MAX_PERIODS, growth
 from hgorun.measurement.availability import Stretch
 from hgorun.observers.base import SampledObserver
 from hgorun.simulation.prepared import PreparedRun
@@ -28,7 +28,7 @@ from hgorun.symbolic.forms import Form
 _RATIO_CONSTANT, _RATIO_VARYING = 1.04, 1.12  # of neighbouring values in a search for a first crossing
 _SHORTEST, _LONGEST = 1e-2, 3e2  # of 1/rate, where the search starts and ends
 _PRECISION = 1e-4, 2e-3  # relative, of a limit, for one system and along a trajectory
-_MOST_WAITING = 100  # samples on their way at a time
+_MAX_WAITING = 100  # samples on their way at a time
 _COARSE, _FINE = 4, 16  # samples a delay that stand for a continuous output along a trajectory
 
 
@@ -128,11 +128,11 @@ def critical_period(availability: Availability, system: ErrorSystem) -> Limit:
     """
     delay = availability.delay
     where = "; ".join(w for w in (system.where, availability.remark if delay else "") if w)
-    shortest = max(_SHORTEST / system.rate, delay / _MOST_WAITING)
+    shortest = max(_SHORTEST / system.rate, delay / _MAX_WAITING)
     longest = _LONGEST / system.rate
     if not system.constant:
         span = system.times[-1] - system.times[0]
-        shortest = max(shortest, 0.2 / system.rate, span / MOST_PERIODS)
+        shortest = max(shortest, 0.2 / system.rate, span / MAX_PERIODS)
         longest = min(longest, span / 4)
     return _search(system, lambda T: growth(system, T, delay), shortest, longest, where, "period")
 
@@ -148,7 +148,7 @@ def critical_delay(availability: Availability, system: ErrorSystem) -> Limit:
     shortest, longest = _SHORTEST / system.rate, _LONGEST / system.rate
     if not system.constant:
         span = system.times[-1] - system.times[0]
-        shortest = max(0.2 / system.rate, _FINE * span / MOST_PERIODS if period is None else 0.0)
+        shortest = max(0.2 / system.rate, _FINE * span / MAX_PERIODS if period is None else 0.0)
         longest = min(longest, span / 4)
     if period is None:
         where += f"; {_FINE} samples a delay stand for the continuous output"
@@ -157,7 +157,7 @@ def critical_delay(availability: Availability, system: ErrorSystem) -> Limit:
         return _search(system, coarse, shortest, longest, where, "delay", fine)
     if growth(system, period, 0.0) >= 0:
         raise NoValue(f"unstable at the period {period:.4g} already without delay")
-    longest = min(longest, _MOST_WAITING * period)
+    longest = min(longest, _MAX_WAITING * period)
     return _search(system, lambda d: growth(system, period, d), shortest, longest, where, "delay")
 
 

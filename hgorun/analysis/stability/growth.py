@@ -7,7 +7,7 @@ import numpy as np
 from hgorun.analysis.linear.error_system import ErrorSystem
 from hgorun.analysis.linear.exponentials import interpolated, ordered_product, transitions
 
-MOST_PERIODS = 20_000  # that a growth rate is taken over, the first ones of a trajectory
+MAX_PERIODS = 20_000  # that a growth rate is taken over, the first ones of a trajectory
 
 
 def growth(system: ErrorSystem, period: float, delay: float = 0.0) -> float:
@@ -26,7 +26,7 @@ def growth(system: ErrorSystem, period: float, delay: float = 0.0) -> float:
         starts, count = np.zeros(1), 1
     else:
         whole = (system.times[-1] - system.times[0]) / period * (1 + 1e-12)
-        count = int(np.clip(whole, 1, MOST_PERIODS))
+        count = int(np.clip(whole, 1, MAX_PERIODS))
         starts = system.times[0] + period * np.arange(count)
     before = transitions(system, starts, period - rest)
     after = transitions(system, starts + period - rest, rest) if rest > 0 else None

@@ -30,7 +30,7 @@ def chain(n: int, phi: str = "0", **block: Any) -> PreparedRun:
 
 def linear(n: int, **block: Any) -> Linear:
     observer = Linearisation(chain(n, **block), "o")
-    return observer.at(0.0, observer.at_rest(np.zeros(n)))
+    return observer.at(0.0, observer.at_truth(np.zeros(n)))
 
 
 FAMILIES = [
@@ -76,7 +76,7 @@ def test_hinf_is_where_the_hamiltonian_gets_imaginary_eigenvalues(block: dict[st
 def test_sylvester_is_the_frequency_response(block: dict[str, Any]) -> None:
     run = chain(3, "-x1 - 2*x2 - 2*x3", **block)
     observer = Linearisation(run, "o")
-    system = observer.at(0.0, observer.at_rest(np.zeros(3)))
+    system = observer.at(0.0, observer.at_truth(np.zeros(3)))
     for eps in (1.0, 0.1, 0.01):
         found = np.hypot(*pi_eps(system, 2.0, eps).T)
         np.testing.assert_allclose(found, amplitude(run, "o", 2.0 / eps), rtol=1e-6)
@@ -131,7 +131,7 @@ def test_sampled_sinusoid_is_the_simulation(delay: float) -> None:
     late = result.time > 20
     for label in ("a", "b"):
         observer = Linearisation(run, label)
-        loop = SampledLoop(observer.at(0.0, observer.at_rest(np.zeros(2))), 0.1, delay)
+        loop = SampledLoop(observer.at(0.0, observer.at_truth(np.zeros(2))), 0.1, delay)
         found = np.sqrt(loop.power([NoiseTerms(waves=(Wave(0.7, 25.0),))], 0.0))
         measured = np.sqrt(np.mean(result.observers[label].xhat[late] ** 2, axis=0))
         np.testing.assert_allclose(found, measured, rtol=0.01)

@@ -1,0 +1,70 @@
+"""Files are written whole or not at all, and what a killed process leaves is removed."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from hgorun.files import remove_leftovers, write_text, written_whole
+
+
+def test_a_file_appears_when_it_is_whole(tmp_path: Path) -> None:
+    path = tmp_path / "there" / "file.txt"
+    path.parent.mkdir()
+    with written_whole(path) as part:
+        part.write_text("half")
+        assert not path.exists()
+    assert path.read_text() == "half"
+    write_text(path, "ξ")
+    assert path.read_bytes() == "ξ".encode()
+    assert [p.name for p in path.parent.iterdir()] == ["file.txt"]
+
+
+def test_what_fails_leaves_the_old_file_and_nothing_else(tmp_path: Path) -> None:
+    path = tmp_path / "file.txt"
+    write_text(path, "old")
+
+    def interrupted() -> None:
+        with written_whole(path) as part:
+            part.write_text("new")
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    assert path.read_text() == "old"
+    assert [p.name for p in tmp_path.iterdir()] == ["file.txt"]
+
+
+@pytest.mark.skipif(os.name != "posix", reason="processes are asked for only there")
+def test_leftovers_of_dead_processes_are_removed_and_of_others_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with written_whole(tmp_path / "a.h5") as part:
+        part.write_text("")
+        own = part.name
+    dead = subprocess.Popen([sys.executable, "-c", ""])
+    zombie = dead.pid
+    os.waitid(os.P_PID, zombie, os.WEXITED | os.WNOWAIT)  # ended, and still listed
+    names = {pid: own.replace(str(os.getpid()), str(pid)) for pid in (os.getpid(), zombie, 1)}
+    for name in (*names.values(), ".notes.part", ".b.h5.x.part"):
+        (tmp_path / name).write_text("")
+    remove_leftovers(tmp_path)
+    left = {p.name for p in tmp_path.iterdir()} - {"a.h5"}
+    assert left == {names[os.getpid()], names[1], ".notes.part", ".b.h5.x.part"}
+    dead.wait()
+
+    def refused(*_: object) -> None:
+        raise PermissionError
+
+    monkeypatch.setattr(os, "kill", refused)  # of another user: alive
+    (tmp_path / names[zombie]).write_text("")
+    remove_leftovers(tmp_path)
+    assert (tmp_path / names[zombie]).exists()
+    monkeypatch.undo()
+    remove_leftovers(tmp_path)
+    assert not (tmp_path / names[zombie]).exists()
+    remove_leftovers(tmp_path / "nowhere")
