@@ -28,6 +28,25 @@ class Measurements:
     y: np.ndarray
 
 
+@dataclass(frozen=True)
+class Coordinates:
+    """The coordinates in which a constant gain corrects, as the keys ``map`` and ``chains`` choose them.
+
+    Attributes
+    ----------
+    map : str
+        ``chain`` or ``derivatives``.
+    chains : mapping of str to int
+        Length of every output's chain.
+    """
+
+    map: str
+    chains: Mapping[str, int]
+
+    def __str__(self) -> str:
+        return f"{self.map} ({', '.join(f'{name}: {length}' for name, length in self.chains.items())})"
+
+
 @dataclass(frozen=True, kw_only=True)
 class ObserverResult:
     """One observer's trajectories.
@@ -44,6 +63,8 @@ class ObserverResult:
         Number of its differential equations.
     diverged_at : float or None
     metrics : dict of str to ndarray, shape (n,)
+    coordinates : Coordinates, optional
+        Where a constant gain corrects; None for other observers, and for files that do not say.
     """
 
     type: str
@@ -53,6 +74,7 @@ class ObserverResult:
     dimension: int
     diverged_at: float | None
     metrics: Mapping[str, np.ndarray] = field(default_factory=dict)
+    coordinates: Coordinates | None = None
 
     @property
     def filter_order(self) -> int | None:

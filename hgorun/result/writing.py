@@ -161,6 +161,9 @@ def _write_observer(w: _Writer, result: ResultData, label: str, o: ObserverResul
     attributes["gains"] = json.dumps(o.gains)
     attributes["status"] = o.status
     attributes["dimension"] = o.dimension
+    if o.coordinates is not None:
+        attributes["map"] = o.coordinates.map
+        attributes["chains"] = json.dumps(dict(o.coordinates.chains))
     if o.diverged_at is not None:
         attributes["diverged_at"] = o.diverged_at
     known, of_time = all_metrics(), result.units.get("time") or None

@@ -20,6 +20,7 @@ from hgorun.measurement.noise import deviations
 from hgorun.observers.base import AnyObserver
 from hgorun.plants.base import Plant
 from hgorun.plants.build import BuiltPlant, build_plant
+from hgorun.result.data import Coordinates
 from hgorun.result.windows import points_in
 from hgorun.simulation.blocks import Checked, check, check_again, resolved
 from hgorun.simulation.forms import form_of
@@ -180,6 +181,12 @@ class Experiment:
         """For every observer the plant in the form that it needs."""
         return {label: form for label, (form, _) in self._forms.items()}
 
+    @property
+    def coordinates(self) -> dict[str, Coordinates]:
+        """Of every observer with constant gain the coordinates in which it corrects."""
+        chains = {label: form for label, form in self.forms.items() if isinstance(form, CanonicalForm)}
+        return {label: Coordinates(form.map, form.taken) for label, form in chains.items()}
+
     @cached_property
     def designs(self) -> dict[str, Design]:
         """Every observer with its gains."""
@@ -262,22 +269,21 @@ class Experiment:
 
     def resolved(self) -> dict[str, Any]:
         """The configuration after ``extends``, ``--set`` and defaults, as plain data."""
-        return resolved(self._checked)
+        return resolved(self._checked, self.coordinates)
 
     @property
     def resolved_text(self) -> str:
         """The resolved configuration as YAML."""
-        return resolved_text(self._checked)
+        return _yaml(self.resolved())
 
     @property
     def resolved_later(self) -> Callable[[], str]:
         """What makes :attr:`resolved_text`, which takes longer than a run."""
-        return partial(resolved_text, self._checked)
+        return partial(_resolved_text, self._checked, self.coordinates)
 
 
-def resolved_text(checked: Checked) -> str:
-    """The resolved configuration as YAML."""
-    return _yaml(resolved(checked))
+def _resolved_text(checked: Checked, coordinates: Mapping[str, Coordinates]) -> str:
+    return _yaml(resolved(checked, coordinates))
 
 
 def _yaml(values: dict[str, Any]) -> str:

@@ -172,7 +172,7 @@ class _Search:
             lengths = tuple(given[name] for name in plant.outputs)
             if self._regular(lengths, points, parameters):
                 return lengths
-            raise NotObservableForm(self._why_singular(lengths, points, parameters))
+            raise NotObservableForm(self._why_not(lengths, points, parameters))
         for _, even in groupby(_chain_lengths(plant.outputs, plant.n), _unevenness):
             sizes = {lengths: self._size(lengths, points, parameters) for lengths in even}
             best = max(sizes.values())
@@ -181,10 +181,17 @@ class _Search:
         for length in range(1, plant.n + 1 if q > 1 else 1):
             if q * length >= plant.n and self._regular((length,) * q, points, parameters):
                 return (length,) * q
-        raise NotObservableForm(self._why_singular((plant.n,) * q, points, parameters))
+        raise NotObservableForm(self._why_not((plant.n,) * q, points, parameters))
+
+    def _moves(self, lengths: tuple[int, ...]) -> bool:
+        """Whether the map depends on time."""
+        rows = [self._derivatives[i][k] for i, length in enumerate(lengths) for k in range(length)]
+        return bool(ca.depends_on(ca.vertcat(*rows), self.plant.t))
 
     def _regular(self, lengths: tuple[int, ...], points: list[np.ndarray], parameters: np.ndarray) -> bool:
-        """Whether J has rank n at one of the points."""
+        """Whether the map does not depend on time, and J has rank n at one of the points."""
+        if self._moves(lengths):
+            return False
         jacobians = (self._jacobian(lengths, x, parameters) for x in points)
         return any(ranks.singular_value_ratio(jacobian) > ranks.SINGULAR for jacobian in jacobians)
 
@@ -196,15 +203,20 @@ class _Search:
         """
         if len(self.plant.outputs) == 1:
             return 0.0 if self._regular(lengths, points, parameters) else -np.inf
-        sizes = []
-        for x in points:
+        sizes: list[float] = []
+        for x in points if not self._moves(lengths) else ():
             jacobian = self._jacobian(lengths, x, parameters)
             if ranks.singular_value_ratio(jacobian) > ranks.SINGULAR:
                 sizes.append(float(np.linalg.slogdet(jacobian)[1]))
         return float(np.mean(sizes)) if sizes else -np.inf
 
-    def _why_singular(self, lengths: tuple[int, ...], points: list[np.ndarray], parameters: np.ndarray) -> str:
+    def _why_not(self, lengths: tuple[int, ...], points: list[np.ndarray], parameters: np.ndarray) -> str:
         plant = self.plant
+        if self._moves(lengths):
+            return (
+                "the observability map (h, L_f h, ...) depends on time; declare what varies as an input, since the "
+                "map is taken with the inputs at zero"
+            )
         rows = [self._derivatives[i][k] for i, length in enumerate(lengths) for k in range(length)]
         seen = set(ca.jacobian(ca.vertcat(*rows), plant.x).sparsity().get_col())
         missing = [name for k, name in enumerate(plant.states) if k not in seen]
@@ -275,11 +287,6 @@ def _lie_derivatives(plant: PlantModel) -> list[list[ca.SX]]:
         for _ in range(plant.n - 1):
             functions.append(ca.cse(ca.jtimes(functions[-1], plant.x, drift)))
         chains.append(functions)
-    if plant.n and ca.depends_on(ca.vertcat(*[f for chain in chains for f in chain]), plant.t):
-        raise NotObservableForm(
-            "the observability map (h, L_f h, ...) depends on time; declare what varies as an input, since the map "
-            "is taken with the inputs at zero"
-        )
     return chains
 
 

@@ -80,7 +80,7 @@ def chain(run: PreparedRun, label: str) -> tuple[PreparedRun, Result]:
     if isinstance(run.forms[label], ChainForm):
         states = [s for one in names for s in one]
     block = run.experiment.resolved()["observers"][label]
-    for name in ("initial", "saturation", "coordinates"):
+    for name in ("initial", "saturation", "coordinates", "map", "chains"):
         block.pop(name, None)
     observer = run.experiment.observers[label]
     slowest = observer.settling_rate if isinstance(observer, HighGain) else 1.0
