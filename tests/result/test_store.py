@@ -176,7 +176,7 @@ NOT_A_RESULT: dict[str, tuple[Callable[[h5py.File], object], str]] = {
     "complex": (replaced("plant/x", shape=(21, 2), dtype=complex), "plant/x holds complex"),
     "empty": (replaced("plant/x", data=h5py.Empty(float)), "plant/x"),
     "group": (lambda f: (f.__delitem__("time"), f.create_group("time")), "time is no ordinary data set"),
-    "no group": (replaced("observers/SHGO/state", data=1.0), "observers/SHGO/state is no group"),
+    "no group": (replaced("observers/SHGO/state", data=1.0), "observers/SHGO/state is not a group"),
     "missing": (lambda f: f.__delitem__("metrics/SHGO"), "metrics/SHGO is missing"),
     "internal state": (replaced("observers/SHGO/state/alpha", data=[1.0]), "state/alpha has shape"),
     "time NaN": (replaced("time", data=np.full(21, np.nan)), "time must be"),
