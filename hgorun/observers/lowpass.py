@@ -39,7 +39,7 @@ class LowPassObserver(FilterOrder, ConstantGain):
 
     (3.31) prints C_r eta = eta_1, the least filtered component, with which the noise falls like 1/omega^2
     for every r: the highest relative degree, which its text asks for, is that of eta_r. It lacks
-    Delta_n^-1(theta), without which theta is no high gain, and its F(rho) has C_r for B_r^T too.
+    Delta_n^-1(theta), without which theta is not a high gain, and its F(rho) has C_r for B_r^T too.
     """
 
     reference = "Astolfi, Zaccarian, Jungers 2021; Robles Magdaleno 2023, (3.31)"

@@ -1,4 +1,4 @@
-"""What a run leaves: trajectories, measurements, metrics."""
+"""The result of a run: trajectories, measurements, metrics."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Measurements:
         When each measurement became available: arrival times of samples, the output grid where an output
         is continuous.
     taken, y : ndarray, shape (Nk, q)
-        The time that it speaks of, and the noisy value; NaN where an output has none.
+        The time it was measured, and the noisy value; NaN where an output has none.
     """
 
     time: np.ndarray

@@ -64,13 +64,13 @@ class _Reader:
     def group(self, name: str) -> h5py.Group:
         found = self.member(name)
         if not isinstance(found, h5py.Group):
-            raise self.error(f"{name} is no group")
+            raise self.error(f"{name} is not a group")
         return found
 
     def data(self, name: str) -> h5py.Dataset:
         found = self.member(name)
         if not isinstance(found, h5py.Dataset) or found.is_virtual or found.external:
-            raise self.error(f"{name} is no ordinary data set")
+            raise self.error(f"{name} is not an ordinary data set")
         return found
 
     def numbers(self, name: str, *shape: int | None) -> np.ndarray:

@@ -122,7 +122,7 @@ def _write(result: ResultData, file: h5py.File) -> None:
         units=unit,
         long_name="when the measurement becomes available",
     )
-    w.data("measurement/taken", m.taken, numbered, units=unit, long_name="time that it speaks of")
+    w.data("measurement/taken", m.taken, numbered, units=unit, long_name="time it was measured")
     w.data(
         "measurement/y",
         m.y,

@@ -36,7 +36,7 @@ class Checked:
 
 
 def check(source: Source) -> Checked:
-    """The parts of a configuration; its figures and claims, which are no part of a run, are left out.
+    """The parts of a configuration; its figures and claims, which are not part of a run, are left out.
 
     Raises
     ------

@@ -236,7 +236,7 @@ class Experiment:
         Raises
         ------
         ConfigError
-            When one grid is no multiple of the other, or the output is larger than allowed.
+            When one grid is not a multiple of the other, or the output is larger than allowed.
         """
         time, record = self.blocks.time, self.metric_step
         fine = min(record, time.output_step)
