@@ -12,7 +12,7 @@ from hgorun.engine.layout import Held, HybridSystem, Regime
 from hgorun.engine.plan import Plan
 from hgorun.engine.program import Program, Start
 from hgorun.errors import Problem
-from hgorun.measurement.events import Irregular, Kinks, infinite, too_many
+from hgorun.measurement.events import Irregular, Kinks, infinite, merge, too_many
 from hgorun.measurement.sampling import SAMPLE_BYTES
 from hgorun.memo import Memo
 from hgorun.plants.build import BuiltPlant, SymbolicPlant
@@ -84,7 +84,7 @@ class PlantRun:
         """Outputs (len(times), q) and the integral of their squares (q,) to the end; times increase."""
         program, output = _PROGRAMS.get(self.plant.symbolic, lambda: _compiled(self.plant.symbolic))
         start, end = self.time.start, self.time.end
-        kinks = plant_kinks(self.plant, self.time).times
+        kinks = merge(plant_kinks(self.plant, self.time).times, 16 * np.spacing(max(abs(start), abs(end))))
         ends = np.concatenate([[start], kinks[(kinks > start) & (kinks < end)], [end]])
         steps = count_steps(np.diff(ends), self.step)
         zero = np.zeros_like(steps)

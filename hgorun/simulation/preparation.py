@@ -52,7 +52,7 @@ def _prepared(experiment: Experiment) -> PreparedRun:
     channels = _CHANNELS.get(
         key, lambda: find_channels(stretches, plant.model.outputs, time, experiment.blocks.seed, sizes)
     )
-    smallest_delay, reach = check_delays(channels, experiment.points)
+    smallest_delay, reach = check_delays(channels)
     step = nominal_step(experiment)
     schedule = _schedule(experiment, channels, step)
     designs = list(experiment.designs.values())

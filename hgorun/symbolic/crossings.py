@@ -20,6 +20,7 @@ from hgorun.symbolic.intervals import Bounds, enclose
 
 _CELLS = 1 << 15  # that are looked at together: bounds the memory
 _BUDGET = 4_000_000  # cells of one function
+_PER_CROSSING = 100  # more cells for each crossing that was found
 _ZERO = 1e-290  # a slope that is zero but for rounding outwards
 _LOOKS = (0.137, 0.618, 0.389, 0.891)  # where a cell is looked at: no simple function has all its roots there
 _WIDE = 1e-3  # of a piece: rounding hides the sign of a function that touches a value on much less
@@ -205,28 +206,27 @@ class Search:
         TooMany
         """
         stack = [Cells(low, high, np.arange(low.size))]
-        monotone, flat, looked = [], [], 0
-        while stack and looked < _BUDGET:
+        times, flat, looked, found = [], [], 0, 0
+        while stack and looked < _BUDGET + _PER_CROSSING * found:
             cells = stack.pop()
             if cells.low.size > _CELLS:
                 rest = np.arange(cells.low.size) >= _CELLS
                 stack.append(cells.where(rest))
                 cells = cells.where(~rest)
             looked += cells.low.size
-            one, other, left = self._sorted(cells)
-            monotone.append(one)
-            flat.append(other)
+            monotone, hidden, left = self._sorted(cells)
+            times.append(self._crossed(monotone, found))
+            flat.append(hidden)
+            found += times[-1].size
             if left.low.size:
                 stack.append(left.halves())
-        unseen = _together(stack)
-        times = [self._crossed(_together([*monotone, unseen]))]
-        hidden = _joined(_together(flat))
-        times.append(self._crossed(hidden))
+        unseen, touched = _together(stack), _joined(_together(flat))
+        times += [self._crossed(cells, found) for cells in (unseen, touched)]
+        middle = 0.5 * (touched.low + touched.high)
         if self.touches:
-            times.append(0.5 * (hidden.low + hidden.high))
-        middle = 0.5 * (hidden.low + hidden.high)
-        known = np.isfinite(self.function.at(middle, self.p, self.s[hidden.piece]))
-        wide = hidden.where(known & (hidden.high - hidden.low > _WIDE * (high - low)[hidden.piece]))
+            times.append(middle)
+        known = np.isfinite(self.function.at(middle, self.p, self.s[touched.piece]))
+        wide = touched.where(known & (touched.high - touched.low > _WIDE * (high - low)[touched.piece]))
         lost = [(float(c.low.min()), float(c.high.max())) for c in (wide, unseen) if c.low.size]
         return Found(np.unique(np.concatenate(times)), tuple(lost))
 
@@ -261,16 +261,22 @@ class Search:
         both = np.fmax(low, around[0]), np.fmin(high, around[1])
         return np.asarray(self.levels.inside(both))
 
-    def _crossed(self, cells: Cells) -> Floats:
-        """The crossings of a function that is monotone on cells, from its values at their ends."""
+    def _crossed(self, cells: Cells, before: int) -> Floats:
+        """The crossings of a function that is monotone on cells, from its values at their ends.
+
+        Parameters
+        ----------
+        before : int
+            How many have been found before.
+        """
         if not cells.low.size:
             return cells.low
         s = self.s[cells.piece]
         first, last = (self.levels.crossed(self.function.at(x, self.p, s)) for x in (cells.low, cells.high))
         with np.errstate(invalid="ignore"):
             count = np.nan_to_num(np.abs(last - first), nan=0.0, posinf=np.inf)
-        if count.sum() > self.most:
-            raise TooMany(float(count.sum()))
+        if before + count.sum() > self.most:
+            raise TooMany(float(before + count.sum()))
         many = count.astype(int)
         cell = np.repeat(np.arange(many.size), many)
         number = np.arange(cell.size) - np.repeat(np.cumsum(many) - many, many) + 1 + np.minimum(first, last)[cell]
