@@ -13,7 +13,7 @@ from hgorun.config.expressions import parse
 from hgorun.config.literals import Template, template
 from hgorun.errors import Problem
 from hgorun.measurement.availability import Stretch
-from hgorun.measurement.events import Irregular, Kinks, infinite, too_many
+from hgorun.measurement.events import Irregular, Kinks, infinite, not_followed, too_many
 from hgorun.measurement.sampling import SAMPLE_BYTES
 from hgorun.memo import Memo
 from hgorun.noise.base import TimeFunction
@@ -85,6 +85,12 @@ def kinks_of(stretch: Stretch, max_memory: float) -> Irregular:
             raise Problem(stretch.paths[key], infinite(when))
     noise, delay = found
     return Irregular(np.union1d(noise.times, delay.times), noise.lost + delay.lost)
+
+
+def signal_remarks(stretch: Stretch, max_memory: float) -> list[str]:
+    """What is said of noise or a delay whose kinks could not all be found."""
+    lost = kinks_of(stretch, max_memory).lost
+    return [not_followed(".".join(map(str, stretch.paths["noise"])), lost)] if lost else []
 
 
 def delay_range(stretch: Stretch) -> tuple[float, float]:

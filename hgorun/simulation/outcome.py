@@ -69,6 +69,7 @@ def record(run: PreparedRun, raw: Raw) -> Result:
         seed=blocks.seed,
         windows=asdict(settings),
         integration_error=embedded,
+        remarks=run.remarks,
     )
 
 

@@ -84,7 +84,7 @@ def as_json(result: Result, file: str | None = None, predicted: Predicted | None
     -------
     dict
         ``{"name", "file", "status", "observers": {label: {"status", metric: {state: number}}}}``, and
-        ``integration_error`` where it is known. Numbers that are not finite are text.
+        ``integration_error`` and ``remarks`` where there are any. Numbers that are not finite are text.
     """
     observers: dict[str, dict[str, Any]] = {
         label: {"status": result.observers[label].status} | metrics for label, metrics in result.metrics().items()
@@ -99,6 +99,8 @@ def as_json(result: Result, file: str | None = None, predicted: Predicted | None
     }
     if result.integration_error is not None:
         found["integration_error"] = result.integration_error
+    if result.remarks:
+        found["remarks"] = list(result.remarks)
     return {key: json_value(value) for key, value in found.items()}
 
 
