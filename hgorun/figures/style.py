@@ -73,6 +73,9 @@ INSET_FRAME: dict[str, Any] = {"edgecolor": "0.6", "alpha": 1.0, "linewidth": 0.
 DPI = 300
 # Sides in inches: least width; least height of a figure without panels and of each panel; largest of both.
 NARROWEST, LOWEST, LARGEST = 2.0, (0.6, 0.6), 100.0
+PANEL = 2.2  # inches: the height of a row of panels
+LARGEST_AREA = 1_000.0  # square inches: 90 million points in a PNG
+LARGEST_NUMBER = 1e100  # that axes can be divided by
 # Tried for characters that the fonts above lack.
 _OTHER_SCRIPTS = (
     "Noto Serif CJK JP",

@@ -234,7 +234,12 @@ class Work:
 
         shown = [results[run] for run in self.study.runs_of(name) if run in results]
         scalings = scaling_data(self.study, name, ensembles)
-        figure = draw(shown, self.study.figures[name], name, scalings=scalings)
+        block = self.study.figures[name]
+        known = {text for r in shown for label in r.observers for text in (label, f"{r.name}/{label}")}
+        known |= {text for s in scalings.values() for label in s.observers for text in (label, f"{s.run}/{label}")}
+        # a legend may name an observer that no panel shows
+        block = block.model_copy(update={"labels": {k: v for k, v in block.labels.items() if k in known}})
+        figure = draw(shown, block, name, scalings=scalings)
         written = save(figure, self._figure_folder / name)
         written.append(thumbnail(figure, self.state.folder / "small" / f"{name}.png"))
         files = [relative(path, self.state.folder) for path in written]

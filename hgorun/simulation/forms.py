@@ -27,8 +27,13 @@ def form_of(plant: BuiltPlant, label: str, observer: AnyObserver) -> tuple[Form,
     try:
         return _DECIDED.get((*known, *numbers), lambda: _decide(plant, function, _FOUND.get(known, list)))
     except NotObservableForm as error:
-        asked = f"observer {label} ({observer.type}) asks for another form of the plant"
-        raise Problem(("plant",), f"{error}; {asked}") from error
+        raise Problem(
+            ("plant",), f"{error}; observer {label} ({observer.type}) asks for another form of the plant"
+        ) from error
+    except Problem:
+        raise
+    except ValueError as error:
+        raise Problem(("plant", "initial"), f"{error}; observer {label} ({observer.type}) needs one") from error
 
 
 def _decide(plant: BuiltPlant, function: FormFinder, origins: list[Form]) -> tuple[Form, Form]:
