@@ -127,7 +127,7 @@ class Panel(Block):
     output: str | None = Field(default=None, description="an output: its measurements and the truth")
     scaling: Scaling | None = Field(default=None, description="error size against what a run varies")
     run: str | None = Field(default=None, description="the run shown, where a file has several (default: all)")
-    observers: Annotated[tuple[str, ...], NonEmpty] | None = Field(
+    observers: tuple[str, ...] | None = Field(
         default=None, description="labels, with several runs also run/label (default: all)"
     )
     measurements: bool = Field(default=False, description="show the measurements of the state that is an output")

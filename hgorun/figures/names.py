@@ -113,6 +113,8 @@ def _check_panel(panel: Panel, names: Names, path: Path) -> None:
     for key in ("state", "error", "magnitude"):
         _require(getattr(panel, key), "state", states, (*path, key), where)
     _require(panel.output, "output", outputs, (*path, "output"), where)
+    if panel.observers == () and panel.run is None:
+        raise Problem((*path, "observers"), "an empty list shows the truth of a run alone: name the run with run")
     if panel.scaling is not None:
         _require(panel.scaling.state, "state", states, (*path, "scaling", "state"), where)
         _require(panel.scaling.of, "quantity", list(quantities()), (*path, "scaling", "of"))

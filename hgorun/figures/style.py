@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -133,9 +134,22 @@ _RC: dict[str, Any] = {
 }
 
 
+def _require_matplotlib() -> None:
+    """Import it; a backend that the environment names and that is not installed is no hindrance, for none is used."""
+    try:
+        import matplotlib  # tried here
+    except ValueError:
+        named = os.environ.pop("MPLBACKEND")
+        try:
+            import matplotlib  # noqa: F401  # tried again
+        finally:
+            os.environ["MPLBACKEND"] = named
+
+
 @contextmanager
 def styled() -> Iterator[None]:
     """Matplotlib's own defaults with our settings on top, whatever the user's; undone at the end."""
+    _require_matplotlib()
     import matplotlib
     from matplotlib import font_manager
 

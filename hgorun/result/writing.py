@@ -7,11 +7,12 @@ are equal files but for the attribute ``created``.
 from __future__ import annotations
 
 import hashlib
+import io
 import json
 import platform
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import h5py
 import numpy as np
@@ -19,6 +20,9 @@ import numpy as np
 from hgorun.files import written_whole
 from hgorun.result.data import ObserverResult, ResultData
 from hgorun.result.metrics.base import all_metrics
+
+if TYPE_CHECKING:
+    from _typeshed import ReadableBuffer
 
 FORMAT = "hgorun-result-1"
 
@@ -41,9 +45,37 @@ def save(result: ResultData, path: Path) -> Path:
     HgorunError
         When the file cannot be written.
     """
-    with written_whole(path) as part, h5py.File(part, "w", track_order=True) as file:
-        _write(result, file)
+    with written_whole(path) as part, _Sink(part) as sink:
+        with h5py.File(sink, "w", track_order=True) as file:
+            _write(result, file)
+        if sink.failed is not None:
+            raise sink.failed
     return path
+
+
+class _Sink(io.FileIO):
+    """A file for HDF5, which crashes where a write fails: it never sees one fail, and we say what happened."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path, "w+")
+        self.failed: OSError | None = None
+
+    def write(self, data: ReadableBuffer) -> int:
+        left = memoryview(data).cast("B")
+        size = len(left)
+        try:
+            while left and self.failed is None:
+                left = left[super().write(left) or 0 :]
+        except OSError as error:
+            self.failed = error
+        return size
+
+    def truncate(self, size: int | None = None) -> int:
+        try:
+            return super().truncate(size) if self.failed is None else size or 0
+        except OSError as error:
+            self.failed = error
+            return size or 0
 
 
 class _Writer:
@@ -84,7 +116,7 @@ def _labels(names: tuple[str, ...]) -> Any:
 def _write(result: ResultData, file: h5py.File) -> None:
     w = _Writer(file)
     for key, value in _root_attributes(result).items():
-        file.attrs[key] = value
+        file.attrs[key] = value.encode(errors="replace").decode() if isinstance(value, str) else value
     units = result.units
     unit = units.get("time", "")
     w.scale("time", result.time, units=unit, long_name="time")

@@ -97,7 +97,7 @@ BIOREACTOR = config(
         ("claims", varied(2, 3, path="observers.A.thetta"), "runs.v.vary.set.observers.A.thetta: unknown key"),
         ("claims", varied(2, 3, path="observers..theta"), "runs.v.vary.set.observers..theta"),
         ("claims", varied(2, 3, -3), "runs.v.vary.set.observers.A.theta: expected a number above 0"),
-        ("figures", figure(observers=[]), "figures.f.panels.0.observers: expected at least one entry"),
+        ("figures", figure(observers=[]), "figures.f.panels.0.observers: an empty list"),
         ("figures", figure(limits=[-1e308, 1e308]), "figures.f.panels.0.limits: expected numbers up to 1e+100"),
         ("figures", figure(window=[-1e308, 1e308]), "figures.f.panels.0.window"),
         ("figures", figure(inset={"window": [0, 1], "limits": [-1e308, 1]}), "figures.f.panels.0.inset.limits"),
