@@ -38,8 +38,8 @@ def run(main: Callable[[], Callable[[], None]]) -> None:
         Imports the command line and returns its entry point: importing takes long enough to be interrupted.
     """
     try:
+        _prepare_streams()  # first: a pipe of our own would take the number of a stream that is closed
         _listen()
-        _prepare_streams()
         if not sys.warnoptions:  # of numpy, scipy, ...: they speak to programmers
             warnings.simplefilter("ignore")
         main()()

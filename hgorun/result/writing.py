@@ -18,6 +18,7 @@ import h5py
 import numpy as np
 
 from hgorun.files import written_whole
+from hgorun.result import digests
 from hgorun.result.data import ObserverResult, ResultData
 from hgorun.result.metrics.base import all_metrics
 
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
 
 FORMAT = "hgorun-result-1"
+_CHUNK = 2**20
 
 
 def save(result: ResultData, path: Path) -> Path:
@@ -90,7 +92,13 @@ class _Writer:
     def data(self, path: str, values: Any, dimensions: tuple[str, ...] = (), **attributes: Any) -> h5py.Dataset:
         parent, _, name = path.rpartition("/")
         group = self.group(parent) if parent else self.file
-        data = group.create_dataset(name, data=values, track_times=False)
+        array = np.asarray(values)
+        if array.dtype.kind == "O":
+            data = group.create_dataset(name, data=values, track_times=False)
+            data.attrs[digests.ATTRIBUTE] = digests.of_names([str(name) for name in array])
+        else:
+            data = group.create_dataset(name, data=array, track_times=False, **_checked(array))
+            data.attrs[digests.ATTRIBUTE] = digests.of_numbers(array)
         for axis, dimension in enumerate(dimensions):
             data.dims[axis].attach_scale(self.file[dimension])
         for key, value in attributes.items():
@@ -107,6 +115,14 @@ class _Writer:
         if names:
             data = self.data(path, np.array(names, dtype=object).astype(h5py.string_dtype()))
             data.make_scale(path.rpartition("/")[2])
+
+
+def _checked(array: np.ndarray) -> dict[str, Any]:
+    """Checksums in the file, which HDF5 keeps for each chunk: whole rows, of about a MiB."""
+    if not array.ndim or not array.size:
+        return {}
+    rows = max(1, min(len(array), _CHUNK // max(array[:1].nbytes, 1)))
+    return {"fletcher32": True, "chunks": (rows, *array.shape[1:])}
 
 
 def _labels(names: tuple[str, ...]) -> Any:
@@ -166,6 +182,7 @@ def _write(result: ResultData, file: h5py.File) -> None:
     w.group("metrics")
     for label, o in result.observers.items():
         _write_observer(w, result, label, o, of_states)
+    file.attrs[digests.ATTRIBUTE] = digests.of_attributes(file)
 
 
 def _write_observer(w: _Writer, result: ResultData, label: str, o: ObserverResult, units: str | None) -> None:
