@@ -134,7 +134,7 @@ def parse(text: str, file: str) -> Source:
     ------
     ConfigError
         The text is empty, not YAML, or uses what is refused: tags, merge keys, several documents, duplicate
-        keys, keys that are no scalars, control characters, aliases inside their anchors, more than 100,000
+        keys, keys that are not scalars, control characters, aliases inside their anchors, more than 100,000
         values (aliases written out) or more than 50 levels.
     """
     text = text.removeprefix("\ufeff")

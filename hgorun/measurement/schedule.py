@@ -1,4 +1,4 @@
-"""All events of a run: samples, the times that they speak of, noise changes, kinks, and what delays make of them."""
+"""All events of a run: samples, the times they were measured, noise changes, kinks, and what delays make of them."""
 
 from __future__ import annotations
 

@@ -49,7 +49,7 @@ class Job:
     path : Path
         The file.
     place : str
-        The experiment's path without suffix, or the name of a file of one's own: a folder of the results.
+        The experiment's path without suffix, or the name of your own file: a folder of the results.
     figures : tuple of str
         Names of those wanted.
     claims : tuple of str

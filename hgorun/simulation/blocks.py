@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -18,6 +18,7 @@ from hgorun.observers.base import OBSERVERS, AnyObserver
 from hgorun.plants.base import PLANTS, Plant
 from hgorun.plants.inline import InlinePlant
 from hgorun.registry import Registry
+from hgorun.result.data import Coordinates
 
 T = TypeVar("T")
 
@@ -35,7 +36,7 @@ class Checked:
 
 
 def check(source: Source) -> Checked:
-    """The parts of a configuration; its figures and claims, which are no part of a run, are left out.
+    """The parts of a configuration; its figures and claims, which are not part of a run, are left out.
 
     Raises
     ------
@@ -92,15 +93,25 @@ def check_again(source: Source, before: Checked, touched: Collection[KeyPath]) -
 _NOT_RESOLVED = {*_PARTS, *_NOT_OF_A_RUN, "extends", "title", "reference"}
 
 
-def resolved(checked: Checked) -> dict[str, Any]:
+def resolved(checked: Checked, coordinates: Mapping[str, Coordinates]) -> dict[str, Any]:
     """The configuration after ``extends``, ``--set`` and defaults: all that the numbers of the run follow from.
 
     Titles, references, figures and claims are not in it.
+
+    Parameters
+    ----------
+    coordinates : mapping of str to Coordinates
+        What was taken by the observers that have a choice of them.
     """
     values = checked.blocks.model_dump(mode="json", exclude=_NOT_RESOLVED, exclude_none=True)
     values["measurement"] = checked.measurement.model_dump(mode="json", exclude_none=True)
     values["plant"] = checked.plant.model_dump(mode="json", exclude_none=True)
     values["observers"] = {label: _plain(o.model_dump(exclude_none=True)) for label, o in checked.observers.items()}
+    for label, block in values["observers"].items():
+        taken = coordinates.get(label)
+        block |= {"map": taken.map, "chains": dict(taken.chains)} if taken else {}
+        if not taken:
+            del block["map"], block["chains"]
     return values
 
 
