@@ -14,6 +14,7 @@ from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.tables import count_steps
 from hgorun.symbolic.evaluate import at
 
+_COARSE = 0.01  # of a step: so far apart neighbouring numbers may be
 _OVERLAP = 0.05  # of a step: delays shorter than that are followed inside the step
 
 
@@ -24,10 +25,27 @@ def check_run(run: PreparedRun) -> None:
     ------
     Problem
     """
+    _check_clock(run)
     _check_memory(run)
     check_steps(run, run.step)
     _check_jumps(run)
     _check_start(run)
+    for channel in run.channels:
+        _ = channel.gain_and_bias  # noise that is no number at some sample is said before any run starts
+
+
+def _check_clock(run: PreparedRun) -> None:
+    """Times must be told apart much finer than steps."""
+    time = run.time
+    key = "start" if abs(time.start) > abs(time.end) else "end"
+    finest = float(np.spacing(abs(getattr(time, key))))
+    step = min(run.step, time.output_step)
+    if finest > _COARSE * step:
+        raise Problem(
+            ("time", key),
+            f"numbers as large as {getattr(time, key):g} are {finest:.1g} apart, too coarse for steps of {step:.3g}: "
+            "count time from a later origin",
+        )
 
 
 def longest_step(run: PreparedRun, step: float) -> float:

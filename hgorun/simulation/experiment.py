@@ -251,11 +251,22 @@ class Experiment:
                     f"the output grid has {count:.4g} points, about {size / 2**30:.3g} GiB; "
                     f"time.max_memory allows {time.max_memory / 2**30:.3g} GiB",
                 )
+            for path, step in ((("time", "output_step"), time.output_step), (("metrics", "record"), record)):
+                if step > (time.end - time.start) * (1 + 1e-9):
+                    raise Problem(path, f"{step:g} is longer than the run, {time.end - time.start:g}: shorten it")
             points = time.start + np.arange(int(count)) * fine
             measured = points[:: ratios[1]]
             for key in ("window", "transient"):
                 window = getattr(self.blocks.metrics, key)
-                if window is not None and measured[points_in(measured, window)].size == 0:
+                if window is None:
+                    continue
+                if window[0] < time.start - 1e-9 * fine or window[1] > time.end + 1e-9 * fine:
+                    raise Problem(
+                        ("metrics", key),
+                        f"[{window[0]:g}, {window[1]:g}] reaches outside the run, which lasts from "
+                        f"{time.start:g} to {time.end:g}",
+                    )
+                if measured[points_in(measured, window)].size == 0:
                     raise Problem(("metrics", key), f"no output point lies in [{window[0]:g}, {window[1]:g}]")
         return points, ratios[0], ratios[1]
 
