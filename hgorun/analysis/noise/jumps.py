@@ -36,10 +36,14 @@ def noise_of_jumps(run: PreparedRun, label: str, result: Result, noise_free: Res
         raise NoValue("the observer flows between its jumps: noise is predicted for observers that do one of both")
     samples = run.channels[0].samples
     arrival = samples.arrival[samples.used]
-    rows = np.clip(np.searchsorted(result.measurements.time, arrival - 1e-12), 0, result.measurements.time.size - 1)
+    rows = np.clip(
+        np.searchsorted(result.measurements.time, arrival - _tick(arrival)), 0, result.measurements.time.size - 1
+    )
     v = (result.measurements.y - noise_free.measurements.y)[rows]
     y = noise_free.measurements.y[rows]
-    before = np.clip(np.searchsorted(noise_free.time, arrival[1:] - 1e-12) - 1, 0, noise_free.time.size - 1)
+    before = np.clip(
+        np.searchsorted(noise_free.time, arrival[1:] - _tick(arrival[1:])) - 1, 0, noise_free.time.size - 1
+    )
     xi = observer.states(noise_free.observers[label], before)
     slopes = _slopes(observer)
     before_jump = np.zeros_like(xi)
@@ -63,6 +67,11 @@ def noise_of_jumps(run: PreparedRun, label: str, result: Result, noise_free: Res
     moved = np.einsum("kij,kj->ki", L, deviation)
     mean_square = (held[:, None] * moved**2).sum(axis=0) / held.sum()
     return Deviation(arrival[1:], moved, np.asarray(mean_square))
+
+
+def _tick(times: np.ndarray) -> np.ndarray:
+    """By how much times may differ that are equal on paper."""
+    return np.asarray(4 * np.spacing(np.abs(times)))
 
 
 def _slopes(observer: Linearisation) -> ca.Function:
