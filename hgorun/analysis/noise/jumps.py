@@ -7,6 +7,7 @@ import numpy as np
 
 from hgorun.analysis.linear.linear import Linearisation
 from hgorun.analysis.noise.along_run import GAUSS, Deviation
+from hgorun.analysis.noise.measured import noise_between
 from hgorun.analysis.reasons import NoValue
 from hgorun.observers.base import ContinuousObserver, Sample
 from hgorun.result.result import Result
@@ -39,7 +40,7 @@ def noise_of_jumps(run: PreparedRun, label: str, result: Result, noise_free: Res
     rows = np.clip(
         np.searchsorted(result.measurements.time, arrival - _tick(arrival)), 0, result.measurements.time.size - 1
     )
-    v = (result.measurements.y - noise_free.measurements.y)[rows]
+    v = noise_between(run, result, noise_free)[rows]
     y = noise_free.measurements.y[rows]
     before = np.clip(
         np.searchsorted(noise_free.time, arrival[1:] - _tick(arrival[1:])) - 1, 0, noise_free.time.size - 1
