@@ -110,6 +110,9 @@ def _write(result: ResultData, file: h5py.File) -> None:
         ("time", "plant_output"),
         labels=_labels(result.outputs),
         long_name="noise-free output",
+        measures=None
+        if result.measures is None
+        else _labels(tuple(result.measures.get(o, "") for o in result.outputs)),
     )
     m = result.measurements
     # their dimension is the number of the measurement: a second dimension called time would clash with the grid
