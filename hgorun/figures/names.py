@@ -10,7 +10,7 @@ from hgorun.config.expressions import nearest
 from hgorun.config.models import Figure, Inset, Panel
 from hgorun.errors import Problem
 from hgorun.figures.scaling import ScalingData, quantities
-from hgorun.figures.style import LARGEST, LOWEST, NARROWEST
+from hgorun.figures.style import LARGEST, LARGEST_AREA, LARGEST_NUMBER, LOWEST, NARROWEST, PANEL
 from hgorun.result.data import ResultData
 from hgorun.result.run_names import run_names
 
@@ -84,6 +84,12 @@ def check(figures: Mapping[str, Figure], names: Names) -> None:
         for key, inches in (("width", figure.width), ("height", figure.height)):
             if inches is not None and not smallest[key] <= inches <= LARGEST:
                 raise Problem((*path, key), f"expected {smallest[key]:g} to {LARGEST:g} inches, found {inches:g}")
+        height = figure.height or PANEL * rows
+        if figure.width * height > LARGEST_AREA:
+            raise Problem(
+                path,
+                f"{figure.width:g} x {height:g} inches are more than {LARGEST_AREA:g} square inches",
+            )
         for i, panel in enumerate(figure.panels):
             _check_panel(panel, names, (*path, "panels", i))
         for label in figure.labels:
@@ -112,6 +118,8 @@ def _check_panel(panel: Panel, names: Names, path: Path) -> None:
     for key in ("state", "error", "magnitude"):
         _require(getattr(panel, key), "state", states, (*path, key), where)
     _require(panel.output, "output", outputs, (*path, "output"), where)
+    if panel.observers == () and panel.run is None:
+        raise Problem((*path, "observers"), "an empty list shows the truth of a run alone: name the run with run")
     if panel.scaling is not None:
         _require(panel.scaling.state, "state", states, (*path, "scaling", "state"), where)
         _require(panel.scaling.of, "quantity", list(quantities()), (*path, "scaling", "of"))
@@ -195,6 +203,8 @@ def _check_ranges(panel: Panel, spans: Sequence[tuple[float, float]], path: Path
 def _check_range(interval: tuple[float, float] | None, path: Path, *, positive: bool = False) -> None:
     if interval is not None and not interval[0] < interval[1]:
         raise Problem(path, f"expected [from, to] with from < to, found [{interval[0]:g}, {interval[1]:g}]")
+    if interval is not None and max(map(abs, interval)) > LARGEST_NUMBER:
+        raise Problem(path, f"expected numbers up to {LARGEST_NUMBER:g}, found [{interval[0]:g}, {interval[1]:g}]")
     if interval is not None and positive and not interval[0] > 0:
         raise Problem(path, f"a logarithmic axis needs numbers > 0, found [{interval[0]:g}, {interval[1]:g}]")
 

@@ -113,6 +113,8 @@ class ResultData:
         The outputs that are states, with the states that they are; None in files that do not say.
     integration_error : mapping, optional
         Largest difference to a run with half the step, or largest local error estimate of dopri5.
+    remarks : tuple of str
+        What should be known of the run, such as functions of time whose kinks may have been missed.
     """
 
     name: str
@@ -133,6 +135,7 @@ class ResultData:
     windows: Mapping[str, Any] = field(default_factory=dict)
     integration_error: Mapping[str, float] | None = None
     measures: Mapping[str, str] | None = None
+    remarks: tuple[str, ...] = ()
 
     def outputs_of(self, state: str) -> tuple[str, ...]:
         """The outputs that measure a state: those that are it, whatever their names."""

@@ -71,6 +71,7 @@ def record(run: PreparedRun, raw: Raw) -> Result:
         windows=asdict(settings),
         integration_error=embedded,
         measures=model.measures,
+        remarks=run.remarks,
     )
 
 

@@ -54,7 +54,8 @@ class TriangularForm:
             return x
         start: np.ndarray = self.plant.image(x[None], parameters)[0]
         if not np.all(np.isfinite(start)):
-            raise ValueError("the initial estimate has no image in the coordinates where the plant is triangular")
+            where = ", ".join(f"{name} = {value:g}" for name, value in zip(self.plant.states, x, strict=True))
+            raise ValueError(f"the point ({where}) has no image in the coordinates where the plant is triangular")
         return start
 
     def again(self, at: np.ndarray, parameters: np.ndarray) -> TriangularForm | None:
