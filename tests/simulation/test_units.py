@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 import examples
 import numpy as np
@@ -30,7 +29,7 @@ PLANTS = {
     "chain": Plant({"a": "b - a", "b": "c - a*b", "c": "-a - 2*b - 2*c"}, {"y": "a"}, {"a": 1, "b": 0.5, "c": -0.3}),
     "driven": Plant({"a": "b - a", "b": "u - b"}, {"y": "a"}, {"a": 1, "b": 0}, inputs={"u": "cos(3*t)"}),
     "van der Pol": Plant({"a": "b", "b": "(1 - a**2)*b - a"}, {"y": "a"}, {"a": 1, "b": 0}, ("shgo", "treangle")),
-    "pendulum": Plant({"a": "b", "b": "-9.81*sin(a) - 0.1*b"}, {"y": "a"}, {"a": 1, "b": 0}, ("shgo", "levant")),
+    "pendulum": Plant({"a": "b", "b": "-9.81*sin(a) - 0.1*b"}, {"y": "a"}, {"a": 1, "b": 0}),
     "squares": Plant({"a": "b*b - a", "b": "-b + 0.2*a"}, {"y": "a"}, {"a": 1, "b": 0.9}),
     "product": Plant({"a": "a*b - a", "b": "-b + u"}, {"y": "a"}, {"a": 1, "b": 1.2}, inputs={"u": "1 + sin(t)/2"}),
     "output": Plant({"a": "b", "b": "-a"}, {"y": "a + a**3"}, {"a": 1, "b": 0}),
@@ -80,14 +79,14 @@ def outcome(plant: Plant, units: Units, kind: str) -> dict[str, np.ndarray] | st
         "initial": {s: plant.initial[s] * units.of(s) for s in names},
         "inputs": {name: f"{units.of(name)!r}*({units.rewritten(text)})" for name, text in plant.inputs.items()},
     }
-    observer = {"type": kind, "theta": 2 / t}
-    if kind == "levant":
-        observer = {"type": kind, "L": 5 * units.of("y") / t**2}
-    settings = {"end": 2 * t, "output_step": 0.1 * t, "step": 5e-3 * t, "measurement": {"outputs": measured}}
-    if kind == "levant":
-        settings["solver"] = {"method": "euler", "step": 5e-3 * t}
+    guess = {s: 0.8 * plant.initial[s] * units.of(s) for s in names}
+    observers = {"o": {"type": kind, "theta": 2 / t, "initial": guess}}
     try:
-        result = hgorun.simulate(examples.experiment(block, {"o": observer}, **settings))
+        run = examples.experiment(
+            block, observers, end=2 * t, output_step=0.1 * t, step=5e-3 * t, measurement={"outputs": measured}
+        )
+        # beyond which numbers an observer counts as diverged is one number for all of its states, of whatever unit
+        result = hgorun.simulate(run.varied({"solver.divergence": 1e250}))
     except ConfigError as error:
         return re.sub(r"\d|slope \S+|rank \S+", "", error.message.split("; observer")[0])
     scales = np.array([units.of(s) for s in result.states])
@@ -95,7 +94,7 @@ def outcome(plant: Plant, units: Units, kind: str) -> dict[str, np.ndarray] | st
     return dict(zip([*result.states, *(s + "hat" for s in result.states)], both.T, strict=True))
 
 
-CASES = [(name, kind) for name, plant in PLANTS.items() for kind in plant.observers if kind != "levant"]
+CASES = [(name, kind) for name, plant in PLANTS.items() for kind in plant.observers]
 
 
 @pytest.mark.parametrize(("name", "kind"), CASES)
