@@ -184,7 +184,9 @@ def execute(run: PreparedRun, *, show: bool, check_step: bool = False) -> Result
 
 
 def warn(result: Result) -> None:
-    """A diverged observer is reported on stderr; it is not an error."""
+    """A diverged observer and remarks are reported on stderr; they are not errors."""
+    for remark in result.remarks:
+        print(f"hgorun: {result.name}: {remark}", file=sys.stderr)
     for label, observer in result.observers.items():
         if observer.diverged_at is not None:
             print(f"hgorun: {result.name}: observer {label} {observer.status}", file=sys.stderr)

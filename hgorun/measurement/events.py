@@ -79,6 +79,15 @@ def infinite(when: float) -> str:
     return f"this is not finite at t = {when:.12g}: it has a pole or no real value there"
 
 
+def not_followed(what: str, lost: tuple[tuple[float, float], ...]) -> str:
+    """What is said of a function of time whose kinks may not all have been found."""
+    first, last = min(a for a, _ in lost), max(b for _, b in lost)
+    return (
+        f"{what}: kinks or jumps between t = {first:.6g} and t = {last:.6g} may have been missed, "
+        "where the sign of an argument cannot be told from rounding"
+    )
+
+
 def too_many(error: TooMany, what: str, memory: float) -> str:
     """What is said of functions of time with too many kinks."""
     (count,) = error.args

@@ -111,6 +111,8 @@ class ResultData:
         The windows that the metrics were taken from.
     integration_error : mapping, optional
         Largest difference to a run with half the step, or largest local error estimate of dopri5.
+    remarks : tuple of str
+        What should be known of the run, such as functions of time whose kinks may have been missed.
     """
 
     name: str
@@ -130,6 +132,7 @@ class ResultData:
     seed: int
     windows: Mapping[str, Any] = field(default_factory=dict)
     integration_error: Mapping[str, float] | None = None
+    remarks: tuple[str, ...] = ()
 
     @cached_property
     def config_resolved(self) -> str:

@@ -164,6 +164,18 @@ class _Reader:
                 raise self.error(f"attribute {name}: {key} is {value!r:.50}, expected {expected}")
         return found
 
+    def remarks(self) -> tuple[str, ...]:
+        """Texts in a JSON list; none where the attribute is missing."""
+        if "remarks" not in self.file.attrs:
+            return ()
+        try:
+            found = json.loads(self.text("remarks"))
+        except (ValueError, RecursionError) as error:
+            raise self.error("attribute remarks is not JSON") from error
+        if not isinstance(found, list) or not all(isinstance(text, str) for text in found):
+            raise self.error("attribute remarks must be a JSON list of texts")
+        return tuple(found)
+
     def result(self) -> Result:
         form = self.file.attrs.get("format")
         if not isinstance(form, str) or form != FORMAT:
@@ -200,6 +212,7 @@ class _Reader:
             integration_error=self.entries("integration_error", lambda _, value: _is_number(value), "a number")
             if "integration_error" in self.file.attrs
             else None,
+            remarks=self.remarks(),
         )
         self.check_attributes()
         return found

@@ -255,4 +255,6 @@ def _root_attributes(result: ResultData) -> dict[str, Any]:
     }
     if result.integration_error is not None:
         found["integration_error"] = json.dumps(dict(result.integration_error))
+    if result.remarks:
+        found["remarks"] = json.dumps(list(result.remarks))
     return found

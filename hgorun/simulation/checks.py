@@ -6,9 +6,9 @@ import numpy as np
 
 from hgorun.engine.program import history_bytes, history_pieces
 from hgorun.errors import Problem
-from hgorun.measurement.availability import Stretch
 from hgorun.measurement.blocks import Steps
 from hgorun.measurement.schedule import continuous_delays
+from hgorun.measurement.signals import delay_range
 from hgorun.observers.base import SampledObserver, SampleSchedule
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.tables import count_steps
@@ -71,16 +71,12 @@ def check_steps(run: PreparedRun, step: float) -> None:
     pieces = history_pieces(np.column_stack([events[:-1], events[1:]]), steps, run.reach)
     size = history_bytes(run.structure.system, pieces)
     if size > run.time.max_memory:
-        late = max(continuous_delays(run.channels), key=lambda stretch: _longest_delay(run, stretch))
+        late = max(continuous_delays(run.channels), key=lambda stretch: delay_range(stretch)[1])
         raise Problem(
             late.paths["delay"],
             f"with steps of {longest:.3g} the history of a delay of {run.reach:.3g} takes "
             f"{size / 2**30:.3g} GiB; time.max_memory allows {run.time.max_memory / 2**30:.3g} GiB",
         )
-
-
-def _longest_delay(run: PreparedRun, stretch: Stretch) -> float:
-    return float(stretch.delay_at(np.linspace(stretch.start, stretch.end, run.experiment.points)).max())
 
 
 def _check_memory(run: PreparedRun) -> None:

@@ -28,8 +28,6 @@ from hgorun.simulation.observer_block import Design
 from hgorun.symbolic.canonical import CanonicalForm
 from hgorun.symbolic.forms import Form
 
-_SEARCH_POINTS = (4_000, 200_000)  # fewest and most points in the search for kinks
-
 
 class Experiment:
     """One run, complete: everything that :func:`hgorun.simulate` needs.
@@ -217,12 +215,6 @@ class Experiment:
         """The step of the file; None where it is found automatically."""
         step = self.blocks.solver.step
         return None if step == "auto" or self.adaptive else step
-
-    @property
-    def points(self) -> int:
-        """How finely functions of time are searched for kinks."""
-        time = self.blocks.time
-        return int(np.clip((time.end - time.start) / (self.given_step or 1e-3), *_SEARCH_POINTS))
 
     @property
     def metric_step(self) -> float:

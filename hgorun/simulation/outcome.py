@@ -75,6 +75,7 @@ def record(run: PreparedRun, raw: Raw) -> Result:
         seed=blocks.seed,
         windows=asdict(settings),
         integration_error=embedded,
+        remarks=run.remarks,
     )
 
 
