@@ -118,7 +118,7 @@ class _Signals:
 
 
 # buckets of plants that agree in their names and signals; what else of their blocks matters is in the reads
-_BUILT: Memo[list[tuple[Reads, SymbolicPlant]]] = Memo(64)
+_BUILT: Memo[list[tuple[Reads[Plant], SymbolicPlant]]] = Memo(64)
 _BUCKET = 16  # plants in a bucket
 
 
