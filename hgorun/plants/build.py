@@ -182,8 +182,22 @@ def _symbolic(
     dynamics, output = _equations(block, watched, t, *spaces)
     inverse, (transform, back) = _inverse(block, watched, parameters), _triangular(block, watched, states, parameters)
     periods = tuple(watched.periods.get(name) for name in outputs)
-    names = states, outputs, input_names, parameters
-    model = PlantModel(*names, t, x, u, p, dynamics, output, inverse, transform, back, periods)
+    model = PlantModel(
+        states=states,
+        outputs=outputs,
+        inputs=input_names,
+        parameters=parameters,
+        t=t,
+        x=x,
+        u=u,
+        p=p,
+        dynamics=dynamics,
+        output=output,
+        inverse=inverse,
+        transform=transform,
+        untransform=back,
+        periods=periods,
+    )
     symbols = {**vars(spaces[2]), "t": t}
     first = len(inputs.names)
     found = inputs.symbols(symbols, numbers[:first], chained=True)

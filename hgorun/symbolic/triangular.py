@@ -192,5 +192,16 @@ def transformed(plant: PlantModel) -> PlantModel:
     dynamics = ca.cse(slopes(x, plant.p) @ plant.f(plant.t, x, plant.u, plant.p))
     output = ca.simplify(plant.h(plant.t, x, plant.u, plant.p))
     names = tuple(f"z{i + 1}" for i in range(plant.n))
-    same = plant.outputs, plant.inputs, plant.parameters, plant.t
-    return PlantModel(names, *same, z, plant.u, plant.p, dynamics, output, periods=plant.periods)
+    return PlantModel(
+        states=names,
+        outputs=plant.outputs,
+        inputs=plant.inputs,
+        parameters=plant.parameters,
+        t=plant.t,
+        x=z,
+        u=plant.u,
+        p=plant.p,
+        dynamics=dynamics,
+        output=output,
+        periods=plant.periods,
+    )

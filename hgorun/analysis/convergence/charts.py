@@ -19,7 +19,7 @@ from hgorun.symbolic.ranks import points_around
 _CURVED = 1e-8  # relative change of a slope that is rounding
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Chart:
     """Coordinates z of a plant, and phi's slopes.
 
@@ -114,9 +114,22 @@ def _of_chains(form: ChainForm, plant: BuiltPlant) -> Chart:
         in_z = ca.substitute(ca.cse(moving), m.x, inverse)
         slopes = ca.jacobian(in_z, z) - _shift(form)
     return Chart(
-        names, positions, m.t, m.x, z, m.u, m.p, m.dynamics, ca.SX(slopes), ca.SX(slopes_in_x), form.phi_map,
-        m.x, ca.SX(raw), plant.parameters, inverse is not None,
-    )  # fmt: skip
+        names=names,
+        positions=positions,
+        t=m.t,
+        x=m.x,
+        z=z,
+        u=m.u,
+        p=m.p,
+        field=m.dynamics,
+        slopes=ca.SX(slopes),
+        slopes_in_x=ca.SX(slopes_in_x),
+        map=form.phi_map,
+        variables=m.x,
+        raw=ca.SX(raw),
+        parameters=plant.parameters,
+        invertible=inverse is not None,
+    )
 
 
 def _names(form: ChainForm) -> tuple[str, ...]:
@@ -151,9 +164,22 @@ def _of_triangle(form: BlockForm, plant: BuiltPlant) -> Chart:
     in_plant = form.coordinates(False)
     in_x = ca.substitute(slopes, m.x, in_plant)
     return Chart(
-        m.states, positions, m.t, outer.x, m.x, m.u, m.p, outer.dynamics, slopes, ca.SX(in_x), in_plant,
-        m.x, slopes, plant.parameters, True,
-    )  # fmt: skip
+        names=m.states,
+        positions=positions,
+        t=m.t,
+        x=outer.x,
+        z=m.x,
+        u=m.u,
+        p=m.p,
+        field=outer.dynamics,
+        slopes=slopes,
+        slopes_in_x=ca.SX(in_x),
+        map=in_plant,
+        variables=m.x,
+        raw=slopes,
+        parameters=plant.parameters,
+        invertible=True,
+    )
 
 
 def _require_affine(form: BlockForm, plant: BuiltPlant, links: list[tuple[int, int]]) -> None:
