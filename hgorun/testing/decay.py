@@ -116,7 +116,7 @@ def _settled(equations: Equations) -> np.ndarray:
     def rate(_: float, values: np.ndarray) -> np.ndarray:
         at = z.copy()
         at[gains] = values
-        return equations.evaluate(equations.flow, 0.0, at, still)[0][gains, 0]
+        return np.asarray(equations.evaluate(equations.flow, 0.0, at, still)[0][gains, 0])
 
     found = solve_ivp(rate, (0.0, SETTLED), z[gains], method="LSODA", rtol=1e-8, atol=1e-10)
     if not found.success or not np.all(np.isfinite(found.y[:, -1])):
@@ -133,7 +133,7 @@ def _slopes(equations: Equations, z: np.ndarray) -> list[np.ndarray]:
 
     def at(side: float) -> np.ndarray:
         e = np.full(equations.outputs, side * BESIDE)
-        return equations.evaluate(equations.flow, 0.0, z + side * aside, e)[1][np.ix_(kept, kept)]
+        return np.asarray(equations.evaluate(equations.flow, 0.0, z + side * aside, e)[1][np.ix_(kept, kept)])
 
     right, *both = (at(side) for side in (0.0, -1.0, 1.0))
     if not np.all(np.isfinite(right)):
