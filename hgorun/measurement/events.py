@@ -18,9 +18,10 @@ import numpy as np
 from hgorun.config.expressions import parse
 from hgorun.measurement.sampling import SAMPLE_BYTES
 from hgorun.memo import Memo
-from hgorun.symbolic.crossings import Found, Levels, Search, TooMany, listed
+from hgorun.symbolic.crossings import Found, Search, TooMany
 from hgorun.symbolic.evaluate import Floats, evaluate
 from hgorun.symbolic.kinks import Kink, Pieces
+from hgorun.symbolic.levels import Levels, listed
 
 LEVELS = 4  # repetitions of an event that a fourth-order method can see
 _MARGIN = 4  # doubles beside a kink at which a function is looked at

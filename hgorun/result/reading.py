@@ -212,6 +212,7 @@ class _Reader:
             integration_error=self.entries("integration_error", lambda _, value: _is_number(value), "a number")
             if "integration_error" in self.file.attrs
             else None,
+            measures=self.measures(states, outputs),
             remarks=self.remarks(),
         )
         self.check_attributes()
@@ -222,6 +223,16 @@ class _Reader:
         stored = self.file.attrs.get(digests.ATTRIBUTE)
         if stored is not None and stored != digests.of_attributes(self.file):
             raise self.error("the attributes are damaged: they do not have the digest that was stored with them")
+
+    def measures(self, states: tuple[str, ...], outputs: tuple[str, ...]) -> dict[str, str] | None:
+        """Which outputs are which states; files of older versions do not say."""
+        found = self.data("plant/y").attrs.get("measures")
+        if found is None:
+            return None
+        names = list(found) if isinstance(found, np.ndarray) and found.shape == (len(outputs),) else []
+        if not names or not all(isinstance(name, str) and name in ("", *states) for name in names):
+            raise self.error("plant/y: attribute measures must name a state, or nothing, for every output")
+        return {output: str(name) for output, name in zip(outputs, names, strict=True) if name}
 
     def observer(self, label: str, nt: int, n: int) -> ObserverResult:
         if label != printable(label) or len(label) > _NAMED:

@@ -240,7 +240,8 @@ class Experiment:
                         ("metrics", "record"),
                         f"record {record:g} and output_step {time.output_step:g}: one must be a multiple of the other",
                     )
-            count = np.floor((time.end - time.start) / fine * (1 + 1e-12) + 1e-9) + 1
+            rounding = 1e-9 + 2 * np.spacing(max(abs(time.start), abs(time.end))) / fine
+            count = np.floor((time.end - time.start) / fine * (1 + 1e-12) + rounding) + 1
             width = self.plant.model.n + sum(
                 self.plant.model.n * 2 + 8 for _ in self.observers
             )  # states and estimates, before the exact size is known

@@ -17,6 +17,7 @@ import numpy as np
 
 from hgorun.symbolic.evaluate import Floats, evaluate
 from hgorun.symbolic.intervals import Bounds, enclose
+from hgorun.symbolic.levels import Levels
 
 _CELLS = 1 << 15  # that are looked at together: bounds the memory
 _BUDGET = 4_000_000  # cells of one function
@@ -30,54 +31,6 @@ _WIDE = 1e-3  # of a piece: rounding hides the sign of a function that touches a
 
 class TooMany(Exception):
     """More crossings than there is memory for; the argument is their number as far as it is known."""
-
-
-@dataclass(frozen=True)
-class Levels:
-    """The values whose crossings are looked for, numbered in ascending order.
-
-    Attributes
-    ----------
-    below, up_to : callable
-        How many of them lie below each value, and how many do not lie above it; from any origin.
-    value : callable
-        Level number k: the one that is reached when k are up to there.
-    reached : bool
-        Whether a level counts as crossed when it is reached (as for ``floor``), or only above it (``ceil``).
-    """
-
-    below: Callable[[Floats], np.ndarray]
-    up_to: Callable[[Floats], np.ndarray]
-    value: Callable[[Floats], np.ndarray]
-    reached: bool
-
-    def inside(self, bounds: Bounds) -> np.ndarray:
-        """Whether a level lies within each pair of bounds."""
-        return np.asarray(self.up_to(bounds[1]) > self.below(bounds[0]))
-
-    def crossed(self, values: Floats) -> np.ndarray:
-        """The number of levels crossed when the function has come from below to each value."""
-        return self.up_to(values) if self.reached else self.below(values)
-
-
-def zero(*, reached: bool) -> Levels:
-    """The level 0."""
-    return Levels(lambda v: (v > 0) * 1.0, lambda v: (v >= 0) * 1.0, np.zeros_like, reached)
-
-
-def integers(*, reached: bool) -> Levels:
-    """All whole numbers."""
-    return Levels(lambda v: np.ceil(v) - 1, np.floor, lambda k: k, reached)
-
-
-def listed(values: Floats, *, reached: bool) -> Levels:
-    """Given values, in ascending order."""
-    return Levels(
-        lambda v: np.searchsorted(values, v, side="left").astype(float),
-        lambda v: np.searchsorted(values, v, side="right").astype(float),
-        lambda k: values[k.astype(int) - 1],
-        reached,
-    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -329,12 +282,13 @@ class Search:
             for side in (-units, units):
                 there = x + side * np.spacing(np.abs(x))
                 low, high = kept(there, self.function.at(there, self.p, s))
+        # near t = 0 doubles are finer than need be
+        floor = 1e-3 * np.spacing(np.maximum(np.abs(cells.low), np.abs(cells.high)))
         for _ in range(80):
             middle = 0.5 * (low + high)
-            again = kept(middle, self.function.at(middle, self.p, s))
-            if np.array_equal(again[0], low) and np.array_equal(again[1], high):
+            if not np.any((middle > low) & (middle < high) & (high - low > floor)):
                 break
-            low, high = again
+            low, high = kept(middle, self.function.at(middle, self.p, s))
         return high
 
 

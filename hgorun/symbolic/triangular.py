@@ -192,6 +192,5 @@ def transformed(plant: PlantModel) -> PlantModel:
     dynamics = ca.cse(slopes(x, plant.p) @ plant.f(plant.t, x, plant.u, plant.p))
     output = ca.simplify(plant.h(plant.t, x, plant.u, plant.p))
     names = tuple(f"z{i + 1}" for i in range(plant.n))
-    return PlantModel(
-        names, plant.outputs, plant.inputs, plant.parameters, plant.t, z, plant.u, plant.p, dynamics, output
-    )
+    same = plant.outputs, plant.inputs, plant.parameters, plant.t
+    return PlantModel(names, *same, z, plant.u, plant.p, dynamics, output, periods=plant.periods)
