@@ -136,11 +136,11 @@ class Equations:
     def read_by_equations(self) -> set[str]:
         """The keys of the block that the equations read themselves."""
         reads = Reads(self.observer)
-        copy = self.copy(self._t)
-        if isinstance(self.observer, ContinuousObserver):
-            reads.watched.equations(copy, self._s, self._e, self._k)
-        if isinstance(self.observer, SampledObserver):
-            reads.watched.jump(copy, copy, self._s, Sample(self._e, self._e, self._t), self._k)
+        copy, watched = self.copy(self._t), reads.watched
+        if isinstance(watched, ContinuousObserver):
+            watched.equations(copy, self._s, self._e, self._k)
+        if isinstance(watched, SampledObserver):
+            watched.jump(copy, copy, self._s, Sample(self._e, self._e, self._t), self._k)
         return reads.keys
 
     def function(self, name: str, *expressions: ca.SX) -> ca.Function:

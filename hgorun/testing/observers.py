@@ -8,7 +8,7 @@ from typing import get_args
 import casadi as ca
 import numpy as np
 
-from hgorun.errors import HgorunError
+from hgorun.errors import HgorunError, PluginError
 from hgorun.observers.base import AnyObserver, ContinuousObserver, Role, Sample, SampledObserver
 from hgorun.observers.capabilities import Differentiator, SlidingMode
 from hgorun.simulation.preparation import prepare
@@ -244,13 +244,17 @@ def _refuses(subject: Subject) -> None:
         case = Case(subject.cls, subject.name, {**subject.cls.example(states), **subject.keys}, keys)
         try:
             prepare(case.experiment({"it": {"initial": case.aside}}))
-        except HgorunError:
-            continue
+        except HgorunError as error:
+            raised = error.__cause__ if isinstance(error, PluginError) else None
         except Exception as error:
+            raised = error
+        else:
+            continue
+        if raised is not None:
             raise Broken(
-                f"{type(error).__name__}: {error}, for the plant {keys['dynamics']}, output {keys['output']}",
+                f"{type(raised).__name__}: {raised}, for the plant {keys['dynamics']}, output {keys['output']}",
                 "an HgorunError that says why the plant is not one for this observer, or an observer that works",
-            ) from error
+            ) from raised
 
 
 def _explains_itself(subject: Subject) -> None:
