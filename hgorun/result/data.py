@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -28,6 +28,10 @@ class Measurements:
     y: np.ndarray
 
 
+MapName = Literal["chain", "derivatives"]
+MAPS: tuple[MapName, ...] = ("chain", "derivatives")
+
+
 @dataclass(frozen=True)
 class Coordinates:
     """The coordinates in which a constant gain corrects, as the keys ``map`` and ``chains`` choose them.
@@ -40,7 +44,7 @@ class Coordinates:
         Length of every output's chain.
     """
 
-    map: str
+    map: MapName
     chains: Mapping[str, int]
 
     def __str__(self) -> str:

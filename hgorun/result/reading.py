@@ -14,7 +14,7 @@ import numpy as np
 
 from hgorun.errors import ConfigError, printable
 from hgorun.result import digests
-from hgorun.result.data import Coordinates, Measurements, ObserverResult
+from hgorun.result.data import MAPS, Coordinates, Measurements, ObserverResult
 from hgorun.result.guarded import Failed, guarded
 from hgorun.result.result import Result
 from hgorun.result.writing import FORMAT
@@ -262,7 +262,11 @@ class _Reader:
         chains = self.mapping("chains", group)
         if not all(isinstance(length, int) for length in chains.values()):
             raise self.error(f"observers/{label}: attribute chains must give a length for every output")
-        return Coordinates(self.text("map", group), chains)
+        name = self.text("map", group)
+        taken = next((known for known in MAPS if known == name), None)
+        if taken is None:
+            raise self.error(f"observers/{label}: attribute map must be {' or '.join(MAPS)}, found {name!r}")
+        return Coordinates(taken, chains)
 
     def internal(self, name: str, nt: int) -> np.ndarray:
         """A state of any shape, along time."""
