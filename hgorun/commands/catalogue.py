@@ -36,7 +36,12 @@ _KINDS = (*_REGISTRIES, "metrics", "findings", "experiments")
 
 
 def _first_line(cls: type) -> str:
-    return (inspect.getdoc(cls) or "").split("\n\n")[0].replace("\n", " ")
+    return _own_doc(cls).split("\n\n")[0].replace("\n", " ")
+
+
+def _own_doc(cls: type) -> str:
+    """The docstring of a class itself: that of a base would describe something else."""
+    return inspect.cleandoc(cls.__doc__ or "")
 
 
 def _titles() -> dict[str, str]:
@@ -136,7 +141,7 @@ def _described(name: str, kind: str, cls: type[Plant] | type[Observer] | type[No
         "name": name,
         "kind": kind,
         "reference": cls.reference,
-        "description": inspect.getdoc(cls) or "",
+        "description": _own_doc(cls),
         "keys": [_key(key, field) for key, field in cls.model_fields.items() if key != "type"],
     }
     if issubclass(cls, Plant):

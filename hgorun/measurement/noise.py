@@ -12,6 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
+from hgorun.errors import PluginError, called
 from hgorun.measurement.availability import Stretch
 from hgorun.noise.base import Noise, RandomNoise, TimeFunction
 
@@ -131,4 +132,11 @@ class StretchNoise:
 
     def _draw(self, j: int, count: int) -> np.ndarray:
         """The first draws of an item: the same ones at every call."""
-        return self.random[j].draw(generator(self._seed, "noise", self._channel, j), count)
+        item = self.random[j]
+        with called("noise", item.type, "draw"):
+            drawn = np.asarray(item.draw(generator(self._seed, "noise", self._channel, j), count), dtype=float)
+        if drawn.shape != (count,):
+            raise PluginError(
+                f"noise {item.type!r}: draw returned an array of shape {drawn.shape}, expected ({count},)"
+            )
+        return drawn

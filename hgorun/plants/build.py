@@ -13,7 +13,7 @@ import numpy as np
 from hgorun.config.expressions import CONSTANTS, Expression, ExpressionError, nearest, parse
 from hgorun.config.literals import Template, template
 from hgorun.config.reads import Reads
-from hgorun.errors import Problem
+from hgorun.errors import Problem, called
 from hgorun.memo import Memo
 from hgorun.plants.base import Invertible, Plant, TriangularCoordinates, units_of
 from hgorun.symbolic.plant import PlantModel
@@ -249,8 +249,9 @@ def _equations(block: Plant, watched: Plant, t: ca.SX, x: Symbols, u: Symbols, p
     values = {**vars(p), **vars(u), **vars(x), "t": t}
     for place, text in block.expressions().items():
         _symbol(("plant", *place), text, values)
-    dynamics, output = watched.equations(t, x, u, p)
-    return ca.SX(ca.vertcat(*dynamics)), ca.SX(ca.vertcat(*output))
+    with called("plant", block.type, "equations"):
+        dynamics, output = watched.equations(t, x, u, p)
+        return ca.SX(ca.vertcat(*dynamics)), ca.SX(ca.vertcat(*output))
 
 
 def _symbol(path: tuple[str | int, ...], text: str, values: Mapping[str, ca.SX]) -> ca.SX:

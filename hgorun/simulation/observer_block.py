@@ -9,7 +9,7 @@ from typing import cast
 import casadi as ca
 import numpy as np
 
-from hgorun.errors import Problem
+from hgorun.errors import Problem, called
 from hgorun.memo import Same
 from hgorun.observers.base import AnyObserver, ContinuousObserver, Sample, SampledObserver
 from hgorun.symbolic.canonical import CanonicalForm
@@ -62,10 +62,15 @@ class Design:
                         ("observers", label, key), f"unknown state {name!r}; here they are {', '.join(known)}"
                     )
         try:
-            gains = observer.design(form)
+            with called("observer", observer.type, "design"):
+                gains = dict(observer.design(form))
         except Problem as problem:
             raise Problem(("observers", label, *problem.path), problem.message) from problem
-        defaults = {"xhat": np.zeros(form.plant.n), **observer.states(form)}
+        with called("observer", observer.type, "states"):
+            defaults = {"xhat": np.zeros(form.plant.n), **observer.states(form)}
+            for name, value in defaults.items():
+                if not isinstance(value, (np.ndarray, Symmetric)):
+                    raise TypeError(f"{name} is a {type(value).__name__}, expected an array")
         return cls(label, observer, form, form if origin is None else origin, gains, defaults)
 
     def initial(self, parameters: np.ndarray, *, has_alpha: bool) -> np.ndarray:
@@ -222,8 +227,9 @@ class ObserverBlock:
         if not isinstance(self.observer, ContinuousObserver):  # it holds between samples
             still = {name: ca.SX.zeros(*value.shape) for name, value in vars(s).items() if name != "alpha"}
             return still, ca.SX.zeros(e.shape)
-        flow = self.observer.equations(copy, s, e, self.k)
-        derivatives = self._fitting(flow.derivatives, "equations", "derivative")
+        with called("observer", self.observer.type, "equations"):
+            flow = self.observer.equations(copy, s, e, self.k)
+            derivatives = self._fitting(flow.derivatives, "equations", "derivative")
         missing = [name for name in self._own if name not in derivatives]
         if missing:
             raise self._wrong(f"equations: no derivative of {', '.join(missing)}")
@@ -275,7 +281,9 @@ class ObserverBlock:
         plant, before = self.copy(t, u, p), self.copy(t - sample.interval, u_before, p)
         s = self.symbols(z)
         assert isinstance(self.observer, SampledObserver)
-        values = vars(s) | self._fitting(self.observer.jump(plant, before, s, sample, self.k), "jump", "value")
+        with called("observer", self.observer.type, "jump"):
+            after = self.observer.jump(plant, before, s, sample, self.k)
+            values = vars(s) | self._fitting(after, "jump", "value")
         return ca.vertcat(*[block.flat(values[name]) for name, block in self.states.items()])
 
     def copy(self, t: ca.SX, u: ca.SX, p: ca.SX) -> Copy:

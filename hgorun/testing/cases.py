@@ -43,6 +43,7 @@ WRONG_PLANTS: tuple[Keys, ...] = (
     {"states": ["a", "b"], "dynamics": {"a": "b", "b": "-a"}, "output": ["a", "b"], "initial": {"a": 1, "b": 1}},
     {"states": ["a", "b"], "dynamics": {"a": "b", "b": "-a"}, "output": "a*b", "initial": {"a": 0, "b": 0}},
 )
+CHAINS = (3, 2, 1)  # lengths of chains of integrators that are tried
 TAKEN = 2  # common plants at most that are looked at, beside the one of two outputs
 
 
@@ -118,11 +119,13 @@ class Subject:
     def cases(self) -> tuple[Case, ...]:
         """One for every plant that was given; else those of the common plants that the observer takes."""
         if self.plants is not None:
+            if not self.plants:
+                raise Broken("plants=[]", "at least one entry")
             return tuple(self._given(plant) for plant in self.plants)
         found: list[Case] = []
         refused: list[str] = []
         for plant in (*PLANT_BLOCKS, TWO_OUTPUTS):
-            case = self._case(plant)
+            case = self.case(plant)
             if len(found) == TAKEN and plant is not TWO_OUTPUTS:
                 continue
             try:
@@ -140,7 +143,7 @@ class Subject:
         return tuple(found)
 
     def _given(self, plant: Keys) -> Case:
-        case = self._case(plant)
+        case = self.case(plant)
         try:
             case.equations()
         except (HgorunError, Problem) as error:
@@ -149,7 +152,17 @@ class Subject:
             ) from error
         return case
 
-    def _case(self, plant: Keys) -> Case:
+    def on_integrators(self, n: int) -> Equations | None:
+        """The observer of n integrators; None where it does not take them."""
+        keys = {"type": "integrator_chain", "n": n, "initial": {f"x{i + 1}": 0.5 for i in range(n)}}
+        try:
+            equations = self.case(keys).equations()
+        except (HgorunError, Problem, Broken):
+            return None
+        return None if equations.singular else equations
+
+    def case(self, plant: Keys) -> Case:
+        """The observer on a plant."""
         states = built(plant).model.states
         return Case(self.cls, self.name, {**self.cls.example(states), **self.keys}, plant)
 
