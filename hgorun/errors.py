@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 _LONGEST = 1_000  # characters of a message: names and values in it come from anywhere
 
@@ -64,6 +65,13 @@ class SimulationError(HgorunError):
     """The run could not be finished, for instance because the plant itself diverged."""
 
 
+class PluginError(HgorunError):
+    """A class or function that was found by its name raised what it should not have, or returned something wrong.
+
+    The exception that it raised is the cause.
+    """
+
+
 class Problem(ValueError):
     """Something wrong at a key of the configuration; whoever knows the file adds file and line.
 
@@ -86,3 +94,20 @@ class NotObservableForm(HgorunError):
     """The plant is not in the class that an observer is for; the message says why."""
 
     exit_code = 2
+
+
+@contextmanager
+def called(kind: str, name: str, method: str) -> Iterator[None]:
+    """Around a call of code that anybody may have written: what it raises names kind, name and method.
+
+    Raises
+    ------
+    PluginError
+        In place of any exception but those that are meant for the user.
+    """
+    try:
+        yield
+    except (HgorunError, Problem, MemoryError):
+        raise
+    except Exception as error:
+        raise PluginError(f"{kind} {name!r}: {method} raised {type(error).__name__}: {error}") from error

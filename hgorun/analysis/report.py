@@ -7,10 +7,13 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
+import numpy as np
+
 from hgorun.analysis.convergence.theorem import transient_of
 from hgorun.analysis.finding import Finding, Remarked, Value, all_findings
-from hgorun.analysis.reasons import outcomes
+from hgorun.analysis.reasons import NoValue, outcomes
 from hgorun.analysis.subject import Context, Subject
+from hgorun.errors import PluginError, called
 from hgorun.files import json_value
 from hgorun.result.result import Result
 from hgorun.result.theory import Transient
@@ -132,9 +135,27 @@ def analysis_of(
     return Analysis(run.experiment.name, asked, observers, context)
 
 
+def _value_of(finding: Finding, subject: Subject) -> Value | Remarked:
+    """What a finding says; one that fails has a reason, and the others go on."""
+    try:
+        with called("finding", finding.name, "the function"):
+            value = finding(subject)
+    except PluginError as error:
+        if isinstance(error.__cause__, np.linalg.LinAlgError):
+            raise error.__cause__ from None  # a singular matrix is a reason in its own words
+        raise NoValue(str(error)) from error
+    said: object = value.value if isinstance(value, Remarked) else value
+    if not isinstance(said, (bool, int, float, complex, str, np.ndarray, np.generic, Mapping, list, tuple)):
+        raise NoValue(
+            f"finding {finding.name!r}: it returned {type(said).__name__}, expected a number, a truth, text, an array "
+            "or a mapping of such"
+        )
+    return value
+
+
 def _findings_of(subject: Subject, findings: Sequence[Finding]) -> Findings:
     asked = {finding.name: finding for finding in findings if finding.applies(subject)}
-    found, reasons = outcomes(asked, lambda name: asked[name](subject))
+    found, reasons = outcomes(asked, lambda name: _value_of(asked[name], subject))
     reasons = {name: reason for name, reason in reasons.items() if not asked[name].optional}
     values: dict[str, Value | None] = {}
     remarks: list[str] = []

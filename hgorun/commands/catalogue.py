@@ -22,7 +22,7 @@ from hgorun.files import write_text
 from hgorun.measurement.blocks import Measurement
 from hgorun.noise.base import NOISE, Noise
 from hgorun.observers.base import OBSERVERS, Observer
-from hgorun.plants.base import PLANTS, Plant
+from hgorun.plants.base import PLANTS, Plant, units_of
 from hgorun.plants.inline import InlinePlant
 from hgorun.registry import Registry
 from hgorun.reproduce.shipped import experiments
@@ -36,7 +36,12 @@ _KINDS = (*_REGISTRIES, "metrics", "findings", "experiments")
 
 
 def _first_line(cls: type) -> str:
-    return (inspect.getdoc(cls) or "").split("\n\n")[0].replace("\n", " ")
+    return _own_doc(cls).split("\n\n")[0].replace("\n", " ")
+
+
+def _own_doc(cls: type) -> str:
+    """The docstring of a class itself: that of a base would describe something else."""
+    return inspect.cleandoc(cls.__doc__ or "")
 
 
 def _titles() -> dict[str, str]:
@@ -136,7 +141,7 @@ def _described(name: str, kind: str, cls: type[Plant] | type[Observer] | type[No
         "name": name,
         "kind": kind,
         "reference": cls.reference,
-        "description": inspect.getdoc(cls) or "",
+        "description": _own_doc(cls),
         "keys": [_key(key, field) for key, field in cls.model_fields.items() if key != "type"],
     }
     if issubclass(cls, Plant):
@@ -144,7 +149,7 @@ def _described(name: str, kind: str, cls: type[Plant] | type[Observer] | type[No
         needed = {"initial", "inputs"} if cls.known_inputs else {"initial"}
         for key in found["keys"]:
             key["required"] = key["required"] or key["key"] in needed
-        found["units"] = dict(cls.units)
+        found["units"] = units_of(cls)
         found["parameters"] = {
             n: {"default": q.default, "unit": q.unit, "meaning": q.meaning} for n, q in cls.known_parameters.items()
         }
@@ -221,7 +226,7 @@ def build_schema() -> dict[str, Any]:
         "anyOf": [
             {"type": "string"},
             {"type": "array", "items": {"type": "string"}},
-            {"type": "object", "additionalProperties": {"type": "string"}},
+            definitions["plant-inline"]["properties"]["output"],
         ]
     }
     top["properties"]["observers"]["additionalProperties"] = {"anyOf": observers}

@@ -55,7 +55,7 @@ def replaced(source: Source, path: str, value: Any) -> tuple[Source, KeyPath]:
     Raises
     ------
     ConfigError
-        The path leads into a scalar or past the end of a list.
+        The path leads into a scalar, past the end of a list, or into a list that is not there.
     """
     old, end = _longest_path(source.data, f"{path}=")
     names = path[end:]
@@ -69,11 +69,15 @@ def replaced(source: Source, path: str, value: Any) -> tuple[Source, KeyPath]:
     if new and above is not None and not isinstance(above, dict):
         raise ConfigError(_no_way(source.data, old, new[0]), file=file, line=line, key=path)
     place: KeyPath = (*old, *new)
+    if index := next((i for i in range(1, len(new)) if new[i].isdigit()), None):
+        lacking = ".".join(map(str, (*old, *new[:index])))
+        raise ConfigError(f"there is no list `{lacking}`: give it whole", file=file, line=line, key=path)
     data = _removed(source.data, place) if value is None else _replaced(source.data, place, value)
     positions = source.positions
     if new or isinstance(above, (dict, list)) or isinstance(value, (dict, list)):
         positions = {p: where for p, where in positions.items() if p[: len(place)] != place or p == place}
         if value is not None:
+            positions |= {place[:length]: (file, line) for length in range(len(old) + 1, len(place))}
             positions |= {(*place, *below): (file, line) for below, _ in walk(value)}
     return Source(data, positions), place
 

@@ -12,6 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
+from hgorun.errors import PluginError, called
 from hgorun.measurement.availability import Stretch
 from hgorun.noise.base import Noise, RandomNoise, TimeFunction
 
@@ -119,14 +120,23 @@ class StretchNoise:
     def _needed(self, hold: float) -> tuple[int, int]:
         """First and last + 1 of the run's draws that the stretch may need."""
         first, last = (self._index(np.array(t), hold) for t in self._span)
-        whole = int(np.floor((self.end - self.start) / hold * (1 + 1e-12))) + 1
+        rounding = 2 * np.spacing(max(abs(self.start), abs(self.end))) / hold
+        whole = int(np.floor((self.end - self.start) / hold * (1 + 1e-12) + rounding)) + 1
         stop = min(int(last) + 2, whole)
         return min(max(int(first) - 1, 0), stop - 1), stop
 
     def _index(self, times: np.ndarray, hold: float) -> np.ndarray:
         """Which draw holds at each time."""
-        return np.asarray(np.floor((times - self.start) / hold * (1 + 1e-12) + 1e-9).astype(np.int64))
+        rounding = 1e-9 + 2 * np.spacing(np.abs(times)) / hold  # a clock that began long ago has few digits left
+        return np.asarray(np.floor((times - self.start) / hold * (1 + 1e-12) + rounding).astype(np.int64))
 
     def _draw(self, j: int, count: int) -> np.ndarray:
         """The first draws of an item: the same ones at every call."""
-        return self.random[j].draw(generator(self._seed, "noise", self._channel, j), count)
+        item = self.random[j]
+        with called("noise", item.type, "draw"):
+            drawn = np.asarray(item.draw(generator(self._seed, "noise", self._channel, j), count), dtype=float)
+        if drawn.shape != (count,):
+            raise PluginError(
+                f"noise {item.type!r}: draw returned an array of shape {drawn.shape}, expected ({count},)"
+            )
+        return drawn

@@ -11,7 +11,7 @@ import numpy as np
 
 from hgorun.config.expressions import parse
 from hgorun.config.literals import Template, template
-from hgorun.errors import Problem
+from hgorun.errors import Problem, called
 from hgorun.measurement.availability import Stretch
 from hgorun.measurement.events import Irregular, Kinks, infinite, not_followed, too_many
 from hgorun.measurement.sampling import SAMPLE_BYTES
@@ -47,7 +47,8 @@ def signal(stretch: Stretch, t: ca.SX, parameters: Parameters, name: str) -> Sig
     noise = ca.SX(0)
     for i, item in enumerate(_functions(stretch)):
         numbers = {key: parameters.add(f"{name}.{i}.{key}", values) for key, values in item.numbers().items()}
-        noise += item.symbol(t, numbers)
+        with called("noise", item.type, "symbol"):
+            noise += item.symbol(t, numbers)
     lifted, values = _delay(stretch)
     delay = lifted.symbol({"t": t}, parameters.add(f"{name}.delay", values))
     return Signal(noise, stretch.multiplicative, delay)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import ast
 import hashlib
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 
@@ -48,11 +48,79 @@ def code(parts: Sequence[str]) -> dict[str, str]:
     return {room: _hash("".join(digests)) for room, digests in rooms.items()}
 
 
-def code_of(classes: Iterable[type]) -> dict[str, str]:
-    """{module: hash} of classes that other packages bring."""
-    modules = sorted({cls.__module__ for cls in classes if cls.__module__.split(".")[0] != "hgorun"})
-    files = {name: getattr(sys.modules.get(name), "__file__", None) for name in modules}
-    return {name: meaning(Path(file).read_bytes()) for name, file in files.items() if file and file.endswith(".py")}
+def code_of(things: Iterable[object]) -> dict[str, str]:
+    """{"module NAME": hash} of the code that other packages bring.
+
+    A class or function is followed by all of its package, or its module where it is in none, and by those modules
+    of the same distribution beside it that they import. Other distributions are not looked into.
+
+    Parameters
+    ----------
+    things : iterable of class or function
+        What is used; hgorun's own are passed over.
+    """
+    tops = {str(getattr(thing, "__module__", "")).split(".")[0] for thing in things}
+    theirs = sorted(tops - {"", "hgorun"} - sys.stdlib_module_names | tops & {"__main__"})
+    return {f"module {top}": digest for top in theirs if (digest := _of_distribution(top))}
+
+
+@cache
+def _of_distribution(top: str) -> str:
+    """Hash of a module or package and of what it imports of its own distribution; empty without Python sources."""
+    texts: dict[str, str] = {}
+    todo, seen = [top], {top}
+    while todo:
+        name = todo.pop()
+        for path in _sources(name):
+            content = path.read_bytes()
+            texts[f"{name} {path}"] = f"{name} {path.name} {meaning(content)}"
+            new = {other for other in _imported(content) - seen if _beside(other, top)}
+            seen |= new
+            todo += new
+    return _hash("\n".join(texts[key] for key in sorted(texts))) if texts else ""
+
+
+def _folders(name: str) -> list[Path]:
+    """Of a package that has been imported."""
+    return [Path(folder) for folder in getattr(sys.modules.get(name), "__path__", ())]
+
+
+def _sources(name: str) -> list[Path]:
+    """The files of a module or package that has been imported."""
+    if folders := _folders(name):
+        return sorted(path for folder in folders for path in folder.rglob("*.py"))
+    file = getattr(sys.modules.get(name), "__file__", None)
+    return [Path(file)] if file and file.endswith(".py") else []
+
+
+def _imported(source: bytes) -> set[str]:
+    """The modules and packages that a source names in its imports."""
+    names: set[str] = set()
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            names.add(node.module)
+    return {name.split(".")[0] for name in names}
+
+
+def _beside(name: str, top: str) -> bool:
+    """Whether a module lies in the folder of another one and is not of another distribution."""
+    if name == "hgorun" or name in sys.stdlib_module_names or _place(name) != _place(top):
+        return False
+    return _distributions().get(name, []) == _distributions().get(top, [])
+
+
+def _place(name: str) -> Path | None:
+    """The folder that a module or package lies in; None where it has not been imported."""
+    return next((path.parent for path in _folders(name) or _sources(name)), None)
+
+
+@cache
+def _distributions() -> Mapping[str, list[str]]:
+    from importlib.metadata import packages_distributions  # reads about every distribution that is installed
+
+    return packages_distributions()
 
 
 @cache

@@ -11,11 +11,15 @@ import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from functools import cache
+from itertools import chain
 from pathlib import Path
 from typing import TypeAlias
 
+from hgorun.analysis.finding import all_findings
 from hgorun.files import write_text
+from hgorun.measurement.blocks import noise_blocks
 from hgorun.reproduce.code import FIGURE, QUANTITY, RUN, SCALING, THEORY, code, code_of
+from hgorun.result.metrics.base import all_metrics
 from hgorun.study.quantities import Quantity
 from hgorun.study.study import Run, Study
 from hgorun.version import __version__
@@ -41,10 +45,11 @@ def _code(*groups: Sequence[str]) -> dict[str, str]:
 
 def _runs(runs: Sequence[Run]) -> dict[str, str]:
     """Their resolved configurations, what makes ensembles of them, and the code that other packages bring."""
-    found: dict[str, str] = {}
+    found = code_of(metric.measure for metric in all_metrics().values())
     for run in runs:
         experiment = run.experiment
-        found |= code_of(map(type, (experiment.plant_block, *experiment.observers.values())))
+        noise = chain.from_iterable(items for _, items in noise_blocks(experiment.measurement))
+        found |= code_of(map(type, (experiment.plant_block, *experiment.observers.values(), *noise)))
         ensemble = run.ensemble.model_dump(mode="json", exclude_none=True)
         found[f"configuration of run {run.name}"] = _hash(experiment.resolved_text, ensemble)
     return found
@@ -81,11 +86,12 @@ def of_claim(study: Study, number: int) -> Ingredients:
     """
     quantities = study.sentences[number].quantities
     runs = [study.runs[name] for name in dict.fromkeys(run for q in quantities for run, _ in q.of)]
-    groups = [RUN, QUANTITY]
+    groups, theirs = [RUN, QUANTITY], dict[str, str]()
     if any(quantity.function == "analysis" for quantity in quantities):
         groups.append(THEORY)
+        theirs = code_of(finding.of for finding in all_findings())
     value = {"the claim's value": _hash(study.claims[number].value)}
-    return _code(*groups) | _runs(runs) | value
+    return _code(*groups) | theirs | _runs(runs) | value
 
 
 def difference(made_of: Ingredients, now: Ingredients) -> str | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -28,6 +28,10 @@ class Measurements:
     y: np.ndarray
 
 
+MapName = Literal["chain", "derivatives"]
+MAPS: tuple[MapName, ...] = ("chain", "derivatives")
+
+
 @dataclass(frozen=True)
 class Coordinates:
     """The coordinates in which a constant gain corrects, as the keys ``map`` and ``chains`` choose them.
@@ -40,7 +44,7 @@ class Coordinates:
         Length of every output's chain.
     """
 
-    map: str
+    map: MapName
     chains: Mapping[str, int]
 
     def __str__(self) -> str:
@@ -109,6 +113,8 @@ class ResultData:
         The YAML text after ``extends``, ``--set`` and defaults, or what makes it when it is asked for.
     windows : mapping
         The windows that the metrics were taken from.
+    measures : mapping of str to str, optional
+        The outputs that are states, with the states that they are; None in files that do not say.
     integration_error : mapping, optional
         Largest difference to a run with half the step, or largest local error estimate of dopri5.
     remarks : tuple of str
@@ -132,7 +138,13 @@ class ResultData:
     seed: int
     windows: Mapping[str, Any] = field(default_factory=dict)
     integration_error: Mapping[str, float] | None = None
+    measures: Mapping[str, str] | None = None
     remarks: tuple[str, ...] = ()
+
+    def outputs_of(self, state: str) -> tuple[str, ...]:
+        """The outputs that measure a state: those that are it, whatever their names."""
+        measures = {name: name for name in self.outputs} if self.measures is None else self.measures
+        return tuple(name for name in self.outputs if measures.get(name) == state)
 
     @cached_property
     def config_resolved(self) -> str:

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from hgorun.errors import PluginError, called
 from hgorun.result.metrics.base import Estimates, Metric, all_metrics
 from hgorun.result.windows import MetricSettings
 
@@ -74,4 +75,13 @@ def _together(
 
 def _value(metric: Metric, estimates: Estimates) -> np.ndarray:
     shape = estimates.xhat.shape[1:]
-    return metric.measure(estimates) if estimates.time.size else np.full(shape, np.nan)
+    if not estimates.time.size:
+        return np.full(shape, np.nan)
+    with called("metric", metric.name, "measure"):
+        value = np.asarray(metric.measure(estimates), dtype=float)
+    if value.shape != shape:
+        raise PluginError(
+            f"metric {metric.name!r}: measure returned an array of shape {value.shape}, expected {shape}: "
+            "a number for every observer and state"
+        )
+    return value

@@ -14,13 +14,14 @@ import numpy as np
 
 from hgorun.errors import ConfigError, printable
 from hgorun.result import digests
-from hgorun.result.data import Coordinates, Measurements, ObserverResult
+from hgorun.result.data import MAPS, Coordinates, Measurements, ObserverResult
 from hgorun.result.guarded import Failed, guarded
 from hgorun.result.result import Result
 from hgorun.result.writing import FORMAT
 
 _LARGEST = 2**30  # bytes that the numbers may take; compressed or sparse data sets could claim any size
 _SECONDS = 60.0  # that reading may take: a GiB takes two
+_LONGEST = 1e100  # a window
 _NAMED = 1_000  # characters of a label
 
 
@@ -212,6 +213,7 @@ class _Reader:
             integration_error=self.entries("integration_error", lambda _, value: _is_number(value), "a number")
             if "integration_error" in self.file.attrs
             else None,
+            measures=self.measures(states, outputs),
             remarks=self.remarks(),
         )
         self.check_attributes()
@@ -222,6 +224,16 @@ class _Reader:
         stored = self.file.attrs.get(digests.ATTRIBUTE)
         if stored is not None and stored != digests.of_attributes(self.file):
             raise self.error("the attributes are damaged: they do not have the digest that was stored with them")
+
+    def measures(self, states: tuple[str, ...], outputs: tuple[str, ...]) -> dict[str, str] | None:
+        """Which outputs are which states; files of older versions do not say."""
+        found = self.data("plant/y").attrs.get("measures")
+        if found is None:
+            return None
+        names = list(found) if isinstance(found, np.ndarray) and found.shape == (len(outputs),) else []
+        if not names or not all(isinstance(name, str) and name in ("", *states) for name in names):
+            raise self.error("plant/y: attribute measures must name a state, or nothing, for every output")
+        return {output: str(name) for output, name in zip(outputs, names, strict=True) if name}
 
     def observer(self, label: str, nt: int, n: int) -> ObserverResult:
         if label != printable(label) or len(label) > _NAMED:
@@ -250,7 +262,11 @@ class _Reader:
         chains = self.mapping("chains", group)
         if not all(isinstance(length, int) for length in chains.values()):
             raise self.error(f"observers/{label}: attribute chains must give a length for every output")
-        return Coordinates(self.text("map", group), chains)
+        name = self.text("map", group)
+        taken = next((known for known in MAPS if known == name), None)
+        if taken is None:
+            raise self.error(f"observers/{label}: attribute map must be {' or '.join(MAPS)}, found {name!r}")
+        return Coordinates(taken, chains)
 
     def internal(self, name: str, nt: int) -> np.ndarray:
         """A state of any shape, along time."""
@@ -270,5 +286,5 @@ def _is_finite(value: Any) -> bool:
 
 def _is_window(key: str, value: Any) -> bool:
     if key in ("steady", "transient"):
-        return isinstance(value, list) and len(value) == 2 and all(map(_is_finite, value))
-    return key in ("average", "settling") and _is_finite(value) and value >= 0
+        return isinstance(value, list) and len(value) == 2 and all(_is_finite(v) and abs(v) <= _LONGEST for v in value)
+    return key in ("average", "settling") and _is_finite(value) and 0 <= value <= _LONGEST

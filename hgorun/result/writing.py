@@ -129,6 +129,12 @@ def _labels(names: tuple[str, ...]) -> Any:
     return np.array(names, dtype=object).astype(h5py.string_dtype()) if names else None
 
 
+def _measured_states(result: ResultData) -> Any:
+    """Of every output the state that it is, or nothing."""
+    known = result.measures
+    return None if known is None else _labels(tuple(known.get(output, "") for output in result.outputs))
+
+
 def _write(result: ResultData, file: h5py.File) -> None:
     w = _Writer(file)
     for key, value in _root_attributes(result).items():
@@ -158,6 +164,7 @@ def _write(result: ResultData, file: h5py.File) -> None:
         ("time", "plant_output"),
         labels=_labels(result.outputs),
         long_name="noise-free output",
+        measures=_measured_states(result),
     )
     m = result.measurements
     # their dimension is the number of the measurement: a second dimension called time would clash with the grid

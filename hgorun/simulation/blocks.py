@@ -6,6 +6,8 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
+import numpy as np
+
 from hgorun.config.expressions import nearest
 from hgorun.config.models import Experiment as Blocks
 from hgorun.config.paths import KeyPath
@@ -69,8 +71,9 @@ def check_again(source: Source, before: Checked, touched: Collection[KeyPath]) -
     if keys <= _PARTS:
         blocks = before.blocks.model_copy(update={key: data.get(key, {}) for key in _PARTS})
     else:
-        of_a_run = {key: part for key, part in data.items() if key not in _NOT_OF_A_RUN}
-        blocks = validate(Blocks, of_a_run, source, ())
+        known = _NOT_OF_A_RUN.keys() - keys  # checked before, and no part of a run
+        blocks = validate(Blocks, {key: part for key, part in data.items() if key not in known}, source, ())
+        blocks = blocks.model_copy(update=_NOT_OF_A_RUN)
     stale = {path[1] for path in touched if path[0] == "observers" and len(path) > 1}
     if ("observers",) in touched:
         stale = set(labels)
@@ -106,7 +109,7 @@ def resolved(checked: Checked, coordinates: Mapping[str, Coordinates]) -> dict[s
     values = checked.blocks.model_dump(mode="json", exclude=_NOT_RESOLVED, exclude_none=True)
     values["measurement"] = checked.measurement.model_dump(mode="json", exclude_none=True)
     values["plant"] = checked.plant.model_dump(mode="json", exclude_none=True)
-    values["observers"] = {label: _plain(o.model_dump(exclude_none=True)) for label, o in checked.observers.items()}
+    values["observers"] = {label: plain(o.model_dump(exclude_none=True)) for label, o in checked.observers.items()}
     for label, block in values["observers"].items():
         taken = coordinates.get(label)
         block |= {"map": taken.map, "chains": dict(taken.chains)} if taken else {}
@@ -115,12 +118,14 @@ def resolved(checked: Checked, coordinates: Mapping[str, Coordinates]) -> dict[s
     return values
 
 
-def _plain(value: Any) -> Any:
-    """Values as YAML can write them: complex numbers as text, tuples as lists."""
+def plain(value: Any) -> Any:
+    """Values as YAML can write them: complex numbers as text, tuples and arrays as lists, numbers as Python's."""
+    if isinstance(value, (np.generic, np.ndarray)):
+        return plain(value.tolist())
     if isinstance(value, dict):
-        return {k: _plain(v) for k, v in value.items()}
+        return {k: plain(v) for k, v in value.items()}
     if isinstance(value, (list, tuple)):
-        return [_plain(v) for v in value]
+        return [plain(v) for v in value]
     if isinstance(value, complex):
         return value.real if value.imag == 0 else str(value).strip("()")
     return value

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
-from copy import copy
 from functools import cached_property, partial
 from typing import Any, cast
 
@@ -22,20 +21,28 @@ from hgorun.plants.base import Plant
 from hgorun.plants.build import BuiltPlant, build_plant
 from hgorun.result.data import Coordinates
 from hgorun.result.windows import points_in
-from hgorun.simulation.blocks import Checked, check, check_again, resolved
+from hgorun.simulation.blocks import Checked, check, check_again, plain, resolved
 from hgorun.simulation.forms import form_of
 from hgorun.simulation.observer_block import Design
 from hgorun.symbolic.canonical import CanonicalForm
 from hgorun.symbolic.forms import Form
 
+_ONLY_A_FILE = "only a file can extend another one; see hgorun.load"
+_KEPT = ("name", "text", "source", "_checked", "_noise", "_chosen")  # in a copy; all else follows from these
+
 
 class Experiment:
     """One run, complete: everything that :func:`hgorun.simulate` needs.
 
+    Figures and claims are checked for their keys and then left out: which names they may use is decided by all runs
+    of a study, and is checked by :func:`hgorun.load`.
+
+    It can be pickled and copied; what has been derived from the blocks is derived again then.
+
     Parameters
     ----------
     config : mapping or Source
-        The blocks of a configuration, as they stand in a YAML file.
+        The blocks of a configuration, as they stand in a YAML file; scalars and arrays of numpy are taken too.
     name : str
         Results are called by it; the stem of the file where there is one.
     text : str, optional
@@ -57,8 +64,8 @@ class Experiment:
     ) -> None:
         if not isinstance(config, Source):
             if "extends" in config:
-                raise ConfigError("only a file can extend another one; see hgorun.load", key="extends")
-            text = _yaml(dict(config))
+                raise ConfigError(_ONLY_A_FILE, key="extends")
+            text = _yaml(plain(dict(config)))
             config = parse(text, name)
         self.name, self.text, self.source = name, text or "", config
         self._checked = check(config)
@@ -75,7 +82,8 @@ class Experiment:
         Parameters
         ----------
         changes : mapping of str to value
-            By path: keys and list indices with dots between, as after ``--set``. None removes a key.
+            By path: keys and list indices with dots between, as after ``--set``. None removes a key. A list that is
+            not there is given whole.
         seed : int, optional
             In place of the experiment's.
         name : str, optional
@@ -93,23 +101,28 @@ class Experiment:
         """
         source, touched = self.source, set()
         for path, value in changes.items():
-            source, place = replaced(source, path, value)
+            source, place = replaced(source, path, plain(value))
             touched.add(place)
+        if ("extends",) in touched:
+            raise ConfigError(_ONLY_A_FILE, key="extends")
         if seed is not None:
             source, place = replaced(source, "seed", seed)
             touched.add(place)
-        new = copy(self)
+        new = object.__new__(type(self))
+        new.__dict__ |= self.__dict__
         new._chosen, new._noise = self._taken(), self._noise
         new.source, new.name = source, self.name if name is None else name
         new._checked = check_again(source, self._checked, touched)
         new._forget(self._checked)
         return new
 
-    def _taken(self) -> dict[str, CanonicalForm]:
+    def __getstate__(self) -> dict[str, Any]:
+        """Without what has been derived: equations of CasADi cannot be pickled."""
+        return {key: value for key, value in self.__dict__.items() if key in _KEPT}
+
+    def _taken(self) -> dict[str, Coordinates]:
         """What was chosen of several possible coordinates."""
-        if len(self.plant.model.outputs) == 1:
-            return {}
-        return {label: form for label, form in self.forms.items() if isinstance(form, CanonicalForm)}
+        return {} if len(self.plant.model.outputs) == 1 else self.coordinates
 
     def _forget(self, before: Checked) -> None:
         """Leave out what has been derived from parts that are no longer the same."""
@@ -170,7 +183,7 @@ class Experiment:
         return deviations(self.stretches, outputs) if len(outputs) > 1 else {}
 
     @cached_property
-    def _chosen(self) -> dict[str, CanonicalForm]:
+    def _chosen(self) -> dict[str, Coordinates]:
         """Coordinates taken by the experiment that this one varies: they are chosen once."""
         return {}
 
@@ -240,7 +253,8 @@ class Experiment:
                         ("metrics", "record"),
                         f"record {record:g} and output_step {time.output_step:g}: one must be a multiple of the other",
                     )
-            count = np.floor((time.end - time.start) / fine * (1 + 1e-12) + 1e-9) + 1
+            rounding = 1e-9 + 2 * np.spacing(max(abs(time.start), abs(time.end))) / fine
+            count = np.floor((time.end - time.start) / fine * (1 + 1e-12) + rounding) + 1
             width = self.plant.model.n + sum(
                 self.plant.model.n * 2 + 8 for _ in self.observers
             )  # states and estimates, before the exact size is known
@@ -260,7 +274,8 @@ class Experiment:
                 window = getattr(self.blocks.metrics, key)
                 if window is None:
                     continue
-                if window[0] < time.start - 1e-9 * fine or window[1] > time.end + 1e-9 * fine:
+                outside = window[0] < time.start - 1e-9 * fine or window[1] > time.end + 1e-9 * fine
+                if outside and key == "window":  # of the transient of a shortened run there may be less
                     raise Problem(
                         ("metrics", key),
                         f"[{window[0]:g}, {window[1]:g}] reaches outside the run, which lasts from "

@@ -8,7 +8,7 @@ from hgorun.errors import NotObservableForm, Problem
 from hgorun.memo import Memo
 from hgorun.observers.base import OBSERVERS, AnyObserver, SampledObserver
 from hgorun.plants.build import BuiltPlant
-from hgorun.symbolic.canonical import CanonicalForm
+from hgorun.result.data import Coordinates
 from hgorun.symbolic.forms import Form, FormFinder, Redecided
 from hgorun.symbolic.observability import CanonicalForms
 
@@ -22,7 +22,7 @@ def form_of(
     label: str,
     observer: AnyObserver,
     noise: Mapping[str, float] | None = None,
-    chosen: CanonicalForm | None = None,
+    chosen: Coordinates | None = None,
 ) -> tuple[Form, Form]:
     """The form that an observer needs, and the one that was first found: of the same equations, but other numbers.
 
@@ -30,8 +30,8 @@ def form_of(
     ----------
     noise : mapping of str to float, optional
         Standard deviation of the noise of outputs.
-    chosen : CanonicalForm, optional
-        One with the coordinates to take where the observer's keys do not say which.
+    chosen : Coordinates, optional
+        Those to take where the observer's keys do not say which.
 
     Raises
     ------
@@ -55,7 +55,7 @@ def form_of(
 
 
 def _finder(
-    plant: BuiltPlant, label: str, observer: AnyObserver, noise: Mapping[str, float], chosen: CanonicalForm | None
+    plant: BuiltPlant, label: str, observer: AnyObserver, noise: Mapping[str, float], chosen: Coordinates | None
 ) -> FormFinder:
     """The observer's class of plants, with the coordinates that its keys ask for."""
     finder, outputs = observer.form, plant.model.outputs
@@ -75,7 +75,7 @@ def _finder(
     if len(outputs) == 1:
         return finder.chosen(observer.map, chains, {})
     if chosen is not None and observer.map == "auto" and not chains:
-        return finder.chosen(chosen.map, chosen.taken, noise)
+        return finder.chosen(chosen.map, chosen.chains, noise)
     return finder.chosen(observer.map, chains, noise)
 
 

@@ -9,9 +9,10 @@ from typing import cast
 import casadi as ca
 import numpy as np
 
-from hgorun.errors import Problem
+from hgorun.errors import Problem, called
 from hgorun.memo import Same
-from hgorun.observers.base import AnyObserver, ContinuousObserver, Flow, Sample, SampledObserver
+from hgorun.observers.base import AnyObserver, ContinuousObserver, Sample, SampledObserver
+from hgorun.symbolic.canonical import CanonicalForm
 from hgorun.symbolic.forms import Copy, Form, ModelCopy
 from hgorun.symbolic.parameters import Parameters, flat
 from hgorun.symbolic.states import StateBlock, Symmetric
@@ -50,6 +51,8 @@ class Design:
             When the observer's block does not fit the plant.
         """
         canonical = observer.coordinates == "canonical"
+        if canonical and isinstance(form, CanonicalForm) and form.no_inverse is not None:
+            raise Problem(("observers", label, "coordinates"), form.no_inverse)
         for key, known in (("initial", form.plant.states), ("saturation", form.saturable(canonical))):
             for name in getattr(observer, key):
                 if not known:
@@ -59,10 +62,15 @@ class Design:
                         ("observers", label, key), f"unknown state {name!r}; here they are {', '.join(known)}"
                     )
         try:
-            gains = observer.design(form)
+            with called("observer", observer.type, "design"):
+                gains = dict(observer.design(form))
         except Problem as problem:
             raise Problem(("observers", label, *problem.path), problem.message) from problem
-        defaults = {"xhat": np.zeros(form.plant.n), **observer.states(form)}
+        with called("observer", observer.type, "states"):
+            defaults = {"xhat": np.zeros(form.plant.n), **observer.states(form)}
+            for name, value in defaults.items():
+                if not isinstance(value, (np.ndarray, Symmetric)):
+                    raise TypeError(f"{name} is a {type(value).__name__}, expected an array")
         return cls(label, observer, form, form if origin is None else origin, gains, defaults)
 
     def initial(self, parameters: np.ndarray, *, has_alpha: bool) -> np.ndarray:
@@ -219,11 +227,46 @@ class ObserverBlock:
         if not isinstance(self.observer, ContinuousObserver):  # it holds between samples
             still = {name: ca.SX.zeros(*value.shape) for name, value in vars(s).items() if name != "alpha"}
             return still, ca.SX.zeros(e.shape)
-        flow = self.observer.equations(copy, s, e, self.k)
-        correction = self._felt(copy, s.xhat, flow) if flow.correction is None else flow.correction
-        return dict(flow.derivatives), correction
+        with called("observer", self.observer.type, "equations"):
+            flow = self.observer.equations(copy, s, e, self.k)
+            derivatives = self._fitting(flow.derivatives, "equations", "derivative")
+        missing = [name for name in self._own if name not in derivatives]
+        if missing:
+            raise self._wrong(f"equations: no derivative of {', '.join(missing)}")
+        if flow.correction is None:
+            return derivatives, self._felt(copy, s.xhat, derivatives["xhat"])
+        return derivatives, self._of_shape(flow.correction, e.shape, "equations: the correction")
 
-    def _felt(self, copy: Copy, xhat: ca.SX, flow: Flow) -> ca.SX:
+    @property
+    def _own(self) -> dict[str, StateBlock]:
+        """The states that the observer's equations are about: not alpha, which is the innovation's."""
+        return {name: state for name, state in self.states.items() if name != "alpha"}
+
+    def _fitting(self, given: Mapping[str, ca.SX], method: str, what: str) -> dict[str, ca.SX]:
+        """Expressions by state, each of exactly its state's shape.
+
+        One with more entries would move the states behind it, which are another observer's.
+        """
+        unknown = [name for name in given if name not in self._own]
+        if unknown:
+            states = ", ".join(self._own)
+            raise self._wrong(f"{method}: a {what} of {', '.join(unknown)}, which is not one of its states: {states}")
+        return {
+            name: self._of_shape(value, self._own[name].matrix, f"{method}: the {what} of {name}")
+            for name, value in given.items()
+        }
+
+    def _of_shape(self, value: ca.SX, shape: tuple[int, int], what: str) -> ca.SX:
+        found = ca.SX(value)
+        if found.shape != shape:
+            raise self._wrong(f"{what} has the shape {found.shape}, expected {shape}")
+        return found
+
+    def _wrong(self, message: str) -> Problem:
+        """A mistake in the class, told at the block that uses it."""
+        return Problem(("observers", self.label, "type"), f"{self.observer.type}, {message}")
+
+    def _felt(self, copy: Copy, xhat: ca.SX, rate: ca.SX) -> ca.SX:
         """C_x (copy(xhat) - xhat'): what the outputs of the estimate feel beside the copy of the plant."""
         if not isinstance(copy, ModelCopy):
             raise Problem(
@@ -231,14 +274,16 @@ class ObserverBlock:
                 f"{type(self.observer).__name__} has no copy of the plant: the Flow of its equations has to give "
                 "its correction",
             )
-        return ca.jtimes(copy.output(xhat), xhat, copy.copy(xhat) - flow.derivatives["xhat"])
+        return ca.jtimes(copy.output(xhat), xhat, copy.copy(xhat) - rate)
 
     def jump(self, t: ca.SX, u: ca.SX, u_before: ca.SX, p: ca.SX, z: ca.SX, sample: Sample) -> ca.SX:
         """What the block becomes when a sample arrives."""
         plant, before = self.copy(t, u, p), self.copy(t - sample.interval, u_before, p)
         s = self.symbols(z)
         assert isinstance(self.observer, SampledObserver)
-        values = {**vars(s), **self.observer.jump(plant, before, s, sample, self.k)}
+        with called("observer", self.observer.type, "jump"):
+            after = self.observer.jump(plant, before, s, sample, self.k)
+            values = vars(s) | self._fitting(after, "jump", "value")
         return ca.vertcat(*[block.flat(values[name]) for name, block in self.states.items()])
 
     def copy(self, t: ca.SX, u: ca.SX, p: ca.SX) -> Copy:

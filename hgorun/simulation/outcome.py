@@ -8,6 +8,7 @@ import numpy as np
 
 from hgorun.engine.methods import METHODS
 from hgorun.engine.program import Raw
+from hgorun.errors import Problem
 from hgorun.measurement.events import merge
 from hgorun.measurement.schedule import nearest_event
 from hgorun.measurement.signals import noise_at
@@ -31,6 +32,10 @@ def record(run: PreparedRun, raw: Raw) -> Result:
     u = _inputs(run, grid)
     y = structure.outputs.along(grid, numbers.p, rows[shown])
     x = rows[:, : model.n]
+    bad = np.argwhere(~np.isfinite(y))
+    if bad.size:
+        row, column = bad[0]
+        raise Problem(("plant",), f"output {model.outputs[column]} is not a finite number at t = {grid[row]:g}")
     estimates = [readout.along(run.grid, numbers.p, rows) for readout in structure.estimates]
     settings = MetricSettings.of(blocks.metrics, run.time)
     measured = {b.label: xhat[metric] for b, xhat in zip(numbers.observers, estimates, strict=True)}
@@ -70,6 +75,7 @@ def record(run: PreparedRun, raw: Raw) -> Result:
         seed=blocks.seed,
         windows=asdict(settings),
         integration_error=embedded,
+        measures=model.measures,
         remarks=run.remarks,
     )
 
@@ -106,7 +112,8 @@ def _measurements(run: PreparedRun, raw: Raw, grid: np.ndarray, y: np.ndarray) -
             taken.append(then)
             v = noise_at(stretch, t) + c.noise[k].held(t)
             values.append(truth * (1 + v) if stretch.multiplicative else truth + v)
-        parts.append((np.concatenate(times), np.concatenate(taken), np.concatenate(values)))
+        measured = run.plant.model.wrapped(i, np.concatenate(values))
+        parts.append((np.concatenate(times), np.concatenate(taken), measured))
     # arrivals that are one event are one row, in spite of rounding
     union = merge(np.concatenate([part[0] for part in parts]), 1e-9 * run.step)
     taken_all, y_all = (np.full((union.size, len(parts)), np.nan) for _ in range(2))

@@ -69,7 +69,7 @@ def _check(
     for name, (experiment, kind) in runs.items():
         model, time = experiment.plant.model, experiment.blocks.time
         span, labels = (time.start, time.end), tuple(experiment.observers)
-        names[name] = RunNames(model.states, model.outputs, labels, span, kind)
+        names[name] = RunNames(model.states, model.outputs, labels, span, kind, tuple(model.measures.values()))
     check(figures, names)
 
 

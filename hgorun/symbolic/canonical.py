@@ -97,7 +97,16 @@ class CanonicalForm:
     @property
     def invertible(self) -> bool:
         """Whether x is known as a function of z."""
-        return self.square and (self.identity or bool(self.links) or self.plant.inverse is not None)
+        return self.no_inverse is None
+
+    @property
+    def no_inverse(self) -> str | None:
+        """Why x is not known as a function of z; None where it is."""
+        if not self.square:
+            return "there are more chain components than states; use coordinates: original"
+        if not (self.identity or self.links or self.plant.inverse is not None):
+            return "this plant gives no inverse of its canonical map; use coordinates: original"
+        return None
 
     def inverse(self, z: ca.SX, p: ca.SX) -> ca.SX:
         """x of z, where it is :attr:`invertible`."""
@@ -148,10 +157,8 @@ class CanonicalForm:
 
     def start(self, x: np.ndarray, parameters: np.ndarray, canonical: bool) -> np.ndarray:
         """The initial estimate in the observer's coordinates; ValueError where J is singular."""
-        if canonical and not self.square:
-            raise ValueError("there are more chain components than states; use coordinates: original")
-        if canonical and not self.invertible:
-            raise ValueError("this plant gives no inverse of its canonical map; use coordinates: original")
+        if canonical and self.no_inverse is not None:
+            raise ValueError(self.no_inverse)
         if not singular_value_ratio(self.jacobian_at(x, parameters)) > _SINGULAR_START:
             where = ", ".join(f"{s} = {v:g}" for s, v in zip(self.plant.states, x, strict=True))
             raise ValueError(f"the Jacobian of the observability map is singular at the initial estimate ({where})")

@@ -17,6 +17,7 @@ import numpy as np
 
 from hgorun.symbolic.evaluate import Floats, evaluate
 from hgorun.symbolic.intervals import Bounds, enclose
+from hgorun.symbolic.levels import Levels
 
 _CELLS = 1 << 15  # that are looked at together: bounds the memory
 _BUDGET = 4_000_000  # cells of one function
@@ -30,54 +31,6 @@ _WIDE = 1e-3  # of a piece: rounding hides the sign of a function that touches a
 
 class TooMany(Exception):
     """More crossings than there is memory for; the argument is their number as far as it is known."""
-
-
-@dataclass(frozen=True)
-class Levels:
-    """The values whose crossings are looked for, numbered in ascending order.
-
-    Attributes
-    ----------
-    below, up_to : callable
-        How many of them lie below each value, and how many do not lie above it; from any origin.
-    value : callable
-        Level number k: the one that is reached when k are up to there.
-    reached : bool
-        Whether a level counts as crossed when it is reached (as for ``floor``), or only above it (``ceil``).
-    """
-
-    below: Callable[[Floats], np.ndarray]
-    up_to: Callable[[Floats], np.ndarray]
-    value: Callable[[Floats], np.ndarray]
-    reached: bool
-
-    def inside(self, bounds: Bounds) -> np.ndarray:
-        """Whether a level lies within each pair of bounds."""
-        return np.asarray(self.up_to(bounds[1]) > self.below(bounds[0]))
-
-    def crossed(self, values: Floats) -> np.ndarray:
-        """The number of levels crossed when the function has come from below to each value."""
-        return self.up_to(values) if self.reached else self.below(values)
-
-
-def zero(*, reached: bool) -> Levels:
-    """The level 0."""
-    return Levels(lambda v: (v > 0) * 1.0, lambda v: (v >= 0) * 1.0, np.zeros_like, reached)
-
-
-def integers(*, reached: bool) -> Levels:
-    """All whole numbers."""
-    return Levels(lambda v: np.ceil(v) - 1, np.floor, lambda k: k, reached)
-
-
-def listed(values: Floats, *, reached: bool) -> Levels:
-    """Given values, in ascending order."""
-    return Levels(
-        lambda v: np.searchsorted(values, v, side="left").astype(float),
-        lambda v: np.searchsorted(values, v, side="right").astype(float),
-        lambda k: values[k.astype(int) - 1],
-        reached,
-    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -211,6 +164,7 @@ class Search:
         ------
         TooMany
         """
+        finest = 1e-3 * np.spacing(max(abs(low[0]), abs(high[-1])))  # near t = 0 doubles are finer than need be
         stack = [Cells(low, high, np.arange(low.size))]
         times, flat, looked, doubtful, found = [], [], 0, 0, 0
         while stack and looked < _BUDGET + _PER_CROSSING * found:
@@ -220,7 +174,7 @@ class Search:
                 stack.append(cells.where(rest))
                 cells = cells.where(~rest)
             looked += cells.low.size
-            monotone, hidden, doubted, left = self._sorted(cells)
+            monotone, hidden, doubted, left = self._sorted(cells, finest)
             doubtful += doubted.low.size
             times.append(self._crossed(monotone, found))
             found += times[-1].size
@@ -234,12 +188,18 @@ class Search:
         value, _ = self.function.bounds(touched.low, touched.high, self.p, self.s[touched.piece])
         loud = np.maximum(np.abs(value[0]), np.abs(value[1])) > _ZERO
         known = np.isfinite(self.function.at(middle, self.p, self.s[touched.piece]))
-        wide = touched.where(known & loud & (touched.high - touched.low > _WIDE * (high - low)[touched.piece]))
+        least = np.maximum(_WIDE * (high - low)[touched.piece], 1e6 * finest)
+        wide = touched.where(known & loud & (touched.high - touched.low > least))
         lost = [(float(c.low.min()), float(c.high.max())) for c in (wide, unseen) if c.low.size]
         return Found(np.unique(np.concatenate(times)), tuple(lost))
 
-    def _sorted(self, cells: Cells) -> tuple[Cells, Cells, Cells, Cells]:
+    def _sorted(self, cells: Cells, finest: float) -> tuple[Cells, Cells, Cells, Cells]:
         """The cells in which there may be a crossing, in four kinds.
+
+        Parameters
+        ----------
+        finest : float
+            Shorter cells are not cut.
 
         Returns
         -------
@@ -259,7 +219,7 @@ class Search:
         rest, value = rest.where(some), _where(value, some)
         doubtful, noise = self._looked_at(rest)
         middle = 0.5 * (rest.low + rest.high)
-        short = (middle <= rest.low) | (middle >= rest.high)
+        short = (middle <= rest.low) | (middle >= rest.high) | (rest.high - rest.low <= finest)
         hidden = short | (doubtful & (value[1] - value[0] <= _NOISE * noise))
         doubtful &= ~hidden
         return monotone, rest.where(hidden), rest.where(doubtful), rest.where(~hidden & ~doubtful)
@@ -279,7 +239,9 @@ class Search:
         """The bounds of the values inside g(m) + g'(cell)(cell - m), too, which is tighter on short cells."""
         middle = 0.5 * (cells.low + cells.high)
         at_middle = self.function.bounds_at(middle, self.p, self.s[cells.piece])
-        reach = 0.5 * (cells.high - cells.low) * np.maximum(np.abs(slope[0]), np.abs(slope[1])) * (1 + 1e-12)
+        steepest = np.maximum(np.abs(slope[0]), np.abs(slope[1]))
+        with np.errstate(invalid="ignore"):  # what is not a number bounds nothing
+            reach = 0.5 * (cells.high - cells.low) * steepest * (1 + 1e-12)
         around = np.nextafter(at_middle[0] - reach, -np.inf), np.nextafter(at_middle[1] + reach, np.inf)
         return np.fmax(value[0], around[0]), np.fmin(value[1], around[1])
 
@@ -329,12 +291,13 @@ class Search:
             for side in (-units, units):
                 there = x + side * np.spacing(np.abs(x))
                 low, high = kept(there, self.function.at(there, self.p, s))
+        # near t = 0 doubles are finer than need be
+        floor = 1e-3 * np.spacing(np.maximum(np.abs(cells.low), np.abs(cells.high)))
         for _ in range(80):
             middle = 0.5 * (low + high)
-            again = kept(middle, self.function.at(middle, self.p, s))
-            if np.array_equal(again[0], low) and np.array_equal(again[1], high):
+            if not np.any((middle > low) & (middle < high) & (high - low > floor)):
                 break
-            low, high = again
+            low, high = kept(middle, self.function.at(middle, self.p, s))
         return high
 
 

@@ -193,5 +193,15 @@ def transformed(plant: PlantModel) -> PlantModel:
     output = ca.simplify(plant.h(plant.t, x, plant.u, plant.p))
     names = tuple(f"z{i + 1}" for i in range(plant.n))
     return PlantModel(
-        names, plant.outputs, plant.inputs, plant.parameters, plant.t, z, plant.u, plant.p, dynamics, output
+        states=names,
+        outputs=plant.outputs,
+        inputs=plant.inputs,
+        parameters=plant.parameters,
+        t=plant.t,
+        x=z,
+        u=plant.u,
+        p=plant.p,
+        dynamics=dynamics,
+        output=output,
+        periods=plant.periods,
     )

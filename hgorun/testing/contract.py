@@ -95,7 +95,8 @@ def hold_to(name: str, subject: SubjectT, laws: Sequence[Law[SubjectT]], skip: C
         except NotApplicable as reason:
             left_out[law.name] = str(reason)
         except Exception as error:
-            raise ContractError(name, law.name, f"{type(error).__name__}: {error}", law.sentence) from error
+            what = f"{type(error).__name__}: {error}"
+            raise ContractError(name, law.name, what, f"no exception, since {law.sentence}") from error
         else:
             kept.append(law.name)
     return Report(name, tuple(kept), left_out)

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from functools import cached_property
 
 import casadi as ca
 import numpy as np
 
+from hgorun.config.reads import Reads
+from hgorun.errors import HgorunError, Problem
 from hgorun.observers.base import AnyObserver, ContinuousObserver, Sample, SampledObserver
 from hgorun.plants.build import BuiltPlant
 from hgorun.symbolic.forms import Copy, Form, ModelCopy
@@ -35,8 +38,13 @@ class Equations:
 
     def __init__(self, observer: AnyObserver, plant: BuiltPlant, form: Form) -> None:
         self.observer, self.plant, self.form = observer, plant, form
-        self.design: dict[str, np.ndarray] = {n: np.asarray(v) for n, v in observer.design(form).items()}
-        self.defaults: Mapping[str, np.ndarray | Symmetric] = observer.states(form)
+        with told("design"):
+            self.design: dict[str, np.ndarray] = {n: np.asarray(v) for n, v in observer.design(form).items()}
+        with told("states"):
+            self.defaults: Mapping[str, np.ndarray | Symmetric] = observer.states(form)
+            for name, value in self.defaults.items():
+                if not isinstance(value, (np.ndarray, Symmetric)):
+                    raise Broken(f"states(): {name} is a {type(value).__name__}", "an array")
         self.states: dict[str, StateBlock] = {}
         end = 0
         for name, value in {"xhat": np.zeros(plant.model.n), **self.defaults}.items():
@@ -74,7 +82,8 @@ class Equations:
     @cached_property
     def _flow(self) -> tuple[Mapping[str, ca.SX], ca.SX | None]:
         assert isinstance(self.observer, ContinuousObserver)
-        flow = self.observer.equations(self.copy(self._t), self._s, self._e, self._k)
+        with told("equations"):
+            flow = self.observer.equations(self.copy(self._t), self._s, self._e, self._k)
         return flow.derivatives, flow.correction
 
     @cached_property
@@ -102,20 +111,37 @@ class Equations:
         return self.function("flow", rate, closed)
 
     @cached_property
+    def drive(self) -> ca.Function:
+        """(t, parameters, z, e) -> how z' depends on the innovation."""
+        rate = ca.vertcat(*[block.flat(self.rates[name]) for name, block in self.states.items()])
+        return self.function("drive", ca.jacobian(rate, self._e))
+
+    @cached_property
     def leap(self) -> ca.Function:
-        """(t, parameters, z, e, y, previous, interval) -> z after a sample."""
+        """(t, parameters, z, e, y, previous, interval) -> (z after a sample, its Jacobian in z)."""
         assert isinstance(self.observer, SampledObserver)
         y, previous, T = ca.SX.sym("y", self.outputs), ca.SX.sym("previous", self.outputs), ca.SX.sym("T")
         after = self.jump(Sample(y, previous, T))
         flat = ca.vertcat(*[block.flat(after.get(name, vars(self._s)[name])) for name, block in self.states.items()])
         inputs = [self._t, self._parameters.symbol, self._z, self._e, y, previous, T]
-        return _closed("leap", inputs, [flat])
+        return _closed("leap", inputs, [flat, ca.jacobian(flat, self._z)])
 
     def jump(self, sample: Sample) -> dict[str, ca.SX]:
         """What the observer returns for a sample."""
         assert isinstance(self.observer, SampledObserver)
         plant, before = self.copy(self._t), self.copy(self._t - sample.interval)
-        return dict(self.observer.jump(plant, before, self._s, sample, self._k))
+        with told("jump"):
+            return dict(self.observer.jump(plant, before, self._s, sample, self._k))
+
+    def read_by_equations(self) -> set[str]:
+        """The keys of the block that the equations read themselves."""
+        reads = Reads(self.observer)
+        copy, watched = self.copy(self._t), reads.watched
+        if isinstance(watched, ContinuousObserver):
+            watched.equations(copy, self._s, self._e, self._k)
+        if isinstance(watched, SampledObserver):
+            watched.jump(copy, copy, self._s, Sample(self._e, self._e, self._t), self._k)
+        return reads.keys
 
     def function(self, name: str, *expressions: ca.SX) -> ca.Function:
         """(t, parameters, z, e) -> expressions; Broken where they hold other symbols."""
@@ -149,6 +175,17 @@ class Equations:
         of = {"xhat": "estimate", **self.observer.roles(self.form)}
         blocks = [block for name, block in self.states.items() if of[name] in roles]
         return np.concatenate([np.zeros(0, int), *(np.arange(b.start, b.start + b.size) for b in blocks)])
+
+
+@contextmanager
+def told(method: str) -> Iterator[None]:
+    """What a method raises, told as a finding; refusals of a plant pass."""
+    try:
+        yield
+    except (HgorunError, Problem, Broken):
+        raise
+    except Exception as error:
+        raise Broken(f"{method}() raised {type(error).__name__}: {error}", "no exception") from error
 
 
 def _closed(name: str, inputs: list[ca.SX], expressions: list[ca.SX]) -> ca.Function:

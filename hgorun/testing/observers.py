@@ -2,27 +2,26 @@
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Collection, Iterable
+from typing import get_args
 
 import casadi as ca
 import numpy as np
 
-from hgorun.errors import HgorunError, Problem
-from hgorun.observers import base
-from hgorun.observers.base import AnyObserver, ContinuousObserver, Sample, SampledObserver
+from hgorun.errors import HgorunError, PluginError
+from hgorun.observers.base import AnyObserver, ContinuousObserver, Role, Sample, SampledObserver
 from hgorun.observers.capabilities import Differentiator, SlidingMode
 from hgorun.simulation.preparation import prepare
 from hgorun.symbolic.states import Symmetric
-from hgorun.testing.cases import WRONG_PLANTS, Case, Keys, Subject, as_tuple, built, lent
+from hgorun.testing.cases import CHAINS, WRONG_PLANTS, Case, Keys, Subject, as_tuple, built, lent
 from hgorun.testing.contract import Broken, Law, NotApplicable, Report, hold_to
+from hgorun.testing.decay import decays
 from hgorun.testing.equations import Equations
 from hgorun.testing.runs import RUN_LAWS
 
 POINTS = 5  # random ones
 CORRECTION = 1e-9  # relative difference of two ways to the same number
 RATE = 0.05  # of a rate: what it may lack
-CHAINS = (3, 2, 1)  # lengths that are tried
 
 
 def check_observer(
@@ -98,6 +97,9 @@ def _states(subject: Subject) -> None:
             if isinstance(value, Symmetric) and not np.array_equal(values, values.T):
                 raise Broken(f"{name} starting at {values.tolist()}", "a symmetric matrix")
         roles = equations.observer.roles(equations.form)
+        unknown = sorted({str(role) for role in roles.values()} - set(get_args(Role)))
+        if unknown:
+            raise Broken(f"the roles {unknown}", f"roles among {list(get_args(Role))}")
         if set(roles) != set(equations.defaults):
             raise Broken(f"roles of {sorted(roles)}", f"one role each of {sorted(equations.defaults)}")
 
@@ -150,6 +152,19 @@ def _points(equations: Equations) -> list[tuple[np.ndarray, np.ndarray]]:
     return found
 
 
+def _arguments(subject: Subject) -> None:
+    """A number that equations read from the block is compiled into them."""
+    for case in subject.cases:
+        equations = case.equations()
+        numbers = [key for key, value in case.observer() if isinstance(value, float)]
+        read = [key for key in numbers if key in equations.read_by_equations()]
+        if read:
+            raise Broken(
+                f"equations that read self.{read[0]}, a number",
+                f"k.{read[0]}, from design: what equations read themselves is compiled, once for every value",
+            )
+
+
 def _correction(subject: Subject) -> None:
     for case in subject.cases:
         equations = case.equations()
@@ -180,7 +195,7 @@ def _compare(equations: Equations, declared: ca.SX, derived: ca.SX, what: str, f
 
 def _rate(subject: Subject) -> None:
     """Sharply on integrators, whose eigenvalues are those of the design; elsewhere the plant's slopes move them."""
-    chains = [equations for n in CHAINS if (equations := _on_integrators(subject, n)) is not None]
+    chains = [equations for n in CHAINS if (equations := subject.on_integrators(n)) is not None]
     for equations in [*chains[:1], *(case.equations() for case in subject.cases)]:
         declared = float(equations.observer.fastest_rate(equations.form))
         if not (np.isfinite(declared) and declared >= 0):
@@ -199,18 +214,6 @@ def _rate(subject: Subject) -> None:
                 f"fastest_rate = {declared:.6g}, but eigenvalues up to {found:.6g} {equations.where}",
                 f"a rate not below that of the linearised error dynamics, {found:.6g}",
             )
-
-
-def _on_integrators(subject: Subject, n: int) -> Equations | None:
-    """The observer of n integrators; None where it does not take them."""
-    names = tuple(f"x{i + 1}" for i in range(n))
-    keys = {"type": "integrator_chain", "n": n, "initial": dict.fromkeys(names, 0.5)}
-    case = Case(subject.cls, subject.name, {**subject.cls.example(names), **subject.keys}, keys)
-    try:
-        equations = case.equations()
-    except (HgorunError, Problem, Broken):
-        return None
-    return None if equations.singular else equations
 
 
 def fastest(equations: Equations) -> tuple[float, float]:
@@ -241,19 +244,22 @@ def _refuses(subject: Subject) -> None:
         case = Case(subject.cls, subject.name, {**subject.cls.example(states), **subject.keys}, keys)
         try:
             prepare(case.experiment({"it": {"initial": case.aside}}))
-        except HgorunError:
-            continue
+        except HgorunError as error:
+            raised = error.__cause__ if isinstance(error, PluginError) else None
         except Exception as error:
+            raised = error
+        else:
+            continue
+        if raised is not None:
             raise Broken(
-                f"{type(error).__name__}: {error}, for the plant {keys['dynamics']}, output {keys['output']}",
+                f"{type(raised).__name__}: {raised}, for the plant {keys['dynamics']}, output {keys['output']}",
                 "an HgorunError that says why the plant is not one for this observer, or an observer that works",
-            ) from error
+            ) from raised
 
 
 def _explains_itself(subject: Subject) -> None:
     cls = subject.cls
-    general = {inspect.getdoc(c) for c in vars(base).values() if isinstance(c, type)}
-    if not inspect.getdoc(cls) or inspect.getdoc(cls) in general:
+    if not cls.__doc__:  # its own: inspect.getdoc would find that of a base
         raise Broken("no docstring", "one with the equations, the class of plants and the meaning of each gain")
     if not cls.reference:
         raise Broken("an empty reference", "the publication that the equations are from")
@@ -267,10 +273,12 @@ LAWS: tuple[Law[Subject], ...] = (
     Law("finite design", "the numbers of its design are finite", _finite_design),
     Law("states", "its states have names and starts of their own", _states),
     Law("equations", "its equations fit its states and are finite near the start", _equations),
+    Law("numbers are arguments", "its equations read numbers from its design", _arguments),
     Law("repeatable", "built again it is the same", _repeatable),
     Law("correction", "the correction is what the output of the estimate feels", _correction),
     Law("refusal", "a plant that is not for it is refused by an HgorunError", _refuses),
     *RUN_LAWS,
+    Law("the error decays", "a small error decays on a plant at rest", decays),
     Law("declared rate", "fastest_rate is not below the linearised error dynamics", _rate),
     Law("documentation", "it explains itself", _explains_itself),
 )

@@ -71,3 +71,17 @@ def test_steps_may_stop_being_positive_after_the_run() -> None:
 def test_noise_that_is_none(noise: Any, words: str) -> None:
     with pytest.raises(ConfigError, match=words):
         experiment(chain(2), OBSERVERS, measurement={"noise": [noise]})
+
+
+@pytest.mark.parametrize(
+    ("measurement", "key"),
+    [
+        ({"outputs": {"y": {"delay": 0.1}}}, "measurement.outputs.y"),
+        ({"phases": [{"until": 1, "outputs": {"y": {"delay": 0.1}}}]}, "measurement.phases.0.outputs.y"),
+        ({"phases": [{"until": 0.5}, {"until": 1, "outputs": {"x2": {}}}]}, "measurement.phases.1.outputs.x2"),
+    ],
+)
+def test_an_output_that_the_plant_has_not(measurement: dict[str, Any], key: str) -> None:
+    with pytest.raises(ConfigError, match="x1") as error:
+        prepare(experiment(chain(2), OBSERVERS, step=0.01, measurement=measurement))
+    assert error.value.key == key

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import pickle
+from collections.abc import Callable
+from copy import copy, deepcopy
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from examples import CONTOIS, experiment, load
 
+import hgorun
 from hgorun import ConfigError, Experiment
 
 TEXT = """\
@@ -114,3 +119,50 @@ def test_figures_and_claims_are_no_part_of_an_experiment() -> None:
     assert not shown.blocks.claims
     assert shown.resolved_text == plain.resolved_text
     assert shown.varied({"seed": 2}).blocks.figures == {}
+
+
+@pytest.mark.parametrize(
+    ("changes", "key"),
+    [
+        ({"observers.S.saturation.x2": 5}, "observers.S.saturation.x2"),
+        ({"measurement.sampling.period": -1}, "measurement.sampling.period"),
+        ({"figures": 5}, "figures"),
+        ({"figures": {"1": {"panels": []}}}, "figures.1.panels"),
+        ({"claims": [{}]}, "claims.0.id"),
+        ({"extends": "a.yaml"}, "extends"),
+    ],
+)
+def test_what_is_wrong_is_named_by_its_whole_path(base: Experiment, changes: dict[str, Any], key: str) -> None:
+    with pytest.raises(ConfigError) as error:
+        base.varied(changes)
+    assert error.value.key == key
+
+
+def test_a_list_that_is_not_there_is_given_whole(base: Experiment) -> None:
+    silent = base.varied({"measurement": None})
+    with pytest.raises(ConfigError, match=r"there is no list `measurement.noise`: give it whole"):
+        silent.varied({"measurement.noise.0.amplitude": 1})
+
+
+@pytest.mark.parametrize("copied", [lambda e: pickle.loads(pickle.dumps(e)), copy, deepcopy])
+def test_an_experiment_that_was_used_can_be_pickled_and_copied(
+    base: Experiment, copied: Callable[[Experiment], Experiment]
+) -> None:
+    for used in (base, base.varied({"observers.S.theta": 2})):
+        first = hgorun.simulate(used)
+        again = hgorun.simulate(copied(used))
+        assert np.array_equal(again.observers["S"].xhat, first.observers["S"].xhat)
+        assert again.config == first.config
+
+
+def test_scalars_and_arrays_of_numpy_are_numbers_and_lists() -> None:
+    def made(theta: object, poles: object, x1: object) -> Experiment:
+        plant = CONTOIS | {"initial": {"x1": x1, "x2": 15}}
+        return experiment(plant, {"S": {"type": "shgo", "theta": theta, "poles": poles}})
+
+    plain = made(2, ["-1+2j", "-1-2j"], 1)
+    of_numpy = made(np.float64(2), np.array([-1 + 2j, -1 - 2j]), np.int64(1))
+    assert of_numpy.resolved() == plain.resolved()
+    changes = {"observers.S.theta": np.int64(3), "observers.S.poles": (np.float64(-1), np.float64(-2))}
+    varied = plain.varied(changes)
+    assert varied.resolved() == plain.varied({"observers.S.theta": 3, "observers.S.poles": [-1, -2]}).resolved()

@@ -197,3 +197,20 @@ def test_an_observer_that_asks_for_hopeless_steps_does_not_stop_the_others() -> 
     assert together.observers["B"].diverged_at is not None
     assert together.observers["S"].status == "ok"
     assert together.metrics()["S"]["rmse"]["x2"] < 1e-5
+
+
+@pytest.mark.parametrize(
+    ("dynamics", "more"),
+    [
+        ({"x1": "2*x2", "x2": "-sin(x1)"}, {"map": "derivatives"}),
+        ({"x1": "x2 + x2**3", "x2": "-sin(x1)"}, {}),
+        ({"x1": "x2 + x2**3", "x2": "-sin(x1)"}, {"saturation": {"x2": [-5, 5]}}),
+    ],
+)
+@pytest.mark.parametrize("kind", ["shgo", "fhgo2", "treangle", "low_power"])
+def test_canonical_coordinates_need_an_inverse(kind: str, dynamics: dict[str, str], more: dict[str, Any]) -> None:
+    block = {"type": kind, "theta": 2, "coordinates": "canonical", **more}
+    plant = {"states": ["x1", "x2"], "dynamics": dynamics, "output": "x1", "initial": {"x1": 1, "x2": 0.5}}
+    with pytest.raises(hgorun.ConfigError, match="gives no inverse of its canonical map") as error:
+        hgorun.simulate(experiment(plant, {"O": block}))
+    assert error.value.key == "observers.O.coordinates"

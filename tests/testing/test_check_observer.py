@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from hgorun.errors import Problem
 from hgorun.observers.base import (
     OBSERVERS,
     AnyObserver,
@@ -22,6 +23,7 @@ from hgorun.observers.capabilities import Differentiator, HighGain
 from hgorun.observers.levant import LevantObserver
 from hgorun.observers.shgo import StandardObserver
 from hgorun.symbolic.canonical import CanonicalForm, PlantCopy
+from hgorun.symbolic.matrices import hurwitz_gain
 from hgorun.symbolic.symbols import Symbols
 from hgorun.testing import ContractError, check_observer
 
@@ -134,10 +136,96 @@ class TakenName(StandardObserver):
         return {"alpha": np.zeros(1)}
 
 
-class NoDocumentation(StandardObserver):
+class NoReference(StandardObserver):
     """Documented."""
 
     reference = ""
+
+
+class NoDocstring(HighGain, ContinuousObserver):
+    reference = "here"
+
+    def design(self, form: CanonicalForm) -> dict[str, np.ndarray]:
+        return {
+            "theta": np.array(self.theta),
+            "G": np.concatenate([hurwitz_gain(length, -1) for length in form.chains]),
+        }
+
+    def equations(self, plant: PlantCopy, s: Symbols, e: ca.SX, k: Symbols) -> Flow:
+        kappa = k.theta * plant.inv_Delta(k.theta) @ (k.G * plant.along_chains(e))
+        return Flow({"xhat": plant.copy(s.xhat) - plant.lift(s.xhat, kappa)})
+
+
+class WrongSign(StandardObserver):
+    """No rate is declared that would show it, and the correction is derived."""
+
+    def fastest_rate(self, form: CanonicalForm) -> float:
+        return 0.0
+
+    def equations(self, plant: PlantCopy, s: Symbols, e: ca.SX, k: Symbols) -> Flow:
+        return Flow({"xhat": super().equations(plant, s, -e, k).derivatives["xhat"]})
+
+
+class WrongSignAndRate(WrongSign):
+    def fastest_rate(self, form: CanonicalForm) -> float:
+        return 1.0
+
+
+class Blind(StandardObserver):
+    """It ignores y."""
+
+    def equations(self, plant: PlantCopy, s: Symbols, e: ca.SX, k: Symbols) -> Flow:
+        return Flow({"xhat": plant.copy(s.xhat)})
+
+
+class DifferentSlopes(StandardObserver):
+    """A kink where the error is zero, with a good gain on either side of it."""
+
+    def equations(self, plant: PlantCopy, s: Symbols, e: ca.SX, k: Symbols) -> Flow:
+        return Flow({"xhat": super().equations(plant, s, e + 0.2 * ca.fabs(e), k).derivatives["xhat"]})
+
+
+class WrongOnOneSide(StandardObserver):
+    def equations(self, plant: PlantCopy, s: Symbols, e: ca.SX, k: Symbols) -> Flow:
+        return Flow({"xhat": super().equations(plant, s, ca.fabs(e), k).derivatives["xhat"]})
+
+
+class Jumping(SampledObserver):
+    """Euler's model with poles at one half."""
+
+    sign: ClassVar[float] = 1.0
+
+    def design(self, form: CanonicalForm) -> dict[str, np.ndarray]:
+        if form.chains != (1,) * form.plant.n:
+            raise Problem(("type",), "states that are all measured")
+        return {"K": np.array(0.5)}
+
+    def jump(self, plant: PlantCopy, before: PlantCopy, s: Symbols, sample: Sample, k: Symbols) -> dict[str, ca.SX]:
+        return {"xhat": s.xhat - self.sign * k.K * (plant.output(s.xhat) - sample.y)}
+
+
+class WrongJump(Jumping):
+    sign = -1.0
+
+
+class UnknownRole(MissingDerivative):
+    def roles(self, form: CanonicalForm) -> dict[str, Any]:
+        return {"w": "integrator"}
+
+
+class CompiledNumber(StandardObserver):
+    def equations(self, plant: PlantCopy, s: Symbols, e: ca.SX, k: Symbols) -> Flow:
+        return super().equations(plant, s, e * self.theta / self.theta, k)
+
+
+class RaisingDesign(StandardObserver):
+    def design(self, form: CanonicalForm) -> dict[str, np.ndarray]:
+        raise IndexError("list index out of range")
+
+
+class FloatState(StandardObserver):
+    def states(self, form: CanonicalForm) -> dict[str, Any]:
+        return {"w": 0.0}
 
 
 @pytest.mark.parametrize(
@@ -157,7 +245,15 @@ class NoDocumentation(StandardObserver):
         (FreeSymbol, "equations", "the free symbols truth"),
         (Traceback, "refusal", "IndexError: list index out of range"),
         (TakenName, "states", "a state called alpha"),
-        (NoDocumentation, "documentation", "an empty reference"),
+        (NoReference, "documentation", "an empty reference"),
+        (WrongSign, "the error decays", "eigenvalues of the linearised error with real parts up to 7.6"),
+        (WrongSignAndRate, "the error decays", "look at the sign of the correction"),
+        (Blind, "the error decays", "real parts up to 0 on integrator_chain with 3 states"),
+        (WrongOnOneSide, "the error decays", "real parts up to 7.6"),
+        (UnknownRole, "states", "the roles ['integrator']; expected roles among ['filter', 'gain', 'signal']"),
+        (CompiledNumber, "numbers are arguments", "equations that read self.theta, a number; expected k.theta"),
+        (RaisingDesign, "takes a plant", "found design() raised IndexError: list index out of range; expected no"),
+        (FloatState, "takes a plant", "found states(): w is a float; expected an array"),
     ],
 )
 def test_a_planted_fault_is_caught_by_name(cls: type[AnyObserver], law: str, words: str) -> None:
@@ -167,6 +263,38 @@ def test_a_planted_fault_is_caught_by_name(cls: type[AnyObserver], law: str, wor
     assert words in str(caught.value)
     assert str(caught.value).startswith(f"{cls.__name__} breaks the law {law!r}: found ")
     assert isinstance(caught.value, AssertionError)
+
+
+def test_a_class_of_a_documented_base_needs_a_docstring_of_its_own() -> None:
+    with pytest.raises(ContractError, match="'documentation': found no docstring"):
+        check_observer(NoDocstring, {"theta": 2})
+
+
+def test_the_wrong_sign_is_not_answered_by_a_faster_rate() -> None:
+    with pytest.raises(ContractError) as caught:
+        check_observer(WrongSignAndRate)
+    assert "rate" not in caught.value.expected
+
+
+def test_a_kink_at_no_error_is_judged_by_the_slopes_beside_it() -> None:
+    report = check_observer(DifferentSlopes, skip=["documentation"])
+    assert "the error decays" in report.kept
+
+
+PLANT = {"type": "integrator_chain", "n": 1, "initial": {"x1": 0.5}}
+
+
+def test_the_wrong_sign_in_a_jump_is_found() -> None:
+    skip = ["documentation", "fixed point"]
+    assert "the error decays" in check_observer(Jumping, plants=[PLANT], skip=skip).kept
+    with pytest.raises(ContractError, match=r"a period of 0.1 multiplies by up to 1.5 on integrator_chain") as caught:
+        check_observer(WrongJump, plants=[PLANT], skip=skip)
+    assert caught.value.law == "the error decays"
+
+
+def test_no_plants_are_not_enough() -> None:
+    with pytest.raises(ContractError, match=r"found plants=.*; expected at least one entry"):
+        check_observer(StandardObserver, plants=[])
 
 
 def test_a_class_that_no_configuration_knows_can_be_checked_and_is_forgotten() -> None:
@@ -187,7 +315,7 @@ def test_a_block_and_plants_of_ones_own() -> None:
 
 
 def test_a_law_can_be_skipped() -> None:
-    report = check_observer(WrongCorrection, skip=["correction"])
+    report = check_observer(WrongCorrection, skip=["correction", "documentation"])
     assert report.left_out["correction"] == "skipped"
     assert "not checked: correction: skipped" in str(report)
     with pytest.raises(ValueError, match="no law is called 'corection'; the laws are takes a plant, "):

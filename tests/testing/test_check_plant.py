@@ -69,6 +69,8 @@ class WrongUnit(VanDerPol):
 
 
 class NoMeaning(VanDerPol):
+    """Its parameters come without a word."""
+
     known_parameters = {name: Parameter(q.default, q.unit) for name, q in VanDerPol.known_parameters.items()}
 
 

@@ -14,11 +14,12 @@ import numpy as np
 from hgorun.analysis.reasons import NoValue
 from hgorun.plants.build import BuiltPlant
 from hgorun.symbolic.forms import BlockForm, ChainForm, Form
+from hgorun.symbolic.ranks import points_around
 
-_CURVED = 1e-8  # rounding of a second derivative that is zero
+_CURVED = 1e-8  # relative change of a slope that is rounding
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Chart:
     """Coordinates z of a plant, and phi's slopes.
 
@@ -113,9 +114,22 @@ def _of_chains(form: ChainForm, plant: BuiltPlant) -> Chart:
         in_z = ca.substitute(ca.cse(moving), m.x, inverse)
         slopes = ca.jacobian(in_z, z) - _shift(form)
     return Chart(
-        names, positions, m.t, m.x, z, m.u, m.p, m.dynamics, ca.SX(slopes), ca.SX(slopes_in_x), form.phi_map,
-        m.x, ca.SX(raw), plant.parameters, inverse is not None,
-    )  # fmt: skip
+        names=names,
+        positions=positions,
+        t=m.t,
+        x=m.x,
+        z=z,
+        u=m.u,
+        p=m.p,
+        field=m.dynamics,
+        slopes=ca.SX(slopes),
+        slopes_in_x=ca.SX(slopes_in_x),
+        map=form.phi_map,
+        variables=m.x,
+        raw=ca.SX(raw),
+        parameters=plant.parameters,
+        invertible=inverse is not None,
+    )
 
 
 def _names(form: ChainForm) -> tuple[str, ...]:
@@ -150,9 +164,22 @@ def _of_triangle(form: BlockForm, plant: BuiltPlant) -> Chart:
     in_plant = form.coordinates(False)
     in_x = ca.substitute(slopes, m.x, in_plant)
     return Chart(
-        m.states, positions, m.t, outer.x, m.x, m.u, m.p, outer.dynamics, slopes, ca.SX(in_x), in_plant,
-        m.x, slopes, plant.parameters, True,
-    )  # fmt: skip
+        names=m.states,
+        positions=positions,
+        t=m.t,
+        x=outer.x,
+        z=m.x,
+        u=m.u,
+        p=m.p,
+        field=outer.dynamics,
+        slopes=slopes,
+        slopes_in_x=ca.SX(in_x),
+        map=in_plant,
+        variables=m.x,
+        raw=slopes,
+        parameters=plant.parameters,
+        invertible=True,
+    )
 
 
 def _require_affine(form: BlockForm, plant: BuiltPlant, links: list[tuple[int, int]]) -> None:
@@ -160,15 +187,16 @@ def _require_affine(form: BlockForm, plant: BuiltPlant, links: list[tuple[int, i
     m, block = form.model, form.block
     z = ca.Function("z", [form.plant.x, form.plant.p], [form.coordinates(False)])(plant.initial, plant.parameters)
     start, random = np.asarray(z.full()).ravel(), np.random.default_rng(0)
-    points = [start * (1 + 0.2 * random.uniform(-1, 1, m.n)) + 0.05 * random.uniform(-1, 1, m.n) for _ in range(5)]
+    points = points_around(start, m.states)[1:]
     for i, j in links:
         slope = ca.jacobian(m.dynamics[i], m.x[j])
-        following = ca.vertcat(*[m.x[k] for k in range(m.n) if block[k] == block[j]])
+        places = [k for k in range(m.n) if block[k] == block[j]]
+        following = ca.vertcat(*[m.x[k] for k in places])
         curvature = ca.Function("c", [m.t, m.x, m.u, m.p], [slope, ca.densify(ca.jacobian(slope, following))])
         for point in points:
             first, second = curvature(random.uniform(), point, random.uniform(-1, 1, m.u.numel()), plant.parameters)
-            size = float(np.max(np.abs(np.asarray(second.full())))) * (1 + float(np.max(np.abs(point))))
-            if size > _CURVED * (1 + abs(float(first))):
+            change = float(np.max(np.abs(np.asarray(second.full()).ravel() * point[places])))
+            if change > _CURVED * abs(float(first)):
                 raise NoValue(
                     f"the derivative of {m.states[i]} is not affine in {m.states[j]}: F(u, xhat) x + phi(u, x) of "
                     "the theorem is not the plant"

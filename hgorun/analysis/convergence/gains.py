@@ -210,7 +210,18 @@ def _chain_model(chains: tuple[int, ...]) -> PlantModel:
     outputs = tuple(f"y{k + 1}" for k in range(len(chains)))
     shift = ca.diagcat(*[ca.DM(np.eye(length, k=1)) for length in chains])
     y = ca.vertcat(*[x[int(i)] for i in heads])
-    return PlantModel(states, outputs, (), (), ca.SX.sym("t"), x, ca.SX(0, 1), ca.SX(0, 1), shift @ x, y)
+    return PlantModel(
+        states=states,
+        outputs=outputs,
+        inputs=(),
+        parameters=(),
+        t=ca.SX.sym("t"),
+        x=x,
+        u=ca.SX(0, 1),
+        p=ca.SX(0, 1),
+        dynamics=shift @ x,
+        output=y,
+    )
 
 
 def _linear(observer: AnyObserver, chains: tuple[int, ...], theta: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -74,7 +74,7 @@ class Eigenvalues:
     rho: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Excitation:
     """How much a run excites the plant.
 
@@ -221,7 +221,19 @@ def _look(
     words = _words(weak, at, delta, reference, state, float(around[i]))
     rho = float(np.exp(-T) * delta)
     own = _eigenvalues(found, links.times, start + T / theta) if found is not None else None
-    return Excitation(condition, T, delta, float(around[i]), reference, weights, state, weak, rho, own, words)
+    return Excitation(
+        condition=condition,
+        horizon=T,
+        delta=delta,
+        at=float(around[i]),
+        reference=reference,
+        weights=weights,
+        state=state,
+        weak=weak,
+        rho_bound=rho,
+        eigenvalues=own,
+        words=words,
+    )
 
 
 def _times(first: float, last: float, window: float) -> np.ndarray:

@@ -23,7 +23,7 @@ The second does not see that the differences w cancel over time, which is why it
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import casadi as ca
@@ -39,7 +39,7 @@ from hgorun.symbolic.strict_feedback import StrictFeedbackForm
 _CONDITION = 1e-10  # of g^T g, relative: below it A2 does not hold
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Constants:
     """Of the plant over the box of the run: the largest values at points of it.
 
@@ -62,7 +62,7 @@ class Constants:
     z: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class KatayamaConditions:
     """Assumptions and bounds.
 
@@ -134,17 +134,17 @@ def katayama_conditions(run: PreparedRun, label: str, result: Result) -> Katayam
         return float(T * ((rates.max() + c.L_2) * p + c.L_2 * n + c.gamma) / (1 - worst))
 
     return KatayamaConditions(
-        bool(A2),
-        smallest,
-        A3,
-        dict(zip(names, map(float, factors), strict=True)),
-        T,
-        constants,
-        noise,
-        slope,
-        bound(noise, slope),
-        bound(0.0, 0.0),
-        _measured(run, form, result, label, arrival),
+        A2=bool(A2),
+        smallest=smallest,
+        A3=A3,
+        factors=dict(zip(names, map(float, factors), strict=True)),
+        period=T,
+        constants=constants,
+        noise=noise,
+        slope=slope,
+        bound=bound(noise, slope),
+        without_noise=bound(0.0, 0.0),
+        measured=_measured(run, form, result, label, arrival),
     )
 
 
@@ -196,26 +196,28 @@ def _constants(
 
     smallest = float(np.min(np.linalg.svd(evaluated(run, g, x, path), compute_uv=False)[:, -1]))
     if not smallest > 0:
-        return Constants(*([float("nan")] * 8)), smallest
+        return Constants(**dict.fromkeys((f.name for f in fields(Constants)), float("nan"))), smallest
     second = ca.jtimes(f, x, f) + ca.jacobian(ca.substitute(f, model.u, run.plant.inputs), model.t)
     gamma = T / 2 * largest(second, path) + largest(run.plant.disturbance, path)
     z = float(np.max(np.linalg.norm(result.x[:, hidden], axis=1)))
     first = Constants(
-        slope_of(f_1, measured, region),
-        0.0,
-        slope_of(g, measured, region),
-        slope_of(inverse, measured, region),
-        largest(g, region),
-        largest(inverse, region),
-        gamma,
-        z,
+        L_1=slope_of(f_1, measured, region),
+        L_2=0.0,
+        L_3=slope_of(g, measured, region),
+        L_4=slope_of(inverse, measured, region),
+        l_1=largest(g, region),
+        l_2=largest(inverse, region),
+        gamma=gamma,
+        z=z,
     )
     gap = _gap(first, noise, slope)
     low[hidden] -= gap
     high[hidden] += gap
     wide = box(result.time, low, high)
     L_2 = max(slope_of(f[hidden], measured, wide), slope_of(f[hidden], hidden, wide))
-    return Constants(first.L_1, L_2, first.L_3, first.L_4, first.l_1, first.l_2, gamma, z), smallest
+    return Constants(
+        L_1=first.L_1, L_2=L_2, L_3=first.L_3, L_4=first.L_4, l_1=first.l_1, l_2=first.l_2, gamma=gamma, z=z
+    ), smallest
 
 
 def _measured(
@@ -227,7 +229,7 @@ def _measured(
     late = arrival[arrival >= middle]
     at = np.clip(np.searchsorted(result.time, late), 0, result.time.size - 1)
     at = np.where((at > 0) & (np.abs(result.time[at - 1] - late) < np.abs(result.time[at] - late)), at - 1, at)
-    hit = np.abs(result.time[at] - late) < 1e-9 * max(run.time.end - run.time.start, 1.0)
+    hit = np.abs(result.time[at] - late) < 1e-9 * (run.time.end - run.time.start)
     e = (result.observers[label].xhat - result.x)[at[hit]][:, hidden]
     if not len(e) or not np.all(np.isfinite(e)):
         return None

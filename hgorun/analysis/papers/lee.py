@@ -40,7 +40,7 @@ class Condition:
     why: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class LeeConditions:
     """The theorem's numbers and assumptions.
 
@@ -116,22 +116,22 @@ def lee_conditions(run: PreparedRun, label: str, result: Result) -> LeeCondition
     bibs = _bibs(A_0, H_0, a_0) if radius < 1 and a_0 > 0 else None
     finite = xhat[np.all(np.isfinite(xhat), axis=1)]
     return LeeConditions(
-        a_0,
-        float(np.min(-2 * poles.real / np.abs(poles) ** 2)),
-        sufficient,
-        radius,
-        bibs[0] if bibs else None,
-        bibs[1] if bibs else None,
-        bibs[2] if bibs else None,
-        bibs[3] if bibs else None,
-        bibs[3] * float(np.linalg.norm(q_0)) + bibs[2] * g if bibs else None,
-        float(np.max(np.linalg.norm(D * finite, axis=1))) if len(finite) else None,
-        _lipschitz(run, result, A_0, H_0, eps),
-        exponent,
-        Condition(True, "the slope of h is bounded along the run; elsewhere phi must be Lipschitz"),
-        _steps_condition(exponent),
-        _noise_condition(run),
-        _bounded(radius, result),
+        alpha=a_0,
+        alpha_exact=float(np.min(-2 * poles.real / np.abs(poles) ** 2)),
+        alpha_sufficient=sufficient,
+        radius=radius,
+        P=bibs[0] if bibs else None,
+        contraction=bibs[1] if bibs else None,
+        gain=bibs[2] if bibs else None,
+        growth=bibs[3] if bibs else None,
+        bound=bibs[3] * float(np.linalg.norm(q_0)) + bibs[2] * g if bibs else None,
+        measured=float(np.max(np.linalg.norm(D * finite, axis=1))) if len(finite) else None,
+        lipschitz=_lipschitz(run, result, A_0, H_0, eps),
+        exponent=exponent,
+        A1=Condition(True, "the slope of h is bounded along the run; elsewhere phi must be Lipschitz"),
+        A2=_steps_condition(exponent),
+        A3=_noise_condition(run),
+        A4=_bounded(radius, result),
     )
 
 

@@ -37,7 +37,7 @@ from hgorun.symbolic.lower_triangular import LowerTriangularForm
 SHARP = 1.2277  # the exact bound on mu over that of the proof: min of s/(2 (1 - exp(-s))^2)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class SlopeBound:
     """(6): gamma(y) bounds |dg_i/dx_j|, j = 2..i, in the coordinates where the observer computes.
 
@@ -70,7 +70,7 @@ class SlopeBound:
     at_end: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Theorem1:
     """The numbers of theorem 1 along the run.
 
@@ -99,7 +99,7 @@ class Theorem1:
     mu_exact: float | None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Theorem2:
     """The numbers of theorem 2.
 
@@ -172,15 +172,15 @@ def slope_bound(run: PreparedRun, label: str, result: Result) -> SlopeBound:
         what = f"d g_{i + 1} / d x_{order.index(places[which][1]) + 1}"
     largest = float(slopes[worst].max(initial=0.0))
     return SlopeBound(
-        bool(ratio[worst] <= 1),
-        float(ratio[worst]),
-        float(np.max(slopes.max(axis=1, initial=0.0) - bound)),
-        largest,
-        float(bound[worst]),
-        float(path.t[worst]),
-        what,
-        float(np.nanmax(in_box)),
-        float(look(Points(result.time[-1:], x[-1:]))[2][0]),
+        holds=bool(ratio[worst] <= 1),
+        ratio=float(ratio[worst]),
+        excess=float(np.max(slopes.max(axis=1, initial=0.0) - bound)),
+        slope=largest,
+        gamma=float(bound[worst]),
+        at=float(path.t[worst]),
+        what=what,
+        box_ratio=float(np.nanmax(in_box)),
+        at_end=float(look(Points(result.time[-1:], x[-1:]))[2][0]),
     )
 
 
@@ -215,7 +215,14 @@ def _theorem_1(run: PreparedRun, label: str, observer: OutputInjection, theta: f
         Gamma = np.outer(powers * l, np.eye(n)[0] * head.mean()) + blend.phi / 2 * np.eye(n)
         proof = 2 * k / (L_h**2 * theta**2 * _noise(S, Gamma, 1 / powers))
     return Theorem1(
-        S, decay, L, L_h, k, 0.0 if blend is None else blend.mu, proof, None if proof is None else SHARP * proof
+        S=S,
+        decay=decay,
+        L=L,
+        L_h=L_h,
+        k=k,
+        mu=0.0 if blend is None else blend.mu,
+        mu_proof=proof,
+        mu_exact=None if proof is None else SHARP * proof,
     )
 
 
@@ -227,7 +234,9 @@ def _theorem_2(run: PreparedRun, label: str, observer: DynamicGain, result: Resu
     k = None if inequality.Q is None else observer.a * float(np.linalg.eigvalsh(inequality.Q)[0])
     blend = observer.blend
     if blend is None:
-        return Theorem2(inequality, slopes, k, None, None, None, None)
+        return Theorem2(
+            inequality=inequality, slopes=slopes, k=k, phi_above_a=None, mu_0=None, mu_0_proof=None, mu_0_exact=None
+        )
     proof = None
     if inequality.Q is not None and k is not None:
         thetas = np.asarray(result.observers[label].internal["theta"], dtype=float).ravel()
@@ -242,13 +251,13 @@ def _theorem_2(run: PreparedRun, label: str, observer: DynamicGain, result: Resu
         )
         proof = 2 * k / largest
     return Theorem2(
-        inequality,
-        slopes,
-        k,
-        bool(blend.phi > observer.a),
-        blend.mu,
-        proof,
-        None if proof is None else SHARP * proof,
+        inequality=inequality,
+        slopes=slopes,
+        k=k,
+        phi_above_a=bool(blend.phi > observer.a),
+        mu_0=blend.mu,
+        mu_0_proof=proof,
+        mu_0_exact=None if proof is None else SHARP * proof,
     )
 
 
