@@ -31,7 +31,7 @@ def form_of(
     noise : mapping of str to float, optional
         Standard deviation of the noise of outputs.
     chosen : Coordinates, optional
-        Those to take where the observer's keys do not say which.
+        Those to take where the observer's keys do not say which, as long as the plant has them.
 
     Raises
     ------
@@ -44,6 +44,8 @@ def form_of(
     try:
         return _DECIDED.get((*known, *numbers), lambda: _decide(plant, function, _FOUND.get(known, list)))
     except NotObservableForm as error:
+        if chosen is not None and observer.map == "auto" and not observer.chains:
+            return form_of(plant, label, observer, noise)  # with these numbers the plant has others
         if observer.map != "auto" or observer.chains:
             key = "chains" if observer.chains else "map"
             raise Problem(("observers", label, key), str(error)) from error

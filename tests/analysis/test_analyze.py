@@ -119,7 +119,7 @@ def test_options(shell: Shell) -> None:
         (["vdp.yaml", "--set", "observers.SHGO.thetta=1"], "theta"),
         (["vdp.yaml", "--set", "observers.SHGO.theta=-1"], "theta"),
         (["result.h5"], "result file"),
-        (["vdp.yaml", "-o", "vdp.yaml"], "name a folder"),
+        (["vdp.yaml", "-o", "vdp.yaml"], "or a folder"),
     ],
 )
 def test_wrong_input(shell: Shell, arguments: list[str], words: str) -> None:

@@ -133,10 +133,10 @@ RELATIVES = {
 @pytest.mark.parametrize("name", RELATIVES)
 def test_two_outputs_are_two_observers(name: str) -> None:
     """Chains of three and of two that do not meet."""
-    parts = {"a": {"a": "b", "b": "c", "c": "-a - sin(b)"}, "d": {"d": "e", "e": "-2*sin(d)"}}
+    parts = {"a": {"a": "b", "b": "c", "c": "-a - sin(b)"}, "d": {"d": "g", "g": "-2*sin(d)"}}
 
     def inline(dynamics: dict[str, str], output: Any) -> dict[str, Any]:
-        initial = {s: 0.3 + 0.1 * "abcde".index(s) for s in dynamics}
+        initial = {s: 0.3 + 0.1 * "abcdg".index(s) for s in dynamics}
         return {"states": list(dynamics), "dynamics": dynamics, "output": output, "initial": initial}
 
     def run(plant: dict[str, Any]) -> Array:
