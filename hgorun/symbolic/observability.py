@@ -262,25 +262,17 @@ class _Search:
         position = [k for length in form.chains for k in range(length)]
         last = [k == length - 1 for length in form.chains for k in range(length)]
         generator = np.random.default_rng(1)
-        slopes = self._slopes(form)
         for x, size in zip(points, _INPUTS, strict=True):
             u, t = size * generator.uniform(-1, 1, plant.u.numel()), generator.uniform()
             jacobian = form.jacobian_at(x, parameters)
             if not ranks.singular_value_ratio(jacobian) > ranks.SINGULAR:
                 continue
-            back = np.linalg.inv(jacobian) if form.square else np.linalg.pinv(jacobian)
-
-            def in_coordinates(
-                x: np.ndarray, t: float = t, u: np.ndarray = u, back: np.ndarray = back
-            ) -> tuple[np.ndarray, np.ndarray]:
-                added, whole = (v.reshape(-1, plant.n) for v in evaluate.at(slopes, t, x, u, parameters))
-                return added @ back, (np.abs(added) + np.abs(whole)) @ np.abs(back)
-
-            in_z, scale = in_coordinates(x)
+            in_z, scale = self._added(form, t, x, u, parameters)
             for i, j in product(range(len(position)), repeat=2):
                 if position[j] > position[i] and not last[i] and abs(in_z[i, j]) > _TRIANGULAR * scale[i, j]:
                     # terms of a large input that cancel leave rounding
-                    beside = [in_coordinates(x * (1 + k * _BESIDE))[0][i, j] for k in (-9, -5, 4, 7)]
+                    near = [x * (1 + k * _BESIDE) for k in (-9, -5, 4, 7)]
+                    beside = [self._added(form, t, x, u, parameters)[0][i, j] for x in near]
                     if np.ptp([in_z[i, j], *beside]) > 0.1 * abs(in_z[i, j]):
                         continue
                     raise NotObservableForm(
@@ -288,6 +280,15 @@ class _Search:
                         f"z{i + 1} depends on z{j + 1} through an input or time (slope {in_z[i, j]:.3g}), so some "
                         "input can hide a state; a constant-gain observer needs a triangular model"
                     )
+
+    def _added(
+        self, form: CanonicalForm, t: float, x: np.ndarray, u: np.ndarray, parameters: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """The slopes in z of what inputs and time add to z', and the size of their terms."""
+        jacobian = form.jacobian_at(x, parameters)
+        back = np.linalg.inv(jacobian) if form.square else np.linalg.pinv(jacobian)
+        added, whole = (v.reshape(-1, form.plant.n) for v in evaluate.at(self._slopes(form), t, x, u, parameters))
+        return added @ back, (np.abs(added) + np.abs(whole)) @ np.abs(back)
 
     def _slopes(self, form: CanonicalForm) -> ca.Function:
         """The slopes in x of z' with the inputs less z' without them, and of z' itself, from (t, x, u, p)."""
