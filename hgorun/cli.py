@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     Options = TypeVar("Options", bound=DataclassInstance)
 
 _INTERRUPTED = 130
-_GARBAGE = 100_000  # objects between two collections: they find nothing while modules are imported, and cost 10 %
 
 app = typer.Typer(
     name="hgorun",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from hashlib import sha256
 
 import numpy as np
@@ -36,13 +37,19 @@ def singular_value_ratio(matrix: np.ndarray) -> float:
     ----------
     matrix : ndarray, shape (m, n), m >= n
     """
+    return _ratio(np.ascontiguousarray(matrix, dtype=float).tobytes(), *matrix.shape)
+
+
+@lru_cache(maxsize=4096)  # the members of an ensemble start at one place
+def _ratio(values: bytes, rows: int, columns: int) -> float:
+    matrix = np.frombuffer(values).reshape(rows, columns)
     if not np.all(np.isfinite(matrix)):
         return float("nan")
     scaled = equilibrated(matrix)
-    if scaled.shape[1] < matrix.shape[1] or scaled.shape[0] < matrix.shape[1]:
+    if scaled.shape[1] < columns or scaled.shape[0] < columns:
         return 0.0
-    values = np.linalg.svd(scaled, compute_uv=False)
-    return float(values[-1] / values[0])
+    singular = np.linalg.svd(scaled, compute_uv=False)
+    return float(singular[-1] / singular[0])
 
 
 def rank(matrix: np.ndarray) -> int:
