@@ -12,6 +12,7 @@ import pytest
 
 import hgorun
 from hgorun.errors import ConfigError
+from hgorun.simulation.simulate import prepare
 
 H, HOLD = 5e-5, 20
 START = {"eta1": 0.05, "eta2": "0.05*0.01/(3*0.05 - 0.01)"}  # xhat(0) = (0.05, 0.01)
@@ -224,3 +225,14 @@ def test_sampled_output_costs_little(name: str) -> None:
     continuous = hgorun.simulate(experiment({"o": OBSERVERS[name]}, 1.0))
     gap = np.abs(sampled.observers["o"].xhat - continuous.observers["o"].xhat)[50:]
     assert gap.max() < 2e-3
+
+
+@pytest.mark.parametrize("theta", [1, 3, 20])
+def test_fastest_rate(theta: float) -> None:
+    """theta times the largest root of s^2 + l_1 s + l_2 in size; half of phi where the reconstruction pulls faster."""
+    plain = {"type": "direct", "theta": theta, "l": [1, 0.5], "initial": START}
+    pulled = plain | {"mu": 50, "phi": 4000, "G": 1, "internal": {"z": [0.05, 0]}}
+    made = experiment({"plain": plain, "pulled": pulled}, 0.1)
+    rates = {label: made.observers[label].fastest_rate(prepare(made).forms[label]) for label in ("plain", "pulled")}
+    assert rates["plain"] == pytest.approx(theta * np.sqrt(0.5), rel=1e-9)
+    assert rates["pulled"] == pytest.approx(2000)
