@@ -150,11 +150,21 @@ def _described(name: str, kind: str, cls: type[Plant] | type[Observer] | type[No
         for key in found["keys"]:
             key["required"] = key["required"] or key["key"] in needed
         found["units"] = units_of(cls)
+        found["states"], found["outputs"] = _names(cls)
         found["parameters"] = {
             n: {"default": q.default, "unit": q.unit, "meaning": q.meaning} for n, q in cls.known_parameters.items()
         }
         found["inputs"] = {n: {"unit": q.unit, "meaning": q.meaning} for n, q in cls.known_inputs.items()}
     return found
+
+
+def _names(cls: type[Plant]) -> tuple[list[str], list[str]]:
+    """States and outputs in their order, with the defaults of all keys; empty where they depend on other keys."""
+    block = cls.model_construct()
+    try:
+        return list(block.state_names), list(block.output_names)
+    except (AttributeError, TypeError, ValueError):
+        return [], []
 
 
 def _key(name: str, field: FieldInfo) -> dict[str, Any]:
@@ -174,17 +184,24 @@ def _key(name: str, field: FieldInfo) -> dict[str, Any]:
 
 
 def _as_text(d: dict[str, Any]) -> str:
-    lines = [f"{d['name']} ({d['kind']})", f"source: {d['reference']}", "", d["description"]]
+    lines = [f"{d['name']} ({d['kind']})", *([f"source: {d['reference']}"] if d["reference"] else [])]
+    lines += ["", d["description"]]
     if d.get("valid"):
         lines += ["", f"valid: {d['valid']}"]
-    if d.get("units"):
-        lines += ["", "states: " + ", ".join(f"{name} [{unit}]" for name, unit in d["units"].items())]
+    for group in ("states", "outputs"):
+        if d.get(group):
+            units = {name: f" [{unit}]" for name, unit in d["units"].items() if unit}
+            lines += [
+                *([""] if group == "states" else []),
+                f"{group}: " + ", ".join(n + units.get(n, "") for n in d[group]),
+            ]
     for group in ("parameters", "inputs"):
         if d.get(group):
             lines += ["", f"{group}:"]
             for name, q in d[group].items():
                 value = f" = {q['default']:g}" if q.get("default") is not None else ""
-                lines.append(f"  {name}{value} {q['unit']}  {q['meaning']}".rstrip())
+                unit = (f" {q['unit']}" if value else f" [{q['unit']}]") if q["unit"] else ""
+                lines.append(f"  {name}{value}{unit}  {q['meaning']}".rstrip())
     lines += ["", "keys:"]
     for key in d["keys"]:
         if key["required"]:
