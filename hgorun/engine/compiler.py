@@ -120,7 +120,8 @@ def _own_file(path: Path) -> bytes:
 
 def _prune(folder: Path) -> None:
     """Leave out the entries that were used longest ago, once all take more than is allowed."""
-    entries = [(entry.stat(follow_symlinks=False), entry.path) for entry in os.scandir(folder)]
+    with os.scandir(folder) as found:
+        entries = [(entry.stat(follow_symlinks=False), entry.path) for entry in found]
     left = sum(status.st_size for status, _ in entries)
     for status, path in sorted(entries, key=lambda entry: entry[0].st_mtime):
         if left <= _ALLOWED:
