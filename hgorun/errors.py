@@ -57,8 +57,8 @@ def _config_error(message: str, file: str | None, line: int | None, key: str | N
     return ConfigError(message, file=file, line=line, key=key)
 
 
-def _shortened(text: str, most: int = 200) -> str:
-    return text if len(text) <= most else f"{text[: most - 60]}...{text[-50:]}"
+def _shortened(text: str, limit: int = 200) -> str:
+    return text if len(text) <= limit else f"{text[: limit - 60]}...{text[-50:]}"
 
 
 class SimulationError(HgorunError):

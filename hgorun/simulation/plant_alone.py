@@ -35,9 +35,9 @@ def plant_kinks(plant: BuiltPlant, time: Time) -> Irregular:
     """
     symbolic, model = plant.symbolic, plant.model
     kinks = _KINKS.get(symbolic, lambda: Kinks.of(_functions(symbolic), model.t, symbolic.everything))
-    most = time.max_memory / SAMPLE_BYTES
+    limit = time.max_memory / SAMPLE_BYTES
     try:
-        found = kinks.between(plant.everything, time.start, time.end, most)
+        found = kinks.between(plant.everything, time.start, time.end, limit)
     except TooMany as error:
         raise Problem(("plant",), too_many(error, "the plant's functions of time", time.max_memory)) from None
     if found.infinite is not None and not plant.block.discretise:

@@ -191,7 +191,7 @@ def test_a_function_that_cannot_be_followed_is_told() -> None:
 
 def test_more_kinks_than_fit_are_refused_before_they_are_made() -> None:
     with pytest.raises(TooMany):
-        kinks("floor(1e12*t)", 0.0, 1.0, most=1e6)
+        kinks("floor(1e12*t)", 0.0, 1.0, limit=1e6)
 
 
 @settings(max_examples=25, deadline=None)

@@ -96,11 +96,11 @@ def _describe(run: PreparedRun, i: int, stretch: Stretch) -> Availability:
     else:
         samples = run.channels[i].samples
         times = samples.arrival[samples.arrival >= stretch.start]
-        period = getattr(stretch.sampling, "period", None)
+        period = stretch.period
         if period is None:
             period = float(np.max(np.diff(times), initial=0.0)) or None
             remarks.append("the longest time between two samples taken for the period")
-        elif stretch.sampling.jitter or stretch.sampling.dropout:
+        elif stretch.regular is None:
             remarks.append("without jitter and dropout")
     delay = float(np.max(stretch.delay_at(times), initial=0.0)) if times.size else 0.0
     if not stretch.delay_is_constant:
