@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import TypeAlias
+
+KeyPath: TypeAlias = tuple[str | int, ...]  # keys and list indices from the top of a file
 
 _LONGEST = 1_000  # characters of a message: names and values in it come from anywhere
 
@@ -82,7 +85,7 @@ class Problem(ValueError):
     message : str
     """
 
-    def __init__(self, path: tuple[str | int, ...], message: str) -> None:
+    def __init__(self, path: KeyPath, message: str) -> None:
         self.path, self.message = path, message
         super().__init__(message)
 

@@ -11,12 +11,10 @@ import numpy as np
 
 from hgorun.config.expressions import ExpressionError, nearest, parse
 from hgorun.config.models import Time
-from hgorun.errors import Problem
+from hgorun.errors import KeyPath, Problem
 from hgorun.measurement.blocks import Availability, Measurement, Periodic, Sampling, Steps
 from hgorun.noise.base import Noise, TimeFunction
 from hgorun.symbolic.evaluate import along, compiled
-
-Path = tuple[str | int, ...]
 
 
 @dataclass(frozen=True)
@@ -37,7 +35,7 @@ class Stretch:
     delay: str
     noise: tuple[Noise, ...]
     mode: str
-    paths: dict[str, Path]
+    paths: dict[str, KeyPath]
 
     @property
     def continuous(self) -> bool:
@@ -133,7 +131,7 @@ def resolve(measurement: Measurement, outputs: Sequence[str], time: Time) -> lis
     return found
 
 
-def _require_outputs(given: Iterable[str], outputs: Sequence[str], path: Path) -> None:
+def _require_outputs(given: Iterable[str], outputs: Sequence[str], path: KeyPath) -> None:
     for name in given:
         if name not in outputs:
             raise Problem(
@@ -143,15 +141,15 @@ def _require_outputs(given: Iterable[str], outputs: Sequence[str], path: Path) -
 
 
 def _layered(
-    values: dict[str, Any], paths: dict[str, Path], block: Availability, path: Path
-) -> tuple[dict[str, Any], dict[str, Path]]:
+    values: dict[str, Any], paths: dict[str, KeyPath], block: Availability, path: KeyPath
+) -> tuple[dict[str, Any], dict[str, KeyPath]]:
     """The values with those of a block on top."""
     new = {key: getattr(block, key) for key in ("sampling", "delay", "noise", "mode")}
     new = {key: value for key, value in new.items() if value is not None}
     return values | new, paths | {key: (*path, key) for key in new}
 
 
-def _stretch(start: float, end: float, values: dict[str, Any], paths: dict[str, Path]) -> Stretch:
+def _stretch(start: float, end: float, values: dict[str, Any], paths: dict[str, KeyPath]) -> Stretch:
     stretch = Stretch(
         start,
         end,
@@ -172,7 +170,7 @@ def _stretch(start: float, end: float, values: dict[str, Any], paths: dict[str, 
     return stretch
 
 
-def _check(path: Path, text: str, names: tuple[str, ...]) -> None:
+def _check(path: KeyPath, text: str, names: tuple[str, ...]) -> None:
     try:
         expression = parse(text, names=names)
         if not expression.names:

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hgorun.config.expressions import ExpressionError
-from hgorun.config.paths import KeyPath
-from hgorun.errors import Problem
+from hgorun.errors import KeyPath, Problem
 from hgorun.measurement.availability import Stretch
 from hgorun.measurement.blocks import Periodic, Steps, Times
 from hgorun.measurement.noise import generator

@@ -18,7 +18,7 @@ _OVERLAP = 0.05  # of a step: delays shorter than that are followed inside the s
 
 
 def check_run(run: PreparedRun) -> None:
-    """Refuse a run that could not be carried out.
+    """Refuse a run that cannot be simulated.
 
     Raises
     ------
