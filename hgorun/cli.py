@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import sys
+import warnings
 from collections.abc import Callable
 from dataclasses import MISSING, Field, fields
 from inspect import Parameter, Signature, getdoc
@@ -15,7 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 import typer
 
 from hgorun.commands import options
-from hgorun.errors import HgorunError, printable
+from hgorun.errors import HgorunError, PluginError, PluginWarning, printable
 from hgorun.process import CLOSED_PIPE, INTERRUPTED, INTERRUPTION_SAID, TERMINATED, TERMINATION_SAID, say, silence
 
 if TYPE_CHECKING:
@@ -141,6 +142,7 @@ def _init(chosen: options.Init) -> int:
 
 def main() -> None:
     """Entry point: errors become one message and an exit code."""
+    _show_warnings()
     os.environ["MPLBACKEND"] = "agg"  # figures are files; a notebook's setting may name what is not installed here
     try:
         app()
@@ -166,6 +168,25 @@ def main() -> None:
             "shorter continuous delays (or a longer solver.step with them) or fewer observers need less"
         )
         sys.exit(1)
+    except Exception as error:
+        from hgorun.registry import foreign_code
+
+        where = foreign_code(error)
+        if where is None:
+            raise  # a fault of ours, which its traceback shows
+        say(f"hgorun: {where} raised {type(error).__name__}: {printable(str(error))}")
+        sys.exit(PluginError.exit_code)
+
+
+def _show_warnings() -> None:
+    """Warnings that are for the user are said as one line; those of libraries are not shown."""
+
+    def show(message: Warning | str, category: type[Warning], *where: object, **more: object) -> None:
+        if issubclass(category, PluginWarning):
+            say(f"hgorun: {printable(str(message))}")
+
+    warnings.simplefilter("always", PluginWarning)
+    warnings.showwarning = show
 
 
 if __name__ == "__main__":

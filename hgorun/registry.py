@@ -1,7 +1,9 @@
 """Things that are found by name: what hgorun brings itself, and what other packages add.
 
 A built-in thing lies in a package of its kind, one file each, and is registered when its file is imported.
-Other packages name theirs in an entry point of the kind's group. Whoever owns a kind makes one registry::
+Other packages name theirs in an entry point of the kind's group. A name belongs to the built-in thing, then to
+whoever comes first; another one is not used, and a :class:`PluginWarning` names both. Whoever owns a kind makes one
+registry::
 
     OBSERVERS: Registry[type[Observer]] = Registry(
         "observer", package="hgorun.observers", group="hgorun.observers",
@@ -13,15 +15,16 @@ Other packages name theirs in an entry point of the kind's group. Whoever owns a
 from __future__ import annotations
 
 import sys
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import lru_cache
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Generic, TypeGuard, TypeVar
+from typing import TYPE_CHECKING, Generic, TypeGuard, TypeVar, cast
 
-from hgorun.errors import HgorunError
+from hgorun.errors import HgorunError, PluginError, PluginWarning
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint, EntryPoints
@@ -55,6 +58,7 @@ class Registry(Generic[T]):
         self._package, self._accepts, self._expected = package, accepts, expected
         self._registered: dict[str, T] = {}
         self._complete = False  # whether all built-in ones have been imported
+        self._settled: set[tuple[str, str]] = set()  # names and values of entry points that were looked at
 
     def register(self, name: str) -> Callable[[Registered], Registered]:
         """A decorator that registers a thing under the name that YAML files use, and returns it unchanged.
@@ -97,15 +101,15 @@ class Registry(Generic[T]):
         if name not in self._registered and name.isidentifier() and find_spec(f"{self._package}.{name}"):
             import_module(f"{self._package}.{name}")
         if name not in self._registered:
-            for entry in self._entry_points().select(name=name):
-                self._load(entry)
-        if name not in self._registered:
             self._import_built_in()
+        for entry in self._entry_points().select(name=name):
+            self._load(entry)
         return self._registered[name]
 
     def forget(self, name: str) -> None:
         """Take a name away again, if it is there; what a test has registered."""
         self._registered.pop(name, None)
+        self._settled = {settled for settled in self._settled if settled[0] != name}
 
     @contextmanager
     def replaced(self, name: str, thing: object) -> Iterator[T]:
@@ -155,22 +159,75 @@ class Registry(Generic[T]):
         return _entry_points(self.group, tuple(sys.path))
 
     def _load(self, entry: EntryPoint) -> None:
-        if entry.name in self._registered:
+        """Register what an entry point names, unless the name belongs to something else."""
+        if (entry.name, entry.value) in self._settled:
             return
+        known = self._registered.get(entry.name)
+        if known is None:
+            _FOREIGN.setdefault(_package(entry.module), f"{self.kind} {entry.name!r}")
+            self.add(entry.name, self._loaded(entry))
+        elif not self._names(entry, known):
+            warnings.warn(
+                PluginWarning(
+                    f"the {self.kind} {entry.name!r} of {entry.value} is not used, since the name belongs to "
+                    f"{_described(known)}: its entry point needs another name"
+                ),
+                stacklevel=2,
+            )
+        self._settled.add((entry.name, entry.value))
+
+    def _loaded(self, entry: EntryPoint) -> object:
         try:
-            thing = entry.load()
+            return entry.load()
         except Exception as error:  # whatever a stranger's module raises while it is imported
             reason = f"{type(error).__name__}: {error}"
-            raise HgorunError(f"the {self.kind} {entry.name!r} of {entry.value} cannot be loaded: {reason}") from error
-        self.add(entry.name, thing)
+            raise PluginError(f"the {self.kind} {entry.name!r} of {entry.value} cannot be loaded: {reason}") from error
+
+    def _names(self, entry: EntryPoint, known: T) -> bool:
+        """Whether an entry point names what is registered already: a decorator may have come first."""
+        try:
+            return entry.load() is known
+        except Exception:  # of a thing that is not used
+            return False
+
+
+_FOREIGN: dict[str, str] = {}  # packages that entry points named, and what for
+
+
+def foreign_code(error: BaseException) -> str | None:
+    """Where in another package's code an exception was raised, in words; None for one of ours.
+
+    Parameters
+    ----------
+    error : exception
+        With its traceback.
+    """
+    found, trace = None, error.__traceback__
+    while trace is not None:
+        frame, line = trace.tb_frame, trace.tb_lineno
+        owner = _FOREIGN.get(_package(frame.f_globals.get("__name__", "")))
+        if owner is not None:
+            found = f"{owner}: {frame.f_code.co_name} ({Path(frame.f_code.co_filename).name}, line {line})"
+        trace = trace.tb_next
+    return found
+
+
+def _package(module: str) -> str:
+    return module.partition(".")[0]
 
 
 @lru_cache
 def _entry_points(group: str, path: tuple[str, ...]) -> EntryPoints:
-    """The entry points of a group in the folders of a path, which are read once: that takes milliseconds."""
-    from importlib.metadata import entry_points  # slow to import, and only needed for names that are not ours
+    """The entry points of a group in the folders of a path."""
+    return _all_entry_points(path).select(group=group)
 
-    return entry_points(group=group)
+
+@lru_cache
+def _all_entry_points(path: tuple[str, ...]) -> EntryPoints:
+    """Those of all groups, which are read once: that takes milliseconds."""
+    from importlib.metadata import entry_points  # slow to import
+
+    return cast("EntryPoints", entry_points())  # SelectableGroups of Python 3.11 select in the same way
 
 
 def _described(thing: object) -> str:

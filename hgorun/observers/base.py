@@ -25,7 +25,8 @@ import numpy as np
 from pydantic import Field
 from typing_extensions import TypeVar
 
-from hgorun.config.types import Block, Interval, Name, Number
+from hgorun.config.plugin import Plugin
+from hgorun.config.types import Interval, Name, Number
 from hgorun.errors import KeyPath
 from hgorun.registry import Registry
 from hgorun.symbolic.canonical import CanonicalForm, PlantCopy
@@ -111,7 +112,7 @@ class PeriodLimit(NamedTuple):
     where: str
 
 
-class Observer(Block, Generic[FormT, CopyT]):
+class Observer(Plugin, Generic[FormT, CopyT]):
     """Base of all observers; its fields are the keys that every observer block has.
 
     Derive from :class:`ContinuousObserver`, :class:`SampledObserver` or :class:`HybridObserver`. The type
@@ -119,6 +120,7 @@ class Observer(Block, Generic[FormT, CopyT]):
     get; left out, they are those of :func:`~hgorun.symbolic.observability.canonical_form`.
     """
 
+    kind: ClassVar[str] = "observer"
     reference: ClassVar[str] = ""
     # the class of plants: a function that gives a plant's form, and refuses other plants
     form: ClassVar[FormFinder] = canonical_form

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from hgorun.errors import NotObservableForm, Problem
+from hgorun.errors import HgorunError, NotObservableForm, Problem, called
 from hgorun.memo import Memo
 from hgorun.observers.base import OBSERVERS, AnyObserver, SampledObserver
 from hgorun.plants.build import BuiltPlant
@@ -54,6 +54,9 @@ def form_of(
         raise
     except ValueError as error:
         raise Problem(("plant", "initial"), f"{error}; observer {label} ({observer.type}) needs one") from error
+    except Exception as error:
+        with called("observer", observer.type, "form"):
+            raise error
 
 
 def _finder(
@@ -98,7 +101,7 @@ def _takers(plant: BuiltPlant, *, sampled: bool) -> Iterator[str]:
             form = family.form(plant.model, plant.initial, plant.parameters)
             block.design(form)
             form.start(plant.initial, plant.parameters, False)
-        except (NotObservableForm, Problem, ValueError):
+        except (HgorunError, ValueError):  # Problem is a ValueError; a class that fails takes no plant
             continue
         yield name
 
