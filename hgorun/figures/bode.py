@@ -13,7 +13,8 @@ from hgorun.result.theory import Bode
 from hgorun.tables.typeset import symbol, unit
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    import numpy as np
+from matplotlib.figure import Figure
 
 _WIDTH, _ROW = 7.2, 1.8
 _DECADES = 10  # that an axis shows at most
@@ -45,7 +46,8 @@ def bode_figure(data: Bode, result: ResultData) -> Figure:
             high, low = 0.0, float("inf")
             for actor in actors:
                 own, values = look[actor.order], data.magnitude[actor.label][:, i]
-                ax.plot(data.omega, values, color=own.colour, linestyle=own.dashes, label=own.text)
+                seen = np.where(values > 0, values, np.nan)  # what noise does not reach has no logarithm
+                ax.plot(data.omega, seen, color=own.colour, linestyle=own.dashes, label=own.text)
                 high, low = max(high, float(values.max())), min(low, float(values.min()))
             if high > 0:
                 ax.set_ylim(max(low, high * 10.0**-_DECADES) / 2, high * 2)
