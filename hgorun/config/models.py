@@ -38,6 +38,11 @@ class Time(Block):
             raise ValueError(f"end must be after start, found end {self.end:g}, start {self.start:g}")
         return self
 
+    @property
+    def from_zero(self) -> Time:
+        """The same horizon, counted from its start."""
+        return self.model_copy(update={"start": 0.0, "end": self.end - self.start}) if self.start else self
+
 
 def _step(value: Any) -> Any:
     if value == "auto":

@@ -63,7 +63,7 @@ def find_samples(stretches: list[Stretch], start: float, seed: int, output: str,
             worst = times[np.argmin(np.where(np.isfinite(delay), delay, -np.inf))]
             raise Problem(
                 stretch.paths["delay"],
-                f"the delay must be a number >= 0, found {delay.min():g} at t = {worst:g}",
+                f"the delay must be a number >= 0, found {delay.min():g} at t = {stretch.origin + worst:g}",
             )
         arrival.append(times)
         taken.append(np.maximum(times - delay, start))
@@ -98,10 +98,14 @@ def _arrivals(
     """Times and numbers; jitter and dropout draw apart, so that a longer run begins with the same samples."""
     sampling, path = stretch.sampling, stretch.paths["sampling"]
     if isinstance(sampling, Times):
-        times = np.array(sampling.times)
+        times = np.array(sampling.times) - stretch.origin
         outside = times[(times < stretch.start) | (times > stretch.end)]
         if outside.size == times.size:
-            raise Problem((*path, "times"), f"no sample lies between {stretch.start:g} and {stretch.end:g}")
+            raise Problem(
+                (*path, "times"),
+                f"no sample lies between {stretch.origin + stretch.start:g} and "
+                f"{stretch.origin + stretch.end:g}",
+            )
         return times, np.arange(times.size)
     if isinstance(sampling, Periodic):
         span = stretch.end - stretch.start - sampling.offset
@@ -146,7 +150,7 @@ def _stepped(stretch: Stretch, path: tuple[str | int, ...], limit: int) -> tuple
         if times.size > limit:
             raise Problem(
                 path,
-                f"at t = {times[-1]:g} there are {times.size} samples, which take {_memory(times.size, limit)}: "
+                f"at t = {stretch.origin + times[-1]:g} there are {times.size} samples, which take {_memory(times.size, limit)}: "
                 "the steps are too short, or shrink before the end of the run",
             )
         block = min(block * 2, 1 << 20)

@@ -35,11 +35,13 @@ def record(run: PreparedRun, raw: Raw) -> Result:
     bad = np.argwhere(~np.isfinite(y))
     if bad.size:
         row, column = bad[0]
-        raise Problem(("plant",), f"output {model.outputs[column]} is not a finite number at t = {grid[row]:g}")
+        raise Problem(("plant",), f"output {model.outputs[column]} is not a finite number at t = {origin + grid[row]:g}")
     estimates = [readout.along(run.grid, numbers.p, rows) for readout in structure.estimates]
-    settings = MetricSettings.of(blocks.metrics, run.time)
+    settings, origin = MetricSettings.of(blocks.metrics, blocks.time), run.origin
     measured = {b.label: xhat[metric] for b, xhat in zip(numbers.observers, estimates, strict=True)}
-    metrics = measure(run.grid[metric], x[metric], measured, settings)
+    metrics = measure(run.grid[metric], x[metric], measured, settings.since(origin))
+    if origin:
+        metrics = {label: on_the_clock(values, origin) for label, values in metrics.items()}
     observers = {}
     for j, (b, xhat) in enumerate(zip(numbers.observers, estimates, strict=True)):
         lost_at = float(raw.diverged[j, 0])
@@ -49,7 +51,7 @@ def record(run: PreparedRun, raw: Raw) -> Result:
             internal={name: st.shaped(rows[shown]) for name, st in b.states.items() if name != "xhat" and st.size},
             gains={name: np.asarray(value).tolist() for name, value in b.design.items()},
             dimension=sum(st.size for name, st in b.states.items() if name != "alpha"),
-            diverged_at=lost_at if np.isfinite(lost_at) else None,
+            diverged_at=origin + lost_at if np.isfinite(lost_at) else None,
             metrics=metrics[b.label],
             coordinates=run.experiment.coordinates.get(b.label),
         )
@@ -60,7 +62,7 @@ def record(run: PreparedRun, raw: Raw) -> Result:
     return Result(
         name=run.experiment.name,
         title=blocks.title,
-        time=grid,
+        time=origin + grid,
         x=np.ascontiguousarray(x[shown]),
         u=u.copy(),
         y=np.ascontiguousarray(y),
@@ -120,4 +122,4 @@ def _measurements(run: PreparedRun, raw: Raw, grid: np.ndarray, y: np.ndarray) -
     for i, part in enumerate(parts):
         where = nearest_event(union, part[0]) if union.size > 1 else np.zeros(part[0].size, dtype=int)
         taken_all[where, i], y_all[where, i] = part[1], part[2]
-    return Measurements(time=union, taken=taken_all, y=y_all)
+    return Measurements(time=run.origin + union, taken=run.origin + taken_all, y=y_all)
