@@ -103,8 +103,7 @@ def _arrivals(
         if outside.size == times.size:
             raise Problem(
                 (*path, "times"),
-                f"no sample lies between {stretch.origin + stretch.start:g} and "
-                f"{stretch.origin + stretch.end:g}",
+                f"no sample lies between {stretch.origin + stretch.start:g} and {stretch.origin + stretch.end:g}",
             )
         return times, np.arange(times.size)
     if isinstance(sampling, Periodic):

@@ -59,7 +59,9 @@ class Channel:
                 v = noise.sampled(times, numbers)
                 if not np.all(np.isfinite(v)):
                     first = times[np.argmin(np.isfinite(v))]
-                    raise Problem(stretch.paths["noise"], f"the noise is not a finite number at t = {stretch.origin + first:g}")
+                    raise Problem(
+                        stretch.paths["noise"], f"the noise is not a finite number at t = {stretch.origin + first:g}"
+                    )
                 if stretch.multiplicative:
                     gain[inside] = 1 + v
                 else:

@@ -115,8 +115,8 @@ def delay_range(stretch: Stretch) -> tuple[float, float]:
     if not np.all(np.isfinite(delays)) or np.any(delays < 0):
         where = times[np.argmin(np.where(np.isfinite(delays), delays, -np.inf))]
         raise Problem(
-            stretch.paths["delay"], f"the delay must be a number >= 0, found {delays.min():g} at "
-            f"t = {stretch.origin + where:g}"
+            stretch.paths["delay"],
+            f"the delay must be a number >= 0, found {delays.min():g} at t = {stretch.origin + where:g}",
         )
     return float(delays.min()), float(delays.max())
 

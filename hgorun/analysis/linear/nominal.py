@@ -14,6 +14,7 @@ from hgorun.observers.capabilities import HighGain
 from hgorun.result.result import Result
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.prepared import PreparedRun
+from hgorun.simulation.outcome import since_start
 from hgorun.simulation.simulate import perform, prepare
 from hgorun.symbolic.forms import BlockForm, ChainForm, Form
 
@@ -115,6 +116,6 @@ def _simulated(experiment: Callable[[], Experiment], failure: str) -> tuple[Prep
     """The run of an experiment; ``failure`` introduces the reason where there is none."""
     try:
         run = prepare(experiment())
-        return run, perform(run)
+        return run, since_start(run, perform(run))
     except HgorunError as error:
         raise NoValue(f"{failure}: {error}") from error
