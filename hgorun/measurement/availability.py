@@ -43,6 +43,11 @@ class Stretch:
     origin: float = 0.0
 
     @property
+    def spacing(self) -> float:
+        """How far apart neighbouring numbers are where the clock of the configuration stands."""
+        return float(np.spacing(max(abs(self.origin + self.start), abs(self.origin + self.end))))
+
+    @property
     def continuous(self) -> bool:
         return bool(self.sampling == "continuous")
 

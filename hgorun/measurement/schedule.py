@@ -58,10 +58,8 @@ class Channel:
                 times, numbers = s.arrival[inside], s.number[inside]
                 v = noise.sampled(times, numbers)
                 if not np.all(np.isfinite(v)):
-                    first = times[np.argmin(np.isfinite(v))]
-                    raise Problem(
-                        stretch.paths["noise"], f"the noise is not a finite number at t = {stretch.origin + first:g}"
-                    )
+                    first = stretch.origin + times[np.argmin(np.isfinite(v))]
+                    raise Problem(stretch.paths["noise"], f"the noise is not a finite number at t = {first:g}")
                 if stretch.multiplicative:
                     gain[inside] = 1 + v
                 else:
@@ -83,7 +81,7 @@ class Channel:
 
     def stretch_at(self, times: np.ndarray) -> np.ndarray:
         """Index of the stretch that starts at or before each time."""
-        starts = np.array([s.start for s in self.stretches])
+        starts = np.array([s.start - (4 * s.spacing if s.origin else 0.0) for s in self.stretches])
         return np.clip(np.searchsorted(starts, times, side="right") - 1, 0, len(starts) - 1)
 
     def kinds_at(self, times: np.ndarray) -> np.ndarray:
@@ -207,7 +205,7 @@ def build_schedule(channels: list[Channel], time: Time, kinks: np.ndarray, step:
     step : float
         Nominal step: events much closer than it are one.
     """
-    rounding = 4 * np.spacing(max(abs(time.start), abs(time.end)))
+    rounding = 4 * max(s.spacing for c in channels for s in c.stretches)
     tolerance = max(_SHORT * step, rounding)
     times = [np.array([time.start, time.end]), kinks]
     for c in channels:

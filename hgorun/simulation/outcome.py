@@ -36,9 +36,8 @@ def record(run: PreparedRun, raw: Raw) -> Result:
     bad = np.argwhere(~np.isfinite(y))
     if bad.size:
         row, column = bad[0]
-        raise Problem(
-            ("plant",), f"output {model.outputs[column]} is not a finite number at t = {origin + grid[row]:g}"
-        )
+        when = origin + grid[row]
+        raise Problem(("plant",), f"output {model.outputs[column]} is not a finite number at t = {when:g}")
     estimates = [readout.along(run.grid, numbers.p, rows) for readout in structure.estimates]
     settings = MetricSettings.of(blocks.metrics, blocks.time)
     measured = {b.label: xhat[metric] for b, xhat in zip(numbers.observers, estimates, strict=True)}

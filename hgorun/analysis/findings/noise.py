@@ -65,7 +65,8 @@ def h2(observer: Subject) -> dict[str, float]:
 @finding("the largest amplification of a sinusoid, of the observer linearised as for `h2`", unit="state/output")
 def hinf(observer: Subject) -> Remarked:
     largest, _ = hinf_norm(linear_at_end(observer))
-    when = f"h2, hinf: linearised at t = {observer.run.origin + observer.result.time[-1]:.4g}, output continuous and not late"
+    end = observer.run.origin + observer.result.time[-1]
+    when = f"h2, hinf: linearised at t = {end:.4g}, output continuous and not late"
     return Remarked(observer.by_state(largest.max(axis=1)), (when,))
 
 

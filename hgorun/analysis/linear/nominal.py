@@ -13,8 +13,8 @@ from hgorun.observers.base import SampledObserver
 from hgorun.observers.capabilities import HighGain
 from hgorun.result.result import Result
 from hgorun.simulation.experiment import Experiment
-from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.outcome import since_start
+from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import perform, prepare
 from hgorun.symbolic.forms import BlockForm, ChainForm, Form
 
