@@ -17,7 +17,7 @@ from hgorun.analysis.subject import Context, Subject, once
 from hgorun.noise.base import Wave
 from hgorun.result.result import Result
 from hgorun.simulation.outcome import since_start
-from hgorun.simulation.simulate import perform, prepare
+from hgorun.simulation.simulate import prepare, simulate_prepared
 
 
 @once
@@ -25,7 +25,7 @@ def _noise_free(context: Context) -> Result:
     if not has_noise(context.run):
         raise NoValue("the measurement has no noise")
     run = prepare(without_noise(context.run.experiment))
-    return since_start(run, perform(run))
+    return since_start(run, simulate_prepared(run))
 
 
 @finding(
