@@ -8,10 +8,8 @@ then the step that it must not ask for).
 
 from __future__ import annotations
 
-from hgorun.engine import functions
 from hgorun.engine.emit import Emitted
 from hgorun.engine.history import History
-from hgorun.engine.ir import Function, hexadecimal
 from hgorun.engine.layout import (
     DONE,
     HISTORY_TOO_SHORT,
@@ -23,6 +21,8 @@ from hgorun.engine.layout import (
 from hgorun.engine.methods import Method
 from hgorun.engine.parts import Module, move
 from hgorun.engine.stepper import Stepper, guard
+from hgorun.native import functions
+from hgorun.native.ir import Function, hexadecimal
 
 _SAFETY, _SHRINK, _GROW = 0.9, 0.2, 5.0
 _SMALLEST = 1e-13  # of the larger |t| of the segment's ends: below it a step changes t no more
@@ -164,13 +164,13 @@ def _maximum_scalar(f: Function, values: list[str]) -> str:
     return worst
 
 
-def _factor(s: Stepper, error: str, most: str) -> str:
-    """How the step changes: 0.9 error^(-1/5) between 0.2 and ``most``."""
+def _factor(s: Stepper, error: str, largest: str) -> str:
+    """How the step changes: 0.9 error^(-1/5) between 0.2 and ``largest``."""
     f = s.f
     with f.on_lanes(1) as scalar:
         power = functions.call("pow", scalar, error, hexadecimal(-1 / s.method.order))
     factor = f.scalar("fmul", hexadecimal(_SAFETY), power)
-    factor = _pick(f, f.test("olt", factor, most), factor, most)
+    factor = _pick(f, f.test("olt", factor, largest), factor, largest)
     return _pick(f, f.test("ogt", factor, hexadecimal(_SHRINK)), factor, hexadecimal(_SHRINK))
 
 

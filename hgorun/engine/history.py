@@ -8,9 +8,9 @@ REFINEMENTS passes.
 
 from __future__ import annotations
 
-from hgorun.engine.ir import Function
 from hgorun.engine.layout import WORD
 from hgorun.engine.parts import Module, copy, hermite
+from hgorun.native.ir import Function
 
 REFINEMENTS = 4  # passes of a step whose delays reach into it; each one gains an order
 

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from hgorun.engine.adaptive import add_adaptive
-from hgorun.engine.compiler import NativeModule
 from hgorun.engine.fixed import add_fixed
 from hgorun.engine.history import History, piece_words
 from hgorun.engine.layout import (
@@ -27,6 +26,7 @@ from hgorun.engine.methods import METHODS
 from hgorun.engine.parts import Module, add_actions, add_channels, add_flag, add_rows, counts, span
 from hgorun.engine.plan import Floats, Integers, Plan
 from hgorun.errors import SimulationError
+from hgorun.native.compiler import NativeModule
 
 _SLICE = 0.05  # seconds of native code between two checks for Ctrl-C
 _BUDGET = 20_000  # adaptive steps between two such looks
@@ -194,7 +194,7 @@ class Program:
                 memory["budget"] = _BUDGET
                 verdict = self._run(memory.address, stop)
             if verdict != DONE:
-                raise SimulationError(_explain(verdict, memory.real("now")))
+                raise SimulationError(_explain(verdict, plan.origin + memory.real("now")))
             spent = max(time.perf_counter() - before, 1e-6)
             chunk = max(1, int(chunk * min(_SLICE / spent, 8.0)))
             if progress:
