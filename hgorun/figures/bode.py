@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from hgorun.figures.actors import cast, texts
 from hgorun.figures.layout import TOP, finished, grid
 from hgorun.figures.looks import looks
@@ -13,8 +15,7 @@ from hgorun.result.theory import Bode
 from hgorun.tables.typeset import symbol, unit
 
 if TYPE_CHECKING:
-    import numpy as np
-from matplotlib.figure import Figure
+    from matplotlib.figure import Figure
 
 _WIDTH, _ROW = 7.2, 1.8
 _DECADES = 10  # that an axis shows at most

@@ -63,7 +63,7 @@ def test_a_name_is_text(wrong: object) -> None:
 
 
 def test_a_block_and_poles_that_are_made_already_are_taken_as_they_are() -> None:
-    made = StandardObserver(type="shgo", theta=2, poles=(-1 + 2j, -1 - 2j))  # type: ignore[arg-type]  # as after reading
+    made = StandardObserver(type="shgo", theta=2, poles=(-1 + 2j, -1 - 2j))
     assert made.poles == (-1 + 2j, -1 - 2j)
     assert StandardObserver.model_validate(made) is made
 
