@@ -2,11 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
+_LONGEST = 1_000  # characters of a message: names and values in it come from anywhere
+
+
+def printable(text: str) -> str:
+    """A text as it may stand on a terminal, on one line: control characters and escapes are replaced."""
+    return "".join(char if char.isprintable() else "\N{REPLACEMENT CHARACTER}" for char in text)
+
+
+def _shown(text: str) -> str:
+    """A message on one line, without its middle where it is very long."""
+    text = printable(text.replace("\n", " "))
+    return text if len(text) <= _LONGEST else f"{text[: _LONGEST // 2]} ... {text[-_LONGEST // 4 :]}"
+
 
 class HgorunError(Exception):
     """Something that the user can put right. ``exit_code`` is what the command line returns."""
 
     exit_code = 1
+
+    def __str__(self) -> str:
+        return _shown(super().__str__())
 
 
 class ConfigError(HgorunError):
@@ -28,7 +46,18 @@ class ConfigError(HgorunError):
         self.message, self.file, self.line, self.key = message, file, line, key
         # an assignment on the command line has no lines
         where = f"{file}:{line}" if file and line and not file.startswith("--set ") else file
-        super().__init__(": ".join(part for part in (where, key, message) if part))
+        super().__init__(": ".join([*(_shortened(part) for part in (where, key) if part), message]))
+
+    def __reduce__(self) -> tuple[Callable[..., ConfigError], tuple[object, ...]]:
+        return _config_error, (self.message, self.file, self.line, self.key)
+
+
+def _config_error(message: str, file: str | None, line: int | None, key: str | None) -> ConfigError:
+    return ConfigError(message, file=file, line=line, key=key)
+
+
+def _shortened(text: str, most: int = 200) -> str:
+    return text if len(text) <= most else f"{text[: most - 60]}...{text[-50:]}"
 
 
 class SimulationError(HgorunError):
@@ -48,6 +77,9 @@ class Problem(ValueError):
     def __init__(self, path: tuple[str | int, ...], message: str) -> None:
         self.path, self.message = path, message
         super().__init__(message)
+
+    def __reduce__(self) -> tuple[type[Problem], tuple[object, ...]]:
+        return Problem, (self.path, self.message)
 
 
 class NotObservableForm(HgorunError):

@@ -72,7 +72,7 @@ def hermite(s: float, h: float, a: Array, da: Array, b: Array, db: Array) -> Arr
 
 @dataclass
 class Run:
-    """What a run leaves; see hgorun.engine.program.Raw."""
+    """The result of a run; see hgorun.engine.program.Raw."""
 
     rows: list[Array] = field(default_factory=list)
     measured: Array = field(default_factory=lambda: np.zeros(0))

@@ -22,7 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 Vector = npt.NDArray[np.float64]
-Run = dict[str, Vector]  # what a run leaves, by name
+Run = dict[str, Vector]  # the result of a run, by name
 Field = Callable[[float, Vector], Sequence[float] | Vector]
 
 

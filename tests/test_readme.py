@@ -79,6 +79,7 @@ def test_the_tutorial_observer_runs_from_outside_the_package(tmp_path: Path, mon
     assert metrics["PI"]["rmse"]["x1"] < 0.5 * metrics["P"]["rmse"]["x1"]
 
 
+@pytest.mark.slow
 def test_the_tutorial_passes_strict_type_checking_as_an_outside_package(tmp_path: Path) -> None:
     """What a newcomer meets has its types said: no Any comes in from hgorun."""
     shown = "        reveal_type((plant.copy(s.xhat), k.theta, e))\n"

@@ -82,7 +82,8 @@ class Analysis:
         return columns
 
     def as_json(self, file: str | None = None) -> dict[str, Any]:
-        """``{"name", "file", "observers": {label: {key: value, "reasons": {key: text}, "remarks": [text]}}}``.
+        """``{"name", "file", "observers": {label: {key: value, "reasons": {key: text}, "remarks": [text]}}}``;
+        an observer with constant gain has ``"coordinates": {"map", "chains": {output: length}}`` besides.
 
         Complex numbers are [re, im]; numbers that are not finite are text.
         """
@@ -92,6 +93,9 @@ class Analysis:
             values = {key: json_value(value) for key, value in found.values.items() if key in shown}
             reasons = {key: reason for key, reason in found.reasons.items() if key in shown}
             observers[label] = values | {"reasons": reasons, "remarks": list(found.remarks)}
+            taken = self.result.observers[label].coordinates
+            if taken is not None:
+                observers[label]["coordinates"] = {"map": taken.map, "chains": dict(taken.chains)}
         return {"name": self.name, "file": file, "observers": observers}
 
 

@@ -27,7 +27,7 @@ def analyze(options: Analyze) -> int:
     analysis = analysis_of(run, result, search=options.search)
     written: list[Path] = []
     if options.plots and analysis.transients:
-        from hgorun.figures import save
+        from hgorun.figures.files import save
         from hgorun.figures.peaking import peaking
 
         written = save(peaking(result, analysis.transients), target)
@@ -54,8 +54,8 @@ def _target(name: str, output: Path | None) -> Path:
 def _bode(context: Context, target: Path) -> list[Path]:
     """The observers' frequency responses, where there are some."""
     from hgorun.analysis.noise.responses import frequency_responses
-    from hgorun.figures import save
     from hgorun.figures.bode import bode_figure
+    from hgorun.figures.files import save
 
     data = frequency_responses(context)
     return save(bode_figure(data, context.result), target) if data.magnitude else []

@@ -91,7 +91,8 @@ def _is_result(path: Path) -> bool:
 
 
 def _draw(results: Sequence[Result], options: Compare) -> list[Path]:
-    from hgorun.figures import comparison, save
+    from hgorun.figures.drawing import comparison
+    from hgorun.figures.files import save
 
     if options.output is not None and options.output.suffix.lower() in {".png", ".pdf"}:
         return save(comparison(results), options.output.with_suffix(""))

@@ -16,6 +16,8 @@ from itertools import islice, pairwise
 from keyword import iskeyword
 from typing import Any, TypeAlias
 
+from hgorun.errors import printable
+
 MAX_LENGTH = 2_000
 MAX_NESTING = 100
 
@@ -72,6 +74,13 @@ _HINTS = {
     "#": "a comment stands outside the expression",
 }
 
+# Behind a number these are meant as its unit.
+_UNITS = {
+    *("s", "ms", "us", "ns", "min", "h", "hr", "hours", "d", "days", "Hz", "kHz", "m", "mm", "cm", "km", "deg"),
+    *("g", "kg", "mg", "l", "L", "ml", "V", "mV", "A", "mA", "K", "N", "Pa", "bar", "W", "J"),
+}
+DECIMAL_POINT = "a decimal number is written with a point, as in 0.25"
+
 
 class ExpressionError(ValueError):
     """An expression that is not one, or that has no value. The message says why and what would be right."""
@@ -106,7 +115,9 @@ Node: TypeAlias = float | Name | Call | Chain
 
 def check_name(name: str) -> None:
     """Raise an `ExpressionError` if ``name`` cannot stand for a quantity in expressions."""
-    if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", name):
+    if name.isdigit():
+        why = DECIMAL_POINT
+    elif not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", name):
         why = "names are ASCII letters, digits and `_`, and begin with no digit"
     elif iskeyword(name):
         why = f"it is a keyword of the expression grammar; `{name}_` can be one"
@@ -124,14 +135,13 @@ def nearest(name: str, candidates: Iterable[str]) -> str:
     import difflib
 
     known = {candidate.lower(): candidate for candidate in islice(candidates, 1_000) if len(candidate) < 100}
-    close = difflib.get_close_matches(name[:100].lower(), known, n=1, cutoff=0.5)
+    close = difflib.get_close_matches(name[:100].lower(), known, n=1, cutoff=0.5 if len(name) < 4 else 0.55)
     return f" Did you mean `{known[close[0]]}`?" if close else ""
 
 
 def short(text: str) -> str:
     """``text`` as messages quote it: at most 60 characters, all of them printable."""
-    shown = text if len(text) <= 60 else text[:57] + "..."
-    return "".join(char if char.isprintable() else "\N{REPLACEMENT CHARACTER}" for char in shown)
+    return printable(text if len(text) <= 60 else text[:57] + "...")
 
 
 def tokens(text: str) -> list[str]:
@@ -154,7 +164,9 @@ def tokens(text: str) -> list[str]:
         if level < 0:
             raise ExpressionError("a `)` has no `(`")
     if level:
-        raise ExpressionError("a `(` is not closed")
+        raise ExpressionError(
+            "a `(` is not closed; inside { } or [ ] a comma ends the entry: put the expression in quotes"
+        )
     for left, right in pairwise(found):
         _check_neighbours(left, right)
     return [match[0] for match in found]
@@ -182,6 +194,8 @@ def _check_neighbours(left: re.Match[str], right: re.Match[str]) -> None:
             raise ExpressionError(f"`{a}{b}` is not a number: digits have one `.`, no prefix and no `_`")
     ends = left.lastgroup == "number" or a == ")" or (left.lastgroup == "name" and b != "(")
     begins = right.lastgroup in ("number", "name") or b == "("
+    if left.lastgroup == "number" and b in _UNITS:
+        raise ExpressionError(f"a number has no unit here, so `{b}` is too much: times are counted in time.unit")
     if ends and begins:
         raise ExpressionError(f"nothing stands between `{a}` and `{b}`: a product is written `{a}*{b}`")
 
@@ -242,7 +256,7 @@ class Reader:
             case ast.Tuple(elts=[]):
                 raise ExpressionError("there is nothing between `(` and `)`")
             case ast.Tuple():
-                raise ExpressionError("a `,` stands only between the arguments of a function")
+                raise ExpressionError(f"a `,` stands only between the arguments of a function; {DECIMAL_POINT}")
         raise ExpressionError("arguments with `*` are not in the grammar")
 
     def name(self, name: str) -> Node:

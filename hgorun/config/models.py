@@ -178,7 +178,7 @@ class Claim(Block):
     id: str = Field(description="a short name, unique in the file")
     claim: str = Field(description="the sentence, paraphrased")
     source: str = Field(default="", description="where it stands: section, page")
-    figure: str | None = Field(default=None, description="the figure that it speaks of")
+    figure: str | None = Field(default=None, description="the figure it refers to")
     value: str = Field(description="an expression of metrics of the runs, such as hf('FHGO', x1)/hf('SHGO', x1)")
     below: Number | None = Field(default=None, description="the claim holds if the value is below")
     above: Number | None = Field(default=None, description="the claim holds if the value is above")

@@ -54,8 +54,12 @@ def _extended(source: Source, path: Path, seen: list[Path]) -> Source:
         _, parent = _read(target)
     except ConfigError as error:
         if error.line is None:
-            raise ConfigError(error.message, file=file, line=line, key="extends") from error
+            message = f"{target}: {error.message}"
+            raise ConfigError(message, file=file, line=line, key="extends") from error
         raise
+    if not isinstance(parent.data, dict):
+        message = f"{target} holds {describe(parent.data)}; a mapping with keys such as time and plant was expected"
+        raise ConfigError(message, file=file, line=line, key="extends")
     if target.resolve() in seen:
         raise ConfigError(f"{base} extends itself, in a circle", file=file, line=line, key="extends")
     if len(seen) > _LONGEST_CHAIN:

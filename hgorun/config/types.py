@@ -18,6 +18,10 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 
 from hgorun.config.expressions import ExpressionError, check_name, nearest, parse
+from hgorun.config.grammar import DECIMAL_POINT
+from hgorun.errors import printable
+
+_COMMA = f"{DECIMAL_POINT[0].upper()}{DECIMAL_POINT[1:]}"
 
 
 class Block(BaseModel):
@@ -45,7 +49,7 @@ class Block(BaseModel):
                     {
                         "key": key,
                         "name": repr(key),
-                        "hint": nearest(str(key), cls.model_fields),
+                        "hint": f" {_COMMA}." if str(key).isdigit() else nearest(str(key), cls.model_fields),
                         "keys": keys,
                     },
                 )
@@ -69,7 +73,7 @@ def describe(value: Any) -> str:
         return "a mapping"
     if isinstance(value, (list, tuple)):
         return "a list"
-    text = repr(value)
+    text = printable(repr(value))
     return text if len(text) <= 60 else text[:57] + "..."
 
 

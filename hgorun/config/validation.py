@@ -75,7 +75,8 @@ def _sentence(item: ErrorDetails) -> str:
     if kind in _OUR_OWN:
         return item["msg"]
     expected = _EXPECTED.get(kind, "another value").format_map(item.get("ctx", {}))
-    return f"expected {expected}, found {describe(found)}"
+    hint = "; write lines `name: value`" if kind == "dict_type" and isinstance(found, list) else ""
+    return f"expected {expected}, found {describe(found)}{hint}"
 
 
 def _too_few(found: Any, least: int) -> str:

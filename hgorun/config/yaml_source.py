@@ -25,12 +25,15 @@ Place: TypeAlias = tuple[str, int]
 MAX_BYTES = 2**20
 MAX_NODES = 100_000
 MAX_DEPTH = 50
+_MAX_KEY = 1_000
 _TOO_DEEP = f"more than {MAX_DEPTH} lists and mappings inside each other"
 _MAX_BRACKETS = 10 * MAX_DEPTH
 _MAX_DIGITS = 300  # no float has more than 309; Python's int() refuses more than 4,300
 
 # U+0085, U+2028 and U+2029 end a line for YAML but not for editors: with them lines would be miscounted.
 _REFUSED = re.compile("[^\t\n\r\x20-\x7e\xa0-\u2027\u202a-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00010000-\U0010ffff]")
+# What could steer a terminal, or write right to left.
+_CONTROL = re.compile("[\0-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
 _BRACKETS = re.compile(r"[][{}]")
 _INTEGER = re.compile(r"[-+]?[0-9]+")
 _NUMBER = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?|[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)")
@@ -131,7 +134,7 @@ def parse(text: str, file: str) -> Source:
     ------
     ConfigError
         The text is empty, not YAML, or uses what is refused: tags, merge keys, several documents, duplicate
-        keys, keys that are no scalars, control characters, aliases inside their anchors, more than 100,000
+        keys, keys that are not scalars, control characters, aliases inside their anchors, more than 100,000
         values (aliases written out) or more than 50 levels.
     """
     text = text.removeprefix("\ufeff")
@@ -213,6 +216,8 @@ class _Builder:
         if not isinstance(event, yaml.ScalarEvent):
             raise self.error("a key is text, not a list or a mapping", line, path)
         key = str(event.value)
+        if _CONTROL.search(key) or "\n" in key or "\t" in key or len(key) > _MAX_KEY:
+            raise self.error(f"a key has at most {_MAX_KEY} characters, none of them a control character", line, path)
         if not event.style and key in ("", "<<"):
             hint = "`<<` is refused: use `extends: FILE`, or an alias for the whole value"
             raise self.error(hint if key else "there is no key before this `:`", line, path)
@@ -234,6 +239,8 @@ class _Builder:
                     raise self.error(f"the anchor `&{event.anchor}` is given twice", line, here)
                 self.anchors[event.anchor] = here
             if isinstance(event, yaml.ScalarEvent):
+                if bad := _CONTROL.search(event.value):  # from an escape in double quotes
+                    raise self.error(f"U+{ord(bad[0]):04X} is not allowed in text", line, here)
                 value = event.value if event.style else self.plain(event.value, here, line)
             elif isinstance(event, yaml.CollectionStartEvent):
                 value = {} if isinstance(event, yaml.MappingStartEvent) else []

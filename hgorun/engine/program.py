@@ -31,7 +31,7 @@ from hgorun.engine.runge_kutta import RungeKutta
 from hgorun.engine.stepper import Stepper
 from hgorun.errors import SimulationError
 
-_SLICE = 0.05  # seconds of native code between two looks at the keyboard
+_SLICE = 0.05  # seconds of native code between two checks for Ctrl-C
 _BUDGET = 20_000  # adaptive steps between two such looks
 _PATIENCE, _PROGRESS = 1_000_000, 1e-3  # adaptive steps, and the part of the run that they must bring
 _ADAPTIVE_HISTORY = 1 << 16  # pieces kept where the number of steps is not known before
@@ -66,7 +66,7 @@ class Start:
 
 @dataclass(frozen=True)
 class Raw:
-    """What a run leaves, one lane after the other in the last axis.
+    """The result of a run, one lane after the other in the last axis.
 
     Attributes
     ----------
@@ -177,7 +177,7 @@ class Program:
         tolerance : Tolerance, optional
             For an adaptive method.
         progress : callable, optional
-            Told now and then which part of the run is done, 0 to 1.
+            Called periodically with the completed fraction, 0 to 1.
 
         Raises
         ------

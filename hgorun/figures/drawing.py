@@ -106,7 +106,7 @@ def draw(
     Raises
     ------
     Problem
-        When a panel names what does not exist; see :func:`hgorun.figures.check`.
+        When a panel names what does not exist; see :func:`hgorun.figures.names.check`.
     """
     scalings = scalings or {}
     runs = _runs(results) if results or not scalings else {}

@@ -1,135 +1,186 @@
 """Where the right-hand side is not smooth: kinks of functions of time, and what delays make of them.
 
 A step of a Runge-Kutta method keeps its order only if everything is smooth inside it. Functions of time
-have kinks or jumps where the argument of abs, sign, min, max, floor or a comparison crosses zero; a
+have kinks or jumps where the argument of abs, sign, min, max, floor or a comparison crosses a value; a
 continuous delay repeats every event, one derivative smoother each time, at the times t with t - d(t) = event.
+Both are found for certain, however close to each other they are; what cannot be followed is told.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
-from functools import partial
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
 
 import casadi as ca
 import numpy as np
 
+from hgorun.config.expressions import parse
+from hgorun.measurement.sampling import SAMPLE_BYTES
 from hgorun.memo import Memo
-from hgorun.symbolic.evaluate import along
-from hgorun.symbolic.graph import arguments, operations
+from hgorun.symbolic.crossings import Found, Levels, Search, TooMany, listed
+from hgorun.symbolic.evaluate import Floats, evaluate
+from hgorun.symbolic.kinks import Kink, Pieces
 
 LEVELS = 4  # repetitions of an event that a fourth-order method can see
-_DIFFERENCES = {ca.OP_FMIN, ca.OP_FMAX, ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE}
+_MARGIN = 4  # doubles beside a kink at which a function is looked at
+_NEAR = 10.0 ** -np.arange(3, 13)  # how near to a pole a function is looked at, in parts of the piece
+_FAR = np.array([0.1, 0.5])
+_POLE = 1e6  # times larger near a pole than far from it
 
 
-def kink_arguments(expressions: Iterable[ca.SX]) -> list[ca.SX]:
-    """The expressions whose zeros are the kinks."""
-    zeros_of: list[ca.SX] = []
-    for node in operations(expressions):
-        op, parts = node.op(), arguments(node)
-        if op in (ca.OP_FABS, ca.OP_SIGN):
-            zeros_of.append(parts[0])
-        elif op in _DIFFERENCES:
-            zeros_of.append(parts[0] - parts[1])
-        elif op in (ca.OP_FLOOR, ca.OP_CEIL):
-            zeros_of.append(ca.sin(np.pi * parts[0]))
-    return zeros_of
+@dataclass(frozen=True)
+class Irregular:
+    """What is not smooth in a span of time.
 
-
-def roots(functions: list[Callable[[np.ndarray], np.ndarray]], start: float, end: float, points: int) -> np.ndarray:
-    """Zeros of functions of time between start and end, both ends included, to the last digit.
-
-    Zeros closer to each other than the spacing of ``points`` may be missed.
+    Attributes
+    ----------
+    times : ndarray
+        Kinks, jumps and poles, in ascending order.
+    lost : tuple of (float, float)
+        Where there may be more of them.
+    infinite : float or None
+        The first time at which a value is not a finite number, or beyond all bounds.
     """
-    grid = np.linspace(start, end, points)
-    zeros = []
-    for function in functions:
-        values = function(grid)
-        zeros.append(grid[values == 0.0])
-        change = np.flatnonzero(np.sign(values[:-1]) * np.sign(values[1:]) < 0)
-        low, high = grid[change], grid[change + 1]
-        zeros.append(_bisect(function, low, high))
-    return np.unique(np.concatenate(zeros)) if zeros else np.zeros(0)
 
-
-def _bisect(function: Callable[[np.ndarray], np.ndarray], low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Roots bracketed by low and high, all at once."""
-    if not low.size:
-        return low
-    positive = function(low) > 0
-    for _ in range(80):
-        middle = 0.5 * (low + high)
-        same = (function(middle) > 0) == positive
-        moved = np.where(same, middle, low), np.where(same, high, middle)
-        if np.array_equal(moved[0], low) and np.array_equal(moved[1], high):
-            break
-        low, high = moved
-    return high
+    times: Floats
+    lost: tuple[tuple[float, float], ...] = ()
+    infinite: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class Kinks:
-    """Kinks and jumps of expressions at times that depend on t and p alone, not on a state.
+    """Kinks and jumps of expressions at times that depend on t and p alone, not on a state."""
 
-    Attributes
-    ----------
-    arguments : tuple of casadi.Function
-        Of (t, p); a kink is where one of them is zero.
-    needed : ndarray of int
-        The entries of p that they depend on.
-    """
-
-    arguments: tuple[ca.Function, ...]
-    needed: np.ndarray
+    pieces: Pieces
 
     @classmethod
     def of(cls, expressions: Iterable[ca.SX], t: ca.SX, p: ca.SX) -> Kinks:
         """Look for them in expressions."""
-        functions, needed = [], np.zeros(p.numel(), dtype=bool)
-        for argument in kink_arguments(expressions):
-            f = ca.Function("g", [t, p], [argument], {"allow_free": True})
-            if ca.depends_on(argument, t) and not f.has_free():
-                functions.append(f)
-                needed |= np.array(ca.which_depends(argument, p, 1, False), dtype=bool).reshape(needed.shape)
-        return cls(tuple(functions), np.flatnonzero(needed))
+        return cls(Pieces.of(expressions, t, p))
 
-    def between(self, values: np.ndarray, start: float, end: float, points: int) -> np.ndarray:
-        """The kinks for given values of p, as :func:`roots` finds them."""
-        key = self, values[self.needed].tobytes(), start, end, points
-        return _FOUND.get(key, lambda: roots([partial(_at, f, values) for f in self.arguments], start, end, points))
+    def between(self, values: Floats, start: float, end: float, most: float = np.inf) -> Irregular:
+        """The kinks for given values of p, from start to end.
 
-
-_FOUND: Memo[np.ndarray] = Memo(32)
+        Raises
+        ------
+        TooMany
+            Where there are more of them than ``most``.
+        """
+        key = self, values[self.pieces.needed].tobytes(), start, end, most
+        return _FOUND.get(key, lambda: _Span(self.pieces, values, start, end, most).irregular())
 
 
-def _at(function: ca.Function, values: np.ndarray, times: np.ndarray) -> np.ndarray:
-    return along(function, times, values)
+_FOUND: Memo[Irregular] = Memo(32)
 
 
-def repeated(
-    events: np.ndarray,
-    delay: Callable[[np.ndarray], np.ndarray],
-    constant: bool,
-    start: float,
-    end: float,
-    points: int,
-) -> np.ndarray:
-    """The times t in (start, end] with t - d(t) = an event."""
-    if constant:
-        times = events + delay(np.array([start]))[0]
-        return np.asarray(times[(times > start) & (times <= end)])
-    grid = np.linspace(start, end, points)
-    then = grid - delay(grid)
-    ordered = np.sort(events)
-    low, high = np.minimum(then[:-1], then[1:]), np.maximum(then[:-1], then[1:])
-    first, last = np.searchsorted(ordered, low, side="right"), np.searchsorted(ordered, high, side="right")
-    cells = np.repeat(np.arange(points - 1), last - first)
-    inside = np.arange(cells.size) - np.repeat(np.cumsum(last - first) - (last - first), last - first)
-    target = ordered[first[cells] + inside]
-    return _bisect(lambda times: times - delay(times) - target, grid[cells], grid[cells + 1])
+def infinite(when: float) -> str:
+    """What is said of a function of time that has no finite value at some time."""
+    return f"this is not finite at t = {when:.12g}: it has a pole or no real value there"
 
 
-def merge(times: np.ndarray, tolerance: float) -> np.ndarray:
+def too_many(error: TooMany, what: str, memory: float) -> str:
+    """What is said of functions of time with too many kinks."""
+    (count,) = error.args
+    return (
+        f"{what} have at least {count:.4g} kinks and jumps in this run, about "
+        f"{count * SAMPLE_BYTES / 2**30:.3g} GiB; time.max_memory allows {memory / 2**30:.3g} GiB"
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Span:
+    """Expressions in pieces, in a span of time."""
+
+    pieces: Pieces
+    p: Floats
+    start: float
+    end: float
+    most: float
+    found: dict[int, Found] = field(default_factory=dict)
+
+    def irregular(self, last: Levels | None = None) -> Irregular:
+        """All kinks; ``last``: other levels for the outermost."""
+        kinks = list(self.pieces.kinks)
+        if last is not None:
+            kinks[-1] = replace(kinks[-1], levels=last)
+        for number, kink in enumerate(kinks):
+            self.found[number] = self._crossings(kink)
+        times = self._union(range(len(self.found)))
+        lost = tuple(sorted({span for found in self.found.values() for span in found.lost}))
+        return Irregular(times, lost, self._infinite(times))
+
+    def _union(self, numbers: Iterable[int]) -> Floats:
+        return np.unique(np.concatenate([np.zeros(0), *(self.found[k].times for k in numbers)]))
+
+    def _edges(self, times: Floats) -> Floats:
+        inner = times[(times > self.start) & (times < self.end)]
+        return np.concatenate([[self.start], inner, [self.end]])
+
+    def _crossings(self, kink: Kink) -> Found:
+        edges = self._edges(self._union(kink.inside))
+        low, high = edges[:-1], edges[1:]
+        states = np.zeros((low.size, 0))
+        if kink.held:
+            states = evaluate(self.pieces.states, (0.5 * (low + high))[:, None], self.p)[0][:, kink.held]
+        search = Search(kink.argument, self.p, states, kink.levels, kink.touches, self.most)
+        return search.between(low, high)
+
+    def _infinite(self, times: Floats) -> float | None:
+        """The first time at which a watched value is not finite, or grows beyond all bounds."""
+        if not self.pieces.watched.numel_out(0):
+            return None
+        edges = self._edges(times)
+        margin = _MARGIN * np.spacing(np.maximum(np.abs(edges), 1e-12 * (self.end - self.start)))
+        low, high = edges[:-1] + margin[:-1], edges[1:] - margin[1:]
+        places = np.column_stack([low, 0.5 * (low + high), high])[high > low].ravel()
+        bad = places[~np.all(np.isfinite(self._watched(places)), axis=1)]
+        found = [float(bad[0])] if bad.size else []
+        poles = self._edges(self._union(k for k, kink in enumerate(self.pieces.kinks) if kink.singular))[1:-1]
+        return min([*found, *self._poles(poles, edges)], default=None)
+
+    def _poles(self, candidates: Floats, edges: Floats) -> list[float]:
+        """Those of the candidates near which a watched value is much larger than elsewhere on its piece."""
+        found = []
+        for pole in candidates:
+            after = int(np.searchsorted(edges, pole, side="right"))
+            for other in (edges[after - 2], edges[min(after, edges.size - 1)]):
+                reach = other - pole
+                near = np.append(reach * _NEAR, np.copysign(_MARGIN * np.spacing(max(abs(pole), abs(reach))), reach))
+                size = np.abs(self._watched(pole + np.concatenate([near, reach * _FAR])))
+                far = size[near.size :].max(axis=0)
+                if np.any(size[: near.size].max(axis=0) > _POLE * np.maximum(far, np.finfo(float).tiny)):
+                    found.append(float(pole))
+                    break
+        return found
+
+    def _watched(self, times: Floats) -> Floats:
+        with np.errstate(all="ignore"):
+            return evaluate(self.pieces.watched, times[:, None], self.p)[0]
+
+
+def repeated(events: Floats, delay: str, start: float, end: float) -> Irregular:
+    """The times t in (start, end] with t - d(t) = an event; ``delay`` is d(t) as text."""
+    expression = parse(delay, names=("t",))
+    if not expression.names:
+        times = events + expression.number()
+        return Irregular(times[(times > start) & (times <= end)])
+    pieces, nothing = _late(delay), np.zeros(0)
+    found = _Span(pieces, nothing, start, end, np.inf)
+    irregular = found.irregular(listed(np.unique(events), reached=False))
+    times = found.found[len(pieces.kinks) - 1].times
+    return Irregular(times[times > start], irregular.lost)
+
+
+@lru_cache(maxsize=64)
+def _late(delay: str) -> Pieces:
+    """t - d(t) in pieces, as the argument of the last kink."""
+    t = ca.SX.sym("t")
+    value = parse(delay, names=("t",)).symbol({"t": t})
+    return Pieces.of([ca.floor(t - value)], t, ca.SX(0, 1))
+
+
+def merge(times: Floats, tolerance: float) -> Floats:
     """Sorted times, those closer than ``tolerance`` to their predecessor dropped."""
     times = np.unique(times)
     if times.size < 2:

@@ -7,6 +7,7 @@ the seed and on the channel and on nothing else.
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
@@ -30,6 +31,24 @@ def absolute(items: tuple[Noise, ...], mean_square: float) -> tuple[Noise, ...]:
 def is_relative(stretch: Stretch) -> bool:
     """Whether the size of its noise depends on the mean square of the noise-free output."""
     return any(isinstance(item, RandomNoise) and item.relative() for item in stretch.noise)
+
+
+def deviations(resolved: Sequence[Sequence[Stretch]], outputs: Sequence[str]) -> dict[str, float]:
+    """Standard deviation of each output's noise at the start of the run, where it is known and not zero."""
+    found = {}
+    for name, stretches in zip(outputs, resolved, strict=True):
+        first = stretches[0]
+        if first.multiplicative or is_relative(first):
+            continue
+        spectra = [item.spectrum() for item in first.noise]
+        power = sum(
+            sum(abs(wave.phasor) ** 2 / 2 for wave in s.waves) + sum(draws.variance for draws in s.draws)
+            for s in spectra
+            if s is not None
+        )
+        if power > 0:
+            found[name] = float(np.sqrt(power))
+    return found
 
 
 class StretchNoise:

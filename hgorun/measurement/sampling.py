@@ -23,7 +23,7 @@ class Samples:
     Attributes
     ----------
     arrival, taken : ndarray, shape (Nk,)
-        When a sample arrives and the time it speaks of.
+        When a sample arrives and the time it was measured.
     number : ndarray of int, shape (Nk,)
         k, counted from the start of its stretch and with the lost ones.
     stretch : ndarray of int, shape (Nk,)

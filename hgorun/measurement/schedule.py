@@ -1,4 +1,4 @@
-"""All events of a run: samples, the times that they speak of, noise changes, kinks, and what delays make of them."""
+"""All events of a run: samples, the times they were measured, noise changes, kinks, and what delays make of them."""
 
 from __future__ import annotations
 
@@ -194,7 +194,7 @@ def check_delays(channels: list[Channel], points: int) -> tuple[float, float]:
     return smallest, largest
 
 
-def build_schedule(channels: list[Channel], time: Time, kinks: np.ndarray, step: float, points: int) -> Schedule:
+def build_schedule(channels: list[Channel], time: Time, kinks: np.ndarray, step: float) -> Schedule:
     """Collect all events of a run.
 
     Parameters
@@ -203,8 +203,6 @@ def build_schedule(channels: list[Channel], time: Time, kinks: np.ndarray, step:
         Kinks of the functions of time.
     step : float
         Nominal step: events much closer than it are one.
-    points : int
-        How finely delays are searched for repeated events.
     """
     tolerance = max(_SHORT * step, 4 * np.spacing(max(abs(time.start), abs(time.end))))
     times = [np.array([time.start, time.end]), kinks]
@@ -217,10 +215,7 @@ def build_schedule(channels: list[Channel], time: Time, kinks: np.ndarray, step:
     events = _clipped(np.concatenate(times), time, tolerance)
     newest, sharp = events, [kinks]
     for _ in range(LEVELS if continuous_delays(channels) else 0):
-        found = [
-            repeated(newest, s.delay_at, s.delay_is_constant, s.start, s.end, points)
-            for s in continuous_delays(channels)
-        ]
+        found = [repeated(newest, s.delay, s.start, s.end).times for s in continuous_delays(channels)]
         sharp += found  # a jump of an output comes back as a jump
         fresh = merge(np.concatenate(found), tolerance)
         near = np.searchsorted(events, fresh)

@@ -10,14 +10,17 @@ import numpy as np
 
 from hgorun.config.expressions import parse
 from hgorun.config.literals import Template, template
+from hgorun.errors import Problem
 from hgorun.measurement.availability import Stretch
-from hgorun.measurement.events import Kinks
+from hgorun.measurement.events import Irregular, Kinks, infinite, too_many
+from hgorun.measurement.sampling import SAMPLE_BYTES
 from hgorun.memo import Memo
 from hgorun.noise.base import TimeFunction
+from hgorun.symbolic.crossings import TooMany
 from hgorun.symbolic.evaluate import along
 from hgorun.symbolic.parameters import Parameters, flat
 
-_COMPILED: Memo[tuple[ca.Function, Kinks]] = Memo(256)
+_COMPILED: Memo[tuple[ca.Function, Kinks, Kinks]] = Memo(256)
 
 
 @dataclass(frozen=True)
@@ -59,9 +62,27 @@ def noise_at(stretch: Stretch, times: np.ndarray) -> np.ndarray:
     return along(_compiled(stretch)[0], times, signal_numbers(stretch))
 
 
-def kinks_of(stretch: Stretch, points: int) -> np.ndarray:
-    """Where noise or delay have a kink or a jump."""
-    return _compiled(stretch)[1].between(signal_numbers(stretch), stretch.start, stretch.end, points)
+def kinks_of(stretch: Stretch, max_memory: float) -> Irregular:
+    """Where noise or delay have a kink or a jump.
+
+    Raises
+    ------
+    Problem
+        Where there are more than fit into memory, and where one of them is not finite.
+    """
+    _, *kinks = _compiled(stretch)
+    found = []
+    for key, one in zip(("noise", "delay"), kinks, strict=True):
+        try:
+            most = max_memory / SAMPLE_BYTES
+            found.append(one.between(signal_numbers(stretch), stretch.start, stretch.end, most))
+        except TooMany as error:
+            raise Problem(stretch.paths[key], too_many(error, f"the functions of {key}", max_memory)) from None
+        when = found[-1].infinite
+        if when is not None:
+            raise Problem(stretch.paths[key], infinite(when))
+    noise, delay = found
+    return Irregular(np.union1d(noise.times, delay.times), noise.lost + delay.lost)
 
 
 def _functions(stretch: Stretch) -> list[TimeFunction]:
@@ -72,11 +93,13 @@ def _delay(stretch: Stretch) -> tuple[Template, tuple[float, ...]]:
     return template(parse(stretch.delay, names=("t",)))
 
 
-def _compiled(stretch: Stretch) -> tuple[ca.Function, Kinks]:
-    def make() -> tuple[ca.Function, Kinks]:
+def _compiled(stretch: Stretch) -> tuple[ca.Function, Kinks, Kinks]:
+    """The noise, its kinks, and those of the delay."""
+
+    def make() -> tuple[ca.Function, Kinks, Kinks]:
         t, parameters = ca.SX.sym("t"), Parameters()
         found = signal(stretch, t, parameters, "")
         p = parameters.symbol
-        return ca.Function("v", [t, p], [found.noise]), Kinks.of([found.noise, found.delay], t, p)
+        return ca.Function("v", [t, p], [found.noise]), Kinks.of([found.noise], t, p), Kinks.of([found.delay], t, p)
 
     return _COMPILED.get(signal_structure(stretch), make)

@@ -18,7 +18,7 @@ from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 from inspect import isabstract
-from typing import Any, ClassVar, Generic, Literal, NamedTuple, TypeAlias, TypeGuard
+from typing import Annotated, Any, ClassVar, Generic, Literal, NamedTuple, TypeAlias, TypeGuard
 
 import casadi as ca
 import numpy as np
@@ -120,7 +120,7 @@ class Observer(Block, Generic[FormT, CopyT]):
 
     reference: ClassVar[str] = ""
     # the class of plants: a function that gives a plant's form, and refuses other plants
-    form: ClassVar[FormFinder] = staticmethod(canonical_form)
+    form: ClassVar[FormFinder] = canonical_form
 
     type: str = Field(description="name of the observer family")
     initial: dict[Name, Number] = Field(
@@ -134,6 +134,15 @@ class Observer(Block, Generic[FormT, CopyT]):
     )
     coordinates: Literal["original", "canonical"] = Field(
         default="original", description="where the observer computes; results are always in the plant's"
+    )
+    map: Literal["auto", "chain", "derivatives"] = Field(
+        default="auto",
+        description="where a constant gain corrects: in chains of the plant's states, in derivatives of its outputs, "
+        "or in chains where there are some",
+    )
+    chains: dict[str, Annotated[int, Field(ge=1, strict=True)]] = Field(
+        default_factory=dict,
+        description="output: length of its chain, all outputs named, n states in all or more; chosen by default",
     )
 
     @abstractmethod

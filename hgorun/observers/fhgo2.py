@@ -37,5 +37,5 @@ class FilteredObserver2(FilteredGain):
             filtered = (C(r) @ s.eta).T
             derivatives["eta"] = k.theta * (A(r) @ s.eta - k.K_r @ ca.diag(filtered) + B(r) @ e.T)
         kappa = k.theta * plant.inv_Delta(k.theta) @ (k.K_n * plant.along_chains(filtered))
-        derivatives["xhat"] = plant.copy(s.xhat) - plant.lift(s.xhat, kappa)
-        return Flow(derivatives, correction=plant.heads(kappa))
+        derivatives["xhat"] = plant.copy(s.xhat) - plant.lift(s.xhat, kappa, k.theta)
+        return Flow(derivatives, correction=plant.felt(s.xhat, kappa, k.theta))

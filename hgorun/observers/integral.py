@@ -42,5 +42,5 @@ class IntegralObserver(FilteredGain):
             correction = k.theta * inv_Delta(k.theta, r) @ (k.K_r @ ca.diag(eta_1))
             derivatives["eta"] = A(r) @ s.eta + B(r) @ e.T - correction
         kappa = k.theta ** (r + 1) * plant.inv_Delta(k.theta) @ (k.K_n * plant.along_chains(eta_1))
-        derivatives["xhat"] = plant.copy(s.xhat) - plant.lift(s.xhat, kappa)
-        return Flow(derivatives, correction=plant.heads(kappa))
+        derivatives["xhat"] = plant.copy(s.xhat) - plant.lift(s.xhat, kappa, k.theta)
+        return Flow(derivatives, correction=plant.felt(s.xhat, kappa, k.theta))

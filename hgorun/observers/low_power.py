@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+from dataclasses import dataclass, replace
+
 import casadi as ca
 import numpy as np
 from pydantic import Field
@@ -13,37 +16,54 @@ from hgorun.observers.constant_gain import ConstantGain
 from hgorun.observers.treangle import cascade, characteristic
 from hgorun.symbolic.canonical import CanonicalForm, PlantCopy
 from hgorun.symbolic.matrices import A
-from hgorun.symbolic.observability import canonical_form
+from hgorun.symbolic.observability import CanonicalForms
 from hgorun.symbolic.plant import PlantModel
 from hgorun.symbolic.states import Symmetric
 from hgorun.symbolic.symbols import Symbols
 
 
-def phase_variable_form(plant: PlantModel, at: np.ndarray, parameters: np.ndarray) -> CanonicalForm:
-    """The canonical form of a plant with one output whose z_i' is z_(i+1) alone, i < n, n >= 2.
+@dataclass(frozen=True)
+class PhaseVariableForms(CanonicalForms):
+    """Plants with one output whose z_i' is z_(i+1) alone, i < n, n >= 2."""
 
-    Raises
-    ------
-    NotObservableForm
-        When the plant is not in this class; the message says why.
-    """
-    form = canonical_form(plant, at, parameters)
-    if len(form.chains) > 1:
-        raise NotObservableForm(f"low_power is for one output, found {', '.join(plant.outputs)}; take treangle")
-    if plant.n < 2:
-        raise NotObservableForm("low_power is n - 1 blocks of two states and needs n >= 2, found n = 1; take shgo")
-    for i in range(plant.n - 1):
-        if form.identity:
-            alone = ca.simplify(plant.dynamics[i] - plant.x[i + 1]).is_zero()
-        else:  # z_(i+1) is z_i' with the inputs at zero
-            alone = not ca.depends_on(ca.jtimes(form.phi_map[i], plant.x, plant.dynamics), plant.u)
-        if not alone:
-            state = f"the state {plant.states[i]}" if form.identity else f"z{i + 1}"
+    def __call__(self, plant: PlantModel, at: np.ndarray, parameters: np.ndarray) -> CanonicalForm:
+        """The canonical form.
+
+        Raises
+        ------
+        NotObservableForm
+            When the plant is not in this class; the message says why.
+        """
+        if len(plant.outputs) > 1:
+            raise NotObservableForm(f"low_power is for one output, found {', '.join(plant.outputs)}")
+        if plant.n < 2:
+            raise NotObservableForm("low_power is n - 1 blocks of two states and needs n >= 2, found n = 1")
+        form = super().__call__(plant, at, parameters)
+        found = _further_term(form)
+        if found is not None and form.map == "chain" and self.map == "auto":
+            with suppress(NotObservableForm):
+                form = replace(self, map="derivatives")(plant, at, parameters)
+                found = _further_term(form) and found
+        if found is not None:
             raise NotObservableForm(
                 "low_power is for phi in the last equation alone, z_i' = z_(i+1) for i < n, z the output and "
-                f"its derivatives; here the derivative of {state} has a further term; take treangle"
+                f"its derivatives; here the derivative of {found} has a further term"
             )
-    return form
+        return form
+
+
+def _further_term(form: CanonicalForm) -> str | None:
+    """The first z_i before the last whose derivative is not z_(i+1) alone."""
+    plant = form.plant
+    for i in range(plant.n - 1):
+        rate = ca.jtimes(form.phi_map[i], plant.x, plant.dynamics)
+        if form.map == "chain":
+            alone = ca.simplify(rate - form.phi_map[i + 1]).is_zero()
+        else:  # z_(i+1) is z_i' with the inputs at zero
+            alone = not ca.depends_on(rate, plant.u)
+        if not alone:
+            return f"the state {plant.states[i]}" if form.identity else f"z{i + 1}"
+    return None
 
 
 @observer("low_power")
@@ -70,7 +90,7 @@ class LowPowerObserver(ConstantGain):
     """
 
     reference = "Astolfi, Marconi 2015"
-    form = staticmethod(phase_variable_form)
+    form = PhaseVariableForms()
 
     gains: tuple[Number, ...] | None = Field(default=None, description="k_11, k_12, k_21, k_22, ..., in place of poles")
 

@@ -39,7 +39,7 @@ class LowPassObserver(FilterOrder, ConstantGain):
 
     (3.31) prints C_r eta = eta_1, the least filtered component, with which the noise falls like 1/omega^2
     for every r: the highest relative degree, which its text asks for, is that of eta_r. It lacks
-    Delta_n^-1(theta), without which theta is no high gain, and its F(rho) has C_r for B_r^T too.
+    Delta_n^-1(theta), without which theta is not a high gain, and its F(rho) has C_r for B_r^T too.
     """
 
     reference = "Astolfi, Zaccarian, Jungers 2021; Robles Magdaleno 2023, (3.31)"
@@ -68,8 +68,8 @@ class LowPassObserver(FilterOrder, ConstantGain):
             filtered = (B(r).T @ s.eta).T
             derivatives["eta"] = k.theta / k.rho * ((A(r).T - ca.DM.eye(r)) @ s.eta + C(r).T @ e.T)
         kappa = k.theta * plant.inv_Delta(k.theta) @ (k.G * plant.along_chains(filtered))
-        derivatives["xhat"] = plant.copy(s.xhat) - plant.lift(s.xhat, kappa)
-        return Flow(derivatives, correction=plant.heads(kappa))
+        derivatives["xhat"] = plant.copy(s.xhat) - plant.lift(s.xhat, kappa, k.theta)
+        return Flow(derivatives, correction=plant.felt(s.xhat, kappa, k.theta))
 
     def fastest_rate(self, form: CanonicalForm) -> float:
         spectra = [np.linalg.eigvals(F(self.rho, self.r, self.gain(length))) for length in form.chains]

@@ -62,7 +62,7 @@ class DynamicGain(OutputInjection):
         return -theta / k.b * (decay / 3 * (theta - 1) - growth)
 
     def _start(self) -> float:
-        """theta(0); 1 where what is given is no number, which is reported elsewhere."""
+        """theta(0); 1 where what is given is not a number, which is reported elsewhere."""
         try:
             return float(np.min(np.asarray(self.internal.get("theta", 1.0), dtype=float)))
         except (TypeError, ValueError):

@@ -68,7 +68,7 @@ class RiccatiGain(HighGain, ContinuousObserver[TriangularForm, TriangularCopy]):
         The maximum norm of the stationary closed loop, theta (2^order - 1), the sum of the binomial
         coefficients, and not its eigenvalues -theta: on the way to it, and each time that F passes through
         zero, P runs through peaks that are as much faster. Not more than 1023 theta: above order 10 the step
-        would become too short to wait for, and wants to be checked.
+        would become too short to wait for, and should be checked.
         """
         return float(self.theta * (2 ** min(order, 10) - 1))
 

@@ -26,7 +26,7 @@ class StandardObserver(ConstantGain):
 
     With sampled or late outputs e subtracts what the observer has corrected since the time of which the
     measurement speaks, (3.29). The thesis prints Delta_n(theta) in (3.63), and diag(1, theta) for Delta_2
-    in (3.141); the inverse of (3.29) is right, since with the print theta gives no high gain.
+    in (3.141); the inverse of (3.29) is right, since with the printed one theta gives no high gain.
     """
 
     reference = "Robles Magdaleno 2023, (3.20), (3.29), (3.142)"
@@ -38,8 +38,8 @@ class StandardObserver(ConstantGain):
     def equations(self, plant: PlantCopy, s: Symbols, e: ca.SX, k: Symbols) -> Flow:
         kappa = k.theta * plant.inv_Delta(k.theta) @ (k.G * plant.along_chains(e))
         return Flow(
-            {"xhat": plant.copy(s.xhat) - plant.lift(s.xhat, kappa)},
-            correction=plant.heads(kappa),
+            {"xhat": plant.copy(s.xhat) - plant.lift(s.xhat, kappa, k.theta)},
+            correction=plant.felt(s.xhat, kappa, k.theta),
         )
 
     def fastest_rate(self, form: CanonicalForm) -> float:

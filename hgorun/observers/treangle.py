@@ -54,7 +54,7 @@ class TreangleObserver(ConstantGain):
         return {"theta": np.array(self.theta), "delta": delta, "K": K}
 
     def states(self, form: CanonicalForm) -> dict[str, np.ndarray | Symmetric]:
-        return {"e": np.zeros(form.plant.n)}
+        return {"e": np.zeros(sum(form.chains))}
 
     def equations(self, plant: PlantCopy, s: Symbols, e: ca.SX, k: Symbols) -> Flow:
         A_n = plant.form.shift
@@ -62,10 +62,10 @@ class TreangleObserver(ConstantGain):
         kappa = k.theta * k.K * s.e
         return Flow(
             {
-                "xhat": plant.copy(s.xhat) - plant.lift(s.xhat, kappa),
+                "xhat": plant.copy(s.xhat) - plant.lift(s.xhat, kappa, k.theta),
                 "e": -k.theta * k.delta * s.e + k.theta**2 * (A_n.T @ s.e) + k.theta * (C_n.T @ e),
             },
-            correction=plant.heads(kappa),
+            correction=plant.felt(s.xhat, kappa, k.theta),
         )
 
     def fastest_rate(self, form: CanonicalForm) -> float:

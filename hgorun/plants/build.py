@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 import casadi as ca
 import numpy as np
 
-from hgorun.config.expressions import Expression, ExpressionError, nearest, parse
+from hgorun.config.expressions import CONSTANTS, Expression, ExpressionError, nearest, parse
 from hgorun.config.literals import Template, template
 from hgorun.config.reads import Reads
 from hgorun.errors import Problem
@@ -131,6 +131,7 @@ def build_plant(block: Plant) -> BuiltPlant:
         With the path inside the file, starting at ``plant``.
     """
     states, outputs, inputs = block.state_names, block.output_names, block.input_names
+    _require_distinct({"states": states, "inputs": inputs})
     _require_known("plant", "inputs", block.inputs, inputs)
     _require_known("plant", "initial", block.initial, states)
     _require_known("plant", "disturbance", block.disturbance, states)
@@ -259,11 +260,12 @@ def _require_known(block: str, key: str, given: Collection[str], known: Collecti
 
 
 def _require_distinct(groups: Mapping[str, tuple[str, ...]]) -> None:
-    owner: dict[str, str] = {"t": "time"}
+    owner: dict[str, str] = {"t": "time", **dict.fromkeys(CONSTANTS, "a constant")}
     for group, names in groups.items():
         for name in names:
             if name in owner:
-                raise Problem(("plant",), f"{name!r} is a name of {owner[name]} and of {group}; names must differ")
+                message = f"{name!r} is a name of {owner[name]} and of {group}; names must differ"
+                raise Problem(("plant", group), message)
             owner[name] = group
 
 

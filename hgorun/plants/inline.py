@@ -69,6 +69,12 @@ class InlinePlant(Plant):
         return ("dynamics", state)
 
     def require_fit(self) -> None:
+        for name, text in self.output.items():
+            if not parse(text).names:
+                raise Problem(
+                    ("plant", "output", name),
+                    f"{text} is a number; an output is a state or an expression of states, such as {self.states[0]}",
+                )
         for name in self.dynamics:
             if name not in self.states:
                 known = ", ".join(self.states)

@@ -20,7 +20,7 @@ def choose(names: Sequence[str], folders: Folders, *, figures: bool, claims: boo
     Parameters
     ----------
     names : sequence of str
-        Figures (``3.10``, ``lee2016/1``), experiments, folders of them, or YAML files of one's own; none means
+        Figures (``3.10``, ``lee2016/1``), experiments, folders of them, or your own YAML files; none means
         all experiments that come with hgorun.
     folders : Folders
         Of the results.

@@ -47,7 +47,7 @@ class Job:
     path : Path
         The file.
     place : str
-        The experiment's path without suffix, or the name of a file of one's own: a folder of the results.
+        The experiment's path without suffix, or the name of your own file: a folder of the results.
     figures : tuple of str
         Names of those wanted.
     claims : tuple of str
@@ -229,7 +229,8 @@ class Work:
         return self.job.folders.figures / self.job.group
 
     def _draw(self, name: str, results: Mapping[str, Result], ensembles: Mapping[str, Any]) -> None:
-        from hgorun.figures import draw, save, thumbnail
+        from hgorun.figures.drawing import draw
+        from hgorun.figures.files import save, thumbnail
         from hgorun.study.scaling import refused, scaling_data
 
         shown = [results[run] for run in self.study.runs_of(name) if run in results]

@@ -12,7 +12,7 @@ from hgorun.config.validation import validate
 
 
 class Erratum(Block):
-    """One error of the print."""
+    """One error in a publication."""
 
     place: str = Field(description="equation, figure or page")
     printed: str

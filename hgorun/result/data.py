@@ -1,4 +1,4 @@
-"""What a run leaves: trajectories, measurements, metrics."""
+"""The result of a run: trajectories, measurements, metrics."""
 
 from __future__ import annotations
 
@@ -20,12 +20,31 @@ class Measurements:
         When each measurement became available: arrival times of samples, the output grid where an output
         is continuous.
     taken, y : ndarray, shape (Nk, q)
-        The time that it speaks of, and the noisy value; NaN where an output has none.
+        The time it was measured, and the noisy value; NaN where an output has none.
     """
 
     time: np.ndarray
     taken: np.ndarray
     y: np.ndarray
+
+
+@dataclass(frozen=True)
+class Coordinates:
+    """The coordinates in which a constant gain corrects, as the keys ``map`` and ``chains`` choose them.
+
+    Attributes
+    ----------
+    map : str
+        ``chain`` or ``derivatives``.
+    chains : mapping of str to int
+        Length of every output's chain.
+    """
+
+    map: str
+    chains: Mapping[str, int]
+
+    def __str__(self) -> str:
+        return f"{self.map} ({', '.join(f'{name}: {length}' for name, length in self.chains.items())})"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,6 +63,8 @@ class ObserverResult:
         Number of its differential equations.
     diverged_at : float or None
     metrics : dict of str to ndarray, shape (n,)
+    coordinates : Coordinates, optional
+        Where a constant gain corrects; None for other observers, and for files that do not say.
     """
 
     type: str
@@ -53,6 +74,7 @@ class ObserverResult:
     dimension: int
     diverged_at: float | None
     metrics: Mapping[str, np.ndarray] = field(default_factory=dict)
+    coordinates: Coordinates | None = None
 
     @property
     def filter_order(self) -> int | None:

@@ -13,7 +13,7 @@ import h5py
 import numpy as np
 
 from hgorun.errors import ConfigError
-from hgorun.result.data import Measurements, ObserverResult
+from hgorun.result.data import Coordinates, Measurements, ObserverResult
 from hgorun.result.result import Result
 from hgorun.result.writing import FORMAT
 
@@ -64,13 +64,13 @@ class _Reader:
     def group(self, name: str) -> h5py.Group:
         found = self.member(name)
         if not isinstance(found, h5py.Group):
-            raise self.error(f"{name} is no group")
+            raise self.error(f"{name} is not a group")
         return found
 
     def data(self, name: str) -> h5py.Dataset:
         found = self.member(name)
         if not isinstance(found, h5py.Dataset) or found.is_virtual or found.external:
-            raise self.error(f"{name} is no ordinary data set")
+            raise self.error(f"{name} is not an ordinary data set")
         return found
 
     def numbers(self, name: str, *shape: int | None) -> np.ndarray:
@@ -184,7 +184,17 @@ class _Reader:
             dimension=self.integer("dimension", group),
             diverged_at=None if lost is None else float(lost),
             metrics={name: self.numbers(f"{metrics[0]}/{name}", n) for name in metrics[1]},
+            coordinates=self.coordinates(label, group),
         )
+
+    def coordinates(self, label: str, group: h5py.Group) -> Coordinates | None:
+        """Which were taken; files of older versions do not say."""
+        if "map" not in group.attrs:
+            return None
+        chains = self.mapping("chains", group)
+        if not all(isinstance(length, int) for length in chains.values()):
+            raise self.error(f"observers/{label}: attribute chains must give a length for every output")
+        return Coordinates(self.text("map", group), chains)
 
     def internal(self, name: str, nt: int) -> np.ndarray:
         """A state of any shape, along time."""

@@ -28,7 +28,8 @@ class Result(ResultData):
 
     def plot(self, path: str | Path | None = None) -> Any:
         """A comparison figure (matplotlib); saved where ``path`` (png, pdf or svg) is given."""
-        from hgorun.figures import comparison, save
+        from hgorun.figures.drawing import comparison
+        from hgorun.figures.files import save
 
         figure = comparison([self])
         if path is not None:

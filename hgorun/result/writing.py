@@ -122,7 +122,7 @@ def _write(result: ResultData, file: h5py.File) -> None:
         units=unit,
         long_name="when the measurement becomes available",
     )
-    w.data("measurement/taken", m.taken, numbered, units=unit, long_name="time that it speaks of")
+    w.data("measurement/taken", m.taken, numbered, units=unit, long_name="time it was measured")
     w.data(
         "measurement/y",
         m.y,
@@ -161,6 +161,9 @@ def _write_observer(w: _Writer, result: ResultData, label: str, o: ObserverResul
     attributes["gains"] = json.dumps(o.gains)
     attributes["status"] = o.status
     attributes["dimension"] = o.dimension
+    if o.coordinates is not None:
+        attributes["map"] = o.coordinates.map
+        attributes["chains"] = json.dumps(dict(o.coordinates.chains))
     if o.diverged_at is not None:
         attributes["diverged_at"] = o.diverged_at
     known, of_time = all_metrics(), result.units.get("time") or None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -18,8 +18,11 @@ from hgorun.observers.base import OBSERVERS, AnyObserver
 from hgorun.plants.base import PLANTS, Plant
 from hgorun.plants.inline import InlinePlant
 from hgorun.registry import Registry
+from hgorun.result.data import Coordinates
 
 T = TypeVar("T")
+
+_LONGEST_LABEL = 100
 
 
 @dataclass(frozen=True)
@@ -33,7 +36,7 @@ class Checked:
 
 
 def check(source: Source) -> Checked:
-    """The parts of a configuration; its figures and claims, which are no part of a run, are left out.
+    """The parts of a configuration; its figures and claims, which are not part of a run, are left out.
 
     Raises
     ------
@@ -90,15 +93,25 @@ def check_again(source: Source, before: Checked, touched: Collection[KeyPath]) -
 _NOT_RESOLVED = {*_PARTS, *_NOT_OF_A_RUN, "extends", "title", "reference"}
 
 
-def resolved(checked: Checked) -> dict[str, Any]:
+def resolved(checked: Checked, coordinates: Mapping[str, Coordinates]) -> dict[str, Any]:
     """The configuration after ``extends``, ``--set`` and defaults: all that the numbers of the run follow from.
 
     Titles, references, figures and claims are not in it.
+
+    Parameters
+    ----------
+    coordinates : mapping of str to Coordinates
+        What was taken by the observers that have a choice of them.
     """
     values = checked.blocks.model_dump(mode="json", exclude=_NOT_RESOLVED, exclude_none=True)
     values["measurement"] = checked.measurement.model_dump(mode="json", exclude_none=True)
     values["plant"] = checked.plant.model_dump(mode="json", exclude_none=True)
     values["observers"] = {label: _plain(o.model_dump(exclude_none=True)) for label, o in checked.observers.items()}
+    for label, block in values["observers"].items():
+        taken = coordinates.get(label)
+        block |= {"map": taken.map, "chains": dict(taken.chains)} if taken else {}
+        if not taken:
+            del block["map"], block["chains"]
     return values
 
 
@@ -133,9 +146,9 @@ def _plant(blocks: Blocks, source: Source) -> Plant:
 def _observer(label: str, block: dict[str, Any], source: Source) -> AnyObserver:
     path = ("observers", label)
     file, line = source.where(path)
-    if not label or "/" in label or "." in label:
+    if not label or "/" in label or "." in label or len(label) > _LONGEST_LABEL:
         raise ConfigError(
-            "an observer's label must not be empty and has no / and no . in it",
+            f"an observer's label has 1 to {_LONGEST_LABEL} characters, no / and no . among them",
             file=file,
             line=line,
             key=f"observers.{label}",

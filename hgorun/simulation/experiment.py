@@ -16,13 +16,16 @@ from hgorun.config.yaml_source import Source, parse
 from hgorun.errors import ConfigError, Problem
 from hgorun.measurement.availability import Stretch, resolve
 from hgorun.measurement.blocks import Measurement
+from hgorun.measurement.noise import deviations
 from hgorun.observers.base import AnyObserver
 from hgorun.plants.base import Plant
 from hgorun.plants.build import BuiltPlant, build_plant
+from hgorun.result.data import Coordinates
 from hgorun.result.windows import points_in
 from hgorun.simulation.blocks import Checked, check, check_again, resolved
 from hgorun.simulation.forms import form_of
 from hgorun.simulation.observer_block import Design
+from hgorun.symbolic.canonical import CanonicalForm
 from hgorun.symbolic.forms import Form
 
 _SEARCH_POINTS = (4_000, 200_000)  # fewest and most points in the search for kinks
@@ -98,10 +101,17 @@ class Experiment:
             source, place = replaced(source, "seed", seed)
             touched.add(place)
         new = copy(self)
+        new._chosen, new._noise = self._taken(), self._noise
         new.source, new.name = source, self.name if name is None else name
         new._checked = check_again(source, self._checked, touched)
         new._forget(self._checked)
         return new
+
+    def _taken(self) -> dict[str, CanonicalForm]:
+        """What was chosen of several possible coordinates."""
+        if len(self.plant.model.outputs) == 1:
+            return {}
+        return {label: form for label, form in self.forms.items() if isinstance(form, CanonicalForm)}
 
     def _forget(self, before: Checked) -> None:
         """Leave out what has been derived from parts that are no longer the same."""
@@ -149,12 +159,33 @@ class Experiment:
     def _forms(self) -> dict[str, tuple[Form, Form]]:
         """For every observer the form of the plant, and the one first found with the same equations."""
         with self.located():
-            return {label: form_of(self.plant, label, observer) for label, observer in self.observers.items()}
+            noise = self._noise
+            return {
+                label: form_of(self.plant, label, observer, noise, self._chosen.get(label))
+                for label, observer in self.observers.items()
+            }
+
+    @cached_property
+    def _noise(self) -> dict[str, float]:
+        """Standard deviation of the outputs' noise, where several outputs share the states."""
+        outputs = self.plant.model.outputs
+        return deviations(self.stretches, outputs) if len(outputs) > 1 else {}
+
+    @cached_property
+    def _chosen(self) -> dict[str, CanonicalForm]:
+        """Coordinates taken by the experiment that this one varies: they are chosen once."""
+        return {}
 
     @property
     def forms(self) -> dict[str, Form]:
         """For every observer the plant in the form that it needs."""
         return {label: form for label, (form, _) in self._forms.items()}
+
+    @property
+    def coordinates(self) -> dict[str, Coordinates]:
+        """Of every observer with constant gain the coordinates in which it corrects."""
+        chains = {label: form for label, form in self.forms.items() if isinstance(form, CanonicalForm)}
+        return {label: Coordinates(form.map, form.taken) for label, form in chains.items()}
 
     @cached_property
     def designs(self) -> dict[str, Design]:
@@ -204,7 +235,7 @@ class Experiment:
         Raises
         ------
         ConfigError
-            When one grid is no multiple of the other, or the output is larger than allowed.
+            When one grid is not a multiple of the other, or the output is larger than allowed.
         """
         time, record = self.blocks.time, self.metric_step
         fine = min(record, time.output_step)
@@ -237,22 +268,21 @@ class Experiment:
 
     def resolved(self) -> dict[str, Any]:
         """The configuration after ``extends``, ``--set`` and defaults, as plain data."""
-        return resolved(self._checked)
+        return resolved(self._checked, self.coordinates)
 
     @property
     def resolved_text(self) -> str:
         """The resolved configuration as YAML."""
-        return resolved_text(self._checked)
+        return _yaml(self.resolved())
 
     @property
     def resolved_later(self) -> Callable[[], str]:
         """What makes :attr:`resolved_text`, which takes longer than a run."""
-        return partial(resolved_text, self._checked)
+        return partial(_resolved_text, self._checked, self.coordinates)
 
 
-def resolved_text(checked: Checked) -> str:
-    """The resolved configuration as YAML."""
-    return _yaml(resolved(checked))
+def _resolved_text(checked: Checked, coordinates: Mapping[str, Coordinates]) -> str:
+    return _yaml(resolved(checked, coordinates))
 
 
 def _yaml(values: dict[str, Any]) -> str:

@@ -2,33 +2,99 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
+
 from hgorun.errors import NotObservableForm, Problem
 from hgorun.memo import Memo
-from hgorun.observers.base import AnyObserver
+from hgorun.observers.base import OBSERVERS, AnyObserver, SampledObserver
 from hgorun.plants.build import BuiltPlant
+from hgorun.symbolic.canonical import CanonicalForm
 from hgorun.symbolic.forms import Form, FormFinder, Redecided
+from hgorun.symbolic.observability import CanonicalForms
 
 _FOUND: Memo[list[Form]] = Memo(256)  # by plant and function
 _DECIDED: Memo[tuple[Form, Form]] = Memo(256)  # by numbers, too
 _KEPT = 8  # forms of one plant and function
 
 
-def form_of(plant: BuiltPlant, label: str, observer: AnyObserver) -> tuple[Form, Form]:
+def form_of(
+    plant: BuiltPlant,
+    label: str,
+    observer: AnyObserver,
+    noise: Mapping[str, float] | None = None,
+    chosen: CanonicalForm | None = None,
+) -> tuple[Form, Form]:
     """The form that an observer needs, and the one that was first found: of the same equations, but other numbers.
+
+    Parameters
+    ----------
+    noise : mapping of str to float, optional
+        Standard deviation of the noise of outputs.
+    chosen : CanonicalForm, optional
+        One with the coordinates to take where the observer's keys do not say which.
 
     Raises
     ------
     Problem
-        When the plant is not in the observer's class.
+        When the plant is not in the observer's class, or does not have the coordinates that the keys ask for.
     """
-    function = observer.form
+    function = _finder(plant, label, observer, noise or {}, chosen)
     known = plant.symbolic, function
     numbers = plant.initial.tobytes(), plant.parameters.tobytes()
     try:
         return _DECIDED.get((*known, *numbers), lambda: _decide(plant, function, _FOUND.get(known, list)))
     except NotObservableForm as error:
-        asked = f"observer {label} ({observer.type}) asks for another form of the plant"
-        raise Problem(("plant",), f"{error}; {asked}") from error
+        if observer.map != "auto" or observer.chains:
+            key = "chains" if observer.chains else "map"
+            raise Problem(("observers", label, key), str(error)) from error
+        raise Problem(("plant",), f"{error}; {_elsewhere(plant, label, observer)}") from error
+
+
+def _finder(
+    plant: BuiltPlant, label: str, observer: AnyObserver, noise: Mapping[str, float], chosen: CanonicalForm | None
+) -> FormFinder:
+    """The observer's class of plants, with the coordinates that its keys ask for."""
+    finder, outputs = observer.form, plant.model.outputs
+    if not isinstance(finder, CanonicalForms):
+        for key in ("map", "chains"):
+            if key in observer.model_fields_set:
+                message = f"{observer.type} has coordinates of its own; this is a key of observers with constant gain"
+                raise Problem(("observers", label, key), message)
+        return finder
+    chains = observer.chains
+    if chains and (set(chains) != set(outputs) or sum(chains.values()) < plant.model.n):
+        found = ", ".join(f"{name}: {length}" for name, length in chains.items())
+        raise Problem(
+            ("observers", label, "chains"),
+            f"expected a length for each output ({', '.join(outputs)}), {plant.model.n} in all or more; found {found}",
+        )
+    if len(outputs) == 1:
+        return finder.chosen(observer.map, chains, {})
+    if chosen is not None and observer.map == "auto" and not chains:
+        return finder.chosen(chosen.map, chosen.taken, noise)
+    return finder.chosen(observer.map, chains, noise)
+
+
+def _elsewhere(plant: BuiltPlant, label: str, observer: AnyObserver) -> str:
+    """Which observers take the plant, in place of one that does not."""
+    others = ", ".join(_takers(plant, sampled=isinstance(observer, SampledObserver)))
+    mine = f"observer {label} ({observer.type}) asks for another form of the plant"
+    return f"{mine}; this plant is taken by {others}" if others else f"{mine}, and no other observer takes this one"
+
+
+def _takers(plant: BuiltPlant, *, sampled: bool) -> Iterator[str]:
+    """The families that find their form of the plant, and a gain for it; those that need samples on request."""
+    for name, family in OBSERVERS.all().items():
+        if issubclass(family, SampledObserver) and not sampled:
+            continue
+        try:
+            block = family.model_validate({"type": name, **family.example(plant.model.states)})
+            form = family.form(plant.model, plant.initial, plant.parameters)
+            block.design(form)
+            form.start(plant.initial, plant.parameters, False)
+        except (NotObservableForm, Problem, ValueError):
+            continue
+        yield name
 
 
 def _decide(plant: BuiltPlant, function: FormFinder, origins: list[Form]) -> tuple[Form, Form]:

@@ -88,7 +88,8 @@ class Design:
         try:
             values["xhat"] = self.form.start(x, parameters, observer.coordinates == "canonical")
         except ValueError as error:
-            raise self._fail("initial", str(error)) from error
+            default = "" if observer.initial else "; that is where estimates start by default: give initial"
+            raise self._fail("initial", f"{error}{default}") from error
         for name, given in observer.internal.items():
             if name not in values or name == "xhat":
                 known = ", ".join(n for n in values if n != "xhat") or "none"

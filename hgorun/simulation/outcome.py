@@ -46,6 +46,7 @@ def record(run: PreparedRun, raw: Raw) -> Result:
             dimension=sum(st.size for name, st in b.states.items() if name != "alpha"),
             diverged_at=lost_at if np.isfinite(lost_at) else None,
             metrics=metrics[b.label],
+            coordinates=run.experiment.coordinates.get(b.label),
         )
     embedded = None
     if METHODS[run.solver.method].error:

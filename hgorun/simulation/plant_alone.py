@@ -11,26 +11,60 @@ from hgorun.config.models import Time
 from hgorun.engine.layout import Held, HybridSystem, Regime
 from hgorun.engine.plan import Plan
 from hgorun.engine.program import Program, Start
-from hgorun.measurement.events import Kinks
+from hgorun.errors import Problem
+from hgorun.measurement.events import Irregular, Kinks, infinite, too_many
+from hgorun.measurement.sampling import SAMPLE_BYTES
 from hgorun.memo import Memo
 from hgorun.plants.build import BuiltPlant, SymbolicPlant
 from hgorun.simulation.tables import count_steps, in_pieces
+from hgorun.symbolic.crossings import TooMany
 from hgorun.symbolic.evaluate import evaluate
 
 _KINKS: Memo[Kinks] = Memo(64)
 _PROGRAMS: Memo[tuple[Program, ca.Function]] = Memo(16)
 
 
-def plant_kinks(plant: BuiltPlant, time: Time, points: int) -> np.ndarray:
-    """Kinks of the plant's equations, inputs and disturbances at times that do not depend on its state."""
+def plant_kinks(plant: BuiltPlant, time: Time) -> Irregular:
+    """Kinks of the plant's equations, inputs and disturbances at times that do not depend on its state.
+
+    Raises
+    ------
+    Problem
+        Where there are more than fit into memory, and where an expression is not finite at some time.
+    """
     symbolic, model = plant.symbolic, plant.model
+    kinks = _KINKS.get(symbolic, lambda: Kinks.of(_functions(symbolic), model.t, symbolic.everything))
+    most = time.max_memory / SAMPLE_BYTES
+    try:
+        found = kinks.between(plant.everything, time.start, time.end, most)
+    except TooMany as error:
+        raise Problem(("plant",), too_many(error, "the plant's functions of time", time.max_memory)) from None
+    if found.infinite is not None and not plant.block.discretise:
+        _refuse(plant, time, found.infinite)
+    return found
 
-    def find() -> Kinks:
-        functions = [symbolic.inputs, symbolic.disturbance]
-        functions += [function(model.t, model.x, symbolic.inputs, model.p) for function in (model.f, model.h)]
-        return Kinks.of(functions, model.t, symbolic.everything)
 
-    return _KINKS.get(symbolic, find).between(plant.everything, time.start, time.end, points)
+def _functions(plant: SymbolicPlant) -> list[ca.SX]:
+    """All that is a function of time or holds one: inputs, disturbances, derivatives and outputs."""
+    model = plant.model
+    equations = [function(model.t, model.x, plant.inputs, model.p) for function in (model.f, model.h)]
+    return [plant.inputs, plant.disturbance, *equations]
+
+
+def _refuse(plant: BuiltPlant, time: Time, when: float) -> None:
+    """Say which of the functions is not finite."""
+    model, block = plant.model, plant.block
+    places: list[list[tuple[str | int, ...]]] = [
+        [("plant", "inputs", name) for name in model.inputs],
+        [("plant", "disturbance", name) for name in model.states],
+        [("plant", *block.place_of(name)) for name in model.states],
+        [("plant",) for _ in model.outputs],
+    ]
+    for functions, paths in zip(_functions(plant.symbolic), places, strict=True):
+        for function, path in zip(ca.vertsplit(functions), paths, strict=True):
+            alone = Kinks.of([function], model.t, plant.symbolic.everything)
+            if alone.between(plant.everything, time.start, time.end).infinite is not None:
+                raise Problem(path, infinite(when))
 
 
 @dataclass(frozen=True)
@@ -39,21 +73,18 @@ class PlantRun:
 
     Attributes
     ----------
-    points : int
-        How finely kinks are searched for.
     step : float
     """
 
     plant: BuiltPlant
     time: Time
-    points: int
     step: float
 
     def at(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Outputs (len(times), q) and the integral of their squares (q,) to the end; times increase."""
         program, output = _PROGRAMS.get(self.plant.symbolic, lambda: _compiled(self.plant.symbolic))
         start, end = self.time.start, self.time.end
-        kinks = plant_kinks(self.plant, self.time, self.points)
+        kinks = plant_kinks(self.plant, self.time).times
         ends = np.concatenate([[start], kinks[(kinks > start) & (kinks < end)], [end]])
         steps = count_steps(np.diff(ends), self.step)
         zero = np.zeros_like(steps)

@@ -89,16 +89,17 @@ def _mean_squares(experiment: Experiment) -> np.ndarray | None:
         return None
     if experiment.plant.block.discretise:
         raise Problem(("plant", "discretise"), "snr_db needs a plant in continuous time; give std")
-    alone = PlantRun(experiment.plant, experiment.blocks.time, experiment.points, nominal_step(experiment))
+    alone = PlantRun(experiment.plant, experiment.blocks.time, nominal_step(experiment))
     return alone.mean_squares()
 
 
 def _schedule(experiment: Experiment, channels: list[Channel], step: float) -> Schedule:
-    time, points = experiment.blocks.time, experiment.points
-    of_signals = [kinks_of(s, points) for channel in channels for s in channel.stretches if s.continuous]
-    kinks = np.concatenate([plant_kinks(experiment.plant, time, points), *of_signals])
-    key: Hashable = tuple(channel.timing for channel in channels), time, kinks.tobytes(), step, points
-    return _SCHEDULES.get(key, lambda: build_schedule(channels, time, kinks, step, points))
+    time = experiment.blocks.time
+    found = [plant_kinks(experiment.plant, time)]
+    found += [kinks_of(s, time.max_memory) for channel in channels for s in channel.stretches if s.continuous]
+    kinks = np.concatenate([irregular.times for irregular in found])
+    key: Hashable = tuple(channel.timing for channel in channels), time, kinks.tobytes(), step
+    return _SCHEDULES.get(key, lambda: build_schedule(channels, time, kinks, step))
 
 
 def nominal_step(experiment: Experiment) -> float:

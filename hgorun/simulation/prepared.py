@@ -96,4 +96,4 @@ class PreparedRun:
     @cached_property
     def plant_alone(self) -> PlantRun:
         """The plant without observers, at other times than those of the grid."""
-        return PlantRun(self.plant, self.time, self.experiment.points, self.step)
+        return PlantRun(self.plant, self.time, self.step)

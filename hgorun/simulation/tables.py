@@ -14,7 +14,7 @@ from hgorun.errors import Problem
 from hgorun.measurement.schedule import Channel, Schedule, nearest_event
 from hgorun.memo import Memo, Same
 
-_PIECE = 1 << 14  # steps between two looks at the keyboard, more only where there were too many pieces
+_PIECE = 1 << 14  # steps between two checks for Ctrl-C, more only where there were too many pieces
 _MOST_PIECES = 100_000
 _MOST_STEPS = 1e10  # then a piece is still a matter of a second
 

@@ -58,7 +58,7 @@ def _check(
 ) -> None:
     if not figures:
         return
-    from hgorun.figures import RunNames, check
+    from hgorun.figures.names import RunNames, check
 
     names = {}
     for name, (experiment, kind) in runs.items():

@@ -74,7 +74,7 @@ def values_of(
     ensembles: Mapping[str, list[dict[str, float]]],
     theory: Callable[[Quantity], float],
 ) -> list[float]:
-    """A claim's value: one number, or one for each seed of the ensembles that it speaks of.
+    """A claim's value: one number, or one for each seed of the ensembles it refers to.
 
     Parameters
     ----------

@@ -20,7 +20,7 @@ from hgorun.simulation.simulate import perform, prepare, simulate
 from hgorun.study.quantities import Quantity, measure_quantity
 from hgorun.study.study import Run, Study
 
-_OF_THE_WINDOW = ("std", "mean", "amplitude")  # quantities of the steady window that are no metrics
+_OF_THE_WINDOW = ("std", "mean", "amplitude")  # quantities of the steady window that are not metrics
 
 
 def scaling_data(

@@ -19,7 +19,7 @@ def split(source: Source) -> dict[str, tuple[Source, dict[str, Any]]]:
     Raises
     ------
     ConfigError
-        When ``runs`` is no mapping of names to mappings.
+        When ``runs`` is not a mapping of names to mappings.
     """
     runs = _mapping(source, ("runs",))
     shared = _without(source, (), OF_THE_FILE)

@@ -1,10 +1,11 @@
 """The coordinates in which a constant-gain observer corrects, and the copy of the plant that it runs there.
 
-A chain, x_i' = x_{i+1} + phi_i(u, x_1..x_i) with y = x_1, is taken as it is. Any other model
-x' = f(x, u), y = h(x) is seen through z = Phi(x) = (h, L_f0 h, ..., L_f0^(n-1) h) with
-f0(x) = f(x, 0), the drift with the inputs at zero: the map of Gauthier and Bornard. With J = dPhi/dx a
-correction kappa made in z is J(x)^-1 kappa in x (Robles Magdaleno 2023, (3.142)). With q outputs there is
-one chain an output.
+A chain, x_i' = c_i x_(i+1) + phi_i(u, x_1..x_i) with y = c_0 x_1, is taken as it is but for the units of its
+links: z_i = c_0 ... c_(i-1) x_i. Any other model x' = f(x, u), y = h(x) is seen through z = Phi(x) =
+(h, L_f0 h, ..., L_f0^(n-1) h) with f0(x) = f(x, 0), the drift with the inputs at zero: the map of Gauthier and
+Bornard. With J = dPhi/dx a correction kappa made in z is J(x)^-1 kappa in x (Robles Magdaleno 2023, (3.142)).
+With q outputs there is one chain an output. Where outputs measure the same, z has more components than x, and
+the correction in x is the one that comes nearest to kappa, in units of the outputs' noise.
 """
 
 from __future__ import annotations
@@ -12,45 +13,39 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Literal
 
 import casadi as ca
 import numpy as np
 
 from hgorun.errors import NotObservableForm
+from hgorun.symbolic.chains import Chain
 from hgorun.symbolic.evaluate import at
 from hgorun.symbolic.forms import Bounds, saturate
 from hgorun.symbolic.matrices import A, inv_Delta
 from hgorun.symbolic.plant import PlantModel
+from hgorun.symbolic.ranks import singular_value_ratio
 from hgorun.symbolic.triangular import blocks_of, superdiagonal
 
-
-def singular_value_ratio(jacobian: np.ndarray) -> float:
-    """Smallest over largest singular value after scaling rows and columns to one; 0 when singular."""
-    if not np.all(np.isfinite(jacobian)):
-        return float("nan")
-    rows = np.linalg.norm(jacobian, axis=1)
-    if np.any(rows == 0):
-        return 0.0
-    scaled = jacobian / rows[:, None]
-    columns = np.linalg.norm(scaled, axis=0)
-    if np.any(columns == 0):
-        return 0.0
-    values = np.linalg.svd(scaled / columns, compute_uv=False)
-    return float(values[-1] / values[0])
+_SINGULAR_START = 1e-12  # of J at the initial estimate
 
 
 @dataclass(frozen=True)
 class CanonicalForm:
-    """z = Phi(x): chains of lengths ``chains`` (their sum is n), one after the other.
+    """z = Phi(x): chains of lengths ``chains``, one after the other.
 
     Attributes
     ----------
     chains : tuple of int
-        Length of each output's chain.
+        Length of each output's chain. Their sum is n, or more where outputs measure the same.
     phi_map, jacobian : casadi.SX
-        Phi(x, p), shape (n,), and J = dPhi/dx, shape (n, n).
+        Phi(x, p), shape (sum(chains),), and J = dPhi/dx, shape (sum(chains), n).
     identity : bool
-        The plant is a chain already: z = x.
+        z = x.
+    links : tuple of Chain
+        Where the plant is made of chains, the states of each; empty where z are derivatives of the outputs.
+    weights : tuple of float
+        Of the outputs where they measure the same: one over the standard deviation of the noise.
     holds : callable, optional
         (at, parameters) -> whether other numbers lead to the same coordinates; without it they always do.
     """
@@ -60,7 +55,24 @@ class CanonicalForm:
     phi_map: ca.SX
     jacobian: ca.SX
     identity: bool
+    links: tuple[Chain, ...] = ()
+    weights: tuple[float, ...] = ()
     holds: Callable[[np.ndarray, np.ndarray], bool] | None = field(default=None, compare=False, repr=False)
+
+    @property
+    def map(self) -> Literal["chain", "derivatives"]:
+        """Whether z are the plant's own states, but for their units, or derivatives of its outputs."""
+        return "chain" if self.identity or self.links else "derivatives"
+
+    @property
+    def taken(self) -> dict[str, int]:
+        """The outputs with the lengths of their chains."""
+        return dict(zip(self.plant.outputs, self.chains, strict=True))
+
+    @property
+    def square(self) -> bool:
+        """Whether z has as many components as x."""
+        return sum(self.chains) == self.plant.n
 
     @cached_property
     def _phi(self) -> ca.Function:
@@ -79,8 +91,48 @@ class CanonicalForm:
         return self._jacobian(x, p)
 
     def jacobian_at(self, x: np.ndarray, parameters: np.ndarray) -> np.ndarray:
-        """J as numbers, shape (n, n)."""
-        return at(self._jacobian, x, parameters)[0].reshape(self.plant.n, self.plant.n)
+        """J as numbers, shape (sum(chains), n)."""
+        return at(self._jacobian, x, parameters)[0].reshape(-1, self.plant.n)
+
+    @property
+    def invertible(self) -> bool:
+        """Whether x is known as a function of z."""
+        return self.square and (self.identity or bool(self.links) or self.plant.inverse is not None)
+
+    def inverse(self, z: ca.SX, p: ca.SX) -> ca.SX:
+        """x of z, where it is :attr:`invertible`."""
+        if self.identity:
+            return z
+        if self.links:
+            return ca.substitute(self._along_states(z), self.plant.p, p)
+        assert self.plant.inverse is not None
+        return self.plant.inverse(z, p)
+
+    def lift(self, x: ca.SX, p: ca.SX, kappa: ca.SX, theta: ca.SX | float) -> ca.SX:
+        """J(x)^-1 kappa; with more rows than states the least squares, rows in units of theta and the noise."""
+        if self.identity:
+            return kappa
+        if self.square and self.links:
+            return ca.substitute(self._along_states(kappa), self.plant.p, p)
+        J = self.J(x, p)
+        if self.square:
+            return ca.solve(J, kappa)
+        units = [
+            weight * unit
+            for weight, length in zip(self.weights, self.chains, strict=True)
+            for unit in ca.vertsplit(ca.diag(inv_Delta(1 / ca.SX(theta), length)))
+        ]
+        W = ca.diag(ca.vertcat(*units))
+        return ca.solve((W @ J).T @ (W @ J), (W @ J).T @ (W @ kappa))
+
+    def _along_states(self, z: ca.SX) -> ca.SX:
+        """x_(state i) = z_i / scale_i: the links undone, in the plant's own parameters."""
+        x, first = [ca.SX(0)] * self.plant.n, 0
+        for chain in self.links:
+            for k, (state, scale) in enumerate(zip(chain.states, chain.scales, strict=True)):
+                x[state] = z[first + k] / scale
+            first += len(chain.states)
+        return ca.vertcat(*x)
 
     def again(self, at: np.ndarray, parameters: np.ndarray) -> CanonicalForm | None:
         """Itself, where other numbers lead to the same coordinates."""
@@ -96,9 +148,11 @@ class CanonicalForm:
 
     def start(self, x: np.ndarray, parameters: np.ndarray, canonical: bool) -> np.ndarray:
         """The initial estimate in the observer's coordinates; ValueError where J is singular."""
-        if canonical and not self.identity and self.plant.inverse is None:
+        if canonical and not self.square:
+            raise ValueError("there are more chain components than states; use coordinates: original")
+        if canonical and not self.invertible:
             raise ValueError("this plant gives no inverse of its canonical map; use coordinates: original")
-        if not singular_value_ratio(self.jacobian_at(x, parameters)) > 1e-12:
+        if not singular_value_ratio(self.jacobian_at(x, parameters)) > _SINGULAR_START:
             where = ", ".join(f"{s} = {v:g}" for s, v in zip(self.plant.states, x, strict=True))
             raise ValueError(f"the Jacobian of the observability map is singular at the initial estimate ({where})")
         return at(self._phi, x, parameters)[0] if canonical else x
@@ -172,8 +226,7 @@ class PlantCopy:
         try:
             block, _ = blocks_of(self.form.plant)
         except NotObservableForm:
-            J = self.form.J(x, self.p)
-            return ca.solve(J, self.form.shift @ (J @ excess))
+            return self.form.lift(x, self.p, self.form.shift @ (self.form.J(x, self.p) @ excess), 1.0)
         return superdiagonal(self.form.plant, block)(self.t, x, self.u, self.p) @ excess
 
     def inv_Delta(self, theta: ca.SX) -> ca.SX:
@@ -188,11 +241,21 @@ class PlantCopy:
         """The first component of every chain, shape (q,)."""
         return ca.vertcat(*[z[i] for i in self.form.heads])
 
-    def lift(self, xhat: ca.SX, kappa: ca.SX) -> ca.SX:
-        """J(x)^-1 kappa: a correction made in z, in the coordinates of the estimate."""
-        if self.canonical or self.form.identity:
-            return kappa
-        return ca.solve(self.form.J(xhat, self.p), kappa)
+    def lift(self, xhat: ca.SX, kappa: ca.SX, theta: ca.SX | float = 1.0) -> ca.SX:
+        """J(x)^-1 kappa: a correction made in z, in the coordinates of the estimate.
+
+        Parameters
+        ----------
+        theta : casadi.SX or float
+            Where outputs measure the same, the component i of a chain counts in units of theta^(i-1).
+        """
+        return kappa if self.canonical else self.form.lift(xhat, self.p, kappa, theta)
+
+    def felt(self, xhat: ca.SX, kappa: ca.SX, theta: ca.SX | float = 1.0) -> ca.SX:
+        """What a correction made in z takes from the derivative of each output, shape (q,)."""
+        if self.form.square:
+            return self.heads(kappa)
+        return ca.jtimes(self.output(xhat), xhat, self.lift(xhat, kappa, theta))
 
     def output(self, xhat: ca.SX) -> ca.SX:
         """C xhat, the outputs of the estimate, shape (q,)."""
@@ -200,10 +263,7 @@ class PlantCopy:
 
     def state(self, xhat: ca.SX) -> ca.SX:
         """The estimate in the plant's coordinates."""
-        if not self.canonical or self.form.identity:
-            return xhat
-        assert self.form.plant.inverse is not None
-        return self.form.plant.inverse(xhat, self.p)
+        return self.form.inverse(xhat, self.p) if self.canonical else xhat
 
     def _saturated(self, x: ca.SX) -> ca.SX:
         return saturate(x, self.form.plant.states, self.bounds)

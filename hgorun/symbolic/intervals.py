@@ -18,6 +18,7 @@ from hgorun.symbolic.instructions import read
 Bounds = tuple[np.ndarray, np.ndarray]
 Operation = Callable[..., Bounds]
 _TOUCH = 1e-9  # how near to an extremum of sin an interval counts as holding it
+_LARGEST_ANGLE = 1e13  # whose place in its period is still known
 
 
 def _outward(low: np.ndarray, high: np.ndarray, units: int = 1) -> Bounds:
@@ -82,11 +83,13 @@ def _sine(a: Bounds) -> Bounds:
     """sin: 1 where a pi/2 + 2 pi k lies in the interval, -1 where a -pi/2 + 2 pi k does, else at the ends."""
     known = np.isfinite(a[0]) & np.isfinite(a[1])
     low, high = np.where(known, a[0], 0.0), np.where(known, a[1], 0.0)
-    wide = ~known | (high - low >= 2 * np.pi) | (np.maximum(np.abs(low), np.abs(high)) > 1e6)
+    size = np.maximum(np.abs(low), np.abs(high))
+    wide = ~known | (high - low >= 2 * np.pi) | (size > _LARGEST_ANGLE)
+    touch = np.maximum(_TOUCH, size * 1e-15)
 
     def holds(phase: float) -> np.ndarray:
-        first = np.ceil((low - phase) / (2 * np.pi) - _TOUCH)
-        return np.asarray(wide | (first <= (high - phase) / (2 * np.pi) + _TOUCH))
+        first = np.ceil((low - phase) / (2 * np.pi) - touch)
+        return np.asarray(wide | (first <= (high - phase) / (2 * np.pi) + touch))
 
     ends = np.sin(low), np.sin(high)
     least, most = _outward(np.minimum(*ends), np.maximum(*ends), 4)
@@ -117,6 +120,14 @@ def _power(a: Bounds, b: Bounds) -> Bounds:
             result = _products(result, _square(base))
         return _products(result, base) if int(exponent) % 2 else result
     return _LIBRARY[ca.OP_EXP](_products(b, _LIBRARY[ca.OP_LOG](a)))
+
+
+def _angle(y: Bounds, x: Bounds) -> Bounds:
+    """atan2: the extremes lie in the corners of a box that the half line of the jump, y = 0 and x <= 0, misses."""
+    jump = (y[0] <= 0) & (y[1] >= 0) & (x[0] <= 0)
+    corners = [np.arctan2(p, q) for p in y for q in x]
+    low, high = _outward(np.minimum.reduce(corners), np.maximum.reduce(corners), 4)
+    return np.where(jump, -4.0, low), np.where(jump, 4.0, high)
 
 
 def _root(a: Bounds) -> Bounds:
@@ -184,6 +195,7 @@ _LIBRARY: dict[int, Operation] = {
     ca.OP_ASIN: _increasing(np.arcsin),
     ca.OP_ACOS: lambda a: _add((np.full_like(a[0], np.pi / 2),) * 2, _negative(_LIBRARY[ca.OP_ASIN](a))),
     ca.OP_ATAN: _increasing(np.arctan),
+    ca.OP_ATAN2: _angle,
     ca.OP_SINH: _increasing(np.sinh),
     ca.OP_COSH: _cosh,
     ca.OP_TANH: _increasing(np.tanh, -1.0, 1.0),
@@ -206,6 +218,37 @@ _LIBRARY: dict[int, Operation] = {
 }
 
 
+_WHOLE_LINE = np.array(-np.inf), np.array(np.inf)
+
+
+def enclose(function: ca.Function, argument: Callable[[int, int], Bounds]) -> list[list[Bounds]]:
+    """Bounds of all entries of all outputs of a function of dense vectors.
+
+    Parameters
+    ----------
+    function : casadi.Function
+        Made of SX.
+    argument : callable
+        Bounds of an entry of an argument, from the numbers of both. Their shapes are broadcast: what is the same
+        in all boxes can be a single number.
+    """
+    values: dict[int, Bounds] = {}
+    zero = np.array(0.0)
+    found: list[list[Bounds]] = [[(zero, zero)] * function.numel_out(i) for i in range(function.n_out())]
+    with np.errstate(all="ignore"):
+        for i in read(function):
+            if i.op == ca.OP_OUTPUT:
+                found[i.place[0]][i.place[1]] = values[i.arguments[0]]
+            elif i.op == ca.OP_INPUT:
+                values[i.value] = argument(*i.place)
+            elif i.op == ca.OP_CONST:
+                values[i.value] = np.array(i.number), np.array(i.number)
+            else:
+                operation = _LIBRARY.get(i.op)
+                values[i.value] = operation(*[values[a] for a in i.arguments]) if operation else _WHOLE_LINE
+    return found
+
+
 @dataclass(frozen=True)
 class Enclosure:
     """A function of a vector, evaluated on boxes.
@@ -220,25 +263,12 @@ class Enclosure:
 
     def each(self, low: np.ndarray, high: np.ndarray) -> Bounds:
         """Bounds (M, m) of the m values on M boxes with corners low and high, shapes (M, d)."""
-        many = low.shape[0]
-        values: dict[int, Bounds] = {}
-        found = tuple(np.zeros((many, self.function.numel_out(0))) for _ in range(2))
-        whole = np.full(many, -np.inf), np.full(many, np.inf)
-        for i in read(self.function):
-            if i.op == ca.OP_OUTPUT:
-                for side, value in zip(found, values[i.arguments[0]], strict=True):
-                    side[:, i.place[1]] = value
-            elif i.op == ca.OP_INPUT:
-                column = i.place[1]
-                values[i.value] = low[:, column], high[:, column]
-            elif i.op == ca.OP_CONST:
-                values[i.value] = np.full(many, i.number), np.full(many, i.number)
-            else:
-                operation = _LIBRARY.get(i.op)
-                arguments = [values[a] for a in i.arguments]
-                with np.errstate(all="ignore"):
-                    values[i.value] = operation(*arguments) if operation else whole
-        return found[0], found[1]
+        (found,) = enclose(self.function, lambda _, column: (low[:, column], high[:, column]))
+        sides = tuple(np.zeros((low.shape[0], len(found))) for _ in range(2))
+        for column, bounds in enumerate(found):
+            for side, value in zip(sides, bounds, strict=True):
+                side[:, column] = value
+        return sides[0], sides[1]
 
     def __call__(self, low: np.ndarray, high: np.ndarray) -> Bounds:
         """Bounds (M,) of the only value."""

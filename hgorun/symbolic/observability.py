@@ -2,126 +2,278 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import replace
-from functools import partial
-from heapq import merge
-from itertools import islice, product
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import groupby, islice, product
+from typing import Literal
 
 import casadi as ca
 import numpy as np
 
 from hgorun.errors import NotObservableForm
-from hgorun.symbolic import evaluate
-from hgorun.symbolic.canonical import CanonicalForm, singular_value_ratio
+from hgorun.symbolic import evaluate, ranks
+from hgorun.symbolic.canonical import CanonicalForm
+from hgorun.symbolic.chains import Chain, Links
 from hgorun.symbolic.plant import PlantModel
-from hgorun.symbolic.triangular import blocks_of
 
-_MOST_SHARES = 50  # of the states among the outputs that are tried
+_MOST_SHARES = 300  # of the states among the outputs that are tried
+_TIE = 1e-6  # of the logarithm of a determinant
+_INPUTS = (1.0, 1e-4, 1e4, 1e-8, 1e8, 1.0, 1e-12, 1e12, 1.0)  # sizes of inputs, whose units are unknown
+_TRIANGULAR = 1e-7  # relative size of a slope that is rounding
 
 
-def canonical_form(plant: PlantModel, at: np.ndarray, parameters: np.ndarray) -> CanonicalForm:
-    """Find the coordinates of a plant, or say why there are none.
+@dataclass(frozen=True)
+class CanonicalForms:
+    """The class of plants with chains as coordinates: a function that gives a plant's form.
 
-    Parameters
+    Where the plant is made of chains with constant links, in whatever order its states are listed, these are
+    taken; elsewhere the derivatives of the outputs. With several outputs the n rows h, L h, L^2 h ... are
+    shared among them as evenly as is possible with J regular; of equally even ways the one with the largest
+    determinant of J, its rows in units of the outputs' noise; of equal ones the one with the longer chain for
+    the output that comes first in the alphabet. Where outputs measure the same, all get chains of one length.
+    None of this depends on the order or the units in which a plant is written.
+
+    Attributes
     ----------
-    plant : PlantModel
-    at : ndarray, shape (n,)
-        A typical state: ranks are decided at random points around it.
-    parameters : ndarray
-        Values of the parameters.
-
-    Raises
-    ------
-    NotObservableForm
-        When a state does not reach the output, when J is singular everywhere, or when the model is
-        not triangular in z, so that some input can hide a state.
+    map : {"auto", "chain", "derivatives"}
+        The chains of the plant, the derivatives of its outputs, or chains where there are some.
+    chains : tuple of (str, int)
+        Length of every output's chain, if they are chosen.
+    noise : tuple of (str, float)
+        Standard deviation of the noise of outputs; 1 where it is left out.
     """
-    if is_chain(plant):
-        eye = ca.SX.eye(plant.n)
-        return CanonicalForm(plant, (plant.n,), plant.x, eye, identity=True)
-    chains_found = _chains(plant) if len(plant.outputs) > 1 else None
-    if chains_found:
-        order = [state for chain in chains_found for state in chain]
-        z = ca.vertcat(*[plant.x[i] for i in order])
-        lengths = tuple(len(chain) for chain in chains_found)
-        return CanonicalForm(plant, lengths, z, ca.jacobian(z, plant.x), identity=False)
-    derivatives = _lie_derivatives(plant)
-    points = _points_around(at)
-    singular: list[CanonicalForm] = []
-    for chains in _chain_lengths(plant.n, len(plant.outputs)):
-        rows = [derivatives[i][k] for i, length in enumerate(chains) for k in range(length)]
-        phi_map = ca.cse(ca.vertcat(*rows))
-        form = CanonicalForm(plant, chains, phi_map, ca.cse(ca.jacobian(phi_map, plant.x)), identity=False)
-        if _rank(form, points, parameters) == plant.n:
-            slopes = _slopes(form)
-            _require_triangular(form, slopes, points, parameters)
-            return replace(form, holds=partial(_holds, form, slopes, tuple(singular)))
-        singular.append(form)
-    raise NotObservableForm(_why_singular(singular[0], points, parameters))
+
+    map: Literal["auto", "chain", "derivatives"] = "auto"
+    chains: tuple[tuple[str, int], ...] = ()
+    noise: tuple[tuple[str, float], ...] = ()
+
+    def chosen(
+        self,
+        map: Literal["auto", "chain", "derivatives"],
+        chains: Mapping[str, int],
+        noise: Mapping[str, float],
+    ) -> CanonicalForms:
+        """The same class with a choice of coordinates."""
+        return replace(self, map=map, chains=tuple(chains.items()), noise=tuple(noise.items()))
+
+    def __call__(self, plant: PlantModel, at: np.ndarray, parameters: np.ndarray) -> CanonicalForm:
+        """Find the coordinates of a plant, or say why there are none.
+
+        Parameters
+        ----------
+        plant : PlantModel
+        at : ndarray, shape (n,)
+            A typical state: ranks are decided at random points around it.
+        parameters : ndarray
+            Values of the parameters.
+
+        Raises
+        ------
+        NotObservableForm
+            When a state does not reach the output, when J is singular everywhere, or when the model is
+            not triangular in z, so that some input can hide a state.
+        """
+        return _Search(self, plant).form(at, parameters)
 
 
-def _holds(
-    form: CanonicalForm,
-    slopes: ca.Function,
-    singular: tuple[CanonicalForm, ...],
-    at: np.ndarray,
-    parameters: np.ndarray,
-) -> bool:
-    """Whether other numbers decide as those did for which ``form`` was found after ``singular``."""
-    points = _points_around(at)
-    if any(_rank(other, points, parameters) == form.plant.n for other in singular):
-        return False
-    if _rank(form, points, parameters) < form.plant.n:
-        return False
-    try:
-        _require_triangular(form, slopes, points, parameters)
-    except NotObservableForm:
-        return False
-    return True
+canonical_form = CanonicalForms()
 
 
-def is_chain(plant: PlantModel) -> bool:
-    """Whether y = x_1 and x_i' = x_{i+1} + phi_i(t, u, x_1..x_i)."""
-    if len(plant.outputs) != 1 or not ca.is_equal(ca.SX(plant.output), plant.x[0]):
-        return False
-    jacobian = ca.jacobian(plant.dynamics, plant.x)
-    for i in range(plant.n - 1):
-        for j in range(i + 1, plant.n):
-            entry = ca.simplify(jacobian[i, j])
-            if not entry.is_constant() or float(entry) != (1.0 if j == i + 1 else 0.0):
-                return False
-    return True
+class _Search:
+    """The ways to choose coordinates of a plant: what is symbolic is done once, numbers decide among them."""
 
+    def __init__(self, wishes: CanonicalForms, plant: PlantModel) -> None:
+        self.wishes, self.plant = wishes, plant
+        noise = dict(wishes.noise)
+        self.weights = tuple(1 / noise.get(name, 1.0) for name in plant.outputs)
+        self.links = Links(plant)
+        self._known: dict[tuple[int, ...], CanonicalForm] = {}
+        self._rows: dict[tuple[int, int], ca.Function] = {}
 
-def _chains(plant: PlantModel) -> list[list[int]] | None:
-    """Several chains that may feed each other downwards: the states of each, or None.
+    def form(self, at: np.ndarray, parameters: np.ndarray) -> CanonicalForm:
+        """The form for these numbers."""
+        form = self._chosen(at, parameters)
+        return replace(form, holds=lambda at, parameters: self._again(form, at, parameters))
 
-    For every output a measured state, and x_i' = x_(i+1) + phi_i along each chain, phi_i depending on the
-    first i states of all chains.
-    """
-    try:
-        block, measured = blocks_of(plant)
-    except NotObservableForm:
-        return None
-    jacobian = ca.jacobian(plant.dynamics, plant.x)
-    following: dict[int, int] = {}
-    for i, j in product(range(plant.n), repeat=2):
-        if block[j] > block[i]:
-            slope = ca.simplify(jacobian[i, j])
-            if not slope.is_constant() or float(slope) not in (0.0, 1.0):
-                return None
-            if float(slope) == 1.0:
-                if block[j] > block[i] + 1 or i in following or j in following.values():
-                    return None
-                following[i] = j
-    chains = []
-    for head in measured:
-        chain = [head]
-        while chain[-1] in following:
-            chain.append(following[chain[-1]])
-        chains.append(chain)
-    return chains if sum(map(len, chains)) == plant.n else None
+    def _again(self, form: CanonicalForm, at: np.ndarray, parameters: np.ndarray) -> bool:
+        """Whether other numbers lead to the same coordinates."""
+        try:
+            other = self._chosen(at, parameters)
+        except NotObservableForm:
+            return False
+        states = [[chain.states for chain in each.links] for each in (form, other)]
+        return (other.map, other.chains, states[1]) == (form.map, form.chains, states[0])
+
+    def _chosen(self, at: np.ndarray, parameters: np.ndarray) -> CanonicalForm:
+        links = self.links.chains(parameters) if self.wishes.map != "derivatives" else None
+        if links is not None:
+            form = self._of_links(links)
+            if not self.wishes.chains or dict(self.wishes.chains) == form.taken:
+                return form
+        if self.wishes.map == "chain":
+            raise NotObservableForm(
+                f"map: chain asks for x_i' = c_i x_(i+1) + phi_i(u, x_1..x_i) with constant c_i and outputs c_0 x_1"
+                f"{', with the lengths of the key chains' if links is not None else ''}; take map: derivatives"
+            )
+        points = ranks.points_around(at, self.plant.states)
+        lengths = self._lengths(points, parameters)
+        form = self._of_derivatives(lengths)
+        self._require_triangular(form, points, parameters)
+        return form
+
+    def _of_links(self, links: tuple[Chain, ...]) -> CanonicalForm:
+        plant = self.plant
+        lengths = tuple(len(chain.states) for chain in links)
+        z = ca.vertcat(*[s * plant.x[i] for chain in links for i, s in zip(chain.states, chain.scales, strict=True)])
+        identity = len(lengths) == 1 and bool(ca.is_equal(z, plant.x))
+        if identity:
+            return CanonicalForm(plant, lengths, plant.x, ca.SX.eye(plant.n), identity=True)
+        return CanonicalForm(
+            plant, lengths, z, ca.jacobian(z, plant.x), identity=False, links=links, weights=self.weights
+        )
+
+    def _of_derivatives(self, lengths: tuple[int, ...]) -> CanonicalForm:
+        if lengths not in self._known:
+            rows = [self._derivatives[i][k] for i, length in enumerate(lengths) for k in range(length)]
+            phi_map = ca.cse(ca.vertcat(*rows))
+            jacobian = ca.cse(ca.jacobian(phi_map, self.plant.x))
+            self._known[lengths] = CanonicalForm(
+                self.plant, lengths, phi_map, jacobian, identity=False, weights=self.weights
+            )
+        return self._known[lengths]
+
+    @cached_property
+    def _derivatives(self) -> list[list[ca.SX]]:
+        return _lie_derivatives(self.plant)
+
+    def _row(self, output: int, order: int) -> ca.Function:
+        """The gradient of L^order h of an output, of (x, p)."""
+        if (output, order) not in self._rows:
+            gradient = ca.jacobian(self._derivatives[output][order], self.plant.x)
+            self._rows[output, order] = ca.Function("row", [self.plant.x, self.plant.p], [ca.densify(ca.cse(gradient))])
+        return self._rows[output, order]
+
+    def _jacobian(self, lengths: tuple[int, ...], x: np.ndarray, parameters: np.ndarray) -> np.ndarray:
+        """J with its rows in units of the outputs' noise, shape (sum(lengths), n)."""
+        rows = [
+            evaluate.at(self._row(i, k), x, parameters)[0].ravel() * self.weights[i]
+            for i, length in enumerate(lengths)
+            for k in range(length)
+        ]
+        return np.array(rows).reshape(-1, self.plant.n)
+
+    def _lengths(self, points: list[np.ndarray], parameters: np.ndarray) -> tuple[int, ...]:
+        """How long the chain of every output is."""
+        plant = self.plant
+        q = len(plant.outputs)
+        if self.wishes.chains:
+            given = dict(self.wishes.chains)
+            lengths = tuple(given[name] for name in plant.outputs)
+            if self._regular(lengths, points, parameters):
+                return lengths
+            raise NotObservableForm(self._why_not(lengths, points, parameters))
+        for _, even in groupby(_chain_lengths(plant.outputs, plant.n), _unevenness):
+            sizes = {lengths: self._size(lengths, points, parameters) for lengths in even}
+            best = max(sizes.values())
+            if best > -np.inf:
+                return next(lengths for lengths, size in sizes.items() if size >= best - _TIE * (1 + abs(best)))
+        for length in range(1, plant.n + 1 if q > 1 else 1):
+            if q * length >= plant.n and self._regular((length,) * q, points, parameters):
+                return (length,) * q
+        raise NotObservableForm(self._why_not((plant.n,) * q, points, parameters))
+
+    def _moves(self, lengths: tuple[int, ...]) -> bool:
+        """Whether the map depends on time."""
+        rows = [self._derivatives[i][k] for i, length in enumerate(lengths) for k in range(length)]
+        return bool(ca.depends_on(ca.vertcat(*rows), self.plant.t))
+
+    def _regular(self, lengths: tuple[int, ...], points: list[np.ndarray], parameters: np.ndarray) -> bool:
+        """Whether the map does not depend on time, and J has rank n at one of the points."""
+        if self._moves(lengths):
+            return False
+        jacobians = (self._jacobian(lengths, x, parameters) for x in points)
+        return any(ranks.singular_value_ratio(jacobian) > ranks.SINGULAR for jacobian in jacobians)
+
+    def _size(self, lengths: tuple[int, ...], points: list[np.ndarray], parameters: np.ndarray) -> float:
+        """The mean logarithm of |det J| over the points where J is regular; -inf where there are none.
+
+        Differences of it do not depend on units: those of the states change all determinants alike, that of
+        time does so among equally uneven lengths, and those of the outputs cancel against their noise.
+        """
+        if len(self.plant.outputs) == 1:
+            return 0.0 if self._regular(lengths, points, parameters) else -np.inf
+        sizes: list[float] = []
+        for x in points if not self._moves(lengths) else ():
+            jacobian = self._jacobian(lengths, x, parameters)
+            if ranks.singular_value_ratio(jacobian) > ranks.SINGULAR:
+                sizes.append(float(np.linalg.slogdet(jacobian)[1]))
+        return float(np.mean(sizes)) if sizes else -np.inf
+
+    def _why_not(self, lengths: tuple[int, ...], points: list[np.ndarray], parameters: np.ndarray) -> str:
+        plant = self.plant
+        if self._moves(lengths):
+            return (
+                "the observability map (h, L_f h, ...) depends on time; declare what varies as an input, since the "
+                "map is taken with the inputs at zero"
+            )
+        rows = [self._derivatives[i][k] for i, length in enumerate(lengths) for k in range(length)]
+        seen = set(ca.jacobian(ca.vertcat(*rows), plant.x).sparsity().get_col())
+        missing = [name for k, name in enumerate(plant.states) if k not in seen]
+        names = ", ".join(plant.outputs)
+        if missing:
+            return (
+                f"state {', '.join(missing)} does not appear in the output {names} and its derivatives along the "
+                "drift (inputs at zero): it cannot be observed by a constant-gain observer"
+            )
+        jacobians = [self._jacobian(lengths, x, parameters) for x in points]
+        finite = [jacobian for jacobian in jacobians if np.all(np.isfinite(jacobian))]
+        if not finite:
+            return "the observability map (h, L_f h, ...) of the drift is not a finite number near the initial state"
+        best = max(finite, key=ranks.rank)
+        unseen = ranks.null_direction(best)
+        parts = [name for name, c in zip(plant.states, unseen, strict=True) if abs(c) > 1e-6 * np.abs(unseen).max()]
+        return (
+            f"the observability map (h, L_f h, ...) of the drift has a singular Jacobian everywhere "
+            f"(rank {ranks.rank(best)} of {plant.n}): {', '.join(parts)} cannot be told apart from the output {names}"
+        )
+
+    def _require_triangular(self, form: CanonicalForm, points: list[np.ndarray], parameters: np.ndarray) -> None:
+        """In z the model must be a chain plus phi(u, z) with phi_i a function of z_1..z_i only.
+
+        What is not drift is what inputs and time bring in; the drift's own slopes say what is rounding.
+        """
+        plant = form.plant
+        if not plant.inputs:
+            return
+        position = [k for length in form.chains for k in range(length)]
+        last = [k == length - 1 for length in form.chains for k in range(length)]
+        generator = np.random.default_rng(1)
+        slopes = self._slopes(form)
+        for x, size in zip(points, _INPUTS, strict=True):
+            u, t = size * generator.uniform(-1, 1, plant.u.numel()), generator.uniform()
+            jacobian = form.jacobian_at(x, parameters)
+            if not ranks.singular_value_ratio(jacobian) > ranks.SINGULAR:
+                continue
+            back = np.linalg.inv(jacobian) if form.square else np.linalg.pinv(jacobian)
+            added, whole = (v.reshape(-1, plant.n) for v in evaluate.at(slopes, t, x, u, parameters))
+            in_z, scale = added @ back, (np.abs(added) + np.abs(whole)) @ np.abs(back)
+            for i, j in product(range(len(position)), repeat=2):
+                if position[j] > position[i] and not last[i] and abs(in_z[i, j]) > _TRIANGULAR * scale[i, j]:
+                    raise NotObservableForm(
+                        f"not uniformly observable: in the coordinates z = (h, L_f h, ...) the derivative of "
+                        f"z{i + 1} depends on z{j + 1} through an input or time (slope {in_z[i, j]:.3g}), so some "
+                        "input can hide a state; a constant-gain observer needs a triangular model"
+                    )
+
+    def _slopes(self, form: CanonicalForm) -> ca.Function:
+        """The slopes in x of z' with the inputs less z' without them, and of z' itself, from (t, x, u, p)."""
+        plant = form.plant
+        drift = plant.f(plant.t, plant.x, ca.SX.zeros(plant.u.shape), plant.p)
+        added = ca.jacobian(form.jacobian @ (plant.dynamics - drift), plant.x)
+        whole = ca.jacobian(form.jacobian @ plant.dynamics, plant.x)
+        arguments = [plant.t, plant.x, plant.u, plant.p]
+        return ca.Function("slopes", arguments, [ca.densify(ca.cse(added)), ca.densify(ca.cse(whole))])
 
 
 def _lie_derivatives(plant: PlantModel) -> list[list[ca.SX]]:
@@ -135,26 +287,34 @@ def _lie_derivatives(plant: PlantModel) -> list[list[ca.SX]]:
         for _ in range(plant.n - 1):
             functions.append(ca.cse(ca.jtimes(functions[-1], plant.x, drift)))
         chains.append(functions)
-    if plant.n and ca.depends_on(ca.vertcat(*[f for chain in chains for f in chain]), plant.t):
-        raise NotObservableForm(
-            "the observability map (h, L_f h, ...) depends on time; declare what varies as an input, since the map "
-            "is taken with the inputs at zero, or take an observer with time-varying gain (shgo_riccati, fhgo1, "
-            "fhgo2_nuos)"
-        )
     return chains
 
 
-def _chain_lengths(n: int, outputs: int) -> Iterator[tuple[int, ...]]:
-    """Ways to share n among the outputs, the most even first; a few hundred where there are very many."""
-    if outputs > n:
-        raise NotObservableForm(f"{outputs} outputs measure {n} states: at most one output a state")
+def _chain_lengths(outputs: tuple[str, ...], n: int) -> Iterator[tuple[int, ...]]:
+    """Ways to share n among the outputs, the most even first, at least one each; the first few hundred.
+
+    Of equally even ones those come first that give more to the outputs that come first in the alphabet.
+    """
+    count = len(outputs)
+    places = sorted(range(count), key=lambda i: outputs[i])
     by_spread = (
-        share
-        for spread in range(n - outputs + 1)
-        for share in merge(*(_shares(n, outputs, low, low + spread) for low in range(1, n // outputs + 1)))
-        if max(share) - min(share) == spread
+        tuple(share[places.index(i)] for i in range(count))
+        for spread in range(n - count + 1)
+        for share in sorted(
+            {
+                share
+                for low in range(1, n // count + 1)
+                for share in islice(_shares(n, count, low, low + spread), _MOST_SHARES)
+                if max(share) - min(share) == spread
+            },
+            key=lambda share: (sorted(share), [-k for k in share]),
+        )
     )
     yield from islice(by_spread, _MOST_SHARES)
+
+
+def _unevenness(lengths: tuple[int, ...]) -> tuple[int, list[int]]:
+    return max(lengths) - min(lengths), sorted(lengths)
 
 
 def _shares(n: int, parts: int, low: int, high: int) -> Iterator[tuple[int, ...]]:
@@ -165,82 +325,3 @@ def _shares(n: int, parts: int, low: int, high: int) -> Iterator[tuple[int, ...]
     for first in range(max(low, n - (parts - 1) * high), min(high, n - (parts - 1) * low) + 1):
         for rest in _shares(n - first, parts - 1, low, high):
             yield first, *rest
-
-
-def _points_around(at: np.ndarray) -> list[np.ndarray]:
-    generator = np.random.default_rng(0)
-    scale = np.abs(at) + 0.1
-    return [at] + [at + 0.3 * scale * generator.uniform(-1, 1, at.size) for _ in range(8)]
-
-
-def _rank(form: CanonicalForm, points: list[np.ndarray], parameters: np.ndarray) -> int:
-    """Generic rank of J: n as soon as it is regular at one of the points."""
-    best = 0
-    for x in points:
-        jacobian = form.jacobian_at(x, parameters)
-        if not np.all(np.isfinite(jacobian)):
-            continue
-        if singular_value_ratio(jacobian) > 1e-10:
-            return form.plant.n
-        best = max(best, int(np.linalg.matrix_rank(jacobian)))
-    return best
-
-
-def _why_singular(form: CanonicalForm, points: list[np.ndarray], parameters: np.ndarray) -> str:
-    plant = form.plant
-    seen = set(form.jacobian.sparsity().get_col())
-    missing = [name for k, name in enumerate(plant.states) if k not in seen]
-    names = ", ".join(plant.outputs)
-    if missing:
-        return (
-            f"state {', '.join(missing)} does not appear in the output {names} and its derivatives along the "
-            "drift (inputs at zero): it cannot be observed by a constant-gain observer"
-        )
-    for x in points:
-        jacobian = form.jacobian_at(x, parameters)
-        if np.all(np.isfinite(jacobian)):
-            direction = np.linalg.svd(jacobian)[2][-1]
-            parts = [name for name, c in zip(plant.states, direction, strict=True) if abs(c) > 1e-6]
-            rank = int(np.linalg.matrix_rank(jacobian))
-            return (
-                f"the observability map (h, L_f h, ...) of the drift has a singular Jacobian everywhere "
-                f"(rank {rank} of {plant.n}): {', '.join(parts)} cannot be told apart from the output {names}"
-            )
-    return "the observability map (h, L_f h, ...) of the drift is not a finite number near the initial state"
-
-
-def _slopes(form: CanonicalForm) -> ca.Function:
-    """d phi / dx from (t, x, u, p), of the model z' = shift z + phi."""
-    plant = form.plant
-    phi = form.jacobian @ plant.dynamics - form.shift @ form.phi_map
-    return ca.Function("slopes", [plant.t, plant.x, plant.u, plant.p], [ca.jacobian(phi, plant.x)])
-
-
-def _require_triangular(
-    form: CanonicalForm, slopes: ca.Function, points: list[np.ndarray], parameters: np.ndarray
-) -> None:
-    """In z the model must be a chain plus phi(u, z) with phi_i a function of z_1..z_i only."""
-    plant = form.plant
-    position = [k for length in form.chains for k in range(length)]
-    generator = np.random.default_rng(1)
-    for x in points:
-        u = generator.uniform(-1, 1, plant.u.numel())
-        jacobian = form.jacobian_at(x, parameters)
-        if not singular_value_ratio(jacobian) > 1e-10:
-            continue
-        slope = evaluate.at(slopes, generator.uniform(), x, u, parameters)[0].reshape(plant.n, plant.n)
-        in_z = slope @ np.linalg.inv(jacobian)
-        scale = np.abs(slope) @ np.abs(np.linalg.inv(jacobian)) + 1e-300
-        for i, j in product(range(plant.n), repeat=2):
-            last = position[i] == form.chains[_chain_of(form, i)] - 1
-            if position[j] > position[i] and not last and abs(in_z[i, j]) > 1e-7 * (1 + scale[i].max()):
-                raise NotObservableForm(
-                    f"not uniformly observable: in the coordinates z = (h, L_f h, ...) the derivative of "
-                    f"z{i + 1} depends on z{j + 1} through an input or time (slope {in_z[i, j]:.3g}), so some "
-                    "input can hide a state; a constant-gain observer needs a triangular model. With persistent "
-                    "excitation an observer with time-varying gain will do (shgo_riccati, fhgo1, fhgo2_nuos)"
-                )
-
-
-def _chain_of(form: CanonicalForm, row: int) -> int:
-    return int(np.searchsorted(np.cumsum(form.chains), row, side="right"))

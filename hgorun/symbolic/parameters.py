@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import casadi as ca
 import numpy as np
+
+_NOT_A_WORD = re.compile(r"\W", re.ASCII)
 
 
 def flat(values: Any) -> np.ndarray:
@@ -25,7 +28,8 @@ class Parameters:
         """Append an array; returns its symbol, of the same shape (at most two dimensions)."""
         array = np.asarray(values, dtype=float)
         rows, columns = (*array.shape, 1, 1)[:2]
-        symbol = ca.SX.sym(name, rows, columns)
+        # CasADi reads brackets in a symbol's name as part of an expression, and names can be anybody's labels
+        symbol = ca.SX.sym(_NOT_A_WORD.sub("_", name), rows, columns)
         self._symbols.append(ca.vec(symbol))
         self._values.append(flat(array))
         return symbol

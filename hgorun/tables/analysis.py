@@ -11,6 +11,7 @@ import numpy as np
 
 from hgorun.analysis.finding import Finding
 from hgorun.analysis.report import Analysis, Findings
+from hgorun.result.result import Result
 from hgorun.tables.metrics import number, packed, wrapped
 from hgorun.tables.typeset import printable
 
@@ -31,7 +32,7 @@ def text(analysis: Analysis) -> str:
     for block in packed(list(found), groups) if found else [["no observers"]]:
         lines += ["", *block]
     lines += ["", *wrapped(_CAUTION)]
-    for words in _notes(found):
+    for words in [*_coordinates(result), *_notes(found)]:
         lines += wrapped(words)
     return "\n".join(lines)
 
@@ -83,6 +84,15 @@ def _poles(values: np.ndarray) -> str:
             f"{pole.real:g}" + (f"±{pole.imag:g}j" if pole.imag else "") + (f" ({times})" if times > 1 else "")
         )
     return ", ".join(parts) + (", ..." if len(rounded) > 3 else "")
+
+
+def _coordinates(result: Result) -> list[str]:
+    """In which coordinates observers correct, those that share them together."""
+    labels: dict[str, list[str]] = {}
+    for label, o in result.observers.items():
+        if o.coordinates is not None:
+            labels.setdefault(str(o.coordinates), []).append(label)
+    return [f"coordinates of {', '.join(own)}: {text}" for text, own in labels.items()]
 
 
 def _notes(found: Mapping[str, Findings]) -> list[str]:

@@ -83,12 +83,16 @@ def as_json(result: Result, file: str | None = None, predicted: Predicted | None
     Returns
     -------
     dict
-        ``{"name", "file", "status", "observers": {label: {"status", metric: {state: number}}}}``, and
-        ``integration_error`` where it is known. Numbers that are not finite are text.
+        ``{"name", "file", "status", "observers": {label: {"status", metric: {state: number}}}}``,
+        ``integration_error`` where it is known, and an observer's ``coordinates``, where it has a choice of them:
+        ``{"map", "chains": {output: length}}``. Numbers that are not finite are text.
     """
     observers: dict[str, dict[str, Any]] = {
         label: {"status": result.observers[label].status} | metrics for label, metrics in result.metrics().items()
     }
+    for label, o in result.observers.items():
+        if o.coordinates is not None:
+            observers[label]["coordinates"] = {"map": o.coordinates.map, "chains": dict(o.coordinates.chains)}
     for label, values in (predicted or {}).items():
         observers[label]["predicted"] = values
     found: dict[str, Any] = {

@@ -212,13 +212,17 @@ def check_nodes(graph: Graph, at: dict[str, Array], values: Array) -> None:
     """Every node is its operation on the values of its arguments."""
     constants, nodes = graph
     known = [np.broadcast_to(row, POINTS) for name in SIZES for row in at[name]]
+    folded = [False] * len(known) + [True] * len(constants)
     known += [np.full(POINTS, c) for c in constants]
     for (op, a, b), value in zip(nodes, values, strict=True):
+        folded.append(folded[a] and (op in UNARY or folded[b]))
         operation = UNARY[op] if op in UNARY else BINARY[op]
         arguments = [known[a]] if op in UNARY else [known[a], known[b]]
         with np.errstate(all="ignore"):
             expected = np.asarray(operation.reference(*arguments), dtype=np.float64)
-        off = places_apart(value, expected)
+        if folded[-1]:
+            expected = expected + 0.0  # CasADi computes what follows from constants alone, and has no -0.0 among them
+        off = places_apart(value + 0.0 if folded[-1] else value, expected)
         worst = int(np.argmax(off))
         assert off[worst] <= operation.ulp, (
             f"operation {op} of {[x[worst] for x in arguments]}: {value[worst]!r}, numpy says {expected[worst]!r}"

@@ -23,10 +23,12 @@ from matplotlib.transforms import BboxBase
 from hgorun import ConfigError, HgorunError, Result
 from hgorun.config.models import Figure
 from hgorun.errors import Problem
-from hgorun.figures import RunNames, check, comparison, draw, save
 from hgorun.figures.actors import Actor
 from hgorun.figures.data import Curve, moving_maximum, state_limits, thinned
+from hgorun.figures.drawing import comparison, draw
+from hgorun.figures.files import save
 from hgorun.figures.looks import Look, family_colour, looks
+from hgorun.figures.names import RunNames, check
 from hgorun.figures.style import DASHES, PALETTE, TRUTH
 from hgorun.result.data import Measurements, ObserverResult
 from hgorun.tables.typeset import latex_words, paragraph, shortened, symbol, unit, words
@@ -546,7 +548,8 @@ def test_equal_bytes_in_another_process(result: Result, tmp_path: Path) -> None:
     save(draw(result, block({"state": "x1"}, {"error": "x2"})), tmp_path / "a")
     result.save(tmp_path / "r.h5")
     code = (
-        "import hgorun, sys; from hgorun.config.models import Figure; from hgorun.figures import draw, save;"
+        "import hgorun, sys; from hgorun.config.models import Figure;"
+        "from hgorun.figures.drawing import draw; from hgorun.figures.files import save;"
         "figure = Figure.model_validate({'panels': [{'state': 'x1'}, {'error': 'x2'}]});"
         "save(draw(hgorun.read(sys.argv[1]), figure), sys.argv[2]);"
         "assert 'matplotlib.pyplot' not in sys.modules"

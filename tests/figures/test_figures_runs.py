@@ -16,8 +16,11 @@ from PIL import Image
 
 from hgorun.config.models import Figure
 from hgorun.errors import HgorunError, Problem
-from hgorun.figures import RunNames, ScaledObserver, ScalingData, check, comparison, draw, save, thumbnail
+from hgorun.figures.drawing import comparison, draw
+from hgorun.figures.files import save, thumbnail
 from hgorun.figures.looks import family_colour
+from hgorun.figures.names import RunNames, check
+from hgorun.figures.scaling import ScaledObserver, ScalingData
 from hgorun.figures.style import TRUTH
 from hgorun.result.data import Measurements, ObserverResult
 from hgorun.result.result import Result

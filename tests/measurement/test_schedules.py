@@ -163,7 +163,7 @@ def carried_out(case: Any) -> tuple[list[Channel], Schedule, list[list[naive.Pha
         assume(False)
         raise
     assert not any(map(refused, expected))
-    return channels, build_schedule(channels, time, np.zeros(0), 0.01, 2000), expected
+    return channels, build_schedule(channels, time, np.zeros(0), 0.01), expected
 
 
 def near(found: np.ndarray, expected: Sequence[Fraction]) -> None:

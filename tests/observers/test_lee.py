@@ -6,11 +6,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from examples import simulated
+from examples import experiment, simulated
 from scipy.linalg import solve_discrete_lyapunov
 
 import hgorun
 from hgorun.errors import ConfigError
+from hgorun.observers.hgo_fd import ForwardDifferenceObserver
+from hgorun.simulation.simulate import prepare
+from hgorun.symbolic.canonical import CanonicalForm
 
 EPS, ALPHA = 0.01, 0.04
 STEPS = "0.04*0.01/(1 + k/20000)"
@@ -245,6 +248,26 @@ def test_what_the_theorem_leaves_out_is_refused(change: dict[str, Any], steps: s
 @pytest.mark.parametrize("b", ["1/(1 + k/20000)", "1/(1 + k)**0.7", "(1 + k/100)**-1", "1/(2 + k)/log(2 + k)"])
 def test_steps_that_fit_are_taken(b: str) -> None:
     simulate(SA | {"alpha": ALPHA, "b": b}, 0.001, {"steps": f"0.04*0.01*({b})"})
+
+
+@pytest.mark.parametrize("gains", [[2, 2], [3, 1], [1, 4]])
+def test_the_longest_step_is_that_of_the_spectral_radius(gains: list[float]) -> None:
+    """I + (a/eps) A_0 has an eigenvalue on the unit circle at a = eps min(-2 Re/|lambda|^2): there it is refused."""
+    closed = np.array([[-gains[0], 1.0], [-gains[1], 0.0]])
+    low, high = 0.0, 10.0
+    for _ in range(60):
+        middle = (low + high) / 2
+        stable = np.abs(np.linalg.eigvals(np.eye(2) + middle * closed)).max() < 1
+        low, high = (middle, high) if stable else (low, middle)
+    observer = SA | {"gains": gains}
+    simulate(observer, 0.05, {"steps": f"{0.999 * low * EPS!r}/(1 + k/20000)"})
+    with pytest.raises(ConfigError, match=f"expected less than {low:.5g}"):
+        simulate(observer, 0.05, {"steps": f"{1.001 * low * EPS!r}/(1 + k/20000)"})
+    made = experiment(LEE, {"o": FIXED | {"gains": gains}}, measurement={"sampling": {"period": 1e-3}})
+    found, form = made.observers["o"], prepare(made).forms["o"]
+    assert isinstance(found, ForwardDifferenceObserver)
+    assert isinstance(form, CanonicalForm)
+    assert found.longest_period(form).value == pytest.approx(low * EPS, rel=1e-9)
 
 
 @pytest.mark.parametrize(

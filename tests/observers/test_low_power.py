@@ -133,9 +133,8 @@ def inline(dynamics: dict[str, str], output: Any = "a", **more: Any) -> dict[str
 @pytest.mark.parametrize(
     ("plant", "words"),
     [
-        (chain(1), "needs n >= 2, found n = 1; take shgo"),
+        (chain(1), "needs n >= 2, found n = 1; .*taken by .*shgo"),
         (inline({"a": "b", "b": "-a", "c": "d", "d": "-c"}, ["a", "c"]), "one output, found a, c"),
-        (inline({"a": "b - a**3", "b": "-a"}), "derivative of the state a has a further term"),
         (inline({"a": "b", "b": "c + sin(t)", "c": "-a"}), "derivative of the state b has a further term"),
         (inline({"a": "2*b + u", "b": "-a"}, inputs={"u": "sin(t)"}), "derivative of z1 has a further term"),
         (
@@ -155,8 +154,9 @@ def test_a_plant_outside_the_class_is_refused_with_the_reason(plant: dict[str, A
     [
         inline({"a": "b", "b": "c", "c": "-a + u"}, inputs={"u": "sin(t)"}),
         inline({"a": "2*b - a", "b": "c - b**3", "c": "-a + u"}, inputs={"u": "sin(t)"}),
+        inline({"a": "b - a", "b": "c - b**3", "c": "-a + u"}, inputs={"u": "sin(t)"}),
     ],
-    ids=["chain", "other coordinates"],
+    ids=["chain", "other coordinates", "other coordinates of a chain"],
 )
 def test_inputs_in_the_last_equation_are_in_the_class(plant: dict[str, Any]) -> None:
     """The estimate arrives at the truth."""

@@ -111,7 +111,7 @@ def test_groups_with_plants_of_their_own() -> None:
     truth = SimulatedPlant(run.plant.symbolic)
     stretches = [*run.experiment.stretches, *run.experiment.stretches]
     channels = [*run.channels, *run.channels]
-    schedule = build_schedule(channels, run.time, np.zeros(0), run.step, run.experiment.points)
+    schedule = build_schedule(channels, run.time, np.zeros(0), run.step)
     structure = structure_of([truth, truth], [[d] for d in designs], stretches, schedule.variants, run.plant.everything)
     plan = build_plan(schedule, channels, run.grid, structure.system, always_slope=False, longest=run.step, reach=0.0)
     x0 = run.plant.initial

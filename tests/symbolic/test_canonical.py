@@ -134,7 +134,6 @@ def test_two_outputs_with_their_own_schedules(delay: float) -> None:
         (inline("x1 x2 x3", {"x1": "x2 + x3", "x2": "-x2", "x3": "-x3"}, "x1"), "singular Jacobian everywhere"),
         (inline("x1 x2", {"x1": "x2*(1 + u)", "x2": "-x1"}, "x1", inputs={"u": "sin(t)"}), "not uniformly observable"),
         (inline("x1 x2", {"x1": "x2*(2 + sin(t))", "x2": "-x1"}, "x1"), "depends on time"),
-        (inline("x1 x2", {"x1": "x2", "x2": "-x1"}, ["x1", "x2", "x1 + x2"]), "at most one output a state"),
     ],
 )
 def test_a_plant_outside_the_class_is_refused_with_the_reason(plant: dict[str, Any], words: str) -> None:

@@ -100,8 +100,10 @@ def chart_of(form: Form, plant: BuiltPlant) -> Chart:
 def _of_chains(form: ChainForm, plant: BuiltPlant) -> Chart:
     m = form.plant
     positions = np.array([k for length in form.chains for k in range(length)], dtype=int)
+    if positions.size > m.n:
+        raise NoValue("outputs that measure the same have a chain each: z has more components than x")
     z = m.x if form.identity else ca.vertcat(*[ca.SX.sym(f"z{i + 1}") for i in range(m.n)])
-    names = m.states if form.identity else tuple(f"z{i + 1}" for i in range(m.n))
+    names = _names(form)
     moving = form.jacobian @ m.dynamics  # z'
     raw = ca.jacobian(moving, m.x) - _shift(form) @ form.jacobian
     slopes_in_x = raw if form.identity else ca.solve(form.jacobian.T, raw.T).T
@@ -116,20 +118,26 @@ def _of_chains(form: ChainForm, plant: BuiltPlant) -> Chart:
     )  # fmt: skip
 
 
+def _names(form: ChainForm) -> tuple[str, ...]:
+    """What z_i are called: like the states, where they are these in some order."""
+    m, z = form.plant, form.phi_map
+    order = [next((k for k in range(m.n) if ca.is_equal(z[i], m.x[k])), None) for i in range(m.n)]
+    known = tuple(m.states[k] for k in order if k is not None)
+    return known if len(known) == m.n else tuple(f"z{i + 1}" for i in range(m.n))
+
+
 def _shift(form: ChainForm) -> ca.SX:
     """The links of the chains: z' = shift z + phi."""
     return ca.SX(ca.diagcat(*[ca.DM(np.eye(length, k=1)) for length in form.chains]))
 
 
 def _inverse(form: ChainForm, z: ca.SX) -> ca.SX | None:
-    """x of z: the plant's own, or that of a linear map."""
+    """x of z: that of a linear map, or the plant's own."""
     m = form.plant
-    if m.inverse is not None:
-        return m.inverse(z, m.p)
     if not ca.depends_on(form.jacobian, m.x):
         offset = ca.substitute(form.phi_map, m.x, ca.SX.zeros(m.n))
         return ca.solve(form.jacobian, z - offset)
-    return None
+    return None if m.inverse is None else m.inverse(z, m.p)
 
 
 def _of_triangle(form: BlockForm, plant: BuiltPlant) -> Chart:

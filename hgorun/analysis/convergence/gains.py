@@ -173,7 +173,7 @@ def _chains(observer: AnyObserver, form: Form) -> tuple[int, ...]:
         if _is_constant_chain(form):
             return (form.model.n,)
         raise NoValue(
-            "the gain follows F(u, xhat) of a plant that is no chain of integrators: there is no constant matrix"
+            "the gain follows F(u, xhat) of a plant that is not a chain of integrators: there is no constant matrix"
         )
     raise NoValue(f"the error of {observer.type} is not that of chains of integrators with a constant gain")
 

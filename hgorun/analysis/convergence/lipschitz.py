@@ -35,7 +35,7 @@ class Lipschitz:
         M: no slope is larger where ``kind`` is an interval's; and the largest that was met.
     kind : str
         ``interval over box``: bounds by interval arithmetic. ``interval along run``: the same on the segments
-        between simulated truth and estimate, where the box has points that are no states. ``trajectory``: the
+        between simulated truth and estimate, where the box has points that are not states. ``trajectory``: the
         largest slopes met along truth and estimate, no bounds.
     region : str
         Where the box comes from.

@@ -73,14 +73,14 @@ def chain(run: PreparedRun, label: str) -> tuple[PreparedRun, Result]:
     """
     lengths = chain_lengths(run.forms[label])
     if lengths is None:
-        raise NoValue("blocks of different sizes are no chains of integrators")
+        raise NoValue("blocks of different sizes are not chains of integrators")
     names = [[f"x{i + 1}_{j + 1}" for j in range(k)] for i, k in enumerate(lengths)]
     rates = {state: following for one in names for state, following in zip(one, [*one[1:], "0"], strict=True)}
     states = [one[j] for j in range(max(lengths)) for one in names if j < len(one)]
     if isinstance(run.forms[label], ChainForm):
         states = [s for one in names for s in one]
     block = run.experiment.resolved()["observers"][label]
-    for name in ("initial", "saturation", "coordinates"):
+    for name in ("initial", "saturation", "coordinates", "map", "chains"):
         block.pop(name, None)
     observer = run.experiment.observers[label]
     slowest = observer.settling_rate if isinstance(observer, HighGain) else 1.0

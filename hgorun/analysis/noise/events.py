@@ -23,7 +23,7 @@ class Edges:
     ----------
     times : ndarray, shape (K,)
     taken : dict of int to list of (output, sample)
-        At each edge the samples that speak of it.
+        At each edge the samples that were measured there.
     arriving : dict of int to list of (output, sample, v)
         Those that arrive there, with their noise.
     held : dict of int to ndarray, shape (K,)

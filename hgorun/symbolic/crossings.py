@@ -1,0 +1,320 @@
+"""When a smooth function of time takes given values: all such times, found for certain.
+
+Interval arithmetic encloses the function and its slope on cells of the time axis. A cell whose enclosure holds none
+of the values is done with; on a cell where the slope has one sign the function is monotone, and its crossings are
+told by the values at the two ends; any other cell is cut in two. So no crossing is lost, however short the pulse
+that it begins. Where the function only touches a value, and rounding hides its sign, cutting stops: such cells are
+crossings if the sign differs on their two sides.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from hgorun.symbolic.evaluate import Floats, evaluate
+from hgorun.symbolic.intervals import Bounds, enclose
+
+_CELLS = 1 << 15  # that are looked at together: bounds the memory
+_BUDGET = 4_000_000  # cells of one function
+_ZERO = 1e-290  # a slope that is zero but for rounding outwards
+_LOOKS = (0.137, 0.618, 0.389, 0.891)  # where a cell is looked at: no simple function has all its roots there
+_WIDE = 1e-3  # of a piece: rounding hides the sign of a function that touches a value on much less
+
+
+class TooMany(Exception):
+    """More crossings than there is memory for; the argument is their number as far as it is known."""
+
+
+@dataclass(frozen=True)
+class Levels:
+    """The values whose crossings are looked for, numbered in ascending order.
+
+    Attributes
+    ----------
+    below, up_to : callable
+        How many of them lie below each value, and how many do not lie above it; from any origin.
+    value : callable
+        Level number k: the one that is reached when k are up to there.
+    reached : bool
+        Whether a level counts as crossed when it is reached (as for ``floor``), or only above it (``ceil``).
+    """
+
+    below: Callable[[Floats], np.ndarray]
+    up_to: Callable[[Floats], np.ndarray]
+    value: Callable[[Floats], np.ndarray]
+    reached: bool
+
+    def inside(self, bounds: Bounds) -> np.ndarray:
+        """Whether a level lies within each pair of bounds."""
+        return np.asarray(self.up_to(bounds[1]) > self.below(bounds[0]))
+
+    def crossed(self, values: Floats) -> np.ndarray:
+        """The number of levels crossed when the function has come from below to each value."""
+        return self.up_to(values) if self.reached else self.below(values)
+
+
+def zero(*, reached: bool) -> Levels:
+    """The level 0."""
+    return Levels(lambda v: (v > 0) * 1.0, lambda v: (v >= 0) * 1.0, np.zeros_like, reached)
+
+
+def integers(*, reached: bool) -> Levels:
+    """All whole numbers."""
+    return Levels(lambda v: np.ceil(v) - 1, np.floor, lambda k: k, reached)
+
+
+def listed(values: Floats, *, reached: bool) -> Levels:
+    """Given values, in ascending order."""
+    return Levels(
+        lambda v: np.searchsorted(values, v, side="left").astype(float),
+        lambda v: np.searchsorted(values, v, side="right").astype(float),
+        lambda k: values[k.astype(int) - 1],
+        reached,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Smooth:
+    """A smooth function of time, with its slope.
+
+    Parameters
+    ----------
+    function : casadi.Function
+        The value, and value and slope, of (t, p, s): time, parameters, and what is constant on a piece of time.
+    """
+
+    value: ca.Function
+    slope: ca.Function
+
+    @classmethod
+    def of(cls, expression: ca.SX, t: ca.SX, p: ca.SX, s: ca.SX) -> Smooth:
+        """From an expression of symbols."""
+        slope = ca.densify(ca.vertcat(expression, ca.jacobian(expression, t)))
+        given = [t, p, s]
+        return cls(ca.Function("g", given, [ca.densify(expression)]), ca.Function("dg", given, [slope]))
+
+    def at(self, times: Floats, p: Floats, s: Floats) -> Floats:
+        """Values (N,) at times (N,), with s (N, size)."""
+        return evaluate(self.value, times[:, None], p, s)[0][:, 0] if times.size else times
+
+    def both(self, times: Floats, p: Floats, s: Floats) -> tuple[Floats, Floats]:
+        """Values and slopes (N,)."""
+        found = evaluate(self.slope, times[:, None], p, s)[0]
+        return found[:, 0], found[:, 1]
+
+    def bounds(self, low: Floats, high: Floats, p: Floats, s: Floats) -> tuple[Bounds, Bounds]:
+        """Bounds (N,) of value and slope for times between low and high (N,)."""
+        value, slope = enclose(self.slope, _argument(low, high, p, s))[0]
+        return _wide(value, low), _wide(slope, low)
+
+    def bounds_at(self, times: Floats, p: Floats, s: Floats) -> Bounds:
+        """Bounds (N,) of the value at times (N,), which rounding keeps apart."""
+        return _wide(enclose(self.value, _argument(times, times, p, s))[0][0], times)
+
+
+def _argument(low: Floats, high: Floats, p: Floats, s: Floats) -> Callable[[int, int], Bounds]:
+    """Bounds of (t, p, s)."""
+
+    def bounds(which: int, entry: int) -> Bounds:
+        if which == 0:
+            return low, high
+        same = np.array(p[entry]) if which == 1 else s[:, entry]
+        return same, same
+
+    return bounds
+
+
+def _wide(bounds: Bounds, like: Floats) -> Bounds:
+    return np.broadcast_to(bounds[0], like.shape), np.broadcast_to(bounds[1], like.shape)
+
+
+@dataclass(frozen=True)
+class Cells:
+    """Parts of the time axis, each inside a piece on which the function is smooth; arrays of one shape (N,)."""
+
+    low: Floats
+    high: Floats
+    piece: np.ndarray
+
+    def where(self, chosen: np.ndarray) -> Cells:
+        """Those chosen."""
+        return Cells(self.low[chosen], self.high[chosen], self.piece[chosen])
+
+    def halves(self) -> Cells:
+        """Each cut in two."""
+        middle = 0.5 * (self.low + self.high)
+        return _together([Cells(self.low, middle, self.piece), Cells(middle, self.high, self.piece)])
+
+
+def _together(cells: list[Cells]) -> Cells:
+    parts = [(c.low, c.high, c.piece) for c in cells] or [(np.zeros(0), np.zeros(0), np.zeros(0, dtype=int))]
+    return Cells(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
+
+
+@dataclass(frozen=True)
+class Found:
+    """What :func:`crossings` finds.
+
+    Attributes
+    ----------
+    times : ndarray
+        In ascending order, each the first double on the far side.
+    lost : tuple of (float, float)
+        Where the function could not be followed: crossings there are found on a grid only, or not at all.
+    """
+
+    times: Floats
+    lost: tuple[tuple[float, float], ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Search:
+    """A search for the crossings of a function.
+
+    Attributes
+    ----------
+    p : ndarray
+    s : ndarray, shape (pieces, size)
+        What is constant on each piece.
+    touches : bool
+        Whether times at which a level is touched count, too.
+    most : float
+        More crossings than that are refused.
+    """
+
+    function: Smooth
+    p: Floats
+    s: Floats
+    levels: Levels
+    touches: bool = False
+    most: float = np.inf
+
+    def between(self, low: Floats, high: Floats) -> Found:
+        """The crossings on all pieces.
+
+        Parameters
+        ----------
+        low, high : ndarray, shape (pieces,)
+
+        Raises
+        ------
+        TooMany
+        """
+        stack = [Cells(low, high, np.arange(low.size))]
+        monotone, flat, looked = [], [], 0
+        while stack and looked < _BUDGET:
+            cells = stack.pop()
+            if cells.low.size > _CELLS:
+                rest = np.arange(cells.low.size) >= _CELLS
+                stack.append(cells.where(rest))
+                cells = cells.where(~rest)
+            looked += cells.low.size
+            one, other, left = self._sorted(cells)
+            monotone.append(one)
+            flat.append(other)
+            if left.low.size:
+                stack.append(left.halves())
+        unseen = _together(stack)
+        times = [self._crossed(_together([*monotone, unseen]))]
+        hidden = _joined(_together(flat))
+        times.append(self._crossed(hidden))
+        if self.touches:
+            times.append(0.5 * (hidden.low + hidden.high))
+        middle = 0.5 * (hidden.low + hidden.high)
+        known = np.isfinite(self.function.at(middle, self.p, self.s[hidden.piece]))
+        wide = hidden.where(known & (hidden.high - hidden.low > _WIDE * (high - low)[hidden.piece]))
+        lost = [(float(c.low.min()), float(c.high.max())) for c in (wide, unseen) if c.low.size]
+        return Found(np.unique(np.concatenate(times)), tuple(lost))
+
+    def _sorted(self, cells: Cells) -> tuple[Cells, Cells, Cells]:
+        """Cells on which the function is monotone, those on which rounding hides its sign, and those to be cut."""
+        cells, value, slope = self._with_levels(cells)
+        one = np.isfinite(value[0]) & np.isfinite(value[1]) & ((slope[0] > 0) | (slope[1] < 0))
+        monotone, rest = cells.where(one), cells.where(~one)
+        rest = rest.where(self._by_mean_value(rest, value[0][~one], value[1][~one], slope[0][~one], slope[1][~one]))
+        middle = 0.5 * (rest.low + rest.high)
+        hidden = np.ones(rest.low.size, dtype=bool)
+        for look in _LOOKS:
+            some = np.flatnonzero(hidden)
+            c = rest.where(some)
+            point = c.low + look * (c.high - c.low)
+            hidden[some] = self.levels.inside(self.function.bounds_at(point, self.p, self.s[c.piece]))
+        hidden |= (middle <= rest.low) | (middle >= rest.high)
+        return monotone, rest.where(hidden), rest.where(~hidden)
+
+    def _with_levels(self, cells: Cells) -> tuple[Cells, Bounds, Bounds]:
+        """The cells in which there may be a crossing, with the bounds of value and slope."""
+        value, slope = self.function.bounds(cells.low, cells.high, self.p, self.s[cells.piece])
+        chosen = self.levels.inside(value) & (np.maximum(np.abs(slope[0]), np.abs(slope[1])) > _ZERO)
+        return cells.where(chosen), (value[0][chosen], value[1][chosen]), (slope[0][chosen], slope[1][chosen])
+
+    def _by_mean_value(self, cells: Cells, low: Floats, high: Floats, least: Floats, most: Floats) -> np.ndarray:
+        """Whether a level lies in g(m) + g'(cell)(cell - m), too, which is tighter on short cells."""
+        middle = 0.5 * (cells.low + cells.high)
+        at_middle = self.function.bounds_at(middle, self.p, self.s[cells.piece])
+        reach = 0.5 * (cells.high - cells.low) * np.maximum(np.abs(least), np.abs(most)) * (1 + 1e-12)
+        around = np.nextafter(at_middle[0] - reach, -np.inf), np.nextafter(at_middle[1] + reach, np.inf)
+        both = np.fmax(low, around[0]), np.fmin(high, around[1])
+        return np.asarray(self.levels.inside(both))
+
+    def _crossed(self, cells: Cells) -> Floats:
+        """The crossings of a function that is monotone on cells, from its values at their ends."""
+        if not cells.low.size:
+            return cells.low
+        s = self.s[cells.piece]
+        first, last = (self.levels.crossed(self.function.at(x, self.p, s)) for x in (cells.low, cells.high))
+        with np.errstate(invalid="ignore"):
+            count = np.nan_to_num(np.abs(last - first), nan=0.0, posinf=np.inf)
+        if count.sum() > self.most:
+            raise TooMany(float(count.sum()))
+        many = count.astype(int)
+        cell = np.repeat(np.arange(many.size), many)
+        number = np.arange(cell.size) - np.repeat(np.cumsum(many) - many, many) + 1 + np.minimum(first, last)[cell]
+        return self._first_beyond(cells.where(cell), number) if cell.size else np.zeros(0)
+
+    def _first_beyond(self, cells: Cells, number: Floats) -> Floats:
+        """The first double at which the level is crossed; each cell holds one crossing of one level.
+
+        Newton's method comes near, a few doubles to either side hold the crossing, and bisection ends it.
+        """
+        low, high, s = cells.low, cells.high, self.s[cells.piece]
+        level = self.levels.value(number)
+        before = self.levels.crossed(self.function.at(low, self.p, s)) >= number
+
+        def kept(x: Floats, values: Floats) -> tuple[Floats, Floats]:
+            same = (self.levels.crossed(values) >= number) == before
+            inside = (x > low) & (x < high)
+            return np.where(inside & same, x, low), np.where(inside & ~same, x, high)
+
+        x = 0.5 * (low + high)
+        for _ in range(6):
+            values, slopes = self.function.both(x, self.p, s)
+            low, high = kept(x, values)
+            with np.errstate(all="ignore"):
+                x = x - (values - level) / slopes
+            x = np.where((x >= low) & (x <= high), x, 0.5 * (low + high))
+        for units in (2.0, 64.0, 2.0**14):
+            for side in (-units, units):
+                there = x + side * np.spacing(np.abs(x))
+                low, high = kept(there, self.function.at(there, self.p, s))
+        for _ in range(80):
+            middle = 0.5 * (low + high)
+            again = kept(middle, self.function.at(middle, self.p, s))
+            if np.array_equal(again[0], low) and np.array_equal(again[1], high):
+                break
+            low, high = again
+        return high
+
+
+def _joined(cells: Cells) -> Cells:
+    """Neighbouring cells of a piece as one."""
+    if not cells.low.size:
+        return cells
+    ordered = cells.where(np.lexsort((cells.low, cells.piece)))
+    new = (ordered.low[1:] != ordered.high[:-1]) | (ordered.piece[1:] != ordered.piece[:-1])
+    first = np.concatenate([[True], new])
+    return Cells(ordered.low[first], ordered.high[np.concatenate([new, [True]])], ordered.piece[first])
