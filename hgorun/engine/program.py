@@ -205,7 +205,7 @@ class Program:
                 memory["budget"] = _BUDGET
                 verdict = self._run(memory.address, stop)
             if verdict != DONE:
-                raise SimulationError(_explain(verdict, memory.real("now")))
+                raise SimulationError(_explain(verdict, memory.real("now"), stiff=isinstance(self.method, Rosenbrock)))
             spent = max(time.perf_counter() - before, 1e-6)
             chunk = max(1, int(chunk * min(_SLICE / spent, 8.0)))
             if progress:
@@ -213,11 +213,13 @@ class Program:
         return memory.result()
 
 
-def _explain(verdict: int, t: float) -> str:
+def _explain(verdict: int, t: float, *, stiff: bool) -> str:
+    """What ended a run at time t; ``stiff`` where the method is made for stiff equations."""
+    advice = "" if stiff else "; if its equations are stiff, use solver: {method: rodas5p}"
     return {
-        PLANT_DIVERGED: f"the plant itself diverged at t = {t:.6g}: nothing can be said about its observers",
+        PLANT_DIVERGED: f"the plant itself diverged at t = {t:.6g}: nothing can be said about its observers{advice}",
         STEP_TOO_SMALL: f"no step is small enough for the plant at t = {t:.6g}: its equations are singular there "
-        "or the tolerance is out of reach",
+        f"or the tolerance is out of reach{advice}",
         HISTORY_TOO_SHORT: f"the delay at t = {t:.6g} reaches further back than the stored history of "
         f"{_ADAPTIVE_HISTORY} steps; use a fixed step",
     }[verdict]

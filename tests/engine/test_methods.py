@@ -101,7 +101,7 @@ def untransformed() -> tuple[Array, Array, Array]:
     a, coupling = np.zeros((stages, stages)), np.zeros((stages, stages))
     for i, (row, coupled) in enumerate(zip(method.stages, method.coupling, strict=True), start=1):
         a[i, :i], coupling[i, :i] = row, coupled
-    gamma: Array = np.linalg.inv(np.eye(stages) / method.gamma - coupling)
+    gamma: Array = np.asarray(np.linalg.inv(np.eye(stages) / method.gamma - coupling), dtype=np.float64)
     alpha: Array = a @ gamma
     return alpha, alpha + gamma, gamma
 
