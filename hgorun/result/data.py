@@ -110,7 +110,7 @@ class ResultData:
     windows : mapping
         The windows that the metrics were taken from.
     integration_error : mapping, optional
-        Largest difference to a run with half the step, or largest local error estimate of dopri5.
+        Largest difference to a run with half the step, or largest local error estimate of dopri5 or rodas5p.
     """
 
     name: str

@@ -145,6 +145,32 @@ def test_the_same_as_an_explicit_method(name: str, tmp_path: Path) -> None:
     assert gaps[1] < 1e-7
 
 
+@pytest.mark.parametrize("measurement", [{}, {"delay": 0.3}], ids=["continuous", "late"])
+@pytest.mark.parametrize("rate", [1e2, 1e5, 1e8])
+def test_the_error_follows_the_tolerance_where_a_state_follows_time(
+    rate: float, measurement: dict[str, Any], tmp_path: Path
+) -> None:
+    """x' = rate (sin t - x): both ends of a step of any length are right, what lies between is not."""
+    config = {
+        "time": {"end": 4, "output_step": 0.01},
+        "plant": {
+            "states": ["x1"],
+            "dynamics": {"x1": "rate*(sin(t) - x1)"},
+            "parameters": {"rate": rate},
+            "output": "x1",
+            "initial": {"x1": 0},
+        },
+        "measurement": measurement,
+        "observers": {"S": {"type": "shgo", "theta": 1, "initial": {"x1": 0}}},
+    }
+    for rtol in (1e-4, 1e-6, 1e-8):
+        result = run(tmp_path, config | {"solver": stiff(rtol, rtol)})
+        t = result.time
+        exact = (rate**2 * np.sin(t) - rate * np.cos(t) + rate * np.exp(-rate * t)) / (rate**2 + 1)
+        assert np.abs(result.x[:, 0] - exact).max() < 10 * rtol
+        assert np.abs(result.observers["S"].xhat[:, 0] - exact).max() < 10 * rtol
+
+
 def test_a_slope_that_is_infinite_is_left_out_of_the_matrix(tmp_path: Path) -> None:
     """x' = -sign(x) sqrt(|x|) from 1: (1 - t/2)^2 until t = 2, then zero, where the slope of sqrt is infinite."""
     config = {
