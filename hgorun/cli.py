@@ -5,7 +5,7 @@ Only typer is imported here; everything else when a command runs, so that help c
 
 from __future__ import annotations
 
-import gc
+import os
 import sys
 from collections.abc import Callable
 from dataclasses import MISSING, Field, fields
@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 import typer
 
 from hgorun.commands import options
-from hgorun.errors import HgorunError
+from hgorun.errors import HgorunError, printable
+from hgorun.process import CLOSED_PIPE, INTERRUPTED, INTERRUPTION_SAID, TERMINATED, TERMINATION_SAID, say, silence
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -52,7 +53,13 @@ def _command(name: str, record: type[Options]) -> Callable[[Callable[[Options], 
     def add(function: Callable[[Options], int]) -> None:
         def run(**values: object) -> None:
             given = {name: value for name, value in values.items() if value is not None}
-            raise typer.Exit(function(record(**given)))
+            try:
+                code = function(record(**given))
+                sys.stdout.flush()
+            except BrokenPipeError:  # whoever read our output has left; click would make an error of it
+                silence(sys.stdout)
+                raise typer.Exit(CLOSED_PIPE) from None
+            raise typer.Exit(code)
 
         parameters = [
             Parameter(f.name, Parameter.KEYWORD_ONLY, default=_default(f), annotation=f.type) for f in fields(record)
@@ -135,26 +142,29 @@ def _init(chosen: options.Init) -> int:
 
 def main() -> None:
     """Entry point: errors become one message and an exit code."""
-    gc.set_threshold(_GARBAGE, 20, 50)
+    os.environ["MPLBACKEND"] = "agg"  # figures are files; a notebook's setting may name what is not installed here
     try:
         app()
     except HgorunError as error:
-        print(f"hgorun: {error}", file=sys.stderr)
+        say(f"hgorun: {error}")
         sys.exit(error.exit_code)
     except SystemExit as stop:
-        if stop.code == _INTERRUPTED:  # typer's exit code for Ctrl-C
-            print("hgorun: interrupted; no file is left half-written", file=sys.stderr)
+        if stop.code == INTERRUPTED:  # typer's exit code for Ctrl-C
+            say(INTERRUPTION_SAID)
+        elif stop.code == TERMINATED:
+            say(TERMINATION_SAID)
         raise
     except KeyboardInterrupt:
-        sys.exit(_INTERRUPTED)
-    except BrokenPipeError:
-        sys.stderr.close()  # whoever read our output has left
-        sys.exit(141)
+        say(INTERRUPTION_SAID)
+        sys.exit(INTERRUPTED)
+    except OSError as error:
+        silence(sys.stdout)
+        say(f"hgorun: {printable(str(error.strerror or error))}: what was to be printed or written is incomplete")
+        sys.exit(1)
     except MemoryError:
-        print(
+        say(
             "hgorun: out of memory; a longer time.output_step, fewer samples (sampling), longer holds of noise, "
-            "shorter continuous delays (or a longer solver.step with them) or fewer observers need less",
-            file=sys.stderr,
+            "shorter continuous delays (or a longer solver.step with them) or fewer observers need less"
         )
         sys.exit(1)
 

@@ -5,15 +5,18 @@ from __future__ import annotations
 import math
 import os
 import re
+import stat
 import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from errno import EACCES, EINVAL
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from hgorun.errors import HgorunError
+from hgorun.process import unfinished
 
 # Temporary files are called .NAME-PID-RANDOM.part: who finds one whose process is gone may remove it.
 _LEFTOVER = re.compile(r"\..*-(\d+)-[^-]*\.part")
@@ -39,16 +42,26 @@ def written_whole(path: Path) -> Iterator[Path]:
         When the file cannot be written.
     """
     try:
+        if path.is_symlink():
+            path = path.resolve()  # what it points to is replaced, not the link
+        if path.exists():
+            mode = path.stat().st_mode
+            if not stat.S_ISREG(mode):
+                raise OSError(EINVAL, "it is no regular file")
+            if not mode & 0o222 or not os.access(path, os.W_OK):  # root may write what is read-only
+                raise PermissionError(EACCES, "it is read-only")
         path.parent.mkdir(parents=True, exist_ok=True)
         handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name[:60]}-{os.getpid()}-", suffix=".part")
         os.close(handle)
         part = Path(name)
+        unfinished.add(part)
         try:
             yield part
             os.chmod(part, _FILE_MODE)
             os.replace(part, path)
         finally:
             part.unlink(missing_ok=True)
+            unfinished.discard(part)
     except OSError as error:
         raise HgorunError(f"{path}: cannot be written: {error.strerror or error}") from error
 

@@ -14,6 +14,7 @@ from typed import assert_strictly_typed
 import hgorun
 from hgorun.cli import main
 from hgorun.observers.base import OBSERVERS
+from hgorun.testing import check_observer
 
 README = (Path(__file__).parent.parent / "README.md").read_text()
 
@@ -70,6 +71,7 @@ def test_the_tutorial_observer_runs_from_outside_the_package(tmp_path: Path, mon
     (tmp_path / "config.yaml").write_text(yaml.safe_dump(config))
     try:
         result = hgorun.simulate(hgorun.load(tmp_path / "config.yaml"))
+        check_observer(OBSERVERS.find("pi_observer"), {"theta": 2})  # on two outputs too
     finally:
         sys.modules.pop("my_package", None)
         OBSERVERS.forget("pi_observer")

@@ -22,7 +22,7 @@ from hgorun.files import write_text
 from hgorun.measurement.blocks import Measurement
 from hgorun.noise.base import NOISE, Noise
 from hgorun.observers.base import OBSERVERS, Observer
-from hgorun.plants.base import PLANTS, Plant
+from hgorun.plants.base import PLANTS, Plant, units_of
 from hgorun.plants.inline import InlinePlant
 from hgorun.registry import Registry
 from hgorun.reproduce.shipped import experiments
@@ -144,7 +144,7 @@ def _described(name: str, kind: str, cls: type[Plant] | type[Observer] | type[No
         needed = {"initial", "inputs"} if cls.known_inputs else {"initial"}
         for key in found["keys"]:
             key["required"] = key["required"] or key["key"] in needed
-        found["units"] = dict(cls.units)
+        found["units"] = units_of(cls)
         found["parameters"] = {
             n: {"default": q.default, "unit": q.unit, "meaning": q.meaning} for n, q in cls.known_parameters.items()
         }
@@ -221,7 +221,7 @@ def build_schema() -> dict[str, Any]:
         "anyOf": [
             {"type": "string"},
             {"type": "array", "items": {"type": "string"}},
-            {"type": "object", "additionalProperties": {"type": "string"}},
+            definitions["plant-inline"]["properties"]["output"],
         ]
     }
     top["properties"]["observers"]["additionalProperties"] = {"anyOf": observers}

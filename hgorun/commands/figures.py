@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from hgorun.commands.options import Figures
+from hgorun.files import json_value
 from hgorun.reproduce import pool
 from hgorun.reproduce.choice import choose
 from hgorun.reproduce.job import Folders, Outcome, Work
@@ -27,7 +28,7 @@ def figures(options: Figures) -> int:
 
         written = write_report(works, outcomes, folders)
     if options.json:
-        print(json_text.dumps(rows, indent=2, allow_nan=False))
+        print(json_text.dumps(json_value(rows), indent=2, allow_nan=False))
     elif not options.quiet:
         for row in rows:
             print(_line(row))

@@ -52,11 +52,13 @@ def compare(options: Compare) -> int:
     """Show metrics of configurations and result files side by side, and draw plots of them."""
     style = _style(options)
     loaded: list[Result | PreparedRun] = []
+    files: list[str] = []
     for path in options.sources:
         if _is_result(path):
             loaded.append(read(path))
         else:
             loaded += [prepare(experiment) for experiment in _experiments(path, options)]
+        files += [str(path)] * (len(loaded) - len(files))
     results = [s if isinstance(s, Result) else execute(s, show=options.text) for s in loaded]
     predicted = _predicted(loaded, results) if options.analyze else []
     units = {result.units.get("time", "") for result in results}
@@ -65,7 +67,7 @@ def compare(options: Compare) -> int:
     for result in results:
         warn(result)
     if options.json:
-        _print_json(results, [str(path) for path in options.sources], predicted)
+        _print_json(results, files, predicted)
     elif not options.quiet:
         print(style(results, predicted))
     if options.plots:
@@ -150,7 +152,9 @@ def execute(run: PreparedRun, *, show: bool, check_step: bool = False) -> Result
 
 
 def warn(result: Result) -> None:
-    """A diverged observer is reported on stderr; it is not an error."""
+    """A diverged observer and remarks are reported on stderr; they are not errors."""
+    for remark in result.remarks:
+        print(f"hgorun: {result.name}: {remark}", file=sys.stderr)
     for label, observer in result.observers.items():
         if observer.diverged_at is not None:
             print(f"hgorun: {result.name}: observer {label} {observer.status}", file=sys.stderr)

@@ -6,26 +6,31 @@ run, or are not used.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable
-from types import FunctionType, MethodType
-from typing import Any, cast
+from abc import ABCMeta
+from collections.abc import Hashable
+from functools import cache
+from typing import Any, Generic, TypeVar, cast
 
 from hgorun.config.types import Block
 
+B = TypeVar("B", bound=Block)
 
-class Reads:
+
+class Reads(Generic[B]):
     """A block watched while its methods are called.
 
     Attributes
     ----------
     keys : set of str
         The keys read so far.
+    watched : Block
+        A copy of the block, to call the methods of: an instance of the block's class like any other.
     """
 
-    def __init__(self, block: Block) -> None:
+    def __init__(self, block: B) -> None:
         self._block = block
         self.keys: set[str] = set()
-        self.watched: Any = cast(Any, _Watched)(block, self.keys)
+        self.watched: B = _watched(block, self.keys)
 
     def hold_for(self, block: Block) -> bool:
         """Whether another block has the same values at all keys read."""
@@ -44,27 +49,47 @@ def frozen(value: Any) -> Hashable:
     return cast(Hashable, value)
 
 
-class _Watched:
-    """Looks like the block, down to ``isinstance`` and ``super()``, and notes which keys are asked for."""
+_FIELDS_SET = "__pydantic_fields_set__"
+_WHOLE = {"__dict__", "__pydantic_private__"}  # what model_dump, repr, vars and a loop over the block look at
 
-    def __init__(self, block: Block, keys: set[str]) -> None:
-        object.__setattr__(self, "_watched", (block, keys))
 
-    @property  # type: ignore[misc]  # super() and isinstance look here
-    def __class__(self) -> type:
-        return type(self._watched[0])
+def _watched(block: B, keys: set[str]) -> B:
+    """A copy of a block that adds to ``keys`` what is asked of it."""
+    copied = cast(B, object.__new__(_watched_class(type(block))))
+    values = {"_keys_read": keys, "__dict__": dict(block.__dict__)} | {
+        name: getattr(block, name) for name in (_FIELDS_SET, "__pydantic_extra__", "__pydantic_private__")
+    }
+    for name, value in values.items():
+        object.__setattr__(copied, name, value)
+    return copied
 
-    def __getattr__(self, name: str) -> Any:
-        block, keys = self._watched
-        cls = type(block)
-        if name in cls.model_fields:
+
+@cache
+def _watched_class(cls: type[Block]) -> type[Block]:
+    """A subclass whose instances note which keys are read; it takes everything else from the class.
+
+    It is made as a class of Python, not of pydantic, which would compile its validation anew.
+    """
+    fields = cls.model_fields.keys()
+
+    def __getattribute__(self: Block, name: str) -> Any:
+        read = object.__getattribute__
+        if name == "__class__":
+            return cls
+        try:
+            keys = read(self, "_keys_read")
+        except AttributeError:  # a copy of the copy: whoever made it has read everything
+            return read(self, name)
+        if name in fields or name == _FIELDS_SET:
             keys.add(name)
-            return getattr(block, name)
-        found = next((vars(base)[name] for base in cls.__mro__ if name in vars(base)), None)
-        if isinstance(found, FunctionType):
-            return MethodType(found, self)
-        if isinstance(found, property):
-            return cast(Callable[[Any], Any], found.fget)(self)
-        if found is None or (hasattr(found, "__get__") and not isinstance(found, (staticmethod, classmethod, type))):
-            keys.update(cls.model_fields)  # something else than methods and properties: it may read anything
-        return getattr(block, name)
+        elif name in _WHOLE or name in read(self, "__dict__"):  # what was kept there may follow from any key
+            keys.update(fields)
+        return read(self, name)
+
+    own = {
+        "__slots__": ("_keys_read",),
+        "__module__": cls.__module__,
+        "__qualname__": cls.__qualname__,
+        "__getattribute__": __getattribute__,
+    }
+    return ABCMeta.__new__(type(cls), cls.__name__, (cls,), own)

@@ -77,7 +77,8 @@ def describe(value: Any) -> str:
     return text if len(text) <= 60 else text[:57] + "..."
 
 
-def _expression(value: Any) -> str:
+def expression(value: Any) -> str:
+    """An expression as text, from text or a number."""
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):
         raise ValueError(f"expected an expression (text or a number), found {describe(value)}")
     parse(value)
@@ -133,7 +134,7 @@ def _above(limit: str) -> dict[str, Any]:
 Number = Annotated[float, BeforeValidator(number), WithJsonSchema(NUMBER_SCHEMA)]
 Positive = Annotated[float, BeforeValidator(number), Field(gt=0), WithJsonSchema(_above("exclusiveMinimum"))]
 NonNegative = Annotated[float, BeforeValidator(number), Field(ge=0), WithJsonSchema(_above("minimum"))]
-ExpressionText = Annotated[str, BeforeValidator(_expression), WithJsonSchema(NUMBER_SCHEMA)]
+ExpressionText = Annotated[str, BeforeValidator(expression), WithJsonSchema(NUMBER_SCHEMA)]
 Name = Annotated[str, BeforeValidator(_name)]
 Poles = Annotated[
     complex | tuple[complex, ...],

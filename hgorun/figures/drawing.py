@@ -14,7 +14,7 @@ from hgorun.figures.looks import Look, looks
 from hgorun.figures.names import check, names_of
 from hgorun.figures.panels import Scene, draw_error, draw_magnitude, draw_output, draw_state, moving_window
 from hgorun.figures.scaling import ScalingData, draw_scaling
-from hgorun.figures.style import INSET, INSET_FRAME, styled
+from hgorun.figures.style import INSET, INSET_FRAME, PANEL, styled
 from hgorun.figures.truths import truth_looks
 from hgorun.result.data import ResultData
 from hgorun.result.run_names import run_names
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 # Inches: width of a comparison, height of its rows, of a figure's panels.
-_WIDTH, _ROW, _PANEL = 7.2, 1.8, 2.2
+_WIDTH, _ROW = 7.2, 1.8
 
 
 @dataclass(frozen=True)
@@ -119,7 +119,7 @@ def draw(
         rows = -(-len(stages) // figure.columns)
         spans = [stage.span for stage in stages]
         share = len(set(spans)) == 1 and not scalings
-        height = figure.height or _PANEL * rows
+        height = figure.height or PANEL * rows
         made, axes = grid(len(stages), figure.columns, figure.width, height, share=share)
         scenes = [_draw_panel(ax, stage, look, truths) for ax, stage in zip(axes, stages, strict=True)]
         _level(axes, figure.panels)

@@ -10,7 +10,7 @@ from hgorun.config.expressions import nearest
 from hgorun.config.models import Figure, Inset, Panel
 from hgorun.errors import Problem
 from hgorun.figures.scaling import ScalingData, quantities
-from hgorun.figures.style import LARGEST, LOWEST, NARROWEST
+from hgorun.figures.style import LARGEST, LARGEST_AREA, LARGEST_NUMBER, LOWEST, NARROWEST, PANEL
 from hgorun.result.data import ResultData
 from hgorun.result.run_names import run_names
 
@@ -28,6 +28,8 @@ class RunNames:
         Labels.
     span : (start, end), optional
         The time of the run; without it windows are not checked against it.
+    measured : tuple of str, optional
+        The states that outputs measure; by default those that are called like an output.
     ensemble : {"seeds", "vary"}, optional
         Of an ensemble only numbers are kept; one with ``vary`` can be shown in scaling panels.
     """
@@ -37,6 +39,7 @@ class RunNames:
     observers: tuple[str, ...]
     span: tuple[float, float] | None = None
     ensemble: Literal["seeds", "vary"] | None = None
+    measured: tuple[str, ...] | None = None
 
 
 # By the name of the run. A file without ``runs`` has one, called by its stem.
@@ -48,7 +51,9 @@ def names_of(results: Sequence[ResultData], scalings: Iterable[ScalingData] = ()
     found = {}
     for run, r in zip(run_names(results), results, strict=True):
         span = (float(r.time[0]), float(r.time[-1])) if r.time.size else None
-        found[run] = RunNames(r.states, r.outputs, tuple(r.observers), span)
+        found[run] = RunNames(
+            r.states, r.outputs, tuple(r.observers), span, measured=tuple(s for s in r.states if r.outputs_of(s))
+        )
     for s in scalings:
         known = found.get(s.run, RunNames((), (), ()))
         states, observers = dict.fromkeys((*known.states, s.state)), dict.fromkeys((*known.observers, *s.observers))
@@ -79,6 +84,12 @@ def check(figures: Mapping[str, Figure], names: Names) -> None:
         for key, inches in (("width", figure.width), ("height", figure.height)):
             if inches is not None and not smallest[key] <= inches <= LARGEST:
                 raise Problem((*path, key), f"expected {smallest[key]:g} to {LARGEST:g} inches, found {inches:g}")
+        height = figure.height or PANEL * rows
+        if figure.width * height > LARGEST_AREA:
+            raise Problem(
+                path,
+                f"{figure.width:g} x {height:g} inches are more than {LARGEST_AREA:g} square inches",
+            )
         for i, panel in enumerate(figure.panels):
             _check_panel(panel, names, (*path, "panels", i))
         for label in figure.labels:
@@ -107,10 +118,13 @@ def _check_panel(panel: Panel, names: Names, path: Path) -> None:
     for key in ("state", "error", "magnitude"):
         _require(getattr(panel, key), "state", states, (*path, key), where)
     _require(panel.output, "output", outputs, (*path, "output"), where)
+    if panel.observers == () and panel.run is None:
+        raise Problem((*path, "observers"), "an empty list shows the truth of a run alone: name the run with run")
     if panel.scaling is not None:
         _require(panel.scaling.state, "state", states, (*path, "scaling", "state"), where)
         _require(panel.scaling.of, "quantity", list(quantities()), (*path, "scaling", "of"))
-    _check_fit(panel, outputs, path)
+    measured = _together(n.outputs if n.measured is None else n.measured for n in picked.values())
+    _check_fit(panel, measured, path)
     _check_ranges(panel, [n.span for n in picked.values() if n.span is not None], path)
 
 
@@ -144,8 +158,14 @@ def _shown_runs(panel: Panel, names: Names, path: Path) -> Names:
     return {panel.run: single[panel.run]}
 
 
-def _check_fit(panel: Panel, outputs: Sequence[str], path: Path) -> None:
-    """Keys that do not go with the panel's subject."""
+def _check_fit(panel: Panel, measured: Sequence[str], path: Path) -> None:
+    """Keys that do not go with the panel's subject.
+
+    Parameters
+    ----------
+    measured : sequence of str
+        The states that outputs measure.
+    """
     if panel.output is not None and panel.observers is not None:
         raise Problem(
             (*path, "observers"),
@@ -154,11 +174,11 @@ def _check_fit(panel: Panel, outputs: Sequence[str], path: Path) -> None:
         )
     if panel.measurements and panel.subject not in ("state", "output"):
         raise Problem((*path, "measurements"), f"measurements go with state or output, not with {panel.subject}")
-    if panel.measurements and panel.state is not None and panel.state not in outputs:
+    if panel.measurements and panel.state is not None and panel.state not in measured:
         raise Problem(
             (*path, "measurements"),
-            f"state {panel.state!r} is not an output, so it has no measurements. "
-            f"Outputs: {', '.join(outputs) or 'none'}",
+            f"no output is the state {panel.state!r}, so it has no measurements. "
+            f"Measured states: {', '.join(measured) or 'none'}",
         )
     for key in ("window", "inset"):
         if panel.scaling is not None and getattr(panel, key) is not None:
@@ -183,6 +203,8 @@ def _check_ranges(panel: Panel, spans: Sequence[tuple[float, float]], path: Path
 def _check_range(interval: tuple[float, float] | None, path: Path, *, positive: bool = False) -> None:
     if interval is not None and not interval[0] < interval[1]:
         raise Problem(path, f"expected [from, to] with from < to, found [{interval[0]:g}, {interval[1]:g}]")
+    if interval is not None and max(map(abs, interval)) > LARGEST_NUMBER:
+        raise Problem(path, f"expected numbers up to {LARGEST_NUMBER:g}, found [{interval[0]:g}, {interval[1]:g}]")
     if interval is not None and positive and not interval[0] > 0:
         raise Problem(path, f"a logarithmic axis needs numbers > 0, found [{interval[0]:g}, {interval[1]:g}]")
 

@@ -50,7 +50,7 @@ def draw_state(ax: Axes, scene: Scene, name: str, *, samples: bool = False) -> N
     """A state, true and estimated."""
     own = {run: r for run, r in scene.results.items() if name in r.states}
     truths = _truths(ax, scene, {run: Curve(r.time, r.x[:, r.states.index(name)]) for run, r in own.items()})
-    measured = _samples(ax, scene, name) if samples else []
+    measured = _samples(ax, scene, {run: r.outputs_of(name) for run, r in own.items()}) if samples else []
     healthy, lost = _estimates(ax, scene, name, lambda xhat, x: xhat)
     _limit(ax, data.state_limits(truths + measured, healthy, lost))
     both = rf"${symbol(name)},\ {symbol(name, hat=True)}$" if scene.actors else f"${symbol(name)}$"
@@ -76,11 +76,13 @@ def draw_magnitude(ax: Axes, scene: Scene, name: str) -> None:
 def draw_output(ax: Axes, scene: Scene, name: str) -> None:
     """An output, measured and free of noise."""
     own = {run: r for run, r in scene.results.items() if name in r.outputs}
-    measured = _samples(ax, scene, name)
+    measured = _samples(ax, scene, {run: (name,) for run in own})
     truths = _truths(ax, scene, {run: Curve(r.time, r.y[:, r.outputs.index(name)]) for run, r in own.items()})
     _limit(ax, data.state_limits(truths + measured, [], []))
-    is_state = any(name in r.states for r in own.values())
-    ax.set_ylabel((f"$y = {symbol(name)}$" if is_state else f"${symbol(name)}$") + _unit(scene, name))
+    is_state = any(name in r.outputs_of(name) for r in own.values())
+    named_alike = any(name in r.states for r in own.values()) and not is_state  # the unit is that of the state
+    unit = "" if named_alike else _unit(scene, name)
+    ax.set_ylabel((f"$y = {symbol(name)}$" if is_state else f"${symbol(name)}$") + unit)
 
 
 def moving_window(result: ResultData) -> float:
@@ -131,22 +133,29 @@ def _estimates(
     return healthy, [c.v for _, actor, c in drawn if actor.observer.diverged_at is not None]
 
 
-def _samples(ax: Axes, scene: Scene, name: str) -> list[np.ndarray]:
-    """Measurements at their arrival: dots, or a line where there is one at every point of the output grid."""
-    own: dict[str, tuple[Curve, np.ndarray]] = {}
-    for run, result in scene.results.items():
-        if name not in result.outputs:
-            continue
+def _samples(ax: Axes, scene: Scene, outputs: Mapping[str, Sequence[str]]) -> list[np.ndarray]:
+    """Measurements at their arrival: dots, or a line where there is one at every point of the output grid.
+
+    Parameters
+    ----------
+    outputs : mapping of str to sequence of str
+        Of every run.
+    """
+    own: dict[tuple[str, str], tuple[Curve, np.ndarray]] = {}
+    for run, name in ((run, name) for run, names in outputs.items() for name in names):
+        result = scene.results[run]
         t, y = result.measurements.time, result.measurements.y[:, result.outputs.index(name)]
         known = np.isfinite(y)
         if scene.window is not None:
             known &= (t >= scene.window[0]) & (t <= scene.window[1])
         curve = Curve(t[known], y[known])
         if not any(np.array_equal(curve.t, c.t) and np.array_equal(curve.v, c.v) for c, _ in own.values()):
-            own[run] = curve, _dense(curve.t, result.time)
-    for i, (run, (curve, dense)) in enumerate(own.items()):
+            own[run, name] = curve, _dense(curve.t, result.time)
+    several = len({name for _, name in own}) > 1
+    for i, ((run, name), (curve, dense)) in enumerate(own.items()):
         light, dark, marker = OTHER_MEASUREMENTS[i % len(OTHER_MEASUREMENTS)]
-        text: dict[str, Any] = {"label": f"{words(run)}: measured"} if len(own) > 1 else {}
+        whose = ", ".join([words(run)] * (len({run for run, _ in own}) > 1) + [words(name)] * several)
+        text: dict[str, Any] = {"label": f"{whose}: measured"} if whose else {}
         for piece in np.split(np.arange(curve.t.size), np.flatnonzero(np.diff(dense)) + 1):
             if piece.size and dense[piece[0]]:
                 _line(ax, Curve(curve.t[piece], curve.v[piece]), **{**TRACE, "color": light, **text})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -73,6 +74,9 @@ INSET_FRAME: dict[str, Any] = {"edgecolor": "0.6", "alpha": 1.0, "linewidth": 0.
 DPI = 300
 # Sides in inches: least width; least height of a figure without panels and of each panel; largest of both.
 NARROWEST, LOWEST, LARGEST = 2.0, (0.6, 0.6), 100.0
+PANEL = 2.2  # inches: the height of a row of panels
+LARGEST_AREA = 1_000.0  # square inches: 90 million points in a PNG
+LARGEST_NUMBER = 1e100  # that axes can be divided by
 # Tried for characters that the fonts above lack.
 _OTHER_SCRIPTS = (
     "Noto Serif CJK JP",
@@ -130,9 +134,22 @@ _RC: dict[str, Any] = {
 }
 
 
+def _require_matplotlib() -> None:
+    """Import it; a backend that the environment names and that is not installed is no hindrance, for none is used."""
+    try:
+        import matplotlib  # tried here
+    except ValueError:
+        named = os.environ.pop("MPLBACKEND")
+        try:
+            import matplotlib  # noqa: F401  # tried again
+        finally:
+            os.environ["MPLBACKEND"] = named
+
+
 @contextmanager
 def styled() -> Iterator[None]:
     """Matplotlib's own defaults with our settings on top, whatever the user's; undone at the end."""
+    _require_matplotlib()
     import matplotlib
     from matplotlib import font_manager
 

@@ -18,9 +18,10 @@ import numpy as np
 from hgorun.config.expressions import parse
 from hgorun.measurement.sampling import SAMPLE_BYTES
 from hgorun.memo import Memo
-from hgorun.symbolic.crossings import Found, Levels, Search, TooMany, listed
+from hgorun.symbolic.crossings import Found, Search, TooMany
 from hgorun.symbolic.evaluate import Floats, evaluate
 from hgorun.symbolic.kinks import Kink, Pieces
+from hgorun.symbolic.levels import Levels, listed
 
 LEVELS = 4  # repetitions of an event that a fourth-order method can see
 _MARGIN = 4  # doubles beside a kink at which a function is looked at
@@ -77,6 +78,15 @@ _FOUND: Memo[Irregular] = Memo(32)
 def infinite(when: float) -> str:
     """What is said of a function of time that has no finite value at some time."""
     return f"this is not finite at t = {when:.12g}: it has a pole or no real value there"
+
+
+def not_followed(what: str, lost: tuple[tuple[float, float], ...]) -> str:
+    """What is said of a function of time whose kinks may not all have been found."""
+    first, last = min(a for a, _ in lost), max(b for _, b in lost)
+    return (
+        f"{what}: kinks or jumps between t = {first:.6g} and t = {last:.6g} may have been missed, "
+        "where the sign of an argument cannot be told from rounding"
+    )
 
 
 def too_many(error: TooMany, what: str, memory: float) -> str:

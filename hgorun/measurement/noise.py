@@ -119,13 +119,15 @@ class StretchNoise:
     def _needed(self, hold: float) -> tuple[int, int]:
         """First and last + 1 of the run's draws that the stretch may need."""
         first, last = (self._index(np.array(t), hold) for t in self._span)
-        whole = int(np.floor((self.end - self.start) / hold * (1 + 1e-12))) + 1
+        rounding = 2 * np.spacing(max(abs(self.start), abs(self.end))) / hold
+        whole = int(np.floor((self.end - self.start) / hold * (1 + 1e-12) + rounding)) + 1
         stop = min(int(last) + 2, whole)
         return min(max(int(first) - 1, 0), stop - 1), stop
 
     def _index(self, times: np.ndarray, hold: float) -> np.ndarray:
         """Which draw holds at each time."""
-        return np.asarray(np.floor((times - self.start) / hold * (1 + 1e-12) + 1e-9).astype(np.int64))
+        rounding = 1e-9 + 2 * np.spacing(np.abs(times)) / hold  # a clock that began long ago has few digits left
+        return np.asarray(np.floor((times - self.start) / hold * (1 + 1e-12) + rounding).astype(np.int64))
 
     def _draw(self, j: int, count: int) -> np.ndarray:
         """The first draws of an item: the same ones at every call."""

@@ -75,14 +75,19 @@ def find_samples(stretches: list[Stretch], start: float, seed: int, output: str,
     all_taken = np.concatenate(taken)
     newest = np.maximum.accumulate(np.concatenate([[-np.inf], all_taken]))[:-1]
     # times that are equal on paper may differ by rounding
-    tolerance = 1e-12 * max(abs(stretches[0].start), abs(stretches[-1].end))
+    tolerance = _rounding(stretches[0].start, stretches[-1].end)
     used = all_taken >= newest - tolerance
     return Samples(np.concatenate(arrival), all_taken, np.concatenate(number), np.concatenate(which), used)
 
 
+def _rounding(start: float, end: float) -> float:
+    """By how much times from start to end may differ that are equal on paper."""
+    return float(max(1e-12 * (end - start), 8 * np.spacing(max(abs(start), abs(end)))))
+
+
 def _belong(times: np.ndarray, stretch: Stretch, last: bool) -> np.ndarray:
     """Which times lie in a stretch: its end belongs to the next one, where there is one."""
-    tolerance = 1e-12 * max(abs(stretch.end), abs(stretch.start))
+    tolerance = _rounding(stretch.start, stretch.end)
     before = times <= stretch.end + tolerance if last else times < stretch.end - tolerance
     return np.asarray((times >= stretch.start - tolerance) & before)
 
@@ -99,7 +104,9 @@ def _arrivals(
             raise Problem((*path, "times"), f"no sample lies between {stretch.start:g} and {stretch.end:g}")
         return times, np.arange(times.size)
     if isinstance(sampling, Periodic):
-        count = np.floor((stretch.end - stretch.start - sampling.offset) / sampling.period * (1 + 1e-12) + 1e-9) + 1
+        span = stretch.end - stretch.start - sampling.offset
+        rounding = 1e-9 + 2 * np.spacing(max(abs(stretch.start), abs(stretch.end))) / sampling.period
+        count = np.floor(span / sampling.period * (1 + 1e-12) + rounding) + 1
         if count > limit:
             raise Problem((*path, "period"), f"{count:.3g} samples take {_memory(count, limit)}")
         k = np.arange(max(int(count), 0))

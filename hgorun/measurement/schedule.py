@@ -15,6 +15,7 @@ from hgorun.measurement.availability import Stretch
 from hgorun.measurement.events import LEVELS, merge, repeated
 from hgorun.measurement.noise import StretchNoise, absolute
 from hgorun.measurement.sampling import SAMPLE_BYTES, Samples, find_samples
+from hgorun.measurement.signals import delay_range
 from hgorun.measurement.variants import CONTINUOUS, DELAYED, HELD, SILENT, Variant
 from hgorun.noise.base import RandomNoise
 
@@ -175,23 +176,16 @@ def continuous_delays(channels: list[Channel]) -> list[Stretch]:
     return [s for c in channels for s in c.stretches if s.continuous and not s.undelayed]
 
 
-def check_delays(channels: list[Channel], points: int) -> tuple[float, float]:
-    """The smallest positive and the largest continuous delay; (inf, 0) without any.
+def check_delays(channels: list[Channel]) -> tuple[float, float]:
+    """The smallest and the largest continuous delay; (inf, 0) without any.
 
     Raises
     ------
     Problem
         Where a delay is negative or not a number.
     """
-    smallest, largest = np.inf, 0.0
-    for s in continuous_delays(channels):
-        times = np.linspace(s.start, s.end, points)
-        delays = s.delay_at(times)
-        if not np.all(np.isfinite(delays)) or np.any(delays < 0):
-            where = times[np.argmin(np.where(np.isfinite(delays), delays, -np.inf))]
-            raise Problem(s.paths["delay"], f"the delay must be a number >= 0, found {delays.min():g} at t = {where:g}")
-        smallest, largest = min(smallest, float(delays.min())), max(largest, float(delays.max()))
-    return smallest, largest
+    ranges = [delay_range(s) for s in continuous_delays(channels)]
+    return min((low for low, _ in ranges), default=np.inf), max((high for _, high in ranges), default=0.0)
 
 
 def build_schedule(channels: list[Channel], time: Time, kinks: np.ndarray, step: float) -> Schedule:
@@ -204,7 +198,8 @@ def build_schedule(channels: list[Channel], time: Time, kinks: np.ndarray, step:
     step : float
         Nominal step: events much closer than it are one.
     """
-    tolerance = max(_SHORT * step, 4 * np.spacing(max(abs(time.start), abs(time.end))))
+    rounding = 4 * np.spacing(max(abs(time.start), abs(time.end)))
+    tolerance = max(_SHORT * step, rounding)
     times = [np.array([time.start, time.end]), kinks]
     for c in channels:
         times += [c.samples.arrival, c.samples.taken, np.array([s.start for s in c.stretches])]
@@ -233,6 +228,9 @@ def build_schedule(channels: list[Channel], time: Time, kinks: np.ndarray, step:
                 f"{time.max_memory / 2**30:.3g} GiB",
             )
     sides = np.concatenate(sharp)
+    pulses = _pulses(sides, tolerance, 4 * max(rounding, 4 * np.spacing(step)))
+    if pulses.size:
+        events = _clipped(np.concatenate([events, pulses]), time, rounding)
     inward, at = np.zeros(events.size), nearest_event(events, sides)
     margin = 4 * np.spacing(np.maximum(np.abs(sides), step))
     np.maximum.at(inward, at, np.abs(sides - events[at]) + margin)
@@ -253,6 +251,13 @@ def _distinct(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     codes = np.ravel_multi_index(tuple(rows.T), tuple(sizes))  # sorting takes longer than all the rest
     present = np.flatnonzero(np.bincount(codes))
     return np.stack(np.unravel_index(present, tuple(sizes)), axis=1), np.searchsorted(present, codes)
+
+
+def _pulses(kinks: np.ndarray, tolerance: float, rounding: float) -> np.ndarray:
+    """Kinks closer to each other than other events may be, but not by rounding: a pulse can be that short."""
+    ordered = merge(kinks, rounding)
+    short = np.flatnonzero(np.diff(ordered) <= tolerance)
+    return ordered[np.union1d(short, short + 1)]
 
 
 def _clipped(times: np.ndarray, time: Time, tolerance: float) -> np.ndarray:

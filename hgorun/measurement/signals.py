@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Hashable
 from dataclasses import dataclass
+from functools import lru_cache
 
 import casadi as ca
 import numpy as np
@@ -12,7 +13,7 @@ from hgorun.config.expressions import parse
 from hgorun.config.literals import Template, template
 from hgorun.errors import Problem
 from hgorun.measurement.availability import Stretch
-from hgorun.measurement.events import Irregular, Kinks, infinite, too_many
+from hgorun.measurement.events import Irregular, Kinks, infinite, not_followed, too_many
 from hgorun.measurement.sampling import SAMPLE_BYTES
 from hgorun.memo import Memo
 from hgorun.noise.base import TimeFunction
@@ -20,6 +21,7 @@ from hgorun.symbolic.crossings import TooMany
 from hgorun.symbolic.evaluate import along
 from hgorun.symbolic.parameters import Parameters, flat
 
+_POINTS = 4_000  # at which a delay is looked at beside its kinks and extremes
 _COMPILED: Memo[tuple[ca.Function, Kinks, Kinks]] = Memo(256)
 
 
@@ -83,6 +85,44 @@ def kinks_of(stretch: Stretch, max_memory: float) -> Irregular:
             raise Problem(stretch.paths[key], infinite(when))
     noise, delay = found
     return Irregular(np.union1d(noise.times, delay.times), noise.lost + delay.lost)
+
+
+def signal_remarks(stretch: Stretch, max_memory: float) -> list[str]:
+    """What is said of noise or a delay whose kinks could not all be found."""
+    lost = kinks_of(stretch, max_memory).lost
+    return [not_followed(".".join(map(str, stretch.paths["noise"])), lost)] if lost else []
+
+
+def delay_range(stretch: Stretch) -> tuple[float, float]:
+    """The smallest and the largest delay of a continuous output.
+
+    Raises
+    ------
+    Problem
+        Where a delay is negative or not a number.
+    """
+    expression = parse(stretch.delay, names=("t",))
+    if not expression.names:
+        return expression.number(), expression.number()
+    found = _extremes(stretch.delay).between(np.zeros(0), stretch.start, stretch.end).times
+    beside = found + 4 * np.spacing(found) * np.array([[-1.0], [0.0], [1.0]])
+    inside = np.clip(beside, stretch.start, stretch.end).ravel()
+    times = np.unique(np.concatenate([np.linspace(stretch.start, stretch.end, _POINTS), inside]))
+    delays = stretch.delay_at(times)
+    if not np.all(np.isfinite(delays)) or np.any(delays < 0):
+        where = times[np.argmin(np.where(np.isfinite(delays), delays, -np.inf))]
+        raise Problem(
+            stretch.paths["delay"], f"the delay must be a number >= 0, found {delays.min():g} at t = {where:g}"
+        )
+    return float(delays.min()), float(delays.max())
+
+
+@lru_cache(maxsize=64)
+def _extremes(delay: str) -> Kinks:
+    """Where a delay has its kinks, its jumps, and a slope of zero."""
+    t = ca.SX.sym("t")
+    value = parse(delay, names=("t",)).symbol({"t": t})
+    return Kinks.of([value, ca.sign(ca.jacobian(value, t))], t, ca.SX(0, 1))
 
 
 def _functions(stretch: Stretch) -> list[TimeFunction]:

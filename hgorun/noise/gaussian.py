@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 import numpy as np
 from pydantic import Field, model_validator
 
@@ -17,7 +19,7 @@ class GaussianNoise(RandomNoise):
     """
 
     std: NonNegative | None = Field(default=None, description="standard deviation")
-    snr_db: Number | None = Field(
+    snr_db: Annotated[Number, Field(ge=-1000, le=1000)] | None = Field(
         default=None,
         description="variance = mean of the noise-free output squared over the run / 10^(snr_db/10)",
     )

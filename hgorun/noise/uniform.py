@@ -24,6 +24,8 @@ class UniformNoise(RandomNoise):
     def _order(self) -> UniformNoise:
         if not self.low < self.high:
             raise ValueError(f"low must be below high, found low {self.low:g}, high {self.high:g}")
+        if not np.isfinite(self.high - self.low):
+            raise ValueError(f"high - low is not finite, found low {self.low:g}, high {self.high:g}")
         return self
 
     def draw(self, random: np.random.Generator, count: int) -> np.ndarray:

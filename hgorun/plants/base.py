@@ -43,7 +43,7 @@ class Plant(Block):
     valid: ClassVar[str] = ""
     known_parameters: ClassVar[Mapping[str, Parameter]] = {}
     known_inputs: ClassVar[Mapping[str, Input]] = {}
-    units: ClassVar[Mapping[str, str]] = {}
+    units: ClassVar[Mapping[str, str]]  # may be left out; of a model of one's own it is a key
 
     type: str = Field(description="name of the plant")
     parameters: dict[Name, ExpressionText] = Field(default_factory=dict, description="name: value")
@@ -90,6 +90,11 @@ class Plant(Block):
         """
         return {}
 
+    @property
+    def periods(self) -> Mapping[str, float]:
+        """The period of every output that is known up to whole periods, such as an angle."""
+        return {}
+
     def place_of(self, state: str) -> tuple[str, ...]:
         """Where in the block the right-hand side of a state stands; empty where it is the class's own."""
         return ()
@@ -127,6 +132,11 @@ class TriangularCoordinates(ABC):
     @abstractmethod
     def from_triangular(self, z: ca.SX, p: Symbols) -> Expressions:
         """The states, in their order, from z, shape (n,)."""
+
+
+def units_of(plant: Plant | type[Plant]) -> dict[str, str]:
+    """Units of states and outputs, where the plant states them."""
+    return dict(getattr(plant, "units", {}))
 
 
 def is_plant(thing: object) -> TypeGuard[type[Plant]]:

@@ -15,7 +15,7 @@ from hgorun.config.literals import Template, template
 from hgorun.config.reads import Reads
 from hgorun.errors import Problem
 from hgorun.memo import Memo
-from hgorun.plants.base import Invertible, Plant, TriangularCoordinates
+from hgorun.plants.base import Invertible, Plant, TriangularCoordinates, units_of
 from hgorun.symbolic.plant import PlantModel
 from hgorun.symbolic.symbols import Symbols
 
@@ -86,7 +86,7 @@ class BuiltPlant:
     @property
     def units(self) -> dict[str, str]:
         """Units of states and outputs, where the plant states them."""
-        return dict(self.block.units)
+        return units_of(self.block)
 
 
 @dataclass(frozen=True)
@@ -118,7 +118,7 @@ class _Signals:
 
 
 # buckets of plants that agree in their names and signals; what else of their blocks matters is in the reads
-_BUILT: Memo[list[tuple[Reads, SymbolicPlant]]] = Memo(64)
+_BUILT: Memo[list[tuple[Reads[Plant], SymbolicPlant]]] = Memo(64)
 _BUCKET = 16  # plants in a bucket
 
 
@@ -180,8 +180,10 @@ def _symbolic(
     )
     spaces = [_named(names, v) for names, v in ((states, x), (input_names, u), (parameters, p))]
     dynamics, output = _equations(block, watched, t, *spaces)
-    maps = (_inverse(block, watched, parameters), *_triangular(block, watched, states, parameters))
-    model = PlantModel(states, outputs, input_names, parameters, t, x, u, p, dynamics, output, *maps)
+    inverse, (transform, back) = _inverse(block, watched, parameters), _triangular(block, watched, states, parameters)
+    periods = tuple(watched.periods.get(name) for name in outputs)
+    names = states, outputs, input_names, parameters
+    model = PlantModel(*names, t, x, u, p, dynamics, output, inverse, transform, back, periods)
     symbols = {**vars(spaces[2]), "t": t}
     first = len(inputs.names)
     found = inputs.symbols(symbols, numbers[:first], chained=True)

@@ -6,13 +6,30 @@ from collections.abc import Mapping
 from typing import Annotated, Any
 
 import casadi as ca
-from pydantic import Field, field_validator, model_validator
+from pydantic import BeforeValidator, Field, field_validator, model_validator
 
 from hgorun.config.expressions import nearest, parse
-from hgorun.config.types import ExpressionText, Name, NonEmpty, describe
+from hgorun.config.types import Block, ExpressionText, Name, NonEmpty, Positive, describe, expression
 from hgorun.errors import Problem
 from hgorun.plants.base import Expressions, Plant
 from hgorun.symbolic.symbols import Symbols
+
+
+class PeriodicOutput(Block):
+    """An output that is known up to whole periods, such as the angle that an encoder gives."""
+
+    value: ExpressionText = Field(description="expression of states, inputs, parameters and t")
+    period: Positive = Field(description="measurements lie within half a period of zero, and innovations, too")
+
+
+def _output(value: Any) -> Any:
+    """An expression, or a mapping with one."""
+    if isinstance(value, dict):
+        return PeriodicOutput.model_validate(value)
+    return value if isinstance(value, PeriodicOutput) else expression(value)
+
+
+Output = Annotated[str | PeriodicOutput, BeforeValidator(_output)]
 
 
 class InlinePlant(Plant):
@@ -21,7 +38,12 @@ class InlinePlant(Plant):
     type: str = "inline"
     states: Annotated[tuple[Name, ...], NonEmpty] = Field(description="names of the states")
     dynamics: dict[Name, ExpressionText] = Field(description="state: right-hand side")
-    output: dict[str, ExpressionText] = Field(description="expression, list of expressions, or name: expression")
+    output: dict[str, Output] = Field(
+        description="expression, list of expressions, or name: expression; {value, period} where it is an angle"
+    )
+    units: dict[Name, str] = Field(  # type: ignore[misc]  # a key here, what the class says elsewhere
+        default_factory=dict, description="state or output: its unit, for tables, figures and files"
+    )
 
     @field_validator("output", mode="before")
     @classmethod
@@ -63,16 +85,36 @@ class InlinePlant(Plant):
 
     def expressions(self) -> Mapping[tuple[str, ...], str]:
         dynamics: dict[tuple[str, ...], str] = {("dynamics", name): text for name, text in self.dynamics.items()}
-        return dynamics | {("output", name): text for name, text in self.output.items()}
+        return dynamics | {self._place(name): text for name, text in self._values.items()}
+
+    @property
+    def periods(self) -> Mapping[str, float]:
+        return {name: given.period for name, given in self.output.items() if isinstance(given, PeriodicOutput)}
+
+    def _place(self, output: str) -> tuple[str, ...]:
+        """Where an output's expression stands in the block."""
+        return ("output", output) if isinstance(self.output[output], str) else ("output", output, "value")
+
+    @property
+    def _values(self) -> dict[str, str]:
+        """The outputs' expressions."""
+        return {name: given if isinstance(given, str) else given.value for name, given in self.output.items()}
 
     def place_of(self, state: str) -> tuple[str, ...]:
         return ("dynamics", state)
 
     def require_fit(self) -> None:
-        for name, text in self.output.items():
+        for name in self.units:
+            if name not in (*self.states, *self.output):
+                known = ", ".join(dict.fromkeys((*self.states, *self.output)))
+                raise Problem(
+                    ("plant", "units", name),
+                    f"unknown name {name!r}; known here: {known}.{nearest(name, known.split(', '))}",
+                )
+        for name, text in self._values.items():
             if not parse(text).names:
                 raise Problem(
-                    ("plant", "output", name),
+                    ("plant", *self._place(name)),
                     f"{text} is a number; an output is a state or an expression of states, such as {self.states[0]}",
                 )
         for name in self.dynamics:
@@ -86,5 +128,5 @@ class InlinePlant(Plant):
     def equations(self, t: ca.SX, x: Symbols, u: Symbols, p: Symbols) -> tuple[Expressions, Expressions]:
         values = {**vars(p), **vars(u), **vars(x), "t": t}
         dynamics = [parse(self.dynamics[s], names=values).symbol(values) for s in self.states]
-        outputs = [parse(text, names=values).symbol(values) for text in self.output.values()]
+        outputs = [parse(text, names=values).symbol(values) for text in self._values.values()]
         return dynamics, outputs

@@ -9,6 +9,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from hgorun.errors import ConfigError
 from hgorun.files import remove_leftovers
 from hgorun.reproduce.state import Json, State, number, of_claim, of_figure, of_run
 from hgorun.result.result import Result
@@ -18,6 +19,7 @@ from hgorun.study.measured import asked_of, carry_out, values_of
 from hgorun.study.study import Run, Study
 from hgorun.study.theory import theory_of
 
+_OWN = 2.0**34  # bytes of a run's numbers: files made here are read whatever their size
 Report = Callable[[float, str], None]
 
 
@@ -197,7 +199,10 @@ class Work:
 
         file, made_of = f"{run.name}.h5", of_run(run)
         if self.state.holds("runs", run.name, made_of):
-            return read(self.state.folder / file)
+            try:
+                return read(self.state.folder / file, max_memory=_OWN)
+            except ConfigError:  # cut short or damaged: made again
+                pass
         prepared = prepare(run.experiment)
         # Euler's step belongs to the definition of a run: discontinuous observers have no limit without it
         check = run.experiment.blocks.solver.method != "euler" and not prepared.adaptive
@@ -235,7 +240,12 @@ class Work:
 
         shown = [results[run] for run in self.study.runs_of(name) if run in results]
         scalings = scaling_data(self.study, name, ensembles)
-        figure = draw(shown, self.study.figures[name], name, scalings=scalings)
+        block = self.study.figures[name]
+        known = {text for r in shown for label in r.observers for text in (label, f"{r.name}/{label}")}
+        known |= {text for s in scalings.values() for label in s.observers for text in (label, f"{s.run}/{label}")}
+        # a legend may name an observer that no panel shows
+        block = block.model_copy(update={"labels": {k: v for k, v in block.labels.items() if k in known}})
+        figure = draw(shown, block, name, scalings=scalings)
         written = save(figure, self._figure_folder / name)
         written.append(thumbnail(figure, self.state.folder / "small" / f"{name}.png"))
         files = [relative(path, self.state.folder) for path in written]

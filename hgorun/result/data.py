@@ -109,8 +109,12 @@ class ResultData:
         The YAML text after ``extends``, ``--set`` and defaults, or what makes it when it is asked for.
     windows : mapping
         The windows that the metrics were taken from.
+    measures : mapping of str to str, optional
+        The outputs that are states, with the states that they are; None in files that do not say.
     integration_error : mapping, optional
         Largest difference to a run with half the step, or largest local error estimate of dopri5 or rodas5p.
+    remarks : tuple of str
+        What should be known of the run, such as functions of time whose kinks may have been missed.
     """
 
     name: str
@@ -130,6 +134,13 @@ class ResultData:
     seed: int
     windows: Mapping[str, Any] = field(default_factory=dict)
     integration_error: Mapping[str, float] | None = None
+    measures: Mapping[str, str] | None = None
+    remarks: tuple[str, ...] = ()
+
+    def outputs_of(self, state: str) -> tuple[str, ...]:
+        """The outputs that measure a state: those that are it, whatever their names."""
+        measures = {name: name for name in self.outputs} if self.measures is None else self.measures
+        return tuple(name for name in self.outputs if measures.get(name) == state)
 
     @cached_property
     def config_resolved(self) -> str:

@@ -12,28 +12,52 @@ from typing import Any
 import h5py
 import numpy as np
 
-from hgorun.errors import ConfigError
+from hgorun.errors import ConfigError, printable
+from hgorun.result import digests
 from hgorun.result.data import Coordinates, Measurements, ObserverResult
+from hgorun.result.guarded import Failed, guarded
 from hgorun.result.result import Result
 from hgorun.result.writing import FORMAT
 
-_LARGEST = 2**32  # bytes that the numbers may take; compressed or sparse data sets could claim any size
+_LARGEST = 2**30  # bytes that the numbers may take; compressed or sparse data sets could claim any size
+_SECONDS = 60.0  # that reading may take: a GiB takes two
+_NAMED = 1_000  # characters of a label
 
 
-def read(path: str | Path) -> Result:
+def read(path: str | Path, *, max_memory: float = _LARGEST) -> Result:
     """Read a result file.
+
+    It is read in a process of its own, where there are any, so that a file made to harm does not.
+
+    Parameters
+    ----------
+    path : path
+    max_memory : float
+        Bytes that its numbers may take; 1 GiB by default.
 
     Raises
     ------
     ConfigError
-        When the file is missing, no result of hgorun, damaged, or larger than 4 GiB unpacked.
+        When the file is missing, no result of hgorun, damaged, or larger than allowed.
     """
     path = Path(path)
     if not os.path.isfile(path):
         raise ConfigError("not a regular file" if os.path.exists(path) else "no such file", file=str(path))
+    budget = int(max_memory)
+    try:
+        return guarded(lambda: _read(path, budget), seconds=_SECONDS, memory=4 * budget + 2**28)
+    except Failed as error:
+        raise ConfigError(f"not a sound result file of hgorun: {error}", file=str(path)) from None
+
+
+def _read(path: Path, budget: int) -> Result:
     try:
         with h5py.File(path, "r") as file:
-            return _Reader(file, path).result()
+            return _Reader(file, path, budget).result()
+    except BlockingIOError:
+        raise ConfigError("another program has it open for writing", file=str(path)) from None
+    except MemoryError:
+        raise ConfigError(f"reading it takes more than {budget / 2**30:.3g} GiB", file=str(path)) from None
     except (OSError, KeyError, ValueError, TypeError, AttributeError, RuntimeError, OverflowError) as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise ConfigError(f"not a result file of hgorun: {reason}", file=str(path)) from error
@@ -42,9 +66,9 @@ def read(path: str | Path) -> Result:
 class _Reader:
     """Takes nothing from a file that it has not checked, and nothing from outside it."""
 
-    def __init__(self, file: h5py.File, path: Path) -> None:
+    def __init__(self, file: h5py.File, path: Path, budget: int) -> None:
         self.file, self.path = file, path
-        self.budget = _LARGEST
+        self.budget = self.allowed = budget
 
     def error(self, message: str) -> ConfigError:
         return ConfigError(message, file=str(self.path))
@@ -80,12 +104,19 @@ class _Reader:
             raise self.error(f"{name} holds {data.dtype}, expected real numbers")
         self.budget -= data.size * max(8, data.dtype.itemsize)
         if self.budget < 0:
-            raise self.error(f"the data sets are larger than {_LARGEST // 2**30} GiB")
+            raise self.error(f"the data sets are larger than {self.allowed / 2**30:.3g} GiB")
         wanted = [have if want is None else want for have, want in zip(data.shape, shape, strict=False)]
         if len(data.shape) != len(shape) or list(data.shape) != wanted:
             expected = ", ".join("any" if want is None else str(want) for want in shape)
             raise self.error(f"{name} has shape {data.shape}, expected ({expected})")
-        return np.asarray(data[()], dtype=float)
+        try:
+            values = np.asarray(data[()])
+        except OSError as error:
+            raise self.error(f"{name} is damaged: its checksum is wrong, or it cannot be read") from error
+        stored = data.attrs.get(digests.ATTRIBUTE)
+        if stored is not None and stored != digests.of_numbers(values):
+            raise self.error(f"{name} is damaged: its numbers do not have the digest that was stored with them")
+        return np.asarray(values, dtype=float)
 
     def times(self, name: str) -> np.ndarray:
         values = self.numbers(name, None)
@@ -98,6 +129,8 @@ class _Reader:
         found = list(values) if isinstance(values, np.ndarray) and values.ndim == 1 else []
         if not found or not all(isinstance(v, str) for v in found):
             raise self.error(f"{name}: attribute labels must be a list of names")
+        if any(v != printable(v) or len(v) > _NAMED for v in found):
+            raise self.error(f"{name}: attribute labels has a name that cannot be shown")
         if len(set(found)) < len(found):
             raise self.error(f"{name}: attribute labels has a name twice: {', '.join(found)}")
         return tuple(map(str, found))
@@ -131,6 +164,18 @@ class _Reader:
                 raise self.error(f"attribute {name}: {key} is {value!r:.50}, expected {expected}")
         return found
 
+    def remarks(self) -> tuple[str, ...]:
+        """Texts in a JSON list; none where the attribute is missing."""
+        if "remarks" not in self.file.attrs:
+            return ()
+        try:
+            found = json.loads(self.text("remarks"))
+        except (ValueError, RecursionError) as error:
+            raise self.error("attribute remarks is not JSON") from error
+        if not isinstance(found, list) or not all(isinstance(text, str) for text in found):
+            raise self.error("attribute remarks must be a JSON list of texts")
+        return tuple(found)
+
     def result(self) -> Result:
         form = self.file.attrs.get("format")
         if not isinstance(form, str) or form != FORMAT:
@@ -141,9 +186,9 @@ class _Reader:
         nt, nk, n, q = time.size, y_times.size, len(states), len(outputs)
         if nt == 0:
             raise self.error("time is empty")
-        return Result(
-            name=self.text("name"),
-            title=self.text("title"),
+        found = Result(
+            name=printable(self.text("name")),
+            title=printable(self.text("title")),
             time=time,
             x=self.numbers("plant/x", nt, n),
             u=self.numbers("plant/u", nt, len(inputs)) if inputs else np.zeros((nt, 0)),
@@ -167,9 +212,31 @@ class _Reader:
             integration_error=self.entries("integration_error", lambda _, value: _is_number(value), "a number")
             if "integration_error" in self.file.attrs
             else None,
+            measures=self.measures(states, outputs),
+            remarks=self.remarks(),
         )
+        self.check_attributes()
+        return found
+
+    def check_attributes(self) -> None:
+        """What is said of the run must be what was written."""
+        stored = self.file.attrs.get(digests.ATTRIBUTE)
+        if stored is not None and stored != digests.of_attributes(self.file):
+            raise self.error("the attributes are damaged: they do not have the digest that was stored with them")
+
+    def measures(self, states: tuple[str, ...], outputs: tuple[str, ...]) -> dict[str, str] | None:
+        """Which outputs are which states; files of older versions do not say."""
+        found = self.data("plant/y").attrs.get("measures")
+        if found is None:
+            return None
+        names = list(found) if isinstance(found, np.ndarray) and found.shape == (len(outputs),) else []
+        if not names or not all(isinstance(name, str) and name in ("", *states) for name in names):
+            raise self.error("plant/y: attribute measures must name a state, or nothing, for every output")
+        return {output: str(name) for output, name in zip(outputs, names, strict=True) if name}
 
     def observer(self, label: str, nt: int, n: int) -> ObserverResult:
+        if label != printable(label) or len(label) > _NAMED:
+            raise self.error(f"observers: {label!r:.50} is a label that cannot be shown")
         group = self.group(f"observers/{label}")
         lost = group.attrs.get("diverged_at")
         if lost is not None and not _is_finite(lost):

@@ -7,20 +7,26 @@ are equal files but for the attribute ``created``.
 from __future__ import annotations
 
 import hashlib
+import io
 import json
 import platform
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import h5py
 import numpy as np
 
 from hgorun.files import written_whole
+from hgorun.result import digests
 from hgorun.result.data import ObserverResult, ResultData
 from hgorun.result.metrics.base import all_metrics
 
+if TYPE_CHECKING:
+    from _typeshed import ReadableBuffer
+
 FORMAT = "hgorun-result-1"
+_CHUNK = 2**20
 
 
 def save(result: ResultData, path: Path) -> Path:
@@ -41,9 +47,37 @@ def save(result: ResultData, path: Path) -> Path:
     HgorunError
         When the file cannot be written.
     """
-    with written_whole(path) as part, h5py.File(part, "w", track_order=True) as file:
-        _write(result, file)
+    with written_whole(path) as part, _Sink(part) as sink:
+        with h5py.File(sink, "w", track_order=True) as file:
+            _write(result, file)
+        if sink.failed is not None:
+            raise sink.failed
     return path
+
+
+class _Sink(io.FileIO):
+    """A file for HDF5, which crashes where a write fails: it never sees one fail, and we say what happened."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path, "w+")
+        self.failed: OSError | None = None
+
+    def write(self, data: ReadableBuffer) -> int:
+        left = memoryview(data).cast("B")
+        size = len(left)
+        try:
+            while left and self.failed is None:
+                left = left[super().write(left) or 0 :]
+        except OSError as error:
+            self.failed = error
+        return size
+
+    def truncate(self, size: int | None = None) -> int:
+        try:
+            return super().truncate(size) if self.failed is None else size or 0
+        except OSError as error:
+            self.failed = error
+            return size or 0
 
 
 class _Writer:
@@ -58,7 +92,13 @@ class _Writer:
     def data(self, path: str, values: Any, dimensions: tuple[str, ...] = (), **attributes: Any) -> h5py.Dataset:
         parent, _, name = path.rpartition("/")
         group = self.group(parent) if parent else self.file
-        data = group.create_dataset(name, data=values, track_times=False)
+        array = np.asarray(values)
+        if array.dtype.kind == "O":
+            data = group.create_dataset(name, data=values, track_times=False)
+            data.attrs[digests.ATTRIBUTE] = digests.of_names([str(name) for name in array])
+        else:
+            data = group.create_dataset(name, data=array, track_times=False, **_checked(array))
+            data.attrs[digests.ATTRIBUTE] = digests.of_numbers(array)
         for axis, dimension in enumerate(dimensions):
             data.dims[axis].attach_scale(self.file[dimension])
         for key, value in attributes.items():
@@ -77,14 +117,28 @@ class _Writer:
             data.make_scale(path.rpartition("/")[2])
 
 
+def _checked(array: np.ndarray) -> dict[str, Any]:
+    """Checksums in the file, which HDF5 keeps for each chunk: whole rows, of about a MiB."""
+    if not array.ndim or not array.size:
+        return {}
+    rows = max(1, min(len(array), _CHUNK // max(array[:1].nbytes, 1)))
+    return {"fletcher32": True, "chunks": (rows, *array.shape[1:])}
+
+
 def _labels(names: tuple[str, ...]) -> Any:
     return np.array(names, dtype=object).astype(h5py.string_dtype()) if names else None
+
+
+def _measured_states(result: ResultData) -> Any:
+    """Of every output the state that it is, or nothing."""
+    known = result.measures
+    return None if known is None else _labels(tuple(known.get(output, "") for output in result.outputs))
 
 
 def _write(result: ResultData, file: h5py.File) -> None:
     w = _Writer(file)
     for key, value in _root_attributes(result).items():
-        file.attrs[key] = value
+        file.attrs[key] = value.encode(errors="replace").decode() if isinstance(value, str) else value
     units = result.units
     unit = units.get("time", "")
     w.scale("time", result.time, units=unit, long_name="time")
@@ -110,6 +164,7 @@ def _write(result: ResultData, file: h5py.File) -> None:
         ("time", "plant_output"),
         labels=_labels(result.outputs),
         long_name="noise-free output",
+        measures=_measured_states(result),
     )
     m = result.measurements
     # their dimension is the number of the measurement: a second dimension called time would clash with the grid
@@ -134,6 +189,7 @@ def _write(result: ResultData, file: h5py.File) -> None:
     w.group("metrics")
     for label, o in result.observers.items():
         _write_observer(w, result, label, o, of_states)
+    file.attrs[digests.ATTRIBUTE] = digests.of_attributes(file)
 
 
 def _write_observer(w: _Writer, result: ResultData, label: str, o: ObserverResult, units: str | None) -> None:
@@ -206,4 +262,6 @@ def _root_attributes(result: ResultData) -> dict[str, Any]:
     }
     if result.integration_error is not None:
         found["integration_error"] = json.dumps(dict(result.integration_error))
+    if result.remarks:
+        found["remarks"] = json.dumps(list(result.remarks))
     return found

@@ -6,14 +6,15 @@ import numpy as np
 
 from hgorun.engine.program import history_bytes, history_pieces
 from hgorun.errors import Problem
-from hgorun.measurement.availability import Stretch
 from hgorun.measurement.blocks import Steps
 from hgorun.measurement.schedule import continuous_delays
+from hgorun.measurement.signals import delay_range
 from hgorun.observers.base import SampledObserver, SampleSchedule
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.tables import count_steps
 from hgorun.symbolic.evaluate import at
 
+_COARSE = 0.01  # of a step: so far apart neighbouring numbers may be
 _OVERLAP = 0.05  # of a step: delays shorter than that are followed inside the step
 
 
@@ -24,10 +25,27 @@ def check_run(run: PreparedRun) -> None:
     ------
     Problem
     """
+    _check_clock(run)
     _check_memory(run)
     check_steps(run, run.step)
     _check_jumps(run)
     _check_start(run)
+    for channel in run.channels:
+        _ = channel.gain_and_bias  # noise that is no number at some sample is said before any run starts
+
+
+def _check_clock(run: PreparedRun) -> None:
+    """Times must be told apart much finer than steps."""
+    time = run.time
+    key = "start" if abs(time.start) > abs(time.end) else "end"
+    finest = float(np.spacing(abs(getattr(time, key))))
+    step = min(run.step, time.output_step)
+    if finest > _COARSE * step:
+        raise Problem(
+            ("time", key),
+            f"numbers as large as {getattr(time, key):g} are {finest:.1g} apart, too coarse for steps of {step:.3g}: "
+            "count time from a later origin",
+        )
 
 
 def longest_step(run: PreparedRun, step: float) -> float:
@@ -53,16 +71,12 @@ def check_steps(run: PreparedRun, step: float) -> None:
     pieces = history_pieces(np.column_stack([events[:-1], events[1:]]), steps, run.reach)
     size = history_bytes(run.structure.system, pieces)
     if size > run.time.max_memory:
-        late = max(continuous_delays(run.channels), key=lambda stretch: _longest_delay(run, stretch))
+        late = max(continuous_delays(run.channels), key=lambda stretch: delay_range(stretch)[1])
         raise Problem(
             late.paths["delay"],
             f"with steps of {longest:.3g} the history of a delay of {run.reach:.3g} takes "
             f"{size / 2**30:.3g} GiB; time.max_memory allows {run.time.max_memory / 2**30:.3g} GiB",
         )
-
-
-def _longest_delay(run: PreparedRun, stretch: Stretch) -> float:
-    return float(stretch.delay_at(np.linspace(stretch.start, stretch.end, run.experiment.points)).max())
 
 
 def _check_memory(run: PreparedRun) -> None:

@@ -28,8 +28,6 @@ from hgorun.simulation.observer_block import Design
 from hgorun.symbolic.canonical import CanonicalForm
 from hgorun.symbolic.forms import Form
 
-_SEARCH_POINTS = (4_000, 200_000)  # fewest and most points in the search for kinks
-
 
 class Experiment:
     """One run, complete: everything that :func:`hgorun.simulate` needs.
@@ -218,12 +216,6 @@ class Experiment:
         return None if step == "auto" or self.adaptive else step
 
     @property
-    def points(self) -> int:
-        """How finely functions of time are searched for kinks."""
-        time = self.blocks.time
-        return int(np.clip((time.end - time.start) / (self.given_step or 1e-3), *_SEARCH_POINTS))
-
-    @property
     def metric_step(self) -> float:
         """Spacing of the points that metrics are taken from."""
         return self.blocks.metrics.record or self.blocks.time.output_step
@@ -247,7 +239,8 @@ class Experiment:
                         ("metrics", "record"),
                         f"record {record:g} and output_step {time.output_step:g}: one must be a multiple of the other",
                     )
-            count = np.floor((time.end - time.start) / fine * (1 + 1e-12) + 1e-9) + 1
+            rounding = 1e-9 + 2 * np.spacing(max(abs(time.start), abs(time.end))) / fine
+            count = np.floor((time.end - time.start) / fine * (1 + 1e-12) + rounding) + 1
             width = self.plant.model.n + sum(
                 self.plant.model.n * 2 + 8 for _ in self.observers
             )  # states and estimates, before the exact size is known
@@ -258,11 +251,22 @@ class Experiment:
                     f"the output grid has {count:.4g} points, about {size / 2**30:.3g} GiB; "
                     f"time.max_memory allows {time.max_memory / 2**30:.3g} GiB",
                 )
+            for path, step in ((("time", "output_step"), time.output_step), (("metrics", "record"), record)):
+                if step > (time.end - time.start) * (1 + 1e-9):
+                    raise Problem(path, f"{step:g} is longer than the run, {time.end - time.start:g}: shorten it")
             points = time.start + np.arange(int(count)) * fine
             measured = points[:: ratios[1]]
             for key in ("window", "transient"):
                 window = getattr(self.blocks.metrics, key)
-                if window is not None and measured[points_in(measured, window)].size == 0:
+                if window is None:
+                    continue
+                if window[0] < time.start - 1e-9 * fine or window[1] > time.end + 1e-9 * fine:
+                    raise Problem(
+                        ("metrics", key),
+                        f"[{window[0]:g}, {window[1]:g}] reaches outside the run, which lasts from "
+                        f"{time.start:g} to {time.end:g}",
+                    )
+                if measured[points_in(measured, window)].size == 0:
                     raise Problem(("metrics", key), f"no output point lies in [{window[0]:g}, {window[1]:g}]")
         return points, ratios[0], ratios[1]
 

@@ -48,6 +48,10 @@ def form_of(
             key = "chains" if observer.chains else "map"
             raise Problem(("observers", label, key), str(error)) from error
         raise Problem(("plant",), f"{error}; {_elsewhere(plant, label, observer)}") from error
+    except Problem:
+        raise
+    except ValueError as error:
+        raise Problem(("plant", "initial"), f"{error}; observer {label} ({observer.type}) needs one") from error
 
 
 def _finder(

@@ -11,7 +11,7 @@ import numpy as np
 
 from hgorun.errors import Problem
 from hgorun.memo import Same
-from hgorun.observers.base import AnyObserver, ContinuousObserver, Flow, Sample, SampledObserver
+from hgorun.observers.base import AnyObserver, ContinuousObserver, Sample, SampledObserver
 from hgorun.symbolic.forms import Copy, Form, ModelCopy
 from hgorun.symbolic.parameters import Parameters, flat
 from hgorun.symbolic.states import StateBlock, Symmetric
@@ -88,8 +88,8 @@ class Design:
         try:
             values["xhat"] = self.form.start(x, parameters, observer.coordinates == "canonical")
         except ValueError as error:
-            default = "" if observer.initial else "; that is where estimates start by default: give initial"
-            raise self._fail("initial", f"{error}{default}") from error
+            at = "" if observer.initial else "; that is where estimates start by default: give initial"
+            raise self._fail("initial", f"{error}{at}") from error
         for name, given in observer.internal.items():
             if name not in values or name == "xhat":
                 known = ", ".join(n for n in values if n != "xhat") or "none"
@@ -220,10 +220,44 @@ class ObserverBlock:
             still = {name: ca.SX.zeros(*value.shape) for name, value in vars(s).items() if name != "alpha"}
             return still, ca.SX.zeros(e.shape)
         flow = self.observer.equations(copy, s, e, self.k)
-        correction = self._felt(copy, s.xhat, flow) if flow.correction is None else flow.correction
-        return dict(flow.derivatives), correction
+        derivatives = self._fitting(flow.derivatives, "equations", "derivative")
+        missing = [name for name in self._own if name not in derivatives]
+        if missing:
+            raise self._wrong(f"equations: no derivative of {', '.join(missing)}")
+        if flow.correction is None:
+            return derivatives, self._felt(copy, s.xhat, derivatives["xhat"])
+        return derivatives, self._of_shape(flow.correction, e.shape, "equations: the correction")
 
-    def _felt(self, copy: Copy, xhat: ca.SX, flow: Flow) -> ca.SX:
+    @property
+    def _own(self) -> dict[str, StateBlock]:
+        """The states that the observer's equations are about: not alpha, which is the innovation's."""
+        return {name: state for name, state in self.states.items() if name != "alpha"}
+
+    def _fitting(self, given: Mapping[str, ca.SX], method: str, what: str) -> dict[str, ca.SX]:
+        """Expressions by state, each of exactly its state's shape.
+
+        One with more entries would move the states behind it, which are another observer's.
+        """
+        unknown = [name for name in given if name not in self._own]
+        if unknown:
+            states = ", ".join(self._own)
+            raise self._wrong(f"{method}: a {what} of {', '.join(unknown)}, which is not one of its states: {states}")
+        return {
+            name: self._of_shape(value, self._own[name].matrix, f"{method}: the {what} of {name}")
+            for name, value in given.items()
+        }
+
+    def _of_shape(self, value: ca.SX, shape: tuple[int, int], what: str) -> ca.SX:
+        found = ca.SX(value)
+        if found.shape != shape:
+            raise self._wrong(f"{what} has the shape {found.shape}, expected {shape}")
+        return found
+
+    def _wrong(self, message: str) -> Problem:
+        """A mistake in the class, told at the block that uses it."""
+        return Problem(("observers", self.label, "type"), f"{self.observer.type}, {message}")
+
+    def _felt(self, copy: Copy, xhat: ca.SX, rate: ca.SX) -> ca.SX:
         """C_x (copy(xhat) - xhat'): what the outputs of the estimate feel beside the copy of the plant."""
         if not isinstance(copy, ModelCopy):
             raise Problem(
@@ -231,14 +265,14 @@ class ObserverBlock:
                 f"{type(self.observer).__name__} has no copy of the plant: the Flow of its equations has to give "
                 "its correction",
             )
-        return ca.jtimes(copy.output(xhat), xhat, copy.copy(xhat) - flow.derivatives["xhat"])
+        return ca.jtimes(copy.output(xhat), xhat, copy.copy(xhat) - rate)
 
     def jump(self, t: ca.SX, u: ca.SX, u_before: ca.SX, p: ca.SX, z: ca.SX, sample: Sample) -> ca.SX:
         """What the block becomes when a sample arrives."""
         plant, before = self.copy(t, u, p), self.copy(t - sample.interval, u_before, p)
         s = self.symbols(z)
         assert isinstance(self.observer, SampledObserver)
-        values = {**vars(s), **self.observer.jump(plant, before, s, sample, self.k)}
+        values = vars(s) | self._fitting(self.observer.jump(plant, before, s, sample, self.k), "jump", "value")
         return ca.vertcat(*[block.flat(values[name]) for name, block in self.states.items()])
 
     def copy(self, t: ca.SX, u: ca.SX, p: ca.SX) -> Copy:

@@ -70,6 +70,8 @@ def record(run: PreparedRun, raw: Raw) -> Result:
         seed=blocks.seed,
         windows=asdict(settings),
         integration_error=embedded,
+        measures=model.measures,
+        remarks=run.remarks,
     )
 
 
@@ -105,7 +107,8 @@ def _measurements(run: PreparedRun, raw: Raw, grid: np.ndarray, y: np.ndarray) -
             taken.append(then)
             v = noise_at(stretch, t) + c.noise[k].held(t)
             values.append(truth * (1 + v) if stretch.multiplicative else truth + v)
-        parts.append((np.concatenate(times), np.concatenate(taken), np.concatenate(values)))
+        measured = run.plant.model.wrapped(i, np.concatenate(values))
+        parts.append((np.concatenate(times), np.concatenate(taken), measured))
     # arrivals that are one event are one row, in spite of rounding
     union = merge(np.concatenate([part[0] for part in parts]), 1e-9 * run.step)
     taken_all, y_all = (np.full((union.size, len(parts)), np.nan) for _ in range(2))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import casadi as ca
@@ -12,7 +13,7 @@ from hgorun.engine.layout import Held, HybridSystem, Regime
 from hgorun.engine.plan import Plan
 from hgorun.engine.program import Program, Start
 from hgorun.errors import Problem
-from hgorun.measurement.events import Irregular, Kinks, infinite, too_many
+from hgorun.measurement.events import Irregular, Kinks, infinite, merge, not_followed, too_many
 from hgorun.measurement.sampling import SAMPLE_BYTES
 from hgorun.memo import Memo
 from hgorun.plants.build import BuiltPlant, SymbolicPlant
@@ -40,7 +41,7 @@ def plant_kinks(plant: BuiltPlant, time: Time) -> Irregular:
     except TooMany as error:
         raise Problem(("plant",), too_many(error, "the plant's functions of time", time.max_memory)) from None
     if found.infinite is not None and not plant.block.discretise:
-        _refuse(plant, time, found.infinite)
+        _refuse(plant, time)
     return found
 
 
@@ -51,8 +52,24 @@ def _functions(plant: SymbolicPlant) -> list[ca.SX]:
     return [plant.inputs, plant.disturbance, *equations]
 
 
-def _refuse(plant: BuiltPlant, time: Time, when: float) -> None:
+def plant_remarks(plant: BuiltPlant, time: Time) -> list[str]:
+    """What is said of functions whose kinks could not all be found."""
+    told: dict[tuple[tuple[float, float], ...], str] = {}
+    if plant_kinks(plant, time).lost:
+        for path, one in _each(plant, time):  # an input first, then the equations that hold it
+            told.setdefault(one.lost, ".".join(map(str, path)))
+    return [not_followed(path, lost) for lost, path in told.items() if lost]
+
+
+def _refuse(plant: BuiltPlant, time: Time) -> None:
     """Say which of the functions is not finite."""
+    for path, one in _each(plant, time):
+        if one.infinite is not None:
+            raise Problem(path, infinite(one.infinite))
+
+
+def _each(plant: BuiltPlant, time: Time) -> Iterator[tuple[tuple[str | int, ...], Irregular]]:
+    """What is irregular in each of the functions, and where it stands in the file."""
     model, block = plant.model, plant.block
     places: list[list[tuple[str | int, ...]]] = [
         [("plant", "inputs", name) for name in model.inputs],
@@ -62,9 +79,8 @@ def _refuse(plant: BuiltPlant, time: Time, when: float) -> None:
     ]
     for functions, paths in zip(_functions(plant.symbolic), places, strict=True):
         for function, path in zip(ca.vertsplit(functions), paths, strict=True):
-            alone = Kinks.of([function], model.t, plant.symbolic.everything)
-            if alone.between(plant.everything, time.start, time.end).infinite is not None:
-                raise Problem(path, infinite(when))
+            kinks = Kinks.of([function], model.t, plant.symbolic.everything)
+            yield path, kinks.between(plant.everything, time.start, time.end)
 
 
 @dataclass(frozen=True)
@@ -84,7 +100,7 @@ class PlantRun:
         """Outputs (len(times), q) and the integral of their squares (q,) to the end; times increase."""
         program, output = _PROGRAMS.get(self.plant.symbolic, lambda: _compiled(self.plant.symbolic))
         start, end = self.time.start, self.time.end
-        kinks = plant_kinks(self.plant, self.time).times
+        kinks = merge(plant_kinks(self.plant, self.time).times, 16 * np.spacing(max(abs(start), abs(end))))
         ends = np.concatenate([[start], kinks[(kinks > start) & (kinks < end)], [end]])
         steps = count_steps(np.diff(ends), self.step)
         zero = np.zeros_like(steps)

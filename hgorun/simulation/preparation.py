@@ -10,13 +10,13 @@ import numpy as np
 from hgorun.errors import Problem
 from hgorun.measurement.noise import is_relative
 from hgorun.measurement.schedule import Channel, Schedule, build_schedule, check_delays, find_channels
-from hgorun.measurement.signals import kinks_of
+from hgorun.measurement.signals import kinks_of, signal_remarks
 from hgorun.memo import Memo, Same
 from hgorun.plants.build import BuiltPlant, SymbolicPlant
 from hgorun.simulation.checks import check_run
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.observer_block import Design
-from hgorun.simulation.plant_alone import PlantRun, plant_kinks
+from hgorun.simulation.plant_alone import PlantRun, plant_kinks, plant_remarks
 from hgorun.simulation.prepared import Numbers, PreparedRun
 from hgorun.simulation.structure import Structure, parameter_values, structure_of
 from hgorun.simulation.truth import SimulatedPlant
@@ -52,7 +52,7 @@ def _prepared(experiment: Experiment) -> PreparedRun:
     channels = _CHANNELS.get(
         key, lambda: find_channels(stretches, plant.model.outputs, time, experiment.blocks.seed, sizes)
     )
-    smallest_delay, reach = check_delays(channels, experiment.points)
+    smallest_delay, reach = check_delays(channels)
     step = nominal_step(experiment)
     schedule = _schedule(experiment, channels, step)
     designs = list(experiment.designs.values())
@@ -68,6 +68,7 @@ def _prepared(experiment: Experiment) -> PreparedRun:
         schedule=schedule,
         smallest_delay=smallest_delay,
         reach=reach,
+        remarks=_remarks(experiment),
     )
 
 
@@ -100,6 +101,14 @@ def _schedule(experiment: Experiment, channels: list[Channel], step: float) -> S
     kinks = np.concatenate([irregular.times for irregular in found])
     key: Hashable = tuple(channel.timing for channel in channels), time, kinks.tobytes(), step
     return _SCHEDULES.get(key, lambda: build_schedule(channels, time, kinks, step))
+
+
+def _remarks(experiment: Experiment) -> tuple[str, ...]:
+    """What should be known of the run although nothing is wrong with the configuration."""
+    time = experiment.blocks.time
+    continuous = [s for one in experiment.stretches for s in one if s.continuous]
+    found = [signal_remarks(s, time.max_memory) for s in continuous]
+    return tuple(dict.fromkeys(sum(found, plant_remarks(experiment.plant, time))))
 
 
 def nominal_step(experiment: Experiment) -> float:

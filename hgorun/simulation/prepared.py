@@ -47,6 +47,8 @@ class PreparedRun:
     schedule : Schedule
     longest_step, reach : float
         No step is longer, and no continuous delay.
+    remarks : tuple of str
+        What should be known of the run although nothing is wrong with it.
     """
 
     experiment: Experiment
@@ -57,6 +59,7 @@ class PreparedRun:
     schedule: Schedule
     smallest_delay: float
     reach: float
+    remarks: tuple[str, ...] = ()
 
     @property
     def plant(self) -> BuiltPlant:

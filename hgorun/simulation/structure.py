@@ -20,6 +20,7 @@ from hgorun.measurement.availability import Stretch
 from hgorun.measurement.signals import Signal, signal, signal_numbers, signal_structure
 from hgorun.measurement.variants import Variant
 from hgorun.memo import Memo
+from hgorun.observers.base import AnyObserver
 from hgorun.simulation.observer_block import Design, ObserverBlock
 from hgorun.simulation.system import Group, build_system, has_past
 from hgorun.simulation.truth import PlantNumbers, Truth
@@ -97,7 +98,7 @@ class Structure:
         return self._programs[key]
 
 
-_STRUCTURES: Memo[list[tuple[list[Reads], Structure]]] = Memo(32)
+_STRUCTURES: Memo[list[tuple[list[Reads[AnyObserver]], Structure]]] = Memo(32)
 _BUCKET = 8  # structures of one key, which differ in keys that the observers' equations read
 
 
@@ -149,7 +150,7 @@ def parameter_values(parameters: np.ndarray, stretches: Stretches, designs: Sequ
 def _build(
     truths: Sequence[Truth],
     designs: Sequence[Sequence[Design]],
-    reads: Sequence[Reads],
+    reads: Sequence[Reads[AnyObserver]],
     stretches: Stretches,
     variants: Sequence[Variant],
     values: np.ndarray,

@@ -7,7 +7,7 @@ what is built in is the structure.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import accumulate
 
 import casadi as ca
@@ -18,6 +18,7 @@ from hgorun.measurement.variants import CONTINUOUS, DELAYED, HELD, SILENT, Varia
 from hgorun.observers.base import Sample, SampledObserver
 from hgorun.simulation.observer_block import ObserverBlock
 from hgorun.simulation.truth import Placed, PlantNumbers, Truth
+from hgorun.symbolic.plant import PlantModel
 
 
 @dataclass(frozen=True)
@@ -73,7 +74,20 @@ class _Part:
                 parts.append(self.guesses[j][k] - _measured(self.placed.y[k], w[held.noise(i)], signals[i, phase]))
             else:
                 parts.append(s + self.alphas[j][k] - _measured(output, w[held.noise(i)], signals[i, phase]))
-        return ca.vertcat(*parts)
+        return ca.vertcat(*[self._model.wrapped(k, part) for k, part in enumerate(parts)])
+
+    @property
+    def _model(self) -> PlantModel:
+        return self.group.truth.plant.model
+
+    def _unwrapped(self, j: int, sample: Sample) -> Sample:
+        """A sample as observer j is to compare it: periods away from the estimate and from the sample before."""
+        if not self._model.periods:
+            return sample
+        guess, q = self.guesses[j], range(len(self.outputs))
+        previous = [guess[k] - self._model.wrapped(k, guess[k] - sample.previous[k]) for k in q]
+        y = [previous[k] + self._model.wrapped(k, sample.y[k] - previous[k]) for k in q]
+        return replace(sample, y=ca.vertcat(*y), previous=ca.vertcat(*previous))
 
     def flow(self, variant: Variant, signals: Mapping[tuple[int, int], Signal]) -> Iterator[ca.SX]:
         """The derivative of the group's states."""
@@ -99,9 +113,10 @@ class _Part:
         )
         if self.placed.step is not None:
             yield start, start + self.group.truth.size, self.placed.step
-        for b in self.group.observers:
+        for j, b in enumerate(self.group.observers):
             if isinstance(b.observer, SampledObserver):
-                yield b.start, b.end, b.jump(s.t, self.placed.u, self.placed.u_before, s.plant.parameters, s.z, sample)
+                own, u = self._unwrapped(j, sample), (self.placed.u, self.placed.u_before)
+                yield b.start, b.end, b.jump(s.t, *u, s.plant.parameters, s.z, own)
 
 
 def build_system(

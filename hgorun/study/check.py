@@ -9,9 +9,10 @@ from hgorun.config.expressions import nearest
 from hgorun.config.models import Figure, StudyBlocks
 from hgorun.config.validation import validate
 from hgorun.errors import Problem
+from hgorun.result.windows import points_in
 from hgorun.simulation.experiment import Experiment
-from hgorun.study.quantities import Quantity
-from hgorun.study.study import Study
+from hgorun.study.quantities import Quantity, inside
+from hgorun.study.study import Run, Study
 
 
 def check(study: Study) -> None:
@@ -22,6 +23,10 @@ def check(study: Study) -> None:
     ConfigError
     """
     check_figures(study)
+    for run in study.runs.values():
+        if run.ensemble.vary is not None:
+            for _ in run.members():  # what one of its values makes wrong is said before the first runs
+                pass
     with study.located():
         for i, sentence in enumerate(study.sentences):
             for quantity in sentence.quantities:
@@ -64,7 +69,7 @@ def _check(
     for name, (experiment, kind) in runs.items():
         model, time = experiment.plant.model, experiment.blocks.time
         span, labels = (time.start, time.end), tuple(experiment.observers)
-        names[name] = RunNames(model.states, model.outputs, labels, span, kind)
+        names[name] = RunNames(model.states, model.outputs, labels, span, kind, tuple(model.measures.values()))
     check(figures, names)
 
 
@@ -81,5 +86,23 @@ def _check_quantity(study: Study, quantity: Quantity, path: tuple[str | int, ...
         states = experiment.plant.model.states
         if quantity.state is not None and quantity.state not in states:
             raise Problem(path, f"no state is called {quantity.state!r}. States: {', '.join(states)}")
+        _check_window(study.runs[run], quantity, path)
     if len({run for run, _ in quantity.of}) > 1 and not all(study.runs[run].single for run, _ in quantity.of):
         raise Problem(path, f"{quantity}: members of different ensembles cannot be compared")
+
+
+def _check_window(run: Run, quantity: Quantity, path: tuple[str | int, ...]) -> None:
+    """A window must have points of the run's output grid in it; a slope needs values to be drawn through."""
+    window = quantity.window
+    if quantity.function == "exponent":
+        vary = run.ensemble.vary
+        if vary is None:
+            raise Problem(path, f"{quantity}: an exponent needs a run with vary, and {run.name} has none")
+        if len({value for value in vary.values if value > 0 and (window is None or inside(value, window))}) < 2:
+            raise Problem(path, f"{quantity}: an exponent needs at least two different values > 0 of {vary.name}")
+    elif window is not None:
+        time, (points, every, _) = run.experiment.blocks.time, run.experiment.grid
+        if window[0] < time.start - 1e-9 or window[1] > time.end + 1e-9:
+            raise Problem(path, f"{quantity}: run {run.name} lasts from {time.start:g} to {time.end:g}")
+        if not points[::every][points_in(points[::every], window)].size:
+            raise Problem(path, f"{quantity}: no output point of run {run.name} lies in this window")

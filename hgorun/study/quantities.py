@@ -271,12 +271,17 @@ def kinds() -> dict[str, Kind]:
     return dict.fromkeys(all_metrics(), Kind(_metric)) | _OTHERS
 
 
+def inside(value: float, window: tuple[float, float]) -> bool:
+    """Whether a varied value lies in a window, its ends included in spite of rounding."""
+    return window[0] * (1 - 1e-9) <= value <= window[1] * (1 + 1e-9)
+
+
 def exponent(varied: Any, amplitudes: Any, window: Window) -> float:
     """Slope of log amplitude against the log of what is varied, by least squares, over values in a window."""
     values, sizes = np.asarray(varied, dtype=float), np.asarray(amplitudes, dtype=float)
     used = (values > 0) & (sizes > 0) & np.isfinite(sizes)
     if window is not None:
-        used &= (values >= window[0] * (1 - 1e-9)) & (values <= window[1] * (1 + 1e-9))
-    if np.count_nonzero(used) < 2:
+        used &= [inside(value, window) for value in values]
+    if np.unique(values[used]).size < 2:
         return float("nan")
     return float(np.polyfit(np.log(values[used]), np.log(sizes[used]), 1)[0])

@@ -11,7 +11,7 @@ from typing import Any
 from hgorun.config.expressions import ExpressionError, parse
 from hgorun.config.models import Claim, Ensemble, Figure, StudyBlocks
 from hgorun.config.validation import validate
-from hgorun.config.yaml_source import Source
+from hgorun.config.yaml_source import Place, Source
 from hgorun.errors import ConfigError
 from hgorun.simulation.experiment import Experiment
 from hgorun.study.quantities import Quantity, Sentence, read_sentence
@@ -31,12 +31,15 @@ class Run:
         The file as it was written.
     ensemble : Ensemble
         Neither seeds nor vary: a single run.
+    places : mapping of str to (file, line)
+        Where each path of ``vary.set`` was written.
     """
 
     name: str
     source: Source
     text: str
     ensemble: Ensemble = field(default_factory=Ensemble)
+    places: Mapping[str, Place] = field(default_factory=dict)
 
     @property
     def single(self) -> bool:
@@ -68,7 +71,14 @@ class Run:
         if self.single:
             yield self.base
         for value in self.varied[start:]:
-            yield self.base.varied(self._changes(value))
+            changes = self._changes(value)
+            try:
+                yield self.base.varied(changes)
+            except ConfigError as error:
+                path = next((p for p in changes if p in self.places and (error.key or p).startswith(p)), None)
+                if path is None:
+                    raise
+                raise self._wrong(path, f"{error.message} (for the value {value:g})") from error
 
     def _changes(self, value: float) -> dict[str, float | int]:
         """What a member changes of the base, by path."""
@@ -82,9 +92,12 @@ class Run:
             try:
                 found[path] = parse(expression, names=[vary.name]).number({vary.name: value})
             except ExpressionError as error:
-                file, line = self.source.where(())
-                raise ConfigError(str(error), file=file, line=line, key=f"runs.{self.name}.vary.set.{path}") from error
+                raise self._wrong(path, str(error)) from error
         return found
+
+    def _wrong(self, path: str, message: str) -> ConfigError:
+        file, line = self.places[path]
+        return ConfigError(message, file=file, line=line, key=f"runs.{self.name}.vary.set.{path}")
 
 
 @dataclass(frozen=True)
@@ -153,10 +166,12 @@ def study_of(source: Source, name: str, text: str) -> Study:
     of_file = ("title", "reference", *OF_THE_FILE)
     blocks = validate(StudyBlocks, {key: data[key] for key in of_file if key in data}, source, ())
     if "runs" in data:
-        runs = {
-            run: Run(run, own, text, validate(Ensemble, ensemble, source, ("runs", run)))
-            for run, (own, ensemble) in split(source).items()
-        }
+        runs = {}
+        for run, (own, ensemble) in split(source).items():
+            block = validate(Ensemble, ensemble, source, ("runs", run))
+            assigned = block.vary.set if block.vary is not None else {}
+            places = {path: source.where(("runs", run, "vary", "set", path)) for path in assigned}
+            runs[run] = Run(run, own, text, block, places)
     else:
         runs = {name: Run(name, source, text)}
     sentences = []

@@ -17,64 +17,20 @@ import numpy as np
 
 from hgorun.symbolic.evaluate import Floats, evaluate
 from hgorun.symbolic.intervals import Bounds, enclose
+from hgorun.symbolic.levels import Levels
 
 _CELLS = 1 << 15  # that are looked at together: bounds the memory
 _BUDGET = 4_000_000  # cells of one function
+_PER_CROSSING = 100  # more cells for each crossing that was found
 _ZERO = 1e-290  # a slope that is zero but for rounding outwards
 _LOOKS = (0.137, 0.618, 0.389, 0.891)  # where a cell is looked at: no simple function has all its roots there
+_NOISE = 64.0  # bounds of a cell are those of rounding if they are no further apart than that many of a point's
+_DOUBTFUL = 20_000  # cells of which it is unknown what rounding hides
 _WIDE = 1e-3  # of a piece: rounding hides the sign of a function that touches a value on much less
 
 
 class TooMany(Exception):
     """More crossings than there is memory for; the argument is their number as far as it is known."""
-
-
-@dataclass(frozen=True)
-class Levels:
-    """The values whose crossings are looked for, numbered in ascending order.
-
-    Attributes
-    ----------
-    below, up_to : callable
-        How many of them lie below each value, and how many do not lie above it; from any origin.
-    value : callable
-        Level number k: the one that is reached when k are up to there.
-    reached : bool
-        Whether a level counts as crossed when it is reached (as for ``floor``), or only above it (``ceil``).
-    """
-
-    below: Callable[[Floats], np.ndarray]
-    up_to: Callable[[Floats], np.ndarray]
-    value: Callable[[Floats], np.ndarray]
-    reached: bool
-
-    def inside(self, bounds: Bounds) -> np.ndarray:
-        """Whether a level lies within each pair of bounds."""
-        return np.asarray(self.up_to(bounds[1]) > self.below(bounds[0]))
-
-    def crossed(self, values: Floats) -> np.ndarray:
-        """The number of levels crossed when the function has come from below to each value."""
-        return self.up_to(values) if self.reached else self.below(values)
-
-
-def zero(*, reached: bool) -> Levels:
-    """The level 0."""
-    return Levels(lambda v: (v > 0) * 1.0, lambda v: (v >= 0) * 1.0, np.zeros_like, reached)
-
-
-def integers(*, reached: bool) -> Levels:
-    """All whole numbers."""
-    return Levels(lambda v: np.ceil(v) - 1, np.floor, lambda k: k, reached)
-
-
-def listed(values: Floats, *, reached: bool) -> Levels:
-    """Given values, in ascending order."""
-    return Levels(
-        lambda v: np.searchsorted(values, v, side="left").astype(float),
-        lambda v: np.searchsorted(values, v, side="right").astype(float),
-        lambda k: values[k.astype(int) - 1],
-        reached,
-    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,6 +106,10 @@ class Cells:
         return _together([Cells(self.low, middle, self.piece), Cells(middle, self.high, self.piece)])
 
 
+def _where(bounds: Bounds, chosen: np.ndarray) -> Bounds:
+    return bounds[0][chosen], bounds[1][chosen]
+
+
 def _together(cells: list[Cells]) -> Cells:
     parts = [(c.low, c.high, c.piece) for c in cells] or [(np.zeros(0), np.zeros(0), np.zeros(0, dtype=int))]
     return Cells(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
@@ -205,72 +165,93 @@ class Search:
         TooMany
         """
         stack = [Cells(low, high, np.arange(low.size))]
-        monotone, flat, looked = [], [], 0
-        while stack and looked < _BUDGET:
+        times, flat, looked, doubtful, found = [], [], 0, 0, 0
+        while stack and looked < _BUDGET + _PER_CROSSING * found:
             cells = stack.pop()
             if cells.low.size > _CELLS:
                 rest = np.arange(cells.low.size) >= _CELLS
                 stack.append(cells.where(rest))
                 cells = cells.where(~rest)
             looked += cells.low.size
-            one, other, left = self._sorted(cells)
-            monotone.append(one)
-            flat.append(other)
-            if left.low.size:
-                stack.append(left.halves())
-        unseen = _together(stack)
-        times = [self._crossed(_together([*monotone, unseen]))]
-        hidden = _joined(_together(flat))
-        times.append(self._crossed(hidden))
+            monotone, hidden, doubted, left = self._sorted(cells)
+            doubtful += doubted.low.size
+            times.append(self._crossed(monotone, found))
+            found += times[-1].size
+            flat += [hidden, doubted] if doubtful > _DOUBTFUL else [hidden]
+            stack += [c.halves() for c in ([left] if doubtful > _DOUBTFUL else [left, doubted]) if c.low.size]
+        unseen, touched = _together(stack), _joined(_together(flat))
+        times += [self._crossed(cells, found) for cells in (unseen, touched)]
+        middle = 0.5 * (touched.low + touched.high)
         if self.touches:
-            times.append(0.5 * (hidden.low + hidden.high))
-        middle = 0.5 * (hidden.low + hidden.high)
-        known = np.isfinite(self.function.at(middle, self.p, self.s[hidden.piece]))
-        wide = hidden.where(known & (hidden.high - hidden.low > _WIDE * (high - low)[hidden.piece]))
+            times.append(middle)
+        value, _ = self.function.bounds(touched.low, touched.high, self.p, self.s[touched.piece])
+        loud = np.maximum(np.abs(value[0]), np.abs(value[1])) > _ZERO
+        known = np.isfinite(self.function.at(middle, self.p, self.s[touched.piece]))
+        wide = touched.where(known & loud & (touched.high - touched.low > _WIDE * (high - low)[touched.piece]))
         lost = [(float(c.low.min()), float(c.high.max())) for c in (wide, unseen) if c.low.size]
         return Found(np.unique(np.concatenate(times)), tuple(lost))
 
-    def _sorted(self, cells: Cells) -> tuple[Cells, Cells, Cells]:
-        """Cells on which the function is monotone, those on which rounding hides its sign, and those to be cut."""
-        cells, value, slope = self._with_levels(cells)
-        one = np.isfinite(value[0]) & np.isfinite(value[1]) & ((slope[0] > 0) | (slope[1] < 0))
-        monotone, rest = cells.where(one), cells.where(~one)
-        rest = rest.where(self._by_mean_value(rest, value[0][~one], value[1][~one], slope[0][~one], slope[1][~one]))
+    def _sorted(self, cells: Cells) -> tuple[Cells, Cells, Cells, Cells]:
+        """The cells in which there may be a crossing, in four kinds.
+
+        Returns
+        -------
+        monotone : Cells
+        hidden, doubtful : Cells
+            Rounding hides the sign all over the cell, or at the few times at which it was looked at.
+        left : Cells
+            To be cut.
+        """
+        value, slope = self.function.bounds(cells.low, cells.high, self.p, self.s[cells.piece])
+        some = self.levels.inside(value) & (np.maximum(np.abs(slope[0]), np.abs(slope[1])) > _ZERO)
+        one = some & np.isfinite(value[0]) & np.isfinite(value[1]) & ((slope[0] > 0) | (slope[1] < 0))
+        some &= ~one
+        monotone, rest = cells.where(one), cells.where(some)
+        value = self._by_mean_value(rest, _where(value, some), _where(slope, some))
+        some = self.levels.inside(value)
+        rest, value = rest.where(some), _where(value, some)
+        doubtful, noise = self._looked_at(rest)
         middle = 0.5 * (rest.low + rest.high)
-        hidden = np.ones(rest.low.size, dtype=bool)
+        short = (middle <= rest.low) | (middle >= rest.high)
+        hidden = short | (doubtful & (value[1] - value[0] <= _NOISE * noise))
+        doubtful &= ~hidden
+        return monotone, rest.where(hidden), rest.where(doubtful), rest.where(~hidden & ~doubtful)
+
+    def _looked_at(self, cells: Cells) -> tuple[np.ndarray, Floats]:
+        """Whether rounding hides the sign at a few times of each cell, and how uncertain the values are there."""
+        hidden, noise = np.ones(cells.low.size, dtype=bool), np.zeros(cells.low.size)
         for look in _LOOKS:
             some = np.flatnonzero(hidden)
-            c = rest.where(some)
-            point = c.low + look * (c.high - c.low)
-            hidden[some] = self.levels.inside(self.function.bounds_at(point, self.p, self.s[c.piece]))
-        hidden |= (middle <= rest.low) | (middle >= rest.high)
-        return monotone, rest.where(hidden), rest.where(~hidden)
+            c = cells.where(some)
+            bounds = self.function.bounds_at(c.low + look * (c.high - c.low), self.p, self.s[c.piece])
+            hidden[some] = self.levels.inside(bounds)
+            noise[some] = np.maximum(noise[some], bounds[1] - bounds[0])
+        return hidden, noise
 
-    def _with_levels(self, cells: Cells) -> tuple[Cells, Bounds, Bounds]:
-        """The cells in which there may be a crossing, with the bounds of value and slope."""
-        value, slope = self.function.bounds(cells.low, cells.high, self.p, self.s[cells.piece])
-        chosen = self.levels.inside(value) & (np.maximum(np.abs(slope[0]), np.abs(slope[1])) > _ZERO)
-        return cells.where(chosen), (value[0][chosen], value[1][chosen]), (slope[0][chosen], slope[1][chosen])
-
-    def _by_mean_value(self, cells: Cells, low: Floats, high: Floats, least: Floats, most: Floats) -> np.ndarray:
-        """Whether a level lies in g(m) + g'(cell)(cell - m), too, which is tighter on short cells."""
+    def _by_mean_value(self, cells: Cells, value: Bounds, slope: Bounds) -> Bounds:
+        """The bounds of the values inside g(m) + g'(cell)(cell - m), too, which is tighter on short cells."""
         middle = 0.5 * (cells.low + cells.high)
         at_middle = self.function.bounds_at(middle, self.p, self.s[cells.piece])
-        reach = 0.5 * (cells.high - cells.low) * np.maximum(np.abs(least), np.abs(most)) * (1 + 1e-12)
+        reach = 0.5 * (cells.high - cells.low) * np.maximum(np.abs(slope[0]), np.abs(slope[1])) * (1 + 1e-12)
         around = np.nextafter(at_middle[0] - reach, -np.inf), np.nextafter(at_middle[1] + reach, np.inf)
-        both = np.fmax(low, around[0]), np.fmin(high, around[1])
-        return np.asarray(self.levels.inside(both))
+        return np.fmax(value[0], around[0]), np.fmin(value[1], around[1])
 
-    def _crossed(self, cells: Cells) -> Floats:
-        """The crossings of a function that is monotone on cells, from its values at their ends."""
+    def _crossed(self, cells: Cells, before: int) -> Floats:
+        """The crossings of a function that is monotone on cells, from its values at their ends.
+
+        Parameters
+        ----------
+        before : int
+            How many have been found before.
+        """
         if not cells.low.size:
             return cells.low
         s = self.s[cells.piece]
         first, last = (self.levels.crossed(self.function.at(x, self.p, s)) for x in (cells.low, cells.high))
         with np.errstate(invalid="ignore"):
             count = np.nan_to_num(np.abs(last - first), nan=0.0, posinf=np.inf)
-        if count.sum() > self.most:
-            raise TooMany(float(count.sum()))
+        if before + count.sum() > self.most:
+            raise TooMany(float(before + count.sum()))
         many = count.astype(int)
         cell = np.repeat(np.arange(many.size), many)
         number = np.arange(cell.size) - np.repeat(np.cumsum(many) - many, many) + 1 + np.minimum(first, last)[cell]
@@ -301,12 +282,13 @@ class Search:
             for side in (-units, units):
                 there = x + side * np.spacing(np.abs(x))
                 low, high = kept(there, self.function.at(there, self.p, s))
+        # near t = 0 doubles are finer than need be
+        floor = 1e-3 * np.spacing(np.maximum(np.abs(cells.low), np.abs(cells.high)))
         for _ in range(80):
             middle = 0.5 * (low + high)
-            again = kept(middle, self.function.at(middle, self.p, s))
-            if np.array_equal(again[0], low) and np.array_equal(again[1], high):
+            if not np.any((middle > low) & (middle < high) & (high - low > floor)):
                 break
-            low, high = again
+            low, high = kept(middle, self.function.at(middle, self.p, s))
         return high
 
 

@@ -14,8 +14,9 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from hgorun.symbolic.crossings import Levels, Smooth, integers, zero
+from hgorun.symbolic.crossings import Smooth
 from hgorun.symbolic.instructions import read
+from hgorun.symbolic.levels import Levels, integers, zero
 
 _ABOVE, _FROM = zero(reached=False), zero(reached=True)
 _DIFFERENCE = {

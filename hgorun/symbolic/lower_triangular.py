@@ -289,4 +289,5 @@ def _dependence(
     """Which row depends on which state at one of the points, shape (rows, n)."""
     entries = [e.reshape(-1, model.n) for e in _values(jacobian, model, points, parameters)]
     size = np.max([np.where(np.isfinite(e), np.abs(e), 0) for e in entries], axis=0)
-    return np.asarray(size > 1e-12 * (1 + size.max(axis=1, keepdims=True)))
+    size = size * np.max(np.abs(points), axis=0)  # what each state brings in, all in the unit of the row
+    return np.asarray(size > 1e-12 * size.max(axis=1, keepdims=True))

@@ -5,11 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeVar
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from hgorun.symbolic.evaluate import evaluate
+
+Wrapped = TypeVar("Wrapped", ca.SX, NDArray[np.float64])
 
 
 @dataclass(frozen=True)
@@ -27,6 +31,8 @@ class PlantModel:
     transform, untransform : callable, optional
         ``transform(x, p)`` gives the coordinates where the plant is triangular, if not its own, and
         ``untransform(z, p)`` leads back.
+    periods : tuple of float or None
+        Of the outputs that are known up to whole periods; empty where there are none.
     """
 
     states: tuple[str, ...]
@@ -42,11 +48,26 @@ class PlantModel:
     inverse: Callable[[ca.SX, ca.SX], ca.SX] | None = None
     transform: Callable[[ca.SX, ca.SX], ca.SX] | None = None
     untransform: Callable[[ca.SX, ca.SX], ca.SX] | None = None
+    periods: tuple[float | None, ...] = ()
 
     @property
     def n(self) -> int:
         """Number of states."""
         return len(self.states)
+
+    @property
+    def measures(self) -> dict[str, str]:
+        """The outputs that are states, with the states that they are."""
+        pairs = [(i, k) for i in range(len(self.outputs)) for k in range(self.n)]
+        return {self.outputs[i]: self.states[k] for i, k in pairs if ca.is_equal(self.output[i], self.x[k])}
+
+    def wrapped(self, output: int, difference: Wrapped) -> Wrapped:
+        """A difference of an output without its whole periods, in [-period/2, period/2); itself where it has none."""
+        period = self.periods[output] if self.periods else None
+        if period is None:
+            return difference
+        turns = difference / period + 0.5
+        return difference - period * (np.floor(turns) if isinstance(turns, np.ndarray) else ca.floor(turns))
 
     @cached_property
     def _f(self) -> ca.Function:

@@ -39,6 +39,12 @@ class StateBlock:
         n = self.shape[0] if self.shape else 1
         return n * (n + 1) // 2 if self.symmetric else prod(self.shape)
 
+    @property
+    def matrix(self) -> tuple[int, int]:
+        """The shape of its symbol, which is a matrix: a vector is a column."""
+        rows, columns = (*self.shape, 1, 1)[:2]
+        return rows, columns
+
     def symbol(self, z: ca.SX) -> ca.SX:
         """The state as a column or matrix, from the state vector."""
         flat = z[self.start : self.start + self.size]
@@ -47,14 +53,14 @@ class StateBlock:
             place = {(int(i), int(j)): k for k, (i, j) in enumerate(zip(*np.triu_indices(n), strict=True))}
             rows = [[flat[place[min(i, j), max(i, j)]] for j in range(n)] for i in range(n)]
             return ca.vertcat(*[ca.horzcat(*row) for row in rows])
-        rows_, columns = (*self.shape, 1, 1)[:2]
+        rows_, columns = self.matrix
         return flat if columns == 1 else ca.reshape(flat, columns, rows_).T
 
     def flat(self, value: ca.SX) -> ca.SX:
         """What is integrated, from a derivative in the state's shape."""
         if self.symmetric:
             return ca.vertcat(*[value[int(i), int(j)] for i, j in zip(*np.triu_indices(self.shape[0]), strict=True)])
-        return value if (*self.shape, 1, 1)[1] == 1 else ca.vec(value.T)
+        return value if self.matrix[1] == 1 else ca.vec(value.T)
 
     def numbers(self, values: np.ndarray) -> np.ndarray:
         """What is integrated, from numbers in the state's shape."""

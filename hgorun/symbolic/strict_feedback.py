@@ -13,7 +13,7 @@ import casadi as ca
 import numpy as np
 
 from hgorun.errors import NotObservableForm
-from hgorun.symbolic import evaluate
+from hgorun.symbolic import evaluate, ranks
 from hgorun.symbolic.forms import Bounds
 from hgorun.symbolic.plant import PlantModel
 
@@ -172,13 +172,10 @@ def _rank(form: StrictFeedbackForm, at: np.ndarray, parameters: np.ndarray) -> i
     plant = form.plant
     generator = np.random.default_rng(0)
     best = 0
-    for _ in range(8):
-        x = at + 0.3 * (np.abs(at) + 0.1) * generator.uniform(-1, 1, at.size)
+    for x in ranks.points_around(at, plant.states)[1:]:
         u = generator.uniform(-1, 1, plant.u.numel())
         (value,) = evaluate.at(form._g, generator.uniform(), x, u, parameters)
-        value = value.reshape(len(form.measured), len(form.hidden))
-        if np.all(np.isfinite(value)):
-            best = max(best, int(np.linalg.matrix_rank(value, tol=1e-10 * (1 + np.abs(value).max()))))
+        best = max(best, ranks.rank(value.reshape(len(form.measured), len(form.hidden))))
     return best
 
 

@@ -54,7 +54,8 @@ class TriangularForm:
             return x
         start: np.ndarray = self.plant.image(x[None], parameters)[0]
         if not np.all(np.isfinite(start)):
-            raise ValueError("the initial estimate has no image in the coordinates where the plant is triangular")
+            where = ", ".join(f"{name} = {value:g}" for name, value in zip(self.plant.states, x, strict=True))
+            raise ValueError(f"the point ({where}) has no image in the coordinates where the plant is triangular")
         return start
 
     def again(self, at: np.ndarray, parameters: np.ndarray) -> TriangularForm | None:
@@ -191,6 +192,5 @@ def transformed(plant: PlantModel) -> PlantModel:
     dynamics = ca.cse(slopes(x, plant.p) @ plant.f(plant.t, x, plant.u, plant.p))
     output = ca.simplify(plant.h(plant.t, x, plant.u, plant.p))
     names = tuple(f"z{i + 1}" for i in range(plant.n))
-    return PlantModel(
-        names, plant.outputs, plant.inputs, plant.parameters, plant.t, z, plant.u, plant.p, dynamics, output
-    )
+    same = plant.outputs, plant.inputs, plant.parameters, plant.t
+    return PlantModel(names, *same, z, plant.u, plant.p, dynamics, output, periods=plant.periods)

@@ -84,8 +84,8 @@ def as_json(result: Result, file: str | None = None, predicted: Predicted | None
     -------
     dict
         ``{"name", "file", "status", "observers": {label: {"status", metric: {state: number}}}}``,
-        ``integration_error`` where it is known, and an observer's ``coordinates``, where it has a choice of them:
-        ``{"map", "chains": {output: length}}``. Numbers that are not finite are text.
+        ``integration_error`` and ``remarks`` where there are any, and an observer's ``coordinates``, where it has a
+        choice of them: ``{"map", "chains": {output: length}}``. Numbers that are not finite are text.
     """
     observers: dict[str, dict[str, Any]] = {
         label: {"status": result.observers[label].status} | metrics for label, metrics in result.metrics().items()
@@ -103,6 +103,8 @@ def as_json(result: Result, file: str | None = None, predicted: Predicted | None
     }
     if result.integration_error is not None:
         found["integration_error"] = result.integration_error
+    if result.remarks:
+        found["remarks"] = list(result.remarks)
     return {key: json_value(value) for key, value in found.items()}
 
 

@@ -23,19 +23,19 @@ from hgorun.testing.equations import Equations
 BlockT = TypeVar("BlockT", bound=Block)
 Keys = Mapping[str, Any]  # a block of a configuration
 
-# What an observer is tried on where no plants are given: the first ones that it takes.
+# What an observer is tried on where no plants are given: the first ones that it takes, and one of several outputs.
 PLANT_BLOCKS: tuple[Keys, ...] = (
     {"type": "integrator_chain", "n": 2, "phi": "-x1 - x2 - x1**3/10", "initial": {"x1": 0.5, "x2": -0.3}},
     {"type": "contois", "inputs": {"D": "0.3"}, "initial": {"x1": 1.5, "x2": 15.0}},
     {"type": "academic", "initial": {"x1": 1.0, "x2": 0.5, "x3": -0.5}},
-    {
-        "type": "inline",
-        "states": ["x1", "x2", "x3", "x4"],
-        "dynamics": {"x1": "x2", "x2": "-x1 - x2", "x3": "x4", "x4": "x1 - x3 - x4"},
-        "output": ["x1", "x3"],
-        "initial": {"x1": 0.5, "x2": -0.3, "x3": 0.2, "x4": 0.4},
-    },
 )
+TWO_OUTPUTS: Keys = {
+    "type": "inline",
+    "states": ["x1", "x2", "x3", "x4"],
+    "dynamics": {"x1": "x2", "x2": "-x1 - x2", "x3": "x4", "x4": "x1 - x3 - x4"},
+    "output": ["x1", "x3"],
+    "initial": {"x1": 0.5, "x2": -0.3, "x3": 0.2, "x4": 0.4},
+}
 # Plants with a state that no output shows, with an output that is none, with as many outputs as states.
 WRONG_PLANTS: tuple[Keys, ...] = (
     {"states": ["a", "b"], "dynamics": {"a": "-a", "b": "-b"}, "output": "a", "initial": {"a": 1, "b": 1}},
@@ -43,7 +43,7 @@ WRONG_PLANTS: tuple[Keys, ...] = (
     {"states": ["a", "b"], "dynamics": {"a": "b", "b": "-a"}, "output": ["a", "b"], "initial": {"a": 1, "b": 1}},
     {"states": ["a", "b"], "dynamics": {"a": "b", "b": "-a"}, "output": "a*b", "initial": {"a": 0, "b": 0}},
 )
-TAKEN = 2  # plants at most that are looked at
+TAKEN = 2  # common plants at most that are looked at, beside the one of two outputs
 
 
 @dataclass(frozen=True)
@@ -117,31 +117,37 @@ class Subject:
     @cached_property
     def cases(self) -> tuple[Case, ...]:
         """One for every plant that was given; else those of the common plants that the observer takes."""
-        given = self.plants is not None
+        if self.plants is not None:
+            return tuple(self._given(plant) for plant in self.plants)
         found: list[Case] = []
         refused: list[str] = []
-        for plant in self.plants if self.plants is not None else PLANT_BLOCKS:
+        for plant in (*PLANT_BLOCKS, TWO_OUTPUTS):
             case = self._case(plant)
+            if len(found) == TAKEN and plant is not TWO_OUTPUTS:
+                continue
             try:
                 equations = case.equations()
-                if found and not given and equations.singular:
-                    continue  # the first plant shows whether it is the observer's own fault
             except (HgorunError, Problem) as error:
-                if given:
-                    raise Broken(
-                        f"the plant {plant.get('type', 'inline')} refused: {error}", "a plant that it takes"
-                    ) from error
                 refused.append(f"{plant['type']}: {error}")
-            else:
+                continue
+            if not (found and equations.singular):  # the first plant shows whether it is the observer's own fault
                 found.append(case)
-            if len(found) == TAKEN and not given:
-                break
         if not found:
             raise Broken(
                 "none of the common plants taken (" + "; ".join(refused) + ")",
                 "a plant that it takes, given by plants=[...]",
             )
         return tuple(found)
+
+    def _given(self, plant: Keys) -> Case:
+        case = self._case(plant)
+        try:
+            case.equations()
+        except (HgorunError, Problem) as error:
+            raise Broken(
+                f"the plant {plant.get('type', 'inline')} refused: {error}", "a plant that it takes"
+            ) from error
+        return case
 
     def _case(self, plant: Keys) -> Case:
         states = built(plant).model.states

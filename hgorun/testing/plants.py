@@ -12,7 +12,7 @@ import numpy as np
 
 from hgorun.errors import NotObservableForm
 from hgorun.plants import base
-from hgorun.plants.base import PLANTS, Plant, is_plant
+from hgorun.plants.base import PLANTS, Plant, is_plant, units_of
 from hgorun.plants.build import BuiltPlant, build_plant
 from hgorun.symbolic.observability import canonical_form
 from hgorun.symbolic.triangular import triangular_form
@@ -201,7 +201,7 @@ def _leads_back(subject: Subject, both: ca.SX, what: str) -> None:
 def _declared(subject: Subject) -> None:
     cls, model = subject.cls, subject.built.model
     known = {*model.states, *model.outputs}
-    for name in cls.units:
+    for name in units_of(cls):
         if name not in known:
             raise Broken(f"a unit of {name!r}", f"units of states and outputs alone: {', '.join(sorted(known))}")
     everything = ca.vertcat(model.dynamics, model.output)

@@ -484,7 +484,7 @@ def test_odd_labels_reach_the_legend(result: Result, label: str) -> None:
         ({"output": "x2"}, "output", "no output is called 'x2'. Did you mean `x1`?"),
         ({"state": "x1", "observers": ["SHGO", "FHGO r=3"]}, "observers", "Did you mean `FHGO r="),
         ({"output": "x1", "observers": ["SHGO"]}, "observers", "measurements: true"),
-        ({"state": "x2", "measurements": True}, "measurements", "'x2' is not an output"),
+        ({"state": "x2", "measurements": True}, "measurements", "no output is the state 'x2'"),
         ({"error": "x1", "measurements": True}, "measurements", "not with error"),
         ({"state": "x1", "window": [3, 2]}, "window", "from < to"),
         ({"state": "x1", "window": [7, 8]}, "window", "lasts from 0 to 6"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -13,6 +14,7 @@ from hypothesis import strategies as st
 import hgorun
 from hgorun.config.expressions import parse
 from hgorun.measurement.events import Irregular, Kinks, repeated
+from hgorun.measurement.signals import delay_range
 from hgorun.symbolic.crossings import TooMany
 
 CLOCKS = st.sampled_from([0.0, -7.0, 1.7e9])
@@ -265,3 +267,32 @@ def test_noise_that_is_not_a_number_is_refused() -> None:
     noise = [{"type": "expression", "value": "log(0.5 - t)"}]
     with pytest.raises(hgorun.ConfigError, match=r"not finite at t = 0\.5"):
         run("1", 1.0, measurement={"noise": noise})
+
+
+def test_a_microsecond_in_a_month() -> None:
+    """Shorter than a billionth of a step."""
+    assert run("where(t > 1e6 and t < 1e6 + 1e-6, 1e6, 0)", 30 * 86400).x[-1, 0] == pytest.approx(1.0, rel=2e-4)
+
+
+@pytest.mark.parametrize(
+    ("delay", "least", "most"),
+    [
+        ("0.1 + where(t > 5.0001 and t < 5.0021, 3, 0)", 0.1, 3.1),
+        ("0.1 + 3*exp(-((t - 500)/1e-3)**2)", 0.1, 3.1),
+        ("0.3*abs(sin(pi*t/2))", 0.0, 0.3),
+    ],
+)
+def test_the_largest_delay_is_known(delay: str, least: float, most: float) -> None:
+    plant = {"type": "integrator_chain", "initial": {"x1": 0, "x2": 0}}
+    config = {"time": {"end": 1000, "output_step": 1}, "plant": plant, "observers": {}}
+    stretch = hgorun.Experiment(config | {"measurement": {"delay": delay}}).stretches[0][0]
+    assert delay_range(stretch) == pytest.approx((least, most), abs=1e-12)
+
+
+def test_a_remark_tells_of_a_function_that_cannot_be_followed(tmp_path: Path) -> None:
+    text = "sin(t)**2*cos(t/2)**2 - sin(t)**2*(1 + cos(t))/2 > 0"
+    result = run(text, 10.0)
+    (remark,) = result.remarks
+    assert remark.startswith("plant.inputs.u: kinks or jumps between t = ")
+    assert hgorun.read(result.save(tmp_path / "r.h5")).remarks == result.remarks
+    assert run("1", 10.0).remarks == ()

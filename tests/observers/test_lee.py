@@ -227,6 +227,7 @@ SCHEDULE = "measurement.sampling"
         ({}, "4e-4*(2 + sin(k))/(3 + k)", f"{SCHEDULE}.steps", "must not increase"),
         ({}, "4e-3/(1 + k)**2", f"{SCHEDULE}.steps", "fall like k\\^-2: their sum converges"),
         ({}, "4e-4*exp(-k/1000)", f"{SCHEDULE}.steps", "faster than any power"),
+        ({}, "4e-4*(1 + where(k == 9, 0.02, 0))/(1 + k/20000)", f"{SCHEDULE}.steps", "must not increase, found a.8."),
         ({}, "4e-4", f"{SCHEDULE}.steps", "do not fall: the sum of their squares diverges.*hgo_fd"),
         ({}, "4e-4/(1 + k)**0.5", f"{SCHEDULE}.steps", "squares diverges"),
         ({"alpha": 0.05, "b": "1/(1 + k/20000)"}, STEPS, "observers.o.alpha", "the schedule has a.0. = 0.0004, but"),

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from examples import chain
+from examples import chain, inline
 from plain import (
     PLANTS,
     SCENARIOS,
@@ -125,12 +125,7 @@ def test_against_the_plain_simulator(plant: str, scenario: str) -> None:
 
 def test_each_chain_has_its_own_range() -> None:
     """Chains of three and of two with r = 2: the longer one allows less."""
-    plant = {
-        "states": list("abcde"),
-        "dynamics": {"a": "b", "b": "c", "c": "-b", "d": "e", "e": "-d"},
-        "output": ["a", "d"],
-        "initial": dict.fromkeys("abcde", 0.1),
-    }
+    plant = inline({"a": "b", "b": "c", "c": "-b", "f": "g", "g": "-f"}, ["a", "f"], start=0.1)
     block = {"type": "lowpass", "theta": 1, "r": 2}
     prepare(experiment(plant, {"o": block | {"rho": 0.28}}))
     with pytest.raises(ConfigError, match=r"0 < rho < 0\.28222"):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import json
 import os
@@ -20,6 +21,7 @@ import xarray
 import yaml
 
 import hgorun
+from hgorun.result.guarded import Failed, guarded
 
 CONFIG = """
 title: small
@@ -140,7 +142,7 @@ def test_a_file_with_absurd_sizes_is_refused(file: Path, tmp_path: Path) -> None
         del f["plant/x"]
         data = f["plant"].create_dataset("x", shape=(2**40, 2), chunks=(1024, 2), dtype=float)
         data.attrs["labels"] = ["x1", "x2"]
-    with pytest.raises(hgorun.ConfigError, match="4 GiB"):
+    with pytest.raises(hgorun.ConfigError, match="1 GiB"):
         hgorun.read(path)
 
 
@@ -169,7 +171,7 @@ def attribute(name: str, value: Any, place: str = "/") -> Callable[[h5py.File], 
 
 
 NOT_A_RESULT: dict[str, tuple[Callable[[h5py.File], object], str]] = {
-    "small type": (replaced("plant/x", shape=(2**30, 2), dtype="i1", chunks=(2**20, 2), compression="gzip"), "4 GiB"),
+    "small type": (replaced("plant/x", shape=(2**30, 2), dtype="i1", chunks=(2**20, 2), compression="gzip"), "1 GiB"),
     "text": (replaced("plant/x", data=[["a", "b"]]), "plant/x holds object"),
     "vlen": (replaced("plant/x", shape=(21, 2), dtype=h5py.vlen_dtype(float)), "plant/x holds object"),
     "compound": (replaced("plant/x", shape=(21, 2), dtype=[("a", float)]), "plant/x holds"),
@@ -281,3 +283,107 @@ def test_the_resolved_configuration_is_what_the_numbers_follow_from(config: Path
     )
     assert hgorun.load(config, ["title=Another one"]).resolved_text == plain.resolved_text
     assert hgorun.load(config, ["seed=7"]).resolved_text != plain.resolved_text
+
+
+def test_numbers_have_checksums_and_digests(file: Path) -> None:
+    with h5py.File(file) as f:
+        names: list[str] = []
+        f.visititems(lambda name, thing: names.append(name) if isinstance(thing, h5py.Dataset) else None)
+        assert all(len(f[name].attrs["sha256"]) == 64 for name in names)
+        x = f["plant/x"]
+        assert x.fletcher32
+        assert x.attrs["sha256"] == hashlib.sha256(x[()].astype("<f8").tobytes()).hexdigest()
+
+
+@pytest.mark.parametrize("name", ["time", "plant/x", "measurement/y", "observers/SHGO/xhat", "metrics/SHGO/rmse"])
+@pytest.mark.parametrize("change", ["zeroed", "flipped"])
+def test_damage_to_numbers_is_found(name: str, change: str, file: Path, tmp_path: Path) -> None:
+    content = bytearray(file.read_bytes())
+    with h5py.File(file) as f:
+        place, size = f[name].id.get_chunk_info(0).byte_offset, f[name].id.get_chunk_info(0).size
+    if change == "zeroed":
+        content[place : place + size // 2] = bytes(size // 2)
+    else:
+        content[place + 3] ^= 1
+    path = tmp_path / "damaged.h5"
+    path.write_bytes(content)
+    with pytest.raises(hgorun.ConfigError, match=rf"damaged\.h5: {name} is damaged"):
+        hgorun.read(path)
+
+
+@pytest.mark.parametrize("name", ["plant/x", "observers/SHGO/xhat"])
+def test_numbers_written_anew_do_not_have_the_digest(name: str, file: Path, tmp_path: Path) -> None:
+    """Another program's checksum is right, our digest is not."""
+
+    def change(f: h5py.File) -> None:
+        f[name][0, 0] += 1e-9
+
+    with pytest.raises(hgorun.ConfigError, match=f"{name} is damaged: its numbers"):
+        hgorun.read(damaged(file, tmp_path / "changed.h5", change))
+
+
+def test_attributes_that_changed_do_not_have_the_digest(file: Path, tmp_path: Path) -> None:
+    for change in (attribute("status", "fine"), attribute("gains", "{}", "observers/SHGO")):
+        with pytest.raises(hgorun.ConfigError, match="attributes are damaged"):
+            hgorun.read(damaged(file, tmp_path / "changed.h5", change))
+
+
+def test_a_file_of_before_has_no_digests_and_opens(file: Path, tmp_path: Path) -> None:
+    def without(f: h5py.File) -> None:
+        del f.attrs["sha256"]
+        f.visititems(lambda _, thing: thing.attrs.__delitem__("sha256") if "sha256" in thing.attrs else None)
+        values, labels = f["plant/x"][()], f["plant/x"].attrs["labels"]
+        del f["plant/x"]
+        f.create_dataset("plant/x", data=values).attrs["labels"] = labels
+
+    old = hgorun.read(damaged(file, tmp_path / "old.h5", without))
+    np.testing.assert_array_equal(old.x, hgorun.read(file).x)
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_any_damage_is_found_or_harmless(seed: int, file: Path, tmp_path: Path) -> None:
+    random = np.random.default_rng(seed)
+    content = bytearray(file.read_bytes())
+    length = int(random.choice([1, 8, 200, 2000]))
+    place = int(random.integers(len(content) - length))
+    content[place : place + length] = bytes(length) if seed % 2 else random.bytes(length)
+    path = tmp_path / "damaged.h5"
+    path.write_bytes(content)
+    whole = hgorun.read(file)
+    try:
+        back = hgorun.read(path)
+    except hgorun.ConfigError as error:
+        assert "damaged.h5" in str(error)  # noqa: PT017  # either is right
+        return
+    for one, other in ((back.x, whole.x), (back.observers["SHGO"].xhat, whole.observers["SHGO"].xhat)):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_a_file_that_hangs_or_crashes_its_reader_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert guarded(lambda: 3, seconds=10, memory=2**28) == 3
+    started = time.monotonic()
+    with pytest.raises(Failed, match="too long"):
+        guarded(lambda: time.sleep(60), seconds=0.2, memory=2**28)
+    assert time.monotonic() - started < 5
+    with pytest.raises(Failed, match="crashes"):
+        guarded(os.abort, seconds=10, memory=2**28)
+    with pytest.raises(Failed, match="crashes"):
+        guarded(lambda: np.ones(2**28).sum(), seconds=10, memory=2**28)
+
+
+def test_a_file_of_another_program_is_said_to_be_open(file: Path, tmp_path: Path) -> None:
+    path = tmp_path / "open.h5"
+    path.write_bytes(file.read_bytes())
+    with path.open("rb") as other:
+        fcntl.flock(other, fcntl.LOCK_EX)  # as HDF5 does
+        with pytest.raises(hgorun.ConfigError, match="another program has it open"):
+            hgorun.read(path)
+
+
+def test_labels_of_a_stranger_do_not_steer_the_terminal(file: Path, tmp_path: Path) -> None:
+    def change(f: h5py.File) -> None:
+        f.move("observers/SHGO", "observers/\x1b[31m")
+
+    with pytest.raises(hgorun.ConfigError, match="cannot be shown") as caught:
+        hgorun.read(damaged(file, tmp_path / "escape.h5", change))
+    assert str(caught.value).isprintable()

@@ -35,7 +35,9 @@ class Halanay:
     @property
     def longest(self) -> float:
         """d has to be less than this."""
-        return self.a / self.b if self.a > 0 else 0.0
+        if not self.a > 0:
+            return 0.0
+        return self.a / self.b if self.b > 0 else np.inf
 
     def rate(self, d: float) -> float:
         """eta; not positive where d is too long."""

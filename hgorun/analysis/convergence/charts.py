@@ -14,8 +14,9 @@ import numpy as np
 from hgorun.analysis.reasons import NoValue
 from hgorun.plants.build import BuiltPlant
 from hgorun.symbolic.forms import BlockForm, ChainForm, Form
+from hgorun.symbolic.ranks import points_around
 
-_CURVED = 1e-8  # rounding of a second derivative that is zero
+_CURVED = 1e-8  # relative change of a slope that is rounding
 
 
 @dataclass(frozen=True)
@@ -160,15 +161,16 @@ def _require_affine(form: BlockForm, plant: BuiltPlant, links: list[tuple[int, i
     m, block = form.model, form.block
     z = ca.Function("z", [form.plant.x, form.plant.p], [form.coordinates(False)])(plant.initial, plant.parameters)
     start, random = np.asarray(z.full()).ravel(), np.random.default_rng(0)
-    points = [start * (1 + 0.2 * random.uniform(-1, 1, m.n)) + 0.05 * random.uniform(-1, 1, m.n) for _ in range(5)]
+    points = points_around(start, m.states)[1:]
     for i, j in links:
         slope = ca.jacobian(m.dynamics[i], m.x[j])
-        following = ca.vertcat(*[m.x[k] for k in range(m.n) if block[k] == block[j]])
+        places = [k for k in range(m.n) if block[k] == block[j]]
+        following = ca.vertcat(*[m.x[k] for k in places])
         curvature = ca.Function("c", [m.t, m.x, m.u, m.p], [slope, ca.densify(ca.jacobian(slope, following))])
         for point in points:
             first, second = curvature(random.uniform(), point, random.uniform(-1, 1, m.u.numel()), plant.parameters)
-            size = float(np.max(np.abs(np.asarray(second.full())))) * (1 + float(np.max(np.abs(point))))
-            if size > _CURVED * (1 + abs(float(first))):
+            change = float(np.max(np.abs(np.asarray(second.full()).ravel() * point[places])))
+            if change > _CURVED * abs(float(first)):
                 raise NoValue(
                     f"the derivative of {m.states[i]} is not affine in {m.states[j]}: F(u, xhat) x + phi(u, x) of "
                     "the theorem is not the plant"

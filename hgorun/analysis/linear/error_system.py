@@ -123,7 +123,7 @@ def error_system(run: PreparedRun, label: str, result: Result) -> ErrorSystem:
         raise NoValue("the run to look along does not have this observer")
     found = result.observers[label]
     third = result.time[0] + (result.time[-1] - result.time[0]) / 3
-    chosen = np.flatnonzero(result.time >= third - 1e-9)
+    chosen = np.flatnonzero(result.time >= third - 1e-9 * (result.time[-1] - result.time[0]))
     chosen = chosen[:: max(chosen.size // _MAX_TIMES, 1)]
     if found.diverged_at is not None:
         raise NoValue(f"the run to look along {found.status}")

@@ -78,7 +78,7 @@ def _sound(result: Result, label: str) -> Result:
 
 def _of_jumps(run: PreparedRun, label: str, noise_free: Result, result: Result, at: np.ndarray) -> np.ndarray:
     jumps = noise_of_jumps(run, label, result, noise_free)
-    place = np.searchsorted(jumps.times, at + 1e-12, side="right") - 1
+    place = np.searchsorted(jumps.times, at + 4 * np.spacing(np.abs(at)), side="right") - 1
     return np.where(place[:, None] < 0, 0.0, jumps.estimate[np.maximum(place, 0)])
 
 

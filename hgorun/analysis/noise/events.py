@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hgorun.analysis.noise.measured import noise_between
 from hgorun.analysis.reasons import NoValue
 from hgorun.result.result import Result
 from hgorun.simulation.prepared import PreparedRun
@@ -69,7 +70,7 @@ def edges_of(
         raise NoValue(f"the run has {times.size} samples and changes of held noise, too many to follow")
     taken: dict[int, list[tuple[int, int]]] = {}
     arriving: dict[int, list[tuple[int, int, float]]] = {}
-    known, noise = result.measurements.time, result.measurements.y - noise_free.measurements.y
+    known, noise = result.measurements.time, noise_between(run, result, noise_free)
     for i, channel in enumerate(run.channels):
         s = channel.samples
         for j in np.flatnonzero(s.used):

@@ -7,6 +7,7 @@ import numpy as np
 
 from hgorun.analysis.linear.linear import Linearisation
 from hgorun.analysis.noise.along_run import GAUSS, Deviation
+from hgorun.analysis.noise.measured import noise_between
 from hgorun.analysis.reasons import NoValue
 from hgorun.observers.base import ContinuousObserver, Sample
 from hgorun.result.result import Result
@@ -36,10 +37,14 @@ def noise_of_jumps(run: PreparedRun, label: str, result: Result, noise_free: Res
         raise NoValue("the observer flows between its jumps: noise is predicted for observers that do one of both")
     samples = run.channels[0].samples
     arrival = samples.arrival[samples.used]
-    rows = np.clip(np.searchsorted(result.measurements.time, arrival - 1e-12), 0, result.measurements.time.size - 1)
-    v = (result.measurements.y - noise_free.measurements.y)[rows]
+    rows = np.clip(
+        np.searchsorted(result.measurements.time, arrival - _tick(arrival)), 0, result.measurements.time.size - 1
+    )
+    v = noise_between(run, result, noise_free)[rows]
     y = noise_free.measurements.y[rows]
-    before = np.clip(np.searchsorted(noise_free.time, arrival[1:] - 1e-12) - 1, 0, noise_free.time.size - 1)
+    before = np.clip(
+        np.searchsorted(noise_free.time, arrival[1:] - _tick(arrival[1:])) - 1, 0, noise_free.time.size - 1
+    )
     xi = observer.states(noise_free.observers[label], before)
     slopes = _slopes(observer)
     before_jump = np.zeros_like(xi)
@@ -63,6 +68,11 @@ def noise_of_jumps(run: PreparedRun, label: str, result: Result, noise_free: Res
     moved = np.einsum("kij,kj->ki", L, deviation)
     mean_square = (held[:, None] * moved**2).sum(axis=0) / held.sum()
     return Deviation(arrival[1:], moved, np.asarray(mean_square))
+
+
+def _tick(times: np.ndarray) -> np.ndarray:
+    """By how much times may differ that are equal on paper."""
+    return np.asarray(4 * np.spacing(np.abs(times)))
 
 
 def _slopes(observer: Linearisation) -> ca.Function:

@@ -83,7 +83,7 @@ def aliased(waves: Sequence[Wave], period: float, start: float) -> list[Wave]:
 def _merged(waves: Sequence[Wave]) -> list[Wave]:
     found: list[Wave] = []
     for wave in sorted(waves, key=lambda w: w.omega):
-        if found and wave.omega - found[-1].omega <= 1e-9 * max(wave.omega, 1e-3):
+        if found and wave.omega - found[-1].omega <= 1e-9 * wave.omega:
             found[-1] = Wave(found[-1].phasor + wave.phasor, found[-1].omega)
         else:
             found.append(wave)

@@ -124,8 +124,9 @@ def critical_period(availability: Availability, system: ErrorSystem) -> Limit:
     Raises
     ------
     NoValue
-        When it is stable, or unstable, at every period.
+        When it is stable, or unstable, at every period, or does not move at all.
     """
+    _must_move(system)
     delay = availability.delay
     where = "; ".join(w for w in (system.where, availability.remark if delay else "") if w)
     shortest = max(_SHORTEST / system.rate, delay / _MAX_WAITING)
@@ -142,6 +143,7 @@ def critical_delay(availability: Availability, system: ErrorSystem) -> Limit:
 
     Parameters and errors as for :func:`critical_period`.
     """
+    _must_move(system)
     where, period = system.where, availability.period
     if period is None and system.constant:
         return Limit(delay_margin(system.A0[0], system.E[0], system.H[0], system.K0[0], system.K[0]), where)
@@ -159,6 +161,12 @@ def critical_delay(availability: Availability, system: ErrorSystem) -> Limit:
         raise NoValue(f"unstable at the period {period:.4g} already without delay")
     longest = min(longest, _MAX_WAITING * period)
     return _search(system, lambda d: growth(system, period, d), shortest, longest, where, "delay")
+
+
+def _must_move(system: ErrorSystem) -> None:
+    """The rate is what the times of a search are measured in."""
+    if system.rate == 0:
+        raise NoValue("the linearised error does not move: no eigenvalue differs from zero")
 
 
 def _search(

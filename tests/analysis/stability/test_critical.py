@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from typing import Any
 
+import casadi as ca
 import numpy as np
 import pytest
 from examples import ACADEMIC, VAN_DER_POL, Block, chain, experiment, inline
@@ -19,9 +20,12 @@ from hgorun.analysis.stability.critical import (
     jumping_period,
 )
 from hgorun.analysis.stability.growth import growth
-from hgorun.observers.base import SampledObserver
+from hgorun.observers.base import OBSERVERS, Flow, SampledObserver
+from hgorun.observers.shgo import StandardObserver
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import perform, prepare
+from hgorun.symbolic.canonical import PlantCopy
+from hgorun.symbolic.symbols import Symbols
 
 CHAIN = chain(3, start=0)
 SHGO = {"type": "shgo", "theta": 1}
@@ -225,3 +229,19 @@ def test_reasons() -> None:
     stepped = prepared({"o": SHGO}, CHAIN | {"discretise": "euler"}, measurement={"sampling": {"period": 0.1}})
     with pytest.raises(NoValue, match="stepped at the samples"):
         nominal(stepped)
+
+
+class DeadZone(StandardObserver):
+    """The innovation acts where it is larger than 0.1: near the truth there is no slope of it."""
+
+    def equations(self, plant: PlantCopy, s: Symbols, e: ca.SX, k: Symbols) -> Flow:
+        acting = ca.if_else(ca.fabs(e) > 0.1, e, 0)
+        return Flow({"xhat": super().equations(plant, s, acting, k).derivatives["xhat"]})
+
+
+@pytest.mark.parametrize("limit", [critical_period, critical_delay])
+def test_an_error_that_does_not_move_near_the_truth_has_no_limit(limit: Callable[[Any, Any], Limit]) -> None:
+    with OBSERVERS.replaced("dead_zone", DeadZone):
+        run = prepared({"it": {"type": "dead_zone", "theta": 1}})
+        with pytest.raises(NoValue, match="the linearised error does not move"):
+            limit(availability_of(run), chain_system(run, "it"))

@@ -1,0 +1,136 @@
+"""The process as its surroundings see it: streams that can be written, and signals that end it in order.
+
+Only the standard library is imported here: Ctrl-C must be heard from the first moment on.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import threading
+import time
+import warnings
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from types import FrameType
+from typing import NoReturn
+
+INTERRUPTED, TERMINATED, CLOSED_PIPE = 130, 143, 141
+_PATIENCE = 0.8  # seconds that Python code has to answer a signal, before the process ends without it
+INTERRUPTION_SAID = "hgorun: interrupted; no file is left half-written"
+TERMINATION_SAID = "hgorun: terminated; no file is left half-written"
+
+unfinished: set[Path] = set()
+"""Temporary files that this process is writing."""
+
+_ended_by: list[int] = []  # exit codes of the signals that came, the first one first
+_said: set[str] = set()  # what has been said on stderr
+
+
+def run(main: Callable[[], Callable[[], None]]) -> None:
+    """Run a command line in a process of its own.
+
+    Parameters
+    ----------
+    main : callable
+        Imports the command line and returns its entry point: importing takes long enough to be interrupted.
+    """
+    try:
+        _prepare_streams()  # first: a pipe of our own would take the number of a stream that is closed
+        _listen()
+        if not sys.warnoptions:  # of numpy, scipy, ...: they speak to programmers
+            warnings.simplefilter("ignore")
+        main()()
+    except BaseException:
+        if not _ended_by:
+            raise
+        # libraries turn an interruption into whatever suits them, most of all while they are imported; and Python
+        # itself would end by the signal if code that was run from a string had been interrupted
+        _leave(_ended_by[0])
+
+
+def _leave(code: int) -> NoReturn:
+    """End at once, with nothing half-written and one line that says so."""
+    for path in tuple(unfinished):
+        with suppress(OSError):
+            path.unlink(missing_ok=True)
+    if not _said & {INTERRUPTION_SAID, TERMINATION_SAID}:
+        say(INTERRUPTION_SAID if code == INTERRUPTED else TERMINATION_SAID)
+    with suppress(OSError, ValueError):
+        sys.stdout.flush()
+    os._exit(code)
+
+
+def say(text: str) -> None:
+    """A line on stderr, if that can be written."""
+    _said.add(text)
+    try:
+        print(text, file=sys.stderr, flush=True)
+    except (OSError, ValueError):
+        silence(sys.stderr)
+
+
+def silence(stream: object) -> None:
+    """Send what is still in a stream's buffer nowhere, so that the end of the process does not fail on it."""
+    try:
+        number = stream.fileno()  # type: ignore[attr-defined]  # pytest's streams have none
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, number)
+        os.close(nowhere)
+    except (OSError, ValueError, AttributeError):
+        return
+
+
+def _prepare_streams() -> None:
+    """Streams that exist, and that can hold any text."""
+    for number, name, mode in ((0, "stdin", "r"), (1, "stdout", "w"), (2, "stderr", "w")):
+        try:
+            os.fstat(number)
+        except OSError:  # closed: the next file opened would get its number, and be written by whoever uses it
+            if os.open(os.devnull, os.O_RDWR) != number:
+                continue
+            stream = open(number, mode, encoding="utf-8", closefd=False)  # noqa: SIM115  # for the whole process
+            setattr(sys, name, stream)
+    for stream in (sys.stdout, sys.stderr):
+        reconfigure = getattr(stream, "reconfigure", None)
+        if reconfigure is not None:
+            reconfigure(errors="replace")
+
+
+def _listen() -> None:
+    """SIGINT and SIGTERM become exceptions; native code that keeps Python from raising them is not waited for."""
+    for number, code in ((signal.SIGINT, INTERRUPTED), (signal.SIGTERM, TERMINATED)):
+        if signal.getsignal(number) is signal.SIG_IGN:  # as nohup and shells' background jobs want it
+            continue
+        signal.signal(number, _raiser(code))
+    if os.name == "posix":
+        heard, told = os.pipe()
+        os.set_blocking(told, False)
+        signal.set_wakeup_fd(told, warn_on_full_buffer=False)
+        threading.Thread(target=_watch, args=(heard,), daemon=True).start()
+
+
+def _raiser(code: int) -> Callable[[int, FrameType | None], None]:
+    def handler(number: int, frame: FrameType | None) -> None:
+        _ended_by.append(code)
+        if code == INTERRUPTED:
+            raise KeyboardInterrupt
+        raise SystemExit(code)
+
+    return handler
+
+
+def _watch(heard: int) -> None:
+    """End the process when a signal came and Python has not ended it soon after."""
+    codes = {int(signal.SIGINT): INTERRUPTED, int(signal.SIGTERM): TERMINATED}
+    while True:
+        arrived = [codes[number] for number in os.read(heard, 64) if number in codes]
+        if arrived and signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
+            break
+    time.sleep(_PATIENCE)
+    multiprocessing = sys.modules.get("multiprocessing")
+    for child in multiprocessing.active_children() if multiprocessing else ():
+        child.terminate()
+    _leave(arrived[0])

@@ -1,0 +1,45 @@
+"""Digests of what a result file holds: bytes that were lost or changed on a disk or on the way are not read as numbers.
+
+Every data set has an attribute ``sha256``: of its numbers as little-endian bytes, row after row, or of its names, one
+a line. The file has one of its attributes and those of its groups. Files of before have none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from hashlib import sha256
+
+import h5py
+import numpy as np
+
+ATTRIBUTE = "sha256"
+_LEFT_OUT = {ATTRIBUTE, "created"}  # equal results are equal files but for the time
+
+
+def of_numbers(values: np.ndarray) -> str:
+    """The digest of an array of numbers, whatever the order of its bytes."""
+    little = np.ascontiguousarray(values, dtype=values.dtype.newbyteorder("<"))
+    return sha256(little.data if little.size else b"").hexdigest()
+
+
+def of_names(names: Sequence[str]) -> str:
+    """The digest of a list of names."""
+    return sha256("\n".join(names).encode()).hexdigest()
+
+
+def of_attributes(file: h5py.File) -> str:
+    """The digest of all attributes of a file and its groups, but for itself and the time."""
+    found = sha256()
+
+    def add(name: str, thing: h5py.Group) -> None:
+        for key in sorted(thing.attrs):
+            if key not in _LEFT_OUT:
+                found.update(f"{name}\n{key}\n{thing.attrs[key]!r}\n".encode(errors="backslashreplace"))
+
+    add("/", file)
+    for room in ("observers", "metrics"):
+        for label in sorted(file.get(room, ())):
+            thing = file[room].get(label)
+            if isinstance(thing, h5py.Group):
+                add(f"{room}/{label}", thing)
+    return found.hexdigest()
