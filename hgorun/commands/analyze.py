@@ -8,7 +8,7 @@ from pathlib import Path
 from hgorun.analysis.report import analysis_of
 from hgorun.analysis.subject import Context
 from hgorun.commands.options import Analyze
-from hgorun.commands.run import RESULTS, execute, warn
+from hgorun.commands.run import RESULTS, execute, refuse_other_kinds, require_file, warn
 from hgorun.errors import ConfigError
 from hgorun.simulation.simulate import prepare
 from hgorun.study.loading import load
@@ -19,6 +19,8 @@ _FIGURES = {".png", ".pdf"}
 
 def analyze(options: Analyze) -> int:
     """Say what theory promises for a configuration, and draw the transients that it bounds."""
+    refuse_other_kinds(options.output, _FIGURES)
+    require_file(options.config)
     stem = options.config.stem
     target = _target(stem if options.run is None else f"{stem}-{options.run}", options.output)
     run = prepare(load(options.config, options.overrides, seed=options.seed, run=options.run))

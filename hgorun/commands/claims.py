@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 from hgorun.commands.figures import warn
 from hgorun.commands.options import Claims
+from hgorun.commands.run import refuse_other_kinds
 from hgorun.reproduce import pool
 from hgorun.reproduce.choice import choose
 from hgorun.reproduce.job import Folders
@@ -20,6 +21,7 @@ _WIDTH = 100
 
 def claims(options: Claims) -> int:
     """Measure the chosen claims, all by default."""
+    refuse_other_kinds(options.output, ())
     works = choose(options.names, Folders.below(options.output), figures=False, claims=True)
     outcomes = pool.carry_out(works, workers=options.jobs, show=options.text)
     found: list[tuple[str, str, Verdict]] = []

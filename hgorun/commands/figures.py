@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from hgorun.commands.options import Figures
+from hgorun.commands.run import refuse_other_kinds
 from hgorun.files import json_value
 from hgorun.reproduce import pool
 from hgorun.reproduce.choice import choose
@@ -16,6 +17,7 @@ from hgorun.reproduce.job import Folders, Outcome, Work
 
 def figures(options: Figures) -> int:
     """Draw the chosen figures, all by default; with ``report`` measure the claims too and write the report."""
+    refuse_other_kinds(options.output, ())
     folders = Folders.below(options.output)
     works = choose(options.names, folders, figures=True, claims=options.report)
     reasons = [work.stale_figures for work in works]

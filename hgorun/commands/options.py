@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Printing:
     """What is printed, and where files go."""
 
@@ -26,7 +26,7 @@ class Printing:
         return not self.quiet and not self.json
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Configured(Printing):
     """Which runs of a configuration are meant, and what is changed in them."""
 
@@ -38,7 +38,7 @@ class Configured(Printing):
     run: Annotated[str | None, typer.Option("--run", help="One of the file's runs (default: all).")] = None
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Simulate(Configured):
     """Run configurations, write results/NAME.h5, print the metrics."""
 
@@ -49,7 +49,7 @@ class Simulate(Configured):
     ] = False
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Compare(Configured):
     """Show metrics side by side, and draw comparison plots."""
 
@@ -60,7 +60,7 @@ class Compare(Configured):
     analyze: Annotated[bool, typer.Option("--analyze", help="Add what theory predicts for configurations.")] = False
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Analyze(Configured):
     """Put theory beside simulation: gains, bounds, noise."""
 
@@ -71,7 +71,7 @@ class Analyze(Configured):
     ] = False
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Reproduction(Printing):
     """Which figures or claims are meant, and how many are made at once."""
 
@@ -84,7 +84,7 @@ class Reproduction(Printing):
     ] = None
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Figures(Reproduction):
     """Draw the figures of the publications that have changed.
 
@@ -94,7 +94,7 @@ class Figures(Reproduction):
     report: Annotated[bool, typer.Option("--report", help="Measure the claims too, and write REPORT.md.")] = False
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Claims(Reproduction):
     """Measure what the publications claim.
 
@@ -106,7 +106,7 @@ class Claims(Reproduction):
     )
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class List:
     """List the available plants, observers, kinds of noise, metrics and experiments."""
 
@@ -114,7 +114,7 @@ class List:
     json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Show:
     """Show a plant, an observer, a kind of noise, a metric or an experiment in full.
 
@@ -125,12 +125,12 @@ class Show:
     json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Schema:
     """Print the JSON schema of configurations, for editors."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Init:
     """Copy a built-in experiment as a starting point."""
 

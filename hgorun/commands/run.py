@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json as json_text
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
 from typing import TypeAlias
 
 from hgorun.commands.options import Compare, Configured, Simulate
 from hgorun.errors import ConfigError
+from hgorun.files import remove_leftovers
+from hgorun.reproduce.shipped import experiments
 from hgorun.result.reading import read
 from hgorun.result.result import Result
 from hgorun.simulation.experiment import Experiment
@@ -22,6 +24,8 @@ from hgorun.tables import metrics as tables
 RESULTS = Path("results")
 DIVERGED = 3
 _RESULT_SUFFIXES = {".h5", ".hdf5", ".nc"}
+_DRAWING_SUFFIXES = {".png", ".pdf"}
+_OF_OTHERS = {".csv", ".json", ".mat", ".npz", ".svg", ".tex", ".txt", ".yaml", ".yml"}
 
 Style: TypeAlias = Callable[[Sequence[Result], Sequence[tables.Predicted]], str]
 _STYLES: dict[str, Style] = {
@@ -33,7 +37,10 @@ _STYLES: dict[str, Style] = {
 
 def simulate(options: Simulate) -> int:
     """Run configurations and write their results; everything is checked before anything runs."""
+    refuse_other_kinds(options.output, _RESULT_SUFFIXES)
     runs, targets = _prepared(options)
+    for folder in {target.parent for target in targets}:
+        remove_leftovers(folder)
     results, files = [], []
     for prepared, target in zip(runs, targets, strict=True):
         result = execute(prepared, show=options.text, check_step=options.check_step)
@@ -50,6 +57,7 @@ def simulate(options: Simulate) -> int:
 
 def compare(options: Compare) -> int:
     """Show metrics of configurations and result files side by side, and draw plots of them."""
+    refuse_other_kinds(options.output, _DRAWING_SUFFIXES)
     style = _style(options)
     loaded: list[Result | PreparedRun] = []
     files: list[str] = []
@@ -88,6 +96,29 @@ def _style(options: Compare) -> Style:
     return _STYLES[options.format]
 
 
+def refuse_other_kinds(output: Path | None, suffixes: Collection[str]) -> None:
+    """Refuse an ``--output`` that is called like a file of a kind that the command does not write."""
+    if output is None or output.is_dir():
+        return
+    suffix = output.suffix.lower()
+    known = _RESULT_SUFFIXES | _DRAWING_SUFFIXES | _OF_OTHERS
+    if suffix in suffixes or (suffix not in known and not output.is_file()):
+        return
+    kinds = f"a file {', '.join(sorted(suffixes))} or a folder" if suffixes else "a folder"
+    tables = "; a table is printed with compare --format csv" if suffix in {".csv", ".txt", ".tex"} else ""
+    raise ConfigError(f"--output: expected {kinds}, found {output}{tables}")
+
+
+def require_file(path: Path) -> None:
+    """Where a file is missing that has the name of an experiment of ours, say how to get that."""
+    if path.exists():
+        return
+    name = next((n for n in experiments() if str(path.with_suffix("")) in (n, Path(n).name)), None)
+    if name is not None:
+        short = Path(name).name
+        raise ConfigError(f"there is no such file; `hgorun init {short}` copies the experiment {name}", file=str(path))
+
+
 def _is_result(path: Path) -> bool:
     return path.suffix.lower() in _RESULT_SUFFIXES
 
@@ -124,6 +155,7 @@ def _prepared(options: Simulate) -> tuple[list[PreparedRun], list[Path]]:
 
 def _experiments(path: Path, options: Configured) -> list[Experiment]:
     """The run named, or all single runs of a file; ensembles belong to claims and figures."""
+    require_file(path)
     if options.run is not None:
         return [load(path, options.overrides, seed=options.seed, run=options.run)]
     study = load_study(path, options.overrides, seed=options.seed)

@@ -135,7 +135,7 @@ def nearest(name: str, candidates: Iterable[str]) -> str:
     import difflib
 
     known = {candidate.lower(): candidate for candidate in islice(candidates, 1_000) if len(candidate) < 100}
-    close = difflib.get_close_matches(name[:100].lower(), known, n=1, cutoff=0.5 if len(name) < 4 else 0.55)
+    close = difflib.get_close_matches(name[:100].lower(), known, n=1, cutoff=0.5 if len(name) < 4 else 0.6)
     return f" Did you mean `{known[close[0]]}`?" if close else ""
 
 

@@ -23,6 +23,7 @@ import llvmlite
 import llvmlite.binding as llvm
 
 _FORMAT = "2"
+_ALLOWED, _LARGEST = 2**28, 2**26  # bytes of all entries, and of one
 
 
 class NativeModule:
@@ -34,9 +35,17 @@ class NativeModule:
             "\0".join((_FORMAT, llvmlite.__version__, machine.triple, *_processor(), ir)).encode()
         ).hexdigest()
         image = _read_cache(key)
-        if image is None:
-            image = _compile(ir, machine)
-            _write_cache(key, image)
+        if image is not None:
+            try:
+                self._load(image, key, exported)
+                return
+            except (RuntimeError, KeyError):
+                pass  # not what was compiled, in spite of its digest
+        image = _compile(ir, machine)
+        _write_cache(key, image)
+        self._load(image, key, exported)
+
+    def _load(self, image: bytes, key: str, exported: tuple[str, ...]) -> None:
         self._jit = llvm.create_lljit_compiler(_target_machine(), use_jit_link=_needs_jit_link())
         builder = llvm.JITLibraryBuilder().add_object_img(image).add_current_process()
         for name in exported:
@@ -95,12 +104,37 @@ def _private(folder: Path) -> bool:
     return status.st_uid == os.getuid() and not status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
 
 
+def _own_file(path: Path) -> bytes:
+    """What is in a regular file of this user, which counts as used now; OSError for anything else."""
+    # not followed where it is a link, not waited for where it is a pipe
+    handle = os.open(path, os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0))
+    with os.fdopen(handle, "rb") as file:
+        status = os.fstat(handle)
+        mine = not hasattr(os, "getuid") or status.st_uid == os.getuid()
+        if not stat.S_ISREG(status.st_mode) or not mine or status.st_size > _LARGEST:
+            raise OSError("no entry of ours")
+        content = file.read()
+    os.utime(path)
+    return content
+
+
+def _prune(folder: Path) -> None:
+    """Leave out the entries that were used longest ago, once all take more than is allowed."""
+    entries = [(entry.stat(follow_symlinks=False), entry.path) for entry in os.scandir(folder)]
+    left = sum(status.st_size for status, _ in entries)
+    for status, path in sorted(entries, key=lambda entry: entry[0].st_mtime):
+        if left <= _ALLOWED:
+            return
+        os.unlink(path)
+        left -= status.st_size
+
+
 def _read_cache(key: str) -> bytes | None:
     folder = cache_folder()
     try:
         if not _private(folder):
             return None
-        content = (folder / f"{key}.o").read_bytes()
+        content = _own_file(folder / f"{key}.o")
     except OSError:
         return None
     digest, image = content[:32], content[32:]
@@ -119,6 +153,7 @@ def _write_cache(key: str, image: bytes) -> None:
             with os.fdopen(handle, "wb") as file:
                 file.write(hashlib.sha256(image).digest() + image)
             os.replace(name, folder / f"{key}.o")
+            _prune(folder)
         except BaseException:
             Path(name).unlink(missing_ok=True)
             raise

@@ -6,15 +6,18 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from hgorun.config.models import Figure as FigureBlock
 from hgorun.config.models import Inset, Panel
+from hgorun.errors import ConfigError, printable
 from hgorun.figures.actors import Actor, Simulated, cast, cast_scalings, texts
 from hgorun.figures.layout import TOP, finished, grid, time_axis
 from hgorun.figures.looks import Look, looks
 from hgorun.figures.names import check, names_of
 from hgorun.figures.panels import Scene, draw_error, draw_magnitude, draw_output, draw_state, moving_window
 from hgorun.figures.scaling import ScalingData, draw_scaling
-from hgorun.figures.style import INSET, INSET_FRAME, PANEL, styled
+from hgorun.figures.style import INSET, INSET_FRAME, LARGEST_NUMBER, PANEL, styled
 from hgorun.figures.truths import truth_looks
 from hgorun.result.data import ResultData
 from hgorun.result.run_names import run_names
@@ -136,7 +139,21 @@ def _several(results: ResultData | Sequence[ResultData]) -> list[ResultData]:
     several = [results] if isinstance(results, ResultData) else list(results)
     if not several:
         raise ValueError("a figure needs at least one result")
+    for result in several:
+        _require_drawable(result)
     return several
+
+
+def _require_drawable(result: ResultData) -> None:
+    """Axes can be divided up to some size of numbers only; NaN stands for an estimate that was lost."""
+    shown = {"time": result.time, "the truth": result.x, "the outputs": result.y}
+    estimates = {f"the estimate of {label}": observer.xhat for label, observer in result.observers.items()}
+    for what, values in (shown | estimates).items():
+        lost = np.isnan(values) if what in estimates else np.zeros(values.shape, dtype=bool)
+        if not np.all((np.abs(values) <= LARGEST_NUMBER) | lost):
+            raise ConfigError(
+                f"{printable(result.name)}: {what} cannot be drawn: numbers beyond {LARGEST_NUMBER:g}, or none"
+            )
 
 
 def _runs(results: ResultData | Sequence[ResultData]) -> dict[str, ResultData]:

@@ -24,6 +24,7 @@ from hgorun.symbolic.kinks import Kink, Pieces
 from hgorun.symbolic.levels import Levels, listed
 
 LEVELS = 4  # repetitions of an event that a fourth-order method can see
+_INSIDE = 0.382  # where a piece is looked at: not in the middle, where a symmetric function may touch a level
 _MARGIN = 4  # doubles beside a kink at which a function is looked at
 _NEAR = 10.0 ** -np.arange(3, 13)  # how near to a pole a function is looked at, in parts of the piece
 _FAR = np.array([0.1, 0.5])
@@ -132,7 +133,7 @@ class _Span:
         low, high = edges[:-1], edges[1:]
         states = np.zeros((low.size, 0))
         if kink.held:
-            states = evaluate(self.pieces.states, (0.5 * (low + high))[:, None], self.p)[0][:, kink.held]
+            states = evaluate(self.pieces.states, (low + _INSIDE * (high - low))[:, None], self.p)[0][:, kink.held]
         search = Search(kink.argument, self.p, states, kink.levels, kink.touches, self.most)
         return search.between(low, high)
 

@@ -105,7 +105,7 @@ def _arrivals(
         return times, np.arange(times.size)
     if isinstance(sampling, Periodic):
         span = stretch.end - stretch.start - sampling.offset
-        rounding = 1e-9 + 2 * np.spacing(max(abs(stretch.start), abs(stretch.end))) / sampling.period
+        rounding = 1e-9 + 2 * float(np.spacing(max(abs(stretch.start), abs(stretch.end)))) / sampling.period
         count = np.floor(span / sampling.period * (1 + 1e-12) + rounding) + 1
         if count > limit:
             raise Problem((*path, "period"), f"{count:.3g} samples take {_memory(count, limit)}")

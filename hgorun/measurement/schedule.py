@@ -151,6 +151,12 @@ def find_channels(
             for k, s in enumerate(stretches)
         ]
         channels.append(Channel(name, stretches, samples, noise))
+    silent = not any(s.continuous for c in channels for s in c.stretches)
+    if silent and not any(c.samples.arrival.size for c in channels):
+        raise Problem(
+            channels[0].stretches[0].paths["sampling"],
+            f"no sample arrives between {time.start:g} and {time.end:g}",
+        )
     return channels
 
 

@@ -21,6 +21,7 @@ from hgorun.result.writing import FORMAT
 
 _LARGEST = 2**30  # bytes that the numbers may take; compressed or sparse data sets could claim any size
 _SECONDS = 60.0  # that reading may take: a GiB takes two
+_LONGEST = 1e100  # a window
 _NAMED = 1_000  # characters of a label
 
 
@@ -281,5 +282,5 @@ def _is_finite(value: Any) -> bool:
 
 def _is_window(key: str, value: Any) -> bool:
     if key in ("steady", "transient"):
-        return isinstance(value, list) and len(value) == 2 and all(map(_is_finite, value))
-    return key in ("average", "settling") and _is_finite(value) and value >= 0
+        return isinstance(value, list) and len(value) == 2 and all(_is_finite(v) and abs(v) <= _LONGEST for v in value)
+    return key in ("average", "settling") and _is_finite(value) and 0 <= value <= _LONGEST

@@ -25,9 +25,9 @@ def check_run(run: PreparedRun) -> None:
     ------
     Problem
     """
-    _check_clock(run)
     _check_memory(run)
     check_steps(run, run.step)
+    _check_clock(run)
     _check_jumps(run)
     _check_start(run)
     for channel in run.channels:

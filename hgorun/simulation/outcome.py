@@ -8,6 +8,7 @@ import numpy as np
 
 from hgorun.engine.methods import METHODS
 from hgorun.engine.program import Raw
+from hgorun.errors import Problem
 from hgorun.measurement.events import merge
 from hgorun.measurement.schedule import nearest_event
 from hgorun.measurement.signals import noise_at
@@ -31,6 +32,10 @@ def record(run: PreparedRun, raw: Raw) -> Result:
     u = _inputs(run, grid)
     y = structure.outputs.along(grid, numbers.p, rows[shown])
     x = rows[:, : model.n]
+    bad = np.argwhere(~np.isfinite(y))
+    if bad.size:
+        row, column = bad[0]
+        raise Problem(("plant",), f"output {model.outputs[column]} is not a finite number at t = {grid[row]:g}")
     estimates = [readout.along(run.grid, numbers.p, rows) for readout in structure.estimates]
     settings = MetricSettings.of(blocks.metrics, run.time)
     measured = {b.label: xhat[metric] for b, xhat in zip(numbers.observers, estimates, strict=True)}

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +11,7 @@ import numpy as np
 from hgorun.engine.methods import METHODS
 from hgorun.engine.plan import Plan
 from hgorun.engine.program import Raw, Start, Tolerance
+from hgorun.errors import SimulationError
 from hgorun.result.result import Result
 from hgorun.simulation.checks import check_steps, longest_step
 from hgorun.simulation.experiment import Experiment
@@ -52,12 +54,22 @@ def simulate(
 
 def perform(run: PreparedRun, *, check_step: bool = False, progress: Callable[[float], None] | None = None) -> Result:
     """Carry out a prepared run; see :func:`simulate`."""
-    with run.experiment.located():
+    with _located(run), run.experiment.located():
         result = record(run, integrate(run, run.step, progress))
         if check_step and not run.adaptive:
             half = record(run, integrate(run, run.step / 2, progress))
             result = replace(result, integration_error=_difference(result, half))
     return result
+
+
+@contextmanager
+def _located(run: PreparedRun) -> Iterator[None]:
+    """Say which plant it was that could not be followed."""
+    try:
+        yield
+    except SimulationError as error:
+        file, line = run.experiment.source.where(("plant",))
+        raise SimulationError(f"{file}:{line}: plant: {error}") from error
 
 
 def integrate(run: PreparedRun, step: float, progress: Callable[[float], None] | None = None) -> Raw:

@@ -164,6 +164,7 @@ class Search:
         ------
         TooMany
         """
+        finest = 1e-3 * np.spacing(max(abs(low[0]), abs(high[-1])))  # near t = 0 doubles are finer than need be
         stack = [Cells(low, high, np.arange(low.size))]
         times, flat, looked, doubtful, found = [], [], 0, 0, 0
         while stack and looked < _BUDGET + _PER_CROSSING * found:
@@ -173,7 +174,7 @@ class Search:
                 stack.append(cells.where(rest))
                 cells = cells.where(~rest)
             looked += cells.low.size
-            monotone, hidden, doubted, left = self._sorted(cells)
+            monotone, hidden, doubted, left = self._sorted(cells, finest)
             doubtful += doubted.low.size
             times.append(self._crossed(monotone, found))
             found += times[-1].size
@@ -187,12 +188,18 @@ class Search:
         value, _ = self.function.bounds(touched.low, touched.high, self.p, self.s[touched.piece])
         loud = np.maximum(np.abs(value[0]), np.abs(value[1])) > _ZERO
         known = np.isfinite(self.function.at(middle, self.p, self.s[touched.piece]))
-        wide = touched.where(known & loud & (touched.high - touched.low > _WIDE * (high - low)[touched.piece]))
+        least = np.maximum(_WIDE * (high - low)[touched.piece], 1e6 * finest)
+        wide = touched.where(known & loud & (touched.high - touched.low > least))
         lost = [(float(c.low.min()), float(c.high.max())) for c in (wide, unseen) if c.low.size]
         return Found(np.unique(np.concatenate(times)), tuple(lost))
 
-    def _sorted(self, cells: Cells) -> tuple[Cells, Cells, Cells, Cells]:
+    def _sorted(self, cells: Cells, finest: float) -> tuple[Cells, Cells, Cells, Cells]:
         """The cells in which there may be a crossing, in four kinds.
+
+        Parameters
+        ----------
+        finest : float
+            Shorter cells are not cut.
 
         Returns
         -------
@@ -212,7 +219,7 @@ class Search:
         rest, value = rest.where(some), _where(value, some)
         doubtful, noise = self._looked_at(rest)
         middle = 0.5 * (rest.low + rest.high)
-        short = (middle <= rest.low) | (middle >= rest.high)
+        short = (middle <= rest.low) | (middle >= rest.high) | (rest.high - rest.low <= finest)
         hidden = short | (doubtful & (value[1] - value[0] <= _NOISE * noise))
         doubtful &= ~hidden
         return monotone, rest.where(hidden), rest.where(doubtful), rest.where(~hidden & ~doubtful)
@@ -232,7 +239,9 @@ class Search:
         """The bounds of the values inside g(m) + g'(cell)(cell - m), too, which is tighter on short cells."""
         middle = 0.5 * (cells.low + cells.high)
         at_middle = self.function.bounds_at(middle, self.p, self.s[cells.piece])
-        reach = 0.5 * (cells.high - cells.low) * np.maximum(np.abs(slope[0]), np.abs(slope[1])) * (1 + 1e-12)
+        steepest = np.maximum(np.abs(slope[0]), np.abs(slope[1]))
+        with np.errstate(invalid="ignore"):  # what is not a number bounds nothing
+            reach = 0.5 * (cells.high - cells.low) * steepest * (1 + 1e-12)
         around = np.nextafter(at_middle[0] - reach, -np.inf), np.nextafter(at_middle[1] + reach, np.inf)
         return np.fmax(value[0], around[0]), np.fmin(value[1], around[1])
 

@@ -64,6 +64,7 @@ def analysis(tmp_path_factory: pytest.TempPathFactory) -> Analysis:
     return hgorun.analyze(hgorun.load(path))
 
 
+@pytest.mark.slow
 def test_table_and_figure(shell: Shell) -> None:
     code, out, err = shell("analyze", "vdp.yaml")
     assert (code, err) == (0, "")
@@ -75,6 +76,7 @@ def test_table_and_figure(shell: Shell) -> None:
     assert "written: results/vdp-analysis.png, results/vdp-analysis.pdf" in out
 
 
+@pytest.mark.slow
 def test_json_and_nothing_else(shell: Shell) -> None:
     code, out, err = shell("analyze", "vdp.yaml", "--json", "-o", "there")
     assert (code, err) == (0, "")
@@ -99,6 +101,7 @@ def test_json_and_nothing_else(shell: Shell) -> None:
     assert "below theta_bound" in found["observers"]["slow"]["reasons"]["peaking_bound"]
 
 
+@pytest.mark.slow
 def test_options(shell: Shell) -> None:
     assert shell("analyze", "vdp.yaml", "--quiet", "--no-plots") == (0, "", "")
     assert not Path("results").exists()
@@ -134,6 +137,7 @@ def test_a_plant_that_diverges_is_not_analysed(shell: Shell) -> None:
     assert "diverged" in err
 
 
+@pytest.mark.slow
 def test_an_observer_that_diverges_is_a_finding(shell: Shell) -> None:
     late = ["--set", "measurement.sampling.period=0.5", "--set", "solver.divergence=10"]
     code, out, err = shell("analyze", "vdp.yaml", "--json", *late)
@@ -143,6 +147,7 @@ def test_an_observer_that_diverges_is_a_finding(shell: Shell) -> None:
     assert "the observer diverged" in found["reasons"]["peaking_bound"]
 
 
+@pytest.mark.slow
 def test_search(shell: Shell) -> None:
     """x_2' = 0.8 x_2 grows: the smallest theta lies far below the bound."""
     Path("vdp.yaml").write_text(CONFIG.replace("type: van_der_pol", "type: integrator_chain, phi: 0.8*x2"))
@@ -166,6 +171,7 @@ def test_a_search_without_a_border_says_so() -> None:
         smallest(lambda theta: False, 1.0)
 
 
+@pytest.mark.slow
 def test_compare_has_what_is_predicted(shell: Shell) -> None:
     code, out, _ = shell("compare", "--analyze", "--no-plots", "vdp.yaml")
     assert code == 0
@@ -293,6 +299,7 @@ EVERYTHING: dict[str, dict[str, Any]] = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", EVERYTHING)
 def test_every_family_is_analysed(name: str) -> None:
     """Numbers or reasons, and never a failure."""

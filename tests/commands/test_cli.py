@@ -184,7 +184,7 @@ def test_init_copies_what_runs(shell: Shell) -> None:
     assert shell("init", "contois_te050", "mine")[0] == 1
     assert (shell.folder / "mine" / "_contois.yaml").read_text() == "mine now\n"
     assert shell("init", "contois_te050", "mine", "--force")[0] == 0
-    code, out, _ = shell("simulate", "mine/contois_te050.yaml", "--set", "time.end=1", "--set", "metrics.window=[0,1]")
+    code, out, _ = shell("simulate", "mine/contois_te050.yaml", "--set", "time.end=1", "--set", "metrics={}")
     assert code == 0
     assert "FHGO r=3" in out
 

@@ -80,11 +80,19 @@ BIOREACTOR = config(
         ("simulate", config(time__output_step=5), "time.output_step: 5 is longer than the run"),
         ("simulate", config(metrics={"record": 5, "window": [0, 1]}, time__output_step=0.5), "metrics.record"),
         ("simulate", config(metrics={"window": [0.5, 600]}), "metrics.window: [0.5, 600] reaches outside"),
-        ("simulate", config(metrics={"transient": [-5, 0.5]}), "metrics.transient"),
+        ("simulate", config(metrics={"transient": [-5, -1]}), "metrics.transient"),
         ("simulate", config(time__start=1e13, time__end=1e13 + 1), "time.end"),
         ("simulate", config(time__start=-1e13, time__end=-1e13 + 1), "time.start"),
         ("simulate", config(time__start=1e16, time__end=1e16 + 100), "time.end"),
         ("simulate", BIOREACTOR, "plant.initial: the point (eta1 = -1, eta2 = 1) has no image"),
+        ("simulate", config(measurement__sampling={"period": 0.25, "offset": 5}), "measurement.sampling: no sample"),
+        ("simulate", config(measurement__sampling={"period": 0.25, "dropout": 1}), "measurement.sampling: no sample"),
+        ("simulate", config(measurement__sampling={"times": [7]}), "measurement.sampling.times: no sample"),
+        (
+            "simulate",
+            config(plant__output="sqrt(x1 - 0.6)", observers={}),
+            "output y1 is not a finite number at t = 1",
+        ),
         ("simulate", noise(type="gaussian", snr_db=3100), "measurement.noise.0.snr_db"),
         ("simulate", noise(type="gaussian", snr_db=-3100), "measurement.noise.0.snr_db"),
         ("simulate", noise(type="uniform", low=-1e308, high=1e308), "high - low is not finite"),
@@ -182,3 +190,51 @@ def test_json_of_figures_says_inf(
     assert "diverged" in err
     error = json.loads(out)[0]["integration_error"]
     assert error == "inf" or math.isfinite(error)
+
+
+def test_a_plant_that_diverges_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    given = config(plant__dynamics__x2="x1 + 9*x1**3", time__end=60)
+    code, _, err = shell(tmp_path, given, monkeypatch, capsys, "simulate", "c.yaml")
+    assert code == 1
+    assert "hgorun: c.yaml:4: plant: the plant itself diverged at t = " in err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (("simulate", "c.yaml", "-o", "out.csv"), "compare --format csv"),
+        (("simulate", "c.yaml", "-o", "out.png"), "expected a file .h5, .hdf5, .nc or a folder, found out.png"),
+        (("compare", "c.yaml", "-o", "out.csv"), "compare --format csv"),
+        (("compare", "c.yaml", "-o", "c.yaml"), "expected a file .pdf, .png or a folder"),
+        (("analyze", "c.yaml", "-o", "out.json"), "--output"),
+        (("figures", "c.yaml", "-o", "out.pdf"), "--output: expected a folder"),
+        (("claims", "c.yaml", "-o", "c.yaml"), "--output: expected a folder"),
+        (("simulate", "contois_te025"), "`hgorun init contois_te025` copies"),
+        (("simulate", "contois_te025.yaml"), "`hgorun init contois_te025` copies"),
+        (("analyze", "contois_te025"), "`hgorun init contois_te025` copies"),
+        (("show", "kalman"), "nothing is called 'kalman'. See hgorun list"),
+    ],
+)
+def test_a_wrong_argument_is_explained(
+    arguments: tuple[str, ...],
+    says: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    code, out, err = shell(tmp_path, BASE, monkeypatch, capsys, *arguments)
+    assert (code, out) == (2, "")
+    assert says in err
+    assert [p.name for p in tmp_path.iterdir()] == ["c.yaml"]
+
+
+def test_what_a_killed_process_left_is_swept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    left = tmp_path / "results" / f".c.h5-{2**22 + 1}-abcdef.part"  # beyond the largest number of a process
+    left.parent.mkdir()
+    left.write_bytes(b"half a file")
+    assert shell(tmp_path, BASE, monkeypatch, capsys, "simulate", "c.yaml", "-q")[0] == 0
+    assert [p.name for p in left.parent.iterdir()] == ["c.h5"]

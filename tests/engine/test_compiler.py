@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import hashlib
 import os
 from pathlib import Path
 
@@ -61,6 +62,40 @@ def test_a_damaged_entry_is_compiled_again(folder: Path, compiled: list[str], da
     assert number(NativeModule(IR, ("number",))) == 42.0
     assert len(compiled) == 2
     assert entry.read_bytes() == whole
+
+
+def test_rubbish_with_the_right_digest_is_compiled_again(folder: Path, compiled: list[str]) -> None:
+    NativeModule(IR, ("number",))
+    (entry,) = folder.iterdir()
+    whole, rubbish = entry.read_bytes(), b"not an object file"
+    entry.write_bytes(hashlib.sha256(rubbish).digest() + rubbish)
+    assert number(NativeModule(IR, ("number",))) == 42.0
+    assert len(compiled) == 2
+    assert entry.read_bytes() == whole
+
+
+@pytest.mark.parametrize("kind", ["link", "pipe"])
+def test_only_files_are_entries(kind: str, folder: Path, compiled: list[str], tmp_path: Path) -> None:
+    NativeModule(IR, ("number",))
+    (entry,) = folder.iterdir()
+    entry.rename(tmp_path / "elsewhere")
+    entry.symlink_to(tmp_path / "elsewhere") if kind == "link" else os.mkfifo(entry)
+    assert number(NativeModule(IR, ("number",))) == 42.0
+    assert len(compiled) == 2
+    assert entry.is_file()
+    assert not entry.is_symlink()
+
+
+def test_entries_used_longest_ago_make_room(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    NativeModule(IR, ("number",))
+    (first,) = folder.iterdir()
+    os.utime(first, (1, 1))
+    other = folder / "other.o"
+    other.write_bytes(bytes(100))
+    monkeypatch.setattr("hgorun.engine.compiler._ALLOWED", first.stat().st_size + 200)
+    NativeModule(IR.replace("42", "43"), ("number",))
+    assert not first.exists()
+    assert other.exists()
 
 
 @pytest.mark.skipif(not hasattr(os, "getuid"), reason="modes are POSIX's")

@@ -596,3 +596,11 @@ def test_a_file_that_cannot_be_written_leaves_nothing(
     with pytest.raises(KeyboardInterrupt):
         save(figure, tmp_path / "figure")
     assert [p.name for p in tmp_path.iterdir()] == ["file"]
+
+
+@pytest.mark.parametrize("number", [1e308, -1e308, np.inf, -np.inf, np.nan])
+def test_numbers_that_no_axis_holds_are_refused(number: float, result: Result) -> None:
+    x = result.x.copy()
+    x[1] = number
+    with pytest.raises(ConfigError, match="the truth cannot be drawn"):
+        comparison(replace(result, x=x))

@@ -103,6 +103,8 @@ NESTED = [
     "sin(exp(t/3)) > 0.5",
     "where(t - 2*floor(t/2) < 1, sin(7*t) > 0.9, cos(9*t) > 0.95)",
     "atan2(sin(3*t), cos(3*t)) > 1",
+    "sin(sin(2.755*t)) < floor(sin(0.463*t))",  # the floor's argument touches 1 in the middle of a piece
+    "sign(sqrt(abs(t*cos(2.021*t + 0.3))))",
 ]
 
 

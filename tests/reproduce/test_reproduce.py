@@ -176,6 +176,7 @@ def test_a_person_at_a_terminal_sees_progress(tmp_path: Path, jobs: str) -> None
     assert "%" not in out.replace("95 %", "")
 
 
+@pytest.mark.slow
 def test_a_figure_that_is_drawn_again_says_why(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (name,), output = studies(tmp_path, count=1), tmp_path / "out"
     path, original = Path(name), Path(name).read_text()

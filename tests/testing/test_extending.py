@@ -61,6 +61,7 @@ def test_the_tests_of_the_page_pass(tmp_path: Path, monkeypatch: pytest.MonkeyPa
         PLANTS.forget("tank")
 
 
+@pytest.mark.slow
 def test_the_page_passes_strict_type_checking(tmp_path: Path) -> None:
     (tmp_path / "my_observers.py").write_text(page(OBSERVER, PLANT))
     (tmp_path / "test_my_observers.py").write_text(page(*TESTS))

@@ -66,6 +66,7 @@ def decay(run: PreparedRun, label: str) -> float:
     return float(np.log(np.max(e[-quarter:]) / np.max(e[quarter : 2 * quarter])))
 
 
+@pytest.mark.slow
 def test_periods_of_three_integrators() -> None:
     """theta T_e, computed independently of this project."""
     known: dict[str, tuple[dict[str, Any], float]] = {
