@@ -82,7 +82,7 @@ class _Part:
 
     def _unwrapped(self, j: int, sample: Sample) -> Sample:
         """A sample as observer j is to compare it: periods away from the estimate and from the sample before."""
-        if not self._model.periods:
+        if not any(self._model.periods):  # then not even the last bits may change
             return sample
         guess, q = self.guesses[j], range(len(self.outputs))
         previous = [guess[k] - self._model.wrapped(k, guess[k] - sample.previous[k]) for k in q]
