@@ -8,8 +8,6 @@ for).
 
 from __future__ import annotations
 
-from hgorun.engine import functions
-from hgorun.engine.ir import Function, hexadecimal
 from hgorun.engine.layout import (
     DONE,
     HISTORY_TOO_SHORT,
@@ -20,6 +18,8 @@ from hgorun.engine.layout import (
 )
 from hgorun.engine.parts import move
 from hgorun.engine.stepper import Stepper, guard
+from hgorun.native import functions
+from hgorun.native.ir import Function, hexadecimal
 
 _SAFETY, _SHRINK, _GROW = 0.9, 0.2, 5.0
 _SMALLEST = 1e-13  # of the larger |t| of the segment's ends: below it a step changes t no more

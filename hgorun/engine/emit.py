@@ -15,9 +15,9 @@ from functools import partial
 
 import casadi as ca
 
-from hgorun.engine import functions
-from hgorun.engine.ir import Block, Function
 from hgorun.errors import HgorunError
+from hgorun.native import functions
+from hgorun.native.ir import Block, Function
 from hgorun.symbolic.instructions import CLOCK, MAIN, SETUP, Instruction, read, rounds
 
 _TOGETHER = 4  # calls of one function in one vector; 8 gained nothing with AVX-512

@@ -12,9 +12,9 @@ from collections.abc import Callable
 
 import casadi as ca
 
-from hgorun.engine.ir import Function, hexadecimal
 from hgorun.engine.layout import WORD, Regime
 from hgorun.engine.parts import Module, copy, hermite, hermite_slope
+from hgorun.native.ir import Function, hexadecimal
 
 REFINEMENTS = 4  # passes of a step whose delays reach into it; each one gains an order
 

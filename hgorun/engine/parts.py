@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from hgorun.engine.emit import Emitted, emit
-from hgorun.engine.ir import Function, hexadecimal
 from hgorun.engine.layout import (
     ACTION_WORDS,
     ARRIVE,
@@ -18,6 +17,7 @@ from hgorun.engine.layout import (
     Held,
     HybridSystem,
 )
+from hgorun.native.ir import Function, hexadecimal
 
 
 class Module:

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from hgorun.engine.adaptive import add_adaptive
-from hgorun.engine.compiler import NativeModule
 from hgorun.engine.fixed import add_fixed
 from hgorun.engine.history import History, piece_words
 from hgorun.engine.layout import (
@@ -30,6 +29,7 @@ from hgorun.engine.rosenbrock import LinearlyImplicit
 from hgorun.engine.runge_kutta import RungeKutta
 from hgorun.engine.stepper import Stepper
 from hgorun.errors import SimulationError
+from hgorun.native.compiler import NativeModule
 
 _SLICE = 0.05  # seconds of native code between two checks for Ctrl-C
 _BUDGET = 20_000  # adaptive steps between two such looks

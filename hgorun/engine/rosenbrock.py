@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from hgorun.engine.emit import Emitted
 from hgorun.engine.history import History
-from hgorun.engine.ir import hexadecimal
 from hgorun.engine.layout import WORD
 from hgorun.engine.linearised import linearised
 from hgorun.engine.methods import Rosenbrock
 from hgorun.engine.parts import Module
 from hgorun.engine.stepper import Stepper, weighted
+from hgorun.native.ir import hexadecimal
 
 _AHEAD, _ROUNDING = 1e-9, 1e-15  # of a step and of t: slopes of the past are read just after the start of a step
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from hgorun.engine.emit import Emitted
 from hgorun.engine.history import History
-from hgorun.engine.ir import Function, hexadecimal
 from hgorun.engine.methods import Method, Row
 from hgorun.engine.parts import Module
 from hgorun.engine.stepper import Stepper, weighted
+from hgorun.native.ir import Function, hexadecimal
 
 
 def combine(f: Function, row: Row, h: str, z: str, slopes: list[str], target: str, size: int) -> None:

@@ -6,9 +6,9 @@ from abc import ABC, abstractmethod
 
 from hgorun.engine.emit import Emitted
 from hgorun.engine.history import REFINEMENTS, History
-from hgorun.engine.ir import Function, hexadecimal
 from hgorun.engine.layout import WORD
 from hgorun.engine.parts import Module, span
+from hgorun.native.ir import Function, hexadecimal
 
 
 def weighted(f: Function, weights: tuple[float, ...], slopes: list[str], place: int) -> str:

@@ -16,6 +16,7 @@ from hgorun.memo import Memo
 from hgorun.result.data import Measurements, ObserverResult
 from hgorun.result.measure import measure
 from hgorun.result.result import Result
+from hgorun.result.status import OK, Verdict
 from hgorun.result.windows import MetricSettings
 from hgorun.simulation.prepared import PreparedRun
 
@@ -49,7 +50,7 @@ def record(run: PreparedRun, raw: Raw) -> Result:
             internal={name: st.shaped(rows[shown]) for name, st in b.states.items() if name != "xhat" and st.size},
             gains={name: np.asarray(value).tolist() for name, value in b.design.items()},
             dimension=sum(st.size for name, st in b.states.items() if name != "alpha"),
-            diverged_at=lost_at if np.isfinite(lost_at) else None,
+            verdict=Verdict("diverged", lost_at) if np.isfinite(lost_at) else OK,
             metrics=metrics[b.label],
             coordinates=run.experiment.coordinates.get(b.label),
         )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from hgorun.engine.functions.arithmetic import (
+from hgorun.native.functions.arithmetic import (
     ROUND,
     ROUND_8,
     Pair,
@@ -15,8 +15,8 @@ from hgorun.engine.functions.arithmetic import (
     ordered_sum,
     polynomial,
 )
-from hgorun.engine.functions.coefficients import COSH, COTH, EXP, EXP_CUBIC, LN2, SINH
-from hgorun.engine.ir import Block
+from hgorun.native.functions.coefficients import COSH, COTH, EXP, EXP_CUBIC, LN2, SINH
+from hgorun.native.ir import Block
 
 # 2046 is twice the bias of the exponent: n + 2046 splits into the exponent fields of two factors
 _MAGIC = ROUND + 2046
