@@ -38,6 +38,11 @@ class Time(Block):
             raise ValueError(f"end must be after start, found end {self.end:g}, start {self.start:g}")
         return self
 
+    @property
+    def from_zero(self) -> Time:
+        """The same horizon, counted from its start."""
+        return self.model_copy(update={"start": 0.0, "end": self.end - self.start}) if self.start else self
+
 
 def _step(value: Any) -> Any:
     if value == "auto":
@@ -194,7 +199,7 @@ class Claim(Block):
 
 
 class Vary(Block):
-    """A run carried out once for each value of a name."""
+    """A run repeated for each value of a name."""
 
     name: Name = Field(description="what is varied")
     values: Annotated[tuple[Number, ...], NonEmpty] = Field(description="one member of the ensemble each")
@@ -205,9 +210,9 @@ class Ensemble(Block):
     """What makes an ensemble of a run."""
 
     seeds: Annotated[int, Field(ge=2, le=100_000, strict=True)] | None = Field(
-        default=None, description="carried out with so many seeds: seed, seed + 1, ..."
+        default=None, description="repeated with this many seeds: seed, seed + 1, ..."
     )
-    vary: Vary | None = Field(default=None, description="carried out for each value of a name")
+    vary: Vary | None = Field(default=None, description="repeated for each value of a name")
 
     @property
     def kind(self) -> Literal["seeds", "vary"] | None:
@@ -231,7 +236,7 @@ class StudyBlocks(Block):
     claims: tuple[Claim, ...] = ()
 
 
-class Experiment(Block):
+class ExperimentBlocks(Block):
     """A whole configuration file. Plant, measurement and observers are checked by classes of their own rooms."""
 
     title: str = ""
@@ -248,7 +253,7 @@ class Experiment(Block):
     claims: tuple[Claim, ...] = Field(default=(), description="sentences and the inequalities that decide them")
 
 
-class File(Experiment):
+class File(ExperimentBlocks):
     """A configuration file, which may hold several runs of an experiment."""
 
     runs: dict[str, dict[str, Any]] = Field(

@@ -205,7 +205,8 @@ class Program:
                 memory["budget"] = _BUDGET
                 verdict = self._run(memory.address, stop)
             if verdict != DONE:
-                raise SimulationError(_explain(verdict, memory.real("now"), stiff=isinstance(self.method, Rosenbrock)))
+                stiff = isinstance(self.method, Rosenbrock)
+                raise SimulationError(_explain(verdict, plan.origin + memory.real("now"), stiff=stiff))
             spent = max(time.perf_counter() - before, 1e-6)
             chunk = max(1, int(chunk * min(_SLICE / spent, 8.0)))
             if progress:
