@@ -145,7 +145,7 @@ class ResultData:
     measures : mapping of str to str, optional
         The outputs that are states, with the states that they are; None in files that do not say.
     integration_error : mapping, optional
-        Largest difference to a run with half the step, or largest local error estimate of dopri5.
+        Largest difference to a run with half the step, or largest local error estimate of dopri5 or rodas5p.
     remarks : tuple of str
         What should be known of the run, such as functions of time whose kinks may have been missed.
     verdict : Verdict
