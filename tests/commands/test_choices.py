@@ -124,7 +124,7 @@ def test_whatever_ends_a_command_is_one_line(
     def fails(*_: object, **__: object) -> None:
         raise raised
 
-    monkeypatch.setattr("hgorun.commands.run.perform", fails)
+    monkeypatch.setattr("hgorun.commands.run.simulate_prepared", fails)
     found, out, err = shell("simulate", "base.yaml")
     assert (found, out) == (code, "")
     assert err.startswith(words)

@@ -51,9 +51,7 @@ def test_states_of_runs_that_have_others(result: Result) -> None:
     """A panel shows the observers of the runs that have its state."""
     other = replace(simulated(inline({"z": "-z"}, "z"), {"C": {"type": "shgo", "theta": 2}}), name="other")
     figure = comparison([replace(result, name="one"), other])
-    labels = [
-        {line.get_label() for line in ax.lines if not str(line.get_label()).startswith("_")} for ax in figure.axes
-    ]
+    labels = [{text for line in ax.lines if not (text := str(line.get_label())).startswith("_")} for ax in figure.axes]
     of_x = [shown for ax, shown in zip(figure.axes, labels, strict=True) if "x_" in ax.get_ylabel()]
     of_z = [shown for ax, shown in zip(figure.axes, labels, strict=True) if "z" in ax.get_ylabel()]
     assert of_x

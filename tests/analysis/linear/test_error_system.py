@@ -10,7 +10,7 @@ from hgorun.analysis.linear.error_system import error_system
 from hgorun.analysis.linear.nominal import nominal
 from hgorun.analysis.linear.sinusoids import exponents
 from hgorun.analysis.reasons import JUMPS, SLIDING, NoValue
-from hgorun.simulation.simulate import perform, prepare, simulate
+from hgorun.simulation.simulate import prepare, simulate, simulate_prepared
 
 SHGO: Block = {"type": "shgo", "theta": 3}
 DEADBEAT: Block = {"type": "deadbeat"}
@@ -57,7 +57,7 @@ def test_only_observers_that_flow_have_a_nominal_run() -> None:
 
 def test_a_run_that_ends_before_its_time_is_not_looked_along() -> None:
     run = prepare(experiment(chain(2, "x2**3", [1, 1]), {"o": SHGO | {"initial": {"x1": 9, "x2": 9}}}, end=0.4))
-    result = perform(run)
+    result = simulate_prepared(run)
     assert result.observers["o"].diverged_at is not None
     with pytest.raises(NoValue, match="the run to look along diverged"):
         error_system(run, "o", result)
@@ -66,7 +66,7 @@ def test_a_run_that_ends_before_its_time_is_not_looked_along() -> None:
 def test_a_root_at_rest_has_no_finite_slope() -> None:
     run = prepare(experiment(inline({"x1": "x2", "x2": "-sqrt(abs(x1)) - x2"}, "x1", start=0.0), {"o": SHGO}))
     with pytest.raises(NoValue, match="no finite slopes along the run"):
-        error_system(run, "o", perform(run))
+        error_system(run, "o", simulate_prepared(run))
 
 
 def test_an_observer_without_theta_has_no_exponent_in_it() -> None:

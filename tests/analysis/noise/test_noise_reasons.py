@@ -16,7 +16,7 @@ from hgorun.analysis.noise.terms import NoiseTerms, grouped
 from hgorun.analysis.reasons import NEEDS_HOLD, NO_SLOPES, NoValue
 from hgorun.noise.base import Draws, Wave
 from hgorun.simulation.experiment import Experiment
-from hgorun.simulation.simulate import perform, prepare, simulate
+from hgorun.simulation.simulate import prepare, simulate, simulate_prepared
 
 SHGO: Block = {"type": "shgo", "theta": 3}
 HELD: Block = {"type": "gaussian", "std": 0.1, "hold": 0.05}
@@ -31,7 +31,7 @@ def made(measurement: Block, plant: Block | None = None, block: Block = SHGO, **
 def reason(found: Experiment, *, along: bool) -> str:
     run, noise_free = prepare(found), simulate(without_noise(found))
     with pytest.raises(NoValue) as caught:
-        predicted_noise(run, "o", noise_free, perform(run) if along else None)
+        predicted_noise(run, "o", noise_free, simulate_prepared(run) if along else None)
     return str(caught.value)
 
 
@@ -70,7 +70,7 @@ def test_a_divergence_that_only_the_noise_brings() -> None:
     plant = inline({"x1": "x2", "x2": "-x1 - x2 + x2**3"}, "x1", start=0.1)
     found = made({"noise": sinusoid(20, 1)}, plant, SHGO | {"initial": {"x1": 0.1, "x2": 0.1}}, metrics={})
     run, noise_free = prepare(found), simulate(without_noise(found))
-    result = perform(run)
+    result = simulate_prepared(run)
     assert noise_free.observers["o"].diverged_at is None
     assert result.observers["o"].diverged_at is not None
     with pytest.raises(NoValue, match="the observer diverged"):
@@ -123,5 +123,5 @@ def test_a_sinusoid_that_stands_still_is_a_constant() -> None:
     found = made({"noise": sinusoid(0.3, 0, np.pi / 2) + sinusoid(0.1, 9)}, chain(2, "-x1 - x2", 0.0), end=30.0)
     run, noise_free = prepare(found), simulate(without_noise(found))
     np.testing.assert_allclose(
-        predicted_noise(run, "o", noise_free), measured_noise(perform(run), noise_free, "o"), rtol=0.01
+        predicted_noise(run, "o", noise_free), measured_noise(simulate_prepared(run), noise_free, "o"), rtol=0.01
     )
