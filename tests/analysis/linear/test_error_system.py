@@ -59,7 +59,7 @@ def test_a_run_that_ends_before_its_time_is_not_looked_along() -> None:
     run = prepare(experiment(chain(2, "x2**3", [1, 1]), {"o": SHGO | {"initial": {"x1": 9, "x2": 9}}}, end=0.4))
     result = simulate_prepared(run)
     assert result.observers["o"].diverged_at is not None
-    with pytest.raises(NoValue, match="the run to look along diverged"):
+    with pytest.raises(NoValue, match="in the run to look along, the observer diverged"):
         error_system(run, "o", result)
 
 
