@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from hgorun.commands.options import Rerun
-from hgorun.commands.run import RESULT_SUFFIXES, execute, refuse_other_kinds, warn
+from hgorun.commands.run import RESULT_SUFFIXES, refuse_other_kinds, run_with_progress, warn
 from hgorun.config.yaml_source import parse
 from hgorun.errors import ConfigError
 from hgorun.files import remove_leftovers
@@ -51,7 +51,7 @@ def _made_again(before: Result, options: Rerun) -> Result:
     """The run of a file's own configuration, with the numbers of its design."""
     source = parse(before.config_resolved, f"{options.file}: config_resolved")
     experiment = Experiment(source, name=before.name, text=before.config)
-    after = execute(prepare(experiment, before.design), show=options.text)
+    after = run_with_progress(prepare(experiment, before.design), show=options.text)
     observers = {
         label: replace(o, gains=before.observers[label].gains) if label in before.observers else o
         for label, o in after.observers.items()
