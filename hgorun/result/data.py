@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Literal
 
@@ -29,6 +29,32 @@ class Measurements:
     time: np.ndarray
     taken: np.ndarray
     y: np.ndarray
+
+    def since(self, origin: float) -> Measurements:
+        """The same, counted from some time on."""
+        return replace(self, time=self.time - origin, taken=self.taken - origin)
+
+
+@dataclass(frozen=True)
+class DesignNumbers:
+    """The numbers that a run was carried out with, as far as they follow from its configuration.
+
+    Some of them, such as gains and the automatic step, are computed by libraries whose last bits depend on the machine.
+    A run with these has the same bits everywhere.
+
+    Attributes
+    ----------
+    parameters : ndarray, shape (p,)
+        Of the plant, of signals and of the observers' designs, in the order of the equations.
+    start : ndarray, shape (states,)
+        All states at the start.
+    step : float
+        The nominal step.
+    """
+
+    parameters: np.ndarray
+    start: np.ndarray
+    step: float
 
 
 MapName = Literal["chain", "derivatives"]
@@ -141,11 +167,13 @@ class ResultData:
     measures : mapping of str to str, optional
         The outputs that are states, with the states that they are; None in files that do not say.
     integration_error : mapping, optional
-        Largest difference to a run with half the step, or largest local error estimate of dopri5.
+        Largest difference to a run with half the step, or largest local error estimate of dopri5 or rodas5p.
     remarks : tuple of str
         What should be known of the run, such as functions of time whose kinks may have been missed.
     verdict : Verdict
         Whether the plant's numbers can be trusted, and why not.
+    design : DesignNumbers, optional
+        None in files of older versions.
     """
 
     name: str
@@ -168,6 +196,7 @@ class ResultData:
     measures: Mapping[str, str] | None = None
     remarks: tuple[str, ...] = ()
     verdict: Verdict = OK
+    design: DesignNumbers | None = None
 
     def outputs_of(self, state: str) -> tuple[str, ...]:
         """The outputs that measure a state: those that are it, whatever their names."""

@@ -107,6 +107,7 @@ def _plan(run: PreparedRun, step: float) -> tuple[Plan, Start]:
         always_slope=bool(METHODS[run.solver.method].error),
         longest=np.inf if run.adaptive else longest_step(run, step),
         reach=run.reach,
+        origin=run.origin,
     )
     divergence = run.solver.divergence
     bound = (1e6, 1e6) if divergence is None else (divergence, 0.0)

@@ -47,6 +47,7 @@ def build_plan(
     always_slope: bool,
     longest: float,
     reach: float,
+    origin: float = 0.0,
     inputs: RecordedInputs | None = None,
     samples: Sequence[np.ndarray] | None = None,
 ) -> Plan:
@@ -66,6 +67,8 @@ def build_plan(
         No step is longer; infinity for adaptive steps, where a segment is one piece.
     reach : float
         The longest continuous delay.
+    origin : float
+        The start of the run on the configuration's clock.
     inputs : RecordedInputs, optional
         Where the system takes its inputs from the tables.
     samples : sequence of ndarray, shape (Nk,) each, optional
@@ -88,6 +91,7 @@ def build_plan(
         bias=np.concatenate([np.zeros(0), *(bias for _, bias in measured)]),
         holds=np.concatenate([np.zeros(0), *changes, tables.intervals, *recorded]),
         reach=reach,
+        origin=origin,
     )
 
 
@@ -152,7 +156,8 @@ def count_steps(gaps: np.ndarray, longest: float, key: str = "step") -> np.ndarr
         raise Problem(
             ("solver", key),
             f"the run takes {total:.3g} steps of {longest:.3g}, at most {_MAX_STEPS:.0e} are possible: "
-            f"give a longer solver.{key}",
+            f"give a longer solver.{key}"
+            + (", or solver.method: rodas5p if the system is stiff" if key == "step" else ""),
         )
     return np.asarray(steps.astype(np.int64))
 
