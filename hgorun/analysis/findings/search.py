@@ -10,7 +10,7 @@ from hgorun.analysis.subject import Subject
 
 
 @finding(
-    "with `--search`: the smallest theta with which the error of a run without noise and disturbance comes down to 1 %",
+    "with `--search`: the smallest theta with which the error of a run without noise and disturbance decays to 1 %",
     group="theta",
     unit="1/time",
 )
