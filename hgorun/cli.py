@@ -28,7 +28,7 @@ _INTERRUPTED = 130
 
 app = typer.Typer(
     name="hgorun",
-    help="The bench for high-gain observers: simulate, compare and check them from one YAML file.",
+    help="A test bench for high-gain observers: simulate, compare and check them from one YAML file.",
     no_args_is_help=True,
     add_completion=False,
     rich_markup_mode=None,
@@ -167,7 +167,7 @@ def main() -> None:
         sys.exit(INTERRUPTED)
     except OSError as error:
         silence(sys.stdout)
-        say(f"hgorun: {printable(str(error.strerror or error))}: what was to be printed or written is incomplete")
+        say(f"hgorun: {printable(str(error.strerror or error))}: the output is incomplete")
         sys.exit(1)
     except MemoryError:
         say(

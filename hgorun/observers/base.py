@@ -127,10 +127,11 @@ class Observer(Plugin, Generic[FormT, CopyT]):
 
     type: str = Field(description="name of the observer family")
     initial: dict[Name, Number] = Field(
-        default_factory=dict, description="initial estimate in the plant's coordinates; omitted states 0"
+        default_factory=dict, description="initial estimate in the plant's coordinates; omitted states are 0"
     )
     internal: dict[Name, object] = Field(
-        default_factory=dict, description="initial internal states: a number stands for that multiple of ones"
+        default_factory=dict,
+        description="initial internal states; a number means that multiple of ones, or of the identity",
     )
     saturation: dict[Name, Interval] = Field(
         default_factory=dict, description="state: [low, high], applied to the arguments of F and phi"
@@ -145,7 +146,7 @@ class Observer(Plugin, Generic[FormT, CopyT]):
     )
     chains: dict[str, Annotated[int, Field(ge=1, strict=True)]] = Field(
         default_factory=dict,
-        description="output: length of its chain, all outputs named, n states in all or more; chosen by default",
+        description="output: length of its chain, for all outputs, n or more in total; chosen by default",
     )
 
     @abstractmethod

@@ -50,7 +50,7 @@ class Plant(Plugin):
     type: str = Field(description="name of the plant")
     parameters: dict[Name, ExpressionText] = Field(default_factory=dict, description="name: value")
     inputs: dict[Name, ExpressionText] = Field(default_factory=dict, description="name: expression of t")
-    initial: dict[Name, Number] = Field(default_factory=dict, description="initial state, every state named")
+    initial: dict[Name, Number] = Field(default_factory=dict, description="initial value of every state")
     discretise: Literal["euler"] | None = Field(
         default=None, description="euler: the plant is stepped by forward differences at the sample times"
     )

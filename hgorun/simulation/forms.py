@@ -87,8 +87,12 @@ def _finder(
 def _elsewhere(plant: BuiltPlant, label: str, observer: AnyObserver) -> str:
     """Which observers take the plant, in place of one that does not."""
     others = ", ".join(_takers(plant, sampled=isinstance(observer, SampledObserver)))
-    mine = f"observer {label} ({observer.type}) asks for another form of the plant"
-    return f"{mine}; this plant is taken by {others}" if others else f"{mine}, and no other observer takes this one"
+    mine = f"observer {label} ({observer.type}) needs another form of the plant"
+    return (
+        f"{mine}; observers for this plant are {others}"
+        if others
+        else f"{mine}, and no other observer accepts this one"
+    )
 
 
 def _takers(plant: BuiltPlant, *, sampled: bool) -> Iterator[str]:

@@ -58,9 +58,7 @@ class Design:
                 if not known:
                     raise Problem(("observers", label, key), f"{observer.type} has no state that could be given here")
                 if name not in known:
-                    raise Problem(
-                        ("observers", label, key), f"unknown state {name!r}; here they are {', '.join(known)}"
-                    )
+                    raise Problem(("observers", label, key), f"unknown state {name!r}; known here: {', '.join(known)}")
         try:
             found = observer.design(form)
             with called("observer", observer.type, "design"):

@@ -40,7 +40,7 @@ def test_the_version_is_the_packages(shell: Shell) -> None:
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("compare", "base.yaml", "hours.yaml"), "the sources count time in different units: h, s"),
+        (("compare", "base.yaml", "hours.yaml"), "the sources use different units of time: h, s"),
         (("compare", "base.yaml", "--format", "html"), "expected one of text, csv, latex, found 'html'"),
         (("compare", "base.yaml", "--analyze", "--format", "latex"), "the LaTeX table has metrics only"),
         (("simulate", "runs.yaml", "-o", "all.h5"), "all.h5 is one file, but there are 2 runs in runs.yaml"),

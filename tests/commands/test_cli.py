@@ -244,7 +244,7 @@ def test_a_long_chain_is_no_circle(shell: Shell) -> None:
     assert shell("simulate", "20.yaml", "--quiet") == (0, "", "")
     code, _, err = shell("simulate", "21.yaml")
     assert code == 2
-    assert "1.yaml:1: extends: more than 20 files extend each other" in err
+    assert "1.yaml:1: extends: a chain of more than 20 files that extend each other" in err
 
 
 def test_figures_refuses_files_of_one_name(shell: Shell) -> None:

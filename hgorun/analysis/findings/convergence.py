@@ -141,7 +141,7 @@ def tau_bound(observer: Subject) -> float:
     theorem = filter_theorem_of(observer)
     if not theorem.tau > 0:
         raise NoValue(
-            f"theorem 2.4.1 asks for a larger theta or delta: mu(theta) = {theorem.mu:.4g}, nu = {theorem.nu:.4g}"
+            f"theorem 2.4.1 requires a larger theta or delta: mu(theta) = {theorem.mu:.4g}, nu = {theorem.nu:.4g}"
         )
     return theorem.tau
 

@@ -79,7 +79,7 @@ def _waves(observer: Subject) -> tuple[Wave, ...]:
     stretch = channel.stretches[-1]
     waves = NoiseTerms.of(channel.noise[-1]).waves
     if not stretch.continuous or not stretch.undelayed or not waves:
-        raise NoValue("they are of sinusoids on a continuous output that is not late")
+        raise NoValue("only for sinusoids on a continuous output without delay")
     return waves
 
 

@@ -16,5 +16,5 @@ from hgorun.analysis.subject import Subject
 )
 def theta_critical(observer: Subject) -> float:
     if not observer.context.search:
-        raise NoValue("found by simulating again and again: asked for with --search")
+        raise NoValue("found only by repeated simulation: use --search")
     return critical_theta(observer.run.experiment, observer.label, theta_of(observer))
