@@ -150,9 +150,11 @@ def _with_blocks(run: PreparedRun, raw: Raw, other: Raw, which: Iterable[int]) -
 
 
 def _ended(run: PreparedRun, raw: Raw, verdicts: dict[int, Verdict]) -> Raw:
-    """A run in which some observers have no numbers from a time on."""
+    """A run in which some observers have no numbers from a time on, as those have none that the engine gave up."""
     rows = raw.rows.copy()
     for j, verdict in verdicts.items():
+        if np.isfinite(raw.diverged[j, 0]):
+            continue
         block = run.observers[j]
         rows[run.grid >= verdict.at, block.start : block.end] = np.nan
     return replace(raw, rows=rows)
