@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Literal
 
@@ -29,6 +29,10 @@ class Measurements:
     time: np.ndarray
     taken: np.ndarray
     y: np.ndarray
+
+    def since(self, origin: float) -> Measurements:
+        """The same, counted from some time on."""
+        return replace(self, time=self.time - origin, taken=self.taken - origin)
 
 
 MapName = Literal["chain", "derivatives"]
@@ -141,7 +145,7 @@ class ResultData:
     measures : mapping of str to str, optional
         The outputs that are states, with the states that they are; None in files that do not say.
     integration_error : mapping, optional
-        Largest difference to a run with half the step, or largest local error estimate of dopri5.
+        Largest difference to a run with half the step, or largest local error estimate of dopri5 or rodas5p.
     remarks : tuple of str
         What should be known of the run, such as functions of time whose kinks may have been missed.
     verdict : Verdict

@@ -53,7 +53,9 @@ def of_estimate(run: PreparedRun, raw: Raw, j: int, xhat: Floats) -> Verdict:
     t = float(run.grid[row])
     function = run.structure.estimates[j].function
     z, w = raw.rows[row, :, 0], np.zeros(run.structure.system.held.size)
-    return Verdict("undefined", t, _said(_where(run, run.observers[j], function, (t, run.numbers.p, z, w)), t))
+    return Verdict(
+        "undefined", t, _said(_where(run, run.observers[j], function, (t, run.numbers.p, z, w)), run.origin + t)
+    )
 
 
 def why_lost(run: PreparedRun, again: Again, j: int, lost: float) -> str | None:
@@ -77,14 +79,14 @@ def why_lost(run: PreparedRun, again: Again, j: int, lost: float) -> str | None:
     if not np.all(np.isfinite(z[own])):  # by a jump with which the step begins
         jumps = [function for start, _, function in system.jumps if start == block.start]
         found = [_where(run, block, jump, (begin, run.numbers.p, before, w)) for jump in jumps]
-        return _said(next(filter(None, found), None), begin)
+        return _said(next(filter(None, found), None), run.origin + begin)
     flow = system.regimes[int(plan.counts[-1, 3])].flow
     for t, stage in _stages(flow, begin, step, run.numbers.p, z, w):
         if _exploded(run, block, stage):
             return None
         what = _where(run, block, flow, (t, run.numbers.p, stage, w), own)
         if what is not None:
-            return _said(what, t)
+            return _said(what, run.origin + t)
     return None
 
 
