@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from hgorun.engine.program import Raw
-from hgorun.errors import Problem, SimulationError
+from hgorun.errors import PlantDiverged, Problem, SimulationError
 from hgorun.result.status import OK, Verdict
 from hgorun.simulation.loss import Again, of_estimate, why_lost
 from hgorun.simulation.prepared import PreparedRun
@@ -65,6 +65,23 @@ def confirmed(run: PreparedRun, raw: Raw, again: Again) -> tuple[Raw, dict[str, 
     return raw, {run.observers[j].label: verdict for j, verdict in said.items() if verdict != OK}
 
 
+def plant_lost(run: PreparedRun, error: PlantDiverged, again: Again) -> SimulationError:
+    """What is to be said of a plant that could not be followed: whether shorter steps can."""
+    if run.adaptive or run.plant.block.discretise:
+        return error
+    for shorter in _attempts(run, np.inf):
+        try:
+            again.integrate(again.plan(shorter))
+        except (Problem, SimulationError):
+            continue
+        step = longest(run)
+        return SimulationError(
+            f"it diverges with steps of {step:.3g}, but not with shorter ones: give a step of at most "
+            f"{step / shorter:.3g}, or solver: {{method: rodas5p}} if its equations are stiff"
+        )
+    return error
+
+
 def judged(run: PreparedRun, raw: Raw, j: int, again: Again | None = None) -> Verdict:
     """What is to be said of an observer of a run without bound.
 
@@ -106,7 +123,7 @@ def _enough(run: PreparedRun, again: Again, lost: list[int]) -> dict[int, int]:
     enough: dict[int, int] = {}
     if run.adaptive or not lost:
         return enough
-    rates = [run.observers[j].observer.fastest_rate(run.observers[j].form) for j in lost]
+    rates = [run.observers[j].observer.fastest_rate(run.observers[j].form) or 0.0 for j in lost]  # 0: not known
     for shorter in _attempts(run, max(rates)):
         try:
             other = again.integrate(again.plan(shorter))
