@@ -66,7 +66,7 @@ class Solver(Block):
     atol: Positive | None = Field(default=None, description="absolute tolerance: adaptive steps of dopri5 or rodas5p")
     max_step: Positive | None = Field(default=None, description="longest adaptive step")
     divergence: Positive | None = Field(
-        default=None, description="an observer has diverged beyond it (default 1e6 (1 + max |x|))"
+        default=None, description="an observer has diverged as soon as a state is beyond it; by default that is confirmed first"
     )
 
     @property
