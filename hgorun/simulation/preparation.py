@@ -90,7 +90,8 @@ def _mean_squares(experiment: Experiment) -> np.ndarray | None:
         return None
     if experiment.plant.block.discretise:
         raise Problem(("plant", "discretise"), "snr_db needs a plant in continuous time; give std")
-    alone = PlantRun(experiment.plant, experiment.time, nominal_step(experiment), experiment.origin)
+    stiff = experiment.blocks.solver.stiff
+    alone = PlantRun(experiment.plant, experiment.time, nominal_step(experiment), experiment.origin, stiff=stiff)
     return alone.mean_squares()
 
 
