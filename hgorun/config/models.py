@@ -63,9 +63,7 @@ class Solver(Block):
         default="auto", description="longest step of a fixed-step run, or auto"
     )
     rtol: Positive | None = Field(default=None, description="relative tolerance: adaptive steps of dopri5 or rodas5p")
-    atol: Positive | None = Field(
-        default=None, description="absolute tolerance, likewise (default: from each state's size)"
-    )
+    atol: Positive | None = Field(default=None, description="absolute tolerance (default: from each state's size)")
     max_step: Positive | None = Field(default=None, description="longest adaptive step")
     divergence: Positive | None = Field(
         default=None, description="an observer has diverged beyond it (default 1e6 (1 + max |x|))"
