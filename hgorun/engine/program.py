@@ -87,12 +87,15 @@ class Raw:
         Time of divergence, infinity where there was none.
     error : ndarray, shape (states, lanes)
         Largest local error estimate of an embedded method, zeros otherwise.
+    held : ndarray, shape (held numbers, lanes)
+        The vector w at the end.
     """
 
     rows: Floats
     measured: Floats
     diverged: Floats
     error: Floats
+    held: Floats
 
 
 def generate(system: HybridSystem, method: str, *, adaptive: bool = False, lanes: int = 1) -> tuple[str, int]:
@@ -345,6 +348,7 @@ class _Memory:
             self.arrays["measured"][: self.slots],
             self.arrays["diverged"][: self.observers],
             self.arrays["error"],
+            self.arrays["w"].reshape(-1, self.shape[2]),
         )
 
 
