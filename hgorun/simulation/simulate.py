@@ -24,7 +24,7 @@ from hgorun.simulation.tables import build_plan
 
 __all__ = ["integrate", "integrate_lanes", "prepare", "simulate", "simulate_prepared"]
 
-_DEFAULT_RTOL, _DEFAULT_ATOL = 1e-8, 1e-10
+_DEFAULT_RTOL = 1e-8
 
 
 def simulate(
@@ -115,7 +115,7 @@ def _integrate(
         span = time.end - time.start
         limit = min(solver.max_step or span, longest_step(run, step))
         first = min(1e-4 * span, limit) if solver.step == "auto" else min(solver.step, limit)
-        tolerance = Tolerance(solver.rtol or _DEFAULT_RTOL, solver.atol or _DEFAULT_ATOL, limit, first)
+        tolerance = Tolerance(solver.rtol or _DEFAULT_RTOL, solver.atol, limit, first)
     program = run.structure.program(solver.method, adaptive=run.adaptive)
     return program.run(plan, start, tolerance, progress)
 
