@@ -13,7 +13,7 @@ from hgorun.measurement.events import merge
 from hgorun.measurement.schedule import nearest_event
 from hgorun.measurement.signals import noise_at
 from hgorun.memo import Memo
-from hgorun.result.data import Measurements, ObserverResult
+from hgorun.result.data import DesignNumbers, Measurements, ObserverResult
 from hgorun.result.measure import from_origin, measure
 from hgorun.result.result import Result
 from hgorun.result.status import OK, Verdict
@@ -81,6 +81,7 @@ def record(run: PreparedRun, raw: Raw) -> Result:
         integration_error=embedded,
         measures=model.measures,
         remarks=run.remarks,
+        design=DesignNumbers(numbers.p, numbers.z0, run.step),
     )
 
 
