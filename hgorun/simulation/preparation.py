@@ -106,7 +106,7 @@ def _mean_squares(experiment: Experiment, step: float) -> np.ndarray | None:
         return None
     if experiment.plant.block.discretise:
         raise Problem(("plant", "discretise"), "snr_db needs a plant in continuous time; give std")
-    alone = PlantRun(experiment.plant, experiment.time, step, experiment.origin)
+    alone = PlantRun(experiment.plant, experiment.time, step, experiment.origin, stiff=experiment.blocks.solver.stiff)
     return alone.mean_squares()
 
 
