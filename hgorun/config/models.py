@@ -63,16 +63,21 @@ class Solver(Block):
         default="auto", description="longest step of a fixed-step run, or auto"
     )
     rtol: Positive | None = Field(default=None, description="relative tolerance: adaptive steps of dopri5 or rodas5p")
-    atol: Positive | None = Field(default=None, description="absolute tolerance: adaptive steps of dopri5 or rodas5p")
+    atol: Positive | None = Field(default=None, description="absolute tolerance (default: from each state's size)")
     max_step: Positive | None = Field(default=None, description="longest adaptive step")
     divergence: Positive | None = Field(
-        default=None, description="bound beyond which an observer has diverged (default 1e6 (1 + max |x|))"
+        default=None, description="bound beyond which an observer has diverged; by default divergence is confirmed"
     )
 
     @property
     def adaptive(self) -> bool:
         """Whether the step is controlled by an error estimate: where tolerances are given, or no step."""
         return self._estimates and (self.rtol is not None or self.atol is not None or self.step == "auto")
+
+    @property
+    def stiff(self) -> bool:
+        """Whether the method is the one for stiff equations."""
+        return self.method == "rodas5p"
 
     @property
     def _estimates(self) -> bool:
