@@ -11,7 +11,7 @@ from functools import cache, cached_property, wraps
 from inspect import getattr_static
 from numbers import Real
 from types import FunctionType, NoneType, UnionType
-from typing import Any, ClassVar, Literal, Self, Union, get_args, get_origin, get_type_hints
+from typing import Any, ClassVar, Self, Union, get_args, get_origin, get_type_hints
 from weakref import WeakSet
 
 import casadi as ca
@@ -135,8 +135,6 @@ def _fits(value: object, declared: object) -> bool:
     origin, inner = get_origin(declared), get_args(declared)
     if origin in (Union, UnionType):
         return any(_fits(value, one) for one in inner)
-    if origin is Literal:
-        return value in inner
     kind = origin or declared
     if kind is Any or not isinstance(kind, type):
         return True
