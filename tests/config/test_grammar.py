@@ -163,7 +163,7 @@ def test_any_text_is_an_expression_or_an_expression_error(text: str) -> None:
         *[
             ("1, 2", "`,`"),
             ("(1", "not closed"),
-            ("1)", "has no `(`"),
+            ("1)", "without a `(`"),
             ("f(,)", "after `(`"),
             ("not", "after `not`"),
         ],

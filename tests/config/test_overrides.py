@@ -168,7 +168,7 @@ def test_a_value_in_place_of_another(path: str, value: object, place: tuple[str 
     ("path", "words"),
     [
         ("time..end", "expected keys separated by dots, found 'time..end'"),
-        ("", "expected keys with dots between"),
+        ("", "expected keys separated by dots"),
         ("time.end.x", "`time.end` is '40'"),
         ("measurement.noise.7", "an index from 0 to 0"),
         ("plant.parts.0.mass", "there is no list `plant.parts`: set the whole list"),

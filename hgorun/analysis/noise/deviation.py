@@ -126,7 +126,7 @@ def _one(systems: Linear, omega: np.ndarray, delay: float = 0.0) -> Linear:
     for k in range(len(systems.A0)):
         one = Linear(*[value[k] for value in vars(systems).values()])
         if np.any(np.abs(response(one, omega, delay) - expected) > _SAME * np.abs(expected)):
-            late = ", and its output is continuous and late" if delay else ""
+            late = ", and its output is continuous and delayed" if delay else ""
             raise NoValue(f"the linearisation of the observer changes along the run{late}")
     return mean
 
