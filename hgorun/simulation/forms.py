@@ -91,7 +91,7 @@ def _elsewhere(plant: BuiltPlant, label: str, observer: AnyObserver) -> str:
     return (
         f"{mine}; observers for this plant are {others}"
         if others
-        else f"{mine}, and no other observer accepts this one"
+        else f"{mine}, and no other observer accepts this plant"
     )
 
 
