@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from hgorun.config.types import Block, Number, Poles, Positive
 from hgorun.errors import Problem
@@ -31,6 +31,14 @@ class PlacedGain(Block):
         if self.gains is not None and "poles" in self.model_fields_set:
             raise ValueError("give either poles or gains, not both")
         return self
+
+    @model_serializer(mode="wrap")
+    def _without_poles_beside_gains(self, write: SerializerFunctionWrapHandler) -> dict[str, object]:
+        """What is written can be read again: the default poles are none where the gains are given."""
+        keys: dict[str, object] = write(self)
+        if self.gains is not None:
+            del keys["poles"]
+        return keys
 
     def gain(self, order: int) -> np.ndarray:
         """The gain of a chain of this order, shape (order,)."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from hgorun.config.types import Number, Poles
 from hgorun.errors import Problem
@@ -39,6 +39,14 @@ class OutputInjection(ContinuousObserver[LowerTriangularForm, LowerTriangularCop
         if self.l is not None and "poles" in self.model_fields_set:
             raise ValueError("give either poles or l, not both")
         return self
+
+    @model_serializer(mode="wrap")
+    def _without_poles_beside_l(self, write: SerializerFunctionWrapHandler) -> dict[str, object]:
+        """What is written can be read again: the default poles are none where l is given."""
+        keys: dict[str, object] = write(self)
+        if self.l is not None:
+            del keys["poles"]
+        return keys
 
     def injection(self, form: LowerTriangularForm) -> np.ndarray:
         """l, shape (n,)."""

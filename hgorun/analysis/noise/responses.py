@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
+from hgorun.analysis.linear.error_system import undisturbed
 from hgorun.analysis.linear.linear import Linear, Linearisation
-from hgorun.analysis.linear.transfer import relevant, require_hurwitz, response
+from hgorun.analysis.linear.sinusoids import with_theta
+from hgorun.analysis.linear.transfer import response, steady_part
 from hgorun.analysis.noise.terms import NoiseTerms
 from hgorun.analysis.reasons import DIVERGED, JUMPS, NoValue, outcomes
 from hgorun.analysis.subject import Context, Subject, once
 from hgorun.observers.base import SampledObserver
 from hgorun.result.theory import Bode
+from hgorun.simulation.simulate import perform, prepare
 
 _POINTS = 400
 _BEYOND = 30.0  # of the slowest and the fastest frequency shown
@@ -18,21 +23,43 @@ _BEYOND = 30.0  # of the slowest and the fastest frequency shown
 
 @once
 def linear_at_end(observer: Subject) -> Linear:
-    """The linearised observer at the last point of the run, with no innovation.
+    """The linearised observer at the last point of the run, with no innovation and its filters empty.
+
+    Of its states those that noise reaches and that reach the estimate: a gain that follows an equation of its own,
+    such as Riccati's, moves neither, and its eigenvalues decide nothing.
 
     Raises
     ------
     NoValue
-        When it is not Hurwitz there, or there is no such system.
+        When the error is not Hurwitz there, or there is no such system.
     """
     if isinstance(observer.observer, SampledObserver):
         raise NoValue(JUMPS)
     if observer.found.diverged_at is not None:
         raise NoValue(DIVERGED)
     linearisation, last = Linearisation(observer.run, observer.label), observer.result.time.size - 1
-    linear = linearisation.at(float(observer.result.time[-1]), linearisation.along(observer.found, last))
-    require_hurwitz(linear)
-    return linear
+    (xi,) = undisturbed(linearisation, observer.found, np.array([last]))
+    return steady_part(linearisation.at(float(observer.result.time[-1]), xi))
+
+
+def with_other_theta(observer: Subject, theta: float) -> Linear:
+    """The same system with another theta: the same estimate, and the gains that theta would have led to.
+
+    Gains that follow an equation of their own are taken from another run.
+
+    Raises
+    ------
+    NoValue
+    """
+    run, found, last = observer.run, observer.found, observer.result.time.size - 1
+    other = prepare(with_theta(run.experiment, observer.label, theta))
+    gains = [name for name, role in observer.observer.roles(observer.form).items() if role == "gain"]
+    if gains:
+        there = perform(other).observers[observer.label]
+        found = replace(found, internal={**found.internal, **{name: there.internal[name] for name in gains}})
+    linearisation = Linearisation(other, observer.label)
+    (xi,) = undisturbed(linearisation, found, np.array([last]))
+    return steady_part(linearisation.at(float(observer.result.time[-1]), xi))
 
 
 def frequency_responses(context: Context) -> Bode:
@@ -47,7 +74,7 @@ def frequency_responses(context: Context) -> Bode:
             for wave in NoiseTerms.of(noise).waves
         }
     )
-    speeds = [np.abs(np.linalg.eigvals(relevant(linear).A)) for linear in systems.values()]
+    speeds = [np.abs(np.linalg.eigvals(linear.A)) for linear in systems.values()]
     known = np.concatenate([*speeds, np.array(own), np.ones(1)])
     known = known[known > 0]
     omega = np.logspace(np.log10(known.min() / _BEYOND), np.log10(known.max() * _BEYOND), _POINTS)
