@@ -129,7 +129,7 @@ def error_system(run: PreparedRun, label: str, result: Result) -> ErrorSystem:
         raise NoValue(f"the run to look along {found.status}")
     linearisation = Linearisation(run, label)
     times = result.time[chosen]
-    xi = undisturbed(linearisation, found, chosen)
+    xi = _states(linearisation, found, chosen)
     linear = linearisation.systems(times, xi)
     A0, E, H, L, K0, K = linear.A0, linear.E, linear.H, linear.L, linear.K0, linear.K
     kept = _that_matter(linearisation, A0, H, L, K0)
@@ -159,7 +159,7 @@ def _row(result: ObserverResult, i: int) -> ObserverResult:
     )
 
 
-def undisturbed(linearisation: Linearisation, found: ObserverResult, chosen: np.ndarray) -> np.ndarray:
+def _states(linearisation: Linearisation, found: ObserverResult, chosen: np.ndarray) -> np.ndarray:
     """The observer's states at points of a run, filters empty, shape (M, N)."""
     b = linearisation.block
     xi = linearisation.states(found, chosen)

@@ -6,14 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from hgorun.analysis.linear.error_system import undisturbed
 from hgorun.analysis.linear.linear import Linear, Linearisation
 from hgorun.analysis.linear.sinusoids import with_theta
-from hgorun.analysis.linear.transfer import response, steady_part
+from hgorun.analysis.linear.transfer import response, restricted, steady_part
 from hgorun.analysis.noise.terms import NoiseTerms
 from hgorun.analysis.reasons import DIVERGED, JUMPS, NoValue, outcomes
 from hgorun.analysis.subject import Context, Subject, once
 from hgorun.observers.base import SampledObserver
+from hgorun.result.data import ObserverResult
 from hgorun.result.theory import Bode
 from hgorun.simulation.simulate import perform, prepare
 
@@ -23,10 +23,10 @@ _BEYOND = 30.0  # of the slowest and the fastest frequency shown
 
 @once
 def linear_at_end(observer: Subject) -> Linear:
-    """The linearised observer at the last point of the run, with no innovation and its filters empty.
+    """The linearised observer at the last point of the run, with no innovation.
 
-    Of its states those that noise reaches and that reach the estimate: a gain that follows an equation of its own,
-    such as Riccati's, moves neither, and its eigenvalues decide nothing.
+    Of its states those that noise reaches and that reach the estimate. A gain that follows an equation of its own, such
+    as Riccati's, is not among them: it is what it is there, and its eigenvalues decide nothing.
 
     Raises
     ------
@@ -37,9 +37,7 @@ def linear_at_end(observer: Subject) -> Linear:
         raise NoValue(JUMPS)
     if observer.found.diverged_at is not None:
         raise NoValue(DIVERGED)
-    linearisation, last = Linearisation(observer.run, observer.label), observer.result.time.size - 1
-    (xi,) = undisturbed(linearisation, observer.found, np.array([last]))
-    return steady_part(linearisation.at(float(observer.result.time[-1]), xi))
+    return _at_end(Linearisation(observer.run, observer.label), observer.result.time, observer.found)
 
 
 def with_other_theta(observer: Subject, theta: float) -> Linear:
@@ -51,15 +49,28 @@ def with_other_theta(observer: Subject, theta: float) -> Linear:
     ------
     NoValue
     """
-    run, found, last = observer.run, observer.found, observer.result.time.size - 1
-    other = prepare(with_theta(run.experiment, observer.label, theta))
+    found, other = observer.found, prepare(with_theta(observer.run.experiment, observer.label, theta))
     gains = [name for name, role in observer.observer.roles(observer.form).items() if role == "gain"]
     if gains:
         there = perform(other).observers[observer.label]
         found = replace(found, internal={**found.internal, **{name: there.internal[name] for name in gains}})
-    linearisation = Linearisation(other, observer.label)
-    (xi,) = undisturbed(linearisation, found, np.array([last]))
-    return steady_part(linearisation.at(float(observer.result.time[-1]), xi))
+    return _at_end(Linearisation(other, observer.label), observer.result.time, found)
+
+
+def _at_end(linearisation: Linearisation, time: np.ndarray, found: ObserverResult) -> Linear:
+    linear = linearisation.at(float(time[-1]), linearisation.along(found, time.size - 1))
+    return steady_part(restricted(linear, _without_gains(linearisation)))
+
+
+def _without_gains(linearisation: Linearisation) -> np.ndarray:
+    """Places of the states that are not gains."""
+    block = linearisation.block
+    kept = np.ones(linearisation.size, dtype=bool)
+    for name, role in block.observer.roles(block.form).items():
+        if role == "gain":
+            place = block.states[name]
+            kept[place.start - block.start :][: place.size] = False
+    return np.flatnonzero(kept)
 
 
 def frequency_responses(context: Context) -> Bode:
