@@ -9,9 +9,9 @@ from functools import cache
 import numpy as np
 import numpy.typing as npt
 
-from hgorun.engine import functions
-from hgorun.engine.compiler import NativeModule
-from hgorun.engine.ir import Function
+from hgorun.native import functions
+from hgorun.native.compiler import NativeModule
+from hgorun.native.ir import Function
 
 Array = npt.NDArray[np.float64]
 NAMES = (*functions.INLINE, *functions.UNARY, *functions.BINARY)

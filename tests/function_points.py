@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 from mpmath import mp, mpf
 
-from hgorun.engine import functions
-from hgorun.engine.functions.trigonometric import PERIODIC_LIMIT
+from hgorun.native import functions
+from hgorun.native.functions.trigonometric import PERIODIC_LIMIT
 
 Array = npt.NDArray[np.float64]
 HUGE = float(np.finfo(np.float64).max)

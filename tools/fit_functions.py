@@ -1,4 +1,4 @@
-"""Fit the polynomials of hgorun/engine/functions/coefficients.py and print them.
+"""Fit the polynomials of hgorun/native/functions/coefficients.py and print them.
 
 Each one approximates a smooth factor of its function, P in sin r = r + r³ P(r²) for one. The fit is minimax
 (Remez exchange) on the relative error of the *function*, in 60 digits. Coefficients are rounded to doubles

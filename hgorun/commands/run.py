@@ -16,13 +16,13 @@ from hgorun.result.reading import read
 from hgorun.result.result import Result
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.prepared import PreparedRun
-from hgorun.simulation.simulate import perform, prepare
+from hgorun.simulation.simulate import prepare, simulate_prepared
 from hgorun.study.check import check_figures
 from hgorun.study.loading import load, load_study, refuse_twins
 from hgorun.tables import metrics as tables
 
 RESULTS = Path("results")
-DIVERGED = 3
+NOT_OK = 3
 _RESULT_SUFFIXES = {".h5", ".hdf5", ".nc"}
 _DRAWING_SUFFIXES = {".png", ".pdf"}
 _OF_OTHERS = {".csv", ".json", ".mat", ".npz", ".svg", ".tex", ".txt", ".yaml", ".yml"}
@@ -43,7 +43,7 @@ def simulate(options: Simulate) -> int:
         remove_leftovers(folder)
     results, files = [], []
     for prepared, target in zip(runs, targets, strict=True):
-        result = execute(prepared, show=options.text, check_step=options.check_step)
+        result = run_with_progress(prepared, show=options.text, check_step=options.check_step)
         files.append(str(result.save(target)))
         results.append(result)
         warn(result)
@@ -52,7 +52,7 @@ def simulate(options: Simulate) -> int:
             print(f"written: {target}")
     if options.json:
         _print_json(results, files)
-    return DIVERGED if options.strict and any(r.status != "ok" for r in results) else 0
+    return NOT_OK if options.strict and any(r.status != "ok" for r in results) else 0
 
 
 def compare(options: Compare) -> int:
@@ -67,7 +67,7 @@ def compare(options: Compare) -> int:
         else:
             loaded += [prepare(experiment) for experiment in _experiments(path, options)]
         files += [str(path)] * (len(loaded) - len(files))
-    results = [s if isinstance(s, Result) else execute(s, show=options.text) for s in loaded]
+    results = [s if isinstance(s, Result) else run_with_progress(s, show=options.text) for s in loaded]
     predicted = _predicted(loaded, results) if options.analyze else []
     units = {result.units.get("time", "") for result in results}
     if len(units) > 1:
@@ -82,7 +82,7 @@ def compare(options: Compare) -> int:
         written = _draw(results, options)
         if options.text and options.format == "text":
             print("written: " + ", ".join(map(str, written)))
-    return DIVERGED if options.strict and any(r.status != "ok" for r in results) else 0
+    return NOT_OK if options.strict and any(r.status != "ok" for r in results) else 0
 
 
 def _style(options: Compare) -> Style:
@@ -169,7 +169,7 @@ def _experiments(path: Path, options: Configured) -> list[Experiment]:
     return single
 
 
-def execute(run: PreparedRun, *, show: bool, check_step: bool = False) -> Result:
+def run_with_progress(run: PreparedRun, *, show: bool, check_step: bool = False) -> Result:
     """Run, with progress if it is to be shown and somebody is at a terminal."""
     show = show and sys.stderr.isatty()
 
@@ -177,19 +177,18 @@ def execute(run: PreparedRun, *, show: bool, check_step: bool = False) -> Result
         print(f"\r{run.experiment.name}: {100 * part:3.0f} %", end="", file=sys.stderr, flush=True)
 
     try:
-        return perform(run, check_step=check_step, progress=progress if show else None)
+        return simulate_prepared(run, check_step=check_step, progress=progress if show else None)
     finally:
         if show:
             print("\r\033[K", end="", file=sys.stderr, flush=True)
 
 
 def warn(result: Result) -> None:
-    """A diverged observer and remarks are reported on stderr; they are not errors."""
+    """Remarks and whatever is not ok are reported on stderr; they are not errors."""
     for remark in result.remarks:
         print(f"hgorun: {result.name}: {remark}", file=sys.stderr)
-    for label, observer in result.observers.items():
-        if observer.diverged_at is not None:
-            print(f"hgorun: {result.name}: observer {label} {observer.status}", file=sys.stderr)
+    for words in result.troubles():
+        print(f"hgorun: {result.name}: {words}", file=sys.stderr)
 
 
 def _predicted(sources: Sequence[PreparedRun | Result], results: Sequence[Result]) -> list[tables.Predicted]:

@@ -38,6 +38,11 @@ class Time(Block):
             raise ValueError(f"end must be after start, found end {self.end:g}, start {self.start:g}")
         return self
 
+    @property
+    def from_zero(self) -> Time:
+        """The same horizon, counted from its start."""
+        return self.model_copy(update={"start": 0.0, "end": self.end - self.start}) if self.start else self
+
 
 def _step(value: Any) -> Any:
     if value == "auto":
@@ -51,12 +56,14 @@ def _step(value: Any) -> Any:
 class Solver(Block):
     """How the differential equations are solved."""
 
-    method: Literal["euler", "rk4", "dopri5"] = "rk4"
+    method: Literal["euler", "rk4", "dopri5", "rodas5p"] = Field(
+        default="rk4", description="rodas5p is the one for stiff plants and very high gains"
+    )
     step: Annotated[Literal["auto"] | float, BeforeValidator(_step), WithJsonSchema(NUMBER_SCHEMA)] = Field(
         default="auto", description="longest step of a fixed-step run, or auto"
     )
-    rtol: Positive | None = Field(default=None, description="relative tolerance: dopri5 with adaptive steps")
-    atol: Positive | None = Field(default=None, description="absolute tolerance: dopri5 with adaptive steps")
+    rtol: Positive | None = Field(default=None, description="relative tolerance: adaptive steps of dopri5 or rodas5p")
+    atol: Positive | None = Field(default=None, description="absolute tolerance: adaptive steps of dopri5 or rodas5p")
     max_step: Positive | None = Field(default=None, description="longest adaptive step")
     divergence: Positive | None = Field(
         default=None, description="an observer has diverged beyond it (default 1e6 (1 + max |x|))"
@@ -64,13 +71,17 @@ class Solver(Block):
 
     @property
     def adaptive(self) -> bool:
-        """Whether the step is controlled by an error estimate."""
-        return self.rtol is not None or self.atol is not None
+        """Whether the step is controlled by an error estimate: where tolerances are given, or no step."""
+        return self._estimates and (self.rtol is not None or self.atol is not None or self.step == "auto")
+
+    @property
+    def _estimates(self) -> bool:
+        return self.method in ("dopri5", "rodas5p")
 
     @model_validator(mode="after")
-    def _adaptive_needs_dopri5(self) -> Solver:
-        if self.adaptive and self.method != "dopri5":
-            raise ValueError(f"rtol and atol need method dopri5, found {self.method}")
+    def _adaptive_needs_an_estimate(self) -> Solver:
+        if not self._estimates and (self.rtol is not None or self.atol is not None):
+            raise ValueError(f"rtol and atol need method dopri5 or rodas5p, found {self.method}")
         if self.max_step is not None and not self.adaptive:
             raise ValueError("max_step goes with rtol and atol; a fixed step is set by step")
         return self
@@ -233,7 +244,7 @@ class Claim(Inequality):
 
 
 class Vary(Block):
-    """A run carried out once for each value of a name."""
+    """A run repeated for each value of a name."""
 
     name: Name = Field(description="what is varied")
     values: Annotated[tuple[Number, ...], NonEmpty] = Field(description="one member of the ensemble each")
@@ -244,9 +255,9 @@ class Ensemble(Block):
     """What makes an ensemble of a run."""
 
     seeds: Annotated[int, Field(ge=2, le=100_000, strict=True)] | None = Field(
-        default=None, description="carried out with so many seeds: seed, seed + 1, ..."
+        default=None, description="repeated with this many seeds: seed, seed + 1, ..."
     )
-    vary: Vary | None = Field(default=None, description="carried out for each value of a name")
+    vary: Vary | None = Field(default=None, description="repeated for each value of a name")
 
     @property
     def kind(self) -> Literal["seeds", "vary"] | None:
@@ -270,7 +281,7 @@ class StudyBlocks(Block):
     claims: tuple[Claim, ...] = ()
 
 
-class Experiment(Block):
+class ExperimentBlocks(Block):
     """A whole configuration file. Plant, measurement and observers are checked by classes of their own rooms."""
 
     title: str = ""
@@ -287,7 +298,7 @@ class Experiment(Block):
     claims: tuple[Claim, ...] = Field(default=(), description="sentences and the inequalities that decide them")
 
 
-class File(Experiment):
+class File(ExperimentBlocks):
     """A configuration file, which may hold several runs of an experiment."""
 
     runs: dict[str, dict[str, Any]] = Field(

@@ -15,9 +15,9 @@ from functools import partial
 
 import casadi as ca
 
-from hgorun.engine import functions
-from hgorun.engine.ir import Block, Function
 from hgorun.errors import HgorunError
+from hgorun.native import functions
+from hgorun.native.ir import Block, Function
 from hgorun.symbolic.instructions import CLOCK, MAIN, SETUP, Instruction, read, rounds
 
 _TOGETHER = 4  # calls of one function in one vector; 8 gained nothing with AVX-512
@@ -120,8 +120,8 @@ class Emitted:
 class _Emitter:
     """Walks the instruction list once, appending each instruction to the part that it belongs to."""
 
-    def __init__(self, name: str, lanes: int, declarations: set[str]) -> None:
-        inline = "alwaysinline nounwind"
+    def __init__(self, name: str, lanes: int, declarations: set[str], *, inlined: bool) -> None:
+        inline = f"{'alwaysinline' if inlined else 'noinline'} nounwind"
         pointers = "ptr noalias %p, ptr noalias %c"
         self.parts = [
             Function(f"{name}_setup", pointers, lanes, declarations, attributes=inline),
@@ -211,11 +211,11 @@ class _Emitter:
         """Calls in one part that do not wait for each other: those of one function side by side."""
         part = max(self.level[a] for a in calls[0].arguments)
         f = self.parts[part]
-        most = _TOGETHER if self.lanes == 1 else 1
+        size = _TOGETHER if self.lanes == 1 else 1
         for name in {_CALLS[call.op]: None for call in calls}:
             alike = [call for call in calls if _CALLS[call.op] == name]
-            for i in range(0, len(alike), most):
-                some = alike[i : i + most]
+            for i in range(0, len(alike), size):
+                some = alike[i : i + size]
                 arguments = [[self.use(a, part) for a in call.arguments] for call in some]
                 values = f.side_by_side(partial(functions.call, name), arguments)
                 for call, value in zip(some, values, strict=True):
@@ -226,7 +226,7 @@ class _Emitter:
         main.store(self.use(value, MAIN), main.at("%d", index * self.lanes), main.real)
 
 
-def emit(function: ca.Function, name: str, lanes: int, declarations: set[str]) -> Emitted:
+def emit(function: ca.Function, name: str, lanes: int, declarations: set[str], *, inlined: bool = True) -> Emitted:
     """Emit f(t, p, z, w) -> d.
 
     Parameters
@@ -239,8 +239,10 @@ def emit(function: ca.Function, name: str, lanes: int, declarations: set[str]) -
         W; arrays hold W values an entry.
     declarations : set of str
         Receives the intrinsics needed.
+    inlined : bool
+        Whether the code stands wherever it is called, or once.
     """
-    emitter = _Emitter(name, lanes, declarations)
+    emitter = _Emitter(name, lanes, declarations, inlined=inlined)
     instructions = read(function)
     for some in rounds(instructions, calls=_CALLS):
         if some[0].op in _CALLS:

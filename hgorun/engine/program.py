@@ -10,7 +10,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from hgorun.engine.adaptive import add_adaptive
-from hgorun.engine.compiler import NativeModule
 from hgorun.engine.fixed import add_fixed
 from hgorun.engine.history import History, piece_words
 from hgorun.engine.layout import (
@@ -23,10 +22,14 @@ from hgorun.engine.layout import (
     WORD,
     HybridSystem,
 )
-from hgorun.engine.methods import METHODS
+from hgorun.engine.methods import METHODS, Rosenbrock
 from hgorun.engine.parts import Module, add_actions, add_channels, add_flag, add_rows, counts, span
 from hgorun.engine.plan import Floats, Integers, Plan
+from hgorun.engine.rosenbrock import LinearlyImplicit
+from hgorun.engine.runge_kutta import RungeKutta
+from hgorun.engine.stepper import Stepper
 from hgorun.errors import SimulationError
+from hgorun.native.compiler import NativeModule
 
 _SLICE = 0.05  # seconds of native code between two checks for Ctrl-C
 _BUDGET = 20_000  # adaptive steps between two such looks
@@ -83,14 +86,22 @@ class Raw:
 
 def generate(system: HybridSystem, method: str, *, adaptive: bool = False, lanes: int = 1) -> tuple[str, int]:
     """The IR of a system, and how many constants a lane of a run has."""
-    m = Module(system, lanes)
-    flows = [m.emit(regime.flow, f"flow{i}") for i, regime in enumerate(system.regimes)]
+    m, chosen = Module(system, lanes), METHODS[method]
+    implicit = isinstance(chosen, Rosenbrock)
+    flows = [m.emit(regime.flow, f"flow{i}", inlined=not implicit) for i, regime in enumerate(system.regimes)]
     add_channels(m)
     add_actions(m)
     add_flag(m)
-    add_rows(m, quintic=bool(METHODS[method].dense))
-    history = History(m) if system.remembers else None
-    (add_adaptive if adaptive else add_fixed)(m, METHODS[method], history, flows)
+    add_rows(m, quintic=bool(chosen.dense))
+    history = History(m, slopes=implicit) if system.remembers else None
+    for i, flow in enumerate(flows):
+        name = f"advance{i}"
+        stepper: Stepper = (
+            LinearlyImplicit(m, chosen, history, i, flow, name)
+            if isinstance(chosen, Rosenbrock)
+            else RungeKutta(m, chosen, history, i, flow, name)
+        )
+        (add_adaptive if adaptive else add_fixed)(stepper)
     _add_run(m, len(flows))
     m.setup()
     return m.text(), m.constants
@@ -136,7 +147,7 @@ class Program:
     ----------
     system : HybridSystem
     method : str
-        ``euler``, ``rk4`` or ``dopri5``.
+        ``euler``, ``rk4``, ``dopri5`` or ``rodas5p``.
     adaptive : bool
         Control the step by the method's embedded error estimate.
     lanes : int
@@ -194,7 +205,8 @@ class Program:
                 memory["budget"] = _BUDGET
                 verdict = self._run(memory.address, stop)
             if verdict != DONE:
-                raise SimulationError(_explain(verdict, memory.real("now")))
+                stiff = isinstance(self.method, Rosenbrock)
+                raise SimulationError(_explain(verdict, plan.origin + memory.real("now"), stiff=stiff))
             spent = max(time.perf_counter() - before, 1e-6)
             chunk = max(1, int(chunk * min(_SLICE / spent, 8.0)))
             if progress:
@@ -202,11 +214,13 @@ class Program:
         return memory.result()
 
 
-def _explain(verdict: int, t: float) -> str:
+def _explain(verdict: int, t: float, *, stiff: bool) -> str:
+    """What ended a run at time t; ``stiff`` where the method is made for stiff equations."""
+    advice = "" if stiff else "; if its equations are stiff, use solver: {method: rodas5p}"
     return {
-        PLANT_DIVERGED: f"the plant itself diverged at t = {t:.6g}: nothing can be said about its observers",
+        PLANT_DIVERGED: f"the plant itself diverged at t = {t:.6g}: nothing can be said about its observers{advice}",
         STEP_TOO_SMALL: f"no step is small enough for the plant at t = {t:.6g}: its equations are singular there "
-        "or the tolerance is out of reach",
+        f"or the tolerance is out of reach{advice}",
         HISTORY_TOO_SHORT: f"the delay at t = {t:.6g} reaches further back than the stored history of "
         f"{_ADAPTIVE_HISTORY} steps; use a fixed step",
     }[verdict]

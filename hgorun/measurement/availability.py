@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -11,17 +11,15 @@ import numpy as np
 
 from hgorun.config.expressions import ExpressionError, nearest, parse
 from hgorun.config.models import Time
-from hgorun.errors import Problem
-from hgorun.measurement.blocks import Availability, Measurement, Steps
+from hgorun.errors import KeyPath, Problem
+from hgorun.measurement.blocks import Availability, Measurement, Periodic, Sampling, Steps
 from hgorun.noise.base import Noise, TimeFunction
 from hgorun.symbolic.evaluate import along, compiled
-
-Path = tuple[str | int, ...]
 
 
 @dataclass(frozen=True)
 class Stretch:
-    """What one output is between ``start`` and ``end``.
+    """What one output is between ``start`` and ``end``, counted from the start of the run.
 
     Attributes
     ----------
@@ -29,19 +27,43 @@ class Stretch:
         As configured; ``delay`` is text.
     paths : dict
         Where in the file each of them was written.
+    origin : float
+        The start of the run on the clock of the expressions.
     """
 
     start: float
     end: float
-    sampling: Any
+    sampling: Sampling
     delay: str
     noise: tuple[Noise, ...]
     mode: str
-    paths: dict[str, Path]
+    paths: dict[str, KeyPath]
+    origin: float = 0.0
+
+    @property
+    def spacing(self) -> float:
+        """How far apart neighbouring numbers are where the clock of the configuration stands."""
+        return float(np.spacing(max(abs(self.origin + self.start), abs(self.origin + self.end))))
 
     @property
     def continuous(self) -> bool:
-        return bool(self.sampling == "continuous")
+        return self.sampling == "continuous"
+
+    @property
+    def period(self) -> float | None:
+        """The period of its samples; None where it is continuous, or sampled at other times."""
+        return self.sampling.period if isinstance(self.sampling, Periodic) else None
+
+    @property
+    def regular(self) -> Periodic | None:
+        """Its sampling, where that is periodic and none of the samples moves or is lost."""
+        sampling = self.sampling
+        return sampling if isinstance(sampling, Periodic) and not (sampling.jitter or sampling.dropout) else None
+
+    @property
+    def steps(self) -> str | None:
+        """The expression of k that gives the times between its samples, where there is one."""
+        return self.sampling.steps if isinstance(self.sampling, Steps) else None
 
     @property
     def multiplicative(self) -> bool:
@@ -61,18 +83,19 @@ class Stretch:
     def fastest(self) -> float:
         """The highest frequency of its noise that an automatic step has to follow, in rad per time unit; 0 for none."""
         functions = [item for item in self.noise if isinstance(item, TimeFunction)]
-        return max((item.fastest(self.start, self.end) for item in functions), default=0.0)
+        span = self.origin + self.start, self.origin + self.end
+        return max((item.fastest(*span) for item in functions), default=0.0)
 
     def delay_at(self, times: np.ndarray) -> np.ndarray:
         """d(t) at several times."""
         expression = parse(self.delay, names=("t",))
         if not expression.names:
             return np.full(times.shape, expression.number())
-        return along(compiled(self.delay, "t"), times)
+        return along(compiled(self.delay, "t"), self.origin + times)
 
 
 def resolve(measurement: Measurement, outputs: Sequence[str], time: Time) -> list[list[Stretch]]:
-    """One list of stretches an output, from start to end without a gap.
+    """One list of stretches an output, from start to end without a gap, counted from the start.
 
     Raises
     ------
@@ -112,12 +135,13 @@ def resolve(measurement: Measurement, outputs: Sequence[str], time: Time) -> lis
                 if output in phase.outputs:
                     values = _layered(*values, phase.outputs[output], (*path, "outputs", output))
             if start < time.end:
-                stretches.append(_stretch(start, min(end, time.end), *values))
+                span = start - time.start, min(end, time.end) - time.start
+                stretches.append(_stretch(time.start, span, *values))
         found.append(stretches)
     return found
 
 
-def _require_outputs(given: Any, outputs: Sequence[str], path: Path) -> None:
+def _require_outputs(given: Iterable[str], outputs: Sequence[str], path: KeyPath) -> None:
     for name in given:
         if name not in outputs:
             raise Problem(
@@ -127,27 +151,27 @@ def _require_outputs(given: Any, outputs: Sequence[str], path: Path) -> None:
 
 
 def _layered(
-    values: dict[str, Any], paths: dict[str, Path], block: Availability, path: Path
-) -> tuple[dict[str, Any], dict[str, Path]]:
+    values: dict[str, Any], paths: dict[str, KeyPath], block: Availability, path: KeyPath
+) -> tuple[dict[str, Any], dict[str, KeyPath]]:
     """The values with those of a block on top."""
     new = {key: getattr(block, key) for key in ("sampling", "delay", "noise", "mode")}
     new = {key: value for key, value in new.items() if value is not None}
     return values | new, paths | {key: (*path, key) for key in new}
 
 
-def _stretch(start: float, end: float, values: dict[str, Any], paths: dict[str, Path]) -> Stretch:
+def _stretch(origin: float, span: tuple[float, float], values: dict[str, Any], paths: dict[str, KeyPath]) -> Stretch:
     stretch = Stretch(
-        start,
-        end,
+        *span,
         values.get("sampling", "continuous"),
         values.get("delay", "0"),
         values.get("noise", ()),
         values.get("mode", "additive"),
         {key: paths.get(key, ("measurement",)) for key in ("sampling", "delay", "noise", "mode")},
+        origin,
     )
     _check(stretch.paths["delay"], stretch.delay, ("t",))
-    if isinstance(stretch.sampling, Steps):
-        _check((*stretch.paths["sampling"], "steps"), stretch.sampling.steps, ("k",))
+    if stretch.steps is not None:
+        _check((*stretch.paths["sampling"], "steps"), stretch.steps, ("k",))
     for i, item in enumerate(stretch.noise):
         try:
             item.check(continuous=stretch.continuous)
@@ -156,7 +180,7 @@ def _stretch(start: float, end: float, values: dict[str, Any], paths: dict[str, 
     return stretch
 
 
-def _check(path: Path, text: str, names: tuple[str, ...]) -> None:
+def _check(path: KeyPath, text: str, names: tuple[str, ...]) -> None:
     try:
         expression = parse(text, names=names)
         if not expression.names:

@@ -27,6 +27,7 @@ RUN = (
     "engine",
     "measurement",
     "memo.py",
+    "native",
     "noise",
     "observers",
     "plants",

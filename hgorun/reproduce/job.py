@@ -15,7 +15,7 @@ from hgorun.reproduce.state import Json, State, number, of_claim, of_figure, of_
 from hgorun.result.result import Result
 from hgorun.study.check import check
 from hgorun.study.loading import load_study
-from hgorun.study.measured import asked_of, carry_out, values_of
+from hgorun.study.measured import asked_of, measure_members, values_of
 from hgorun.study.study import Run, Study
 from hgorun.study.theory import theory_of
 
@@ -83,8 +83,8 @@ class Outcome:
         Of each claim, by its id, and of each of its inequalities: one value, or one for each member of an ensemble.
     errors : dict of str to float or None
         Integration error of each single run, None where the method's step defines the run.
-    diverged : dict of str to list of str
-        For each run the observers that diverged, in words.
+    troubles : dict of str to list of str
+        For each run what is not ok in it, in words.
     refused : dict of str to list of str
         For each figure the lines of theory that are missing, in words.
     """
@@ -93,7 +93,7 @@ class Outcome:
     small: dict[str, str] = field(default_factory=dict)
     values: dict[str, list[list[float]]] = field(default_factory=dict)
     errors: dict[str, float | None] = field(default_factory=dict)
-    diverged: dict[str, list[str]] = field(default_factory=dict)
+    troubles: dict[str, list[str]] = field(default_factory=dict)
     refused: dict[str, list[str]] = field(default_factory=dict)
 
 
@@ -145,9 +145,9 @@ class Work:
         for run in self._runs(self.job.figures, self._numbers):
             entry = self.state.data["runs"].get(run.name)
             if run.single and entry is not None:
-                error, lost = entry.get("integration_error"), entry.get("diverged")
+                error, troubles = entry.get("integration_error"), entry.get("troubles")
                 found.errors[run.name] = None if error is None else number(error)
-                found.diverged[run.name] = _words(lost)
+                found.troubles[run.name] = _words(troubles)
         return found
 
     def _runs(self, figures: Iterable[str], claims: Iterable[int]) -> list[Run]:
@@ -155,7 +155,7 @@ class Work:
         names += [run for i in claims for q in self.study.quantities(i) for run, _ in q.of]
         return [self.study.runs[name] for name in dict.fromkeys(names)]
 
-    def carry_out(self, report: Report = lambda part, what: None) -> Outcome:
+    def run(self, report: Report = lambda part, what: None) -> Outcome:
         """Do what is stale.
 
         Parameters
@@ -196,7 +196,7 @@ class Work:
     def _single(self, run: Run, report: Callable[[float], None]) -> Result:
         """The run's result, from its file where that still stands."""
         from hgorun.result.reading import read
-        from hgorun.simulation.simulate import perform, prepare
+        from hgorun.simulation.simulate import prepare, simulate_prepared
 
         file, made_of = f"{run.name}.h5", of_run(run)
         if self.state.holds("runs", run.name, made_of):
@@ -207,7 +207,7 @@ class Work:
         prepared = prepare(run.experiment)
         # Euler's step belongs to the definition of a run: discontinuous observers have no limit without it
         check = run.experiment.blocks.solver.method != "euler" and not prepared.adaptive
-        result = perform(prepared, check_step=check, progress=report)
+        result = simulate_prepared(prepared, check_step=check, progress=report)
         result.save(self.state.folder / file)
         errors = result.integration_error
         self.state.note(
@@ -216,7 +216,7 @@ class Work:
             made_of,
             files=[file],
             integration_error=max(errors.values()) if errors else None,
-            diverged=[f"{label} {o.status}" for label, o in result.observers.items() if o.diverged_at is not None],
+            troubles=[*result.troubles()],
         )
         return result
 
@@ -228,7 +228,7 @@ class Work:
             self.state.keep_members(run, found)
             report(len(found) / members)
 
-        return carry_out(run, asked, self.state.members(run, asked), keep)
+        return measure_members(run, asked, self.state.members(run, asked), keep)
 
     @property
     def _figure_folder(self) -> Path:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import numpy as np
 
@@ -14,8 +14,9 @@ from hgorun.measurement.schedule import nearest_event
 from hgorun.measurement.signals import noise_at
 from hgorun.memo import Memo
 from hgorun.result.data import Measurements, ObserverResult
-from hgorun.result.measure import measure
+from hgorun.result.measure import from_origin, measure
 from hgorun.result.result import Result
+from hgorun.result.status import OK, Verdict
 from hgorun.result.windows import MetricSettings
 from hgorun.simulation.prepared import PreparedRun
 
@@ -27,7 +28,7 @@ def record(run: PreparedRun, raw: Raw) -> Result:
     structure, numbers, blocks, model = run.structure, run.numbers, run.experiment.blocks, run.plant.model
     _, every_output, every_metric = run.experiment.grid
     shown, metric = slice(None, None, every_output), slice(None, None, every_metric)
-    rows = raw.rows[:, :, 0]
+    rows, origin = raw.rows[:, :, 0], run.origin
     grid = run.grid[shown].copy()
     u = _inputs(run, grid)
     y = structure.outputs.along(grid, numbers.p, rows[shown])
@@ -35,11 +36,14 @@ def record(run: PreparedRun, raw: Raw) -> Result:
     bad = np.argwhere(~np.isfinite(y))
     if bad.size:
         row, column = bad[0]
-        raise Problem(("plant",), f"output {model.outputs[column]} is not a finite number at t = {grid[row]:g}")
+        when = origin + grid[row]
+        raise Problem(("plant",), f"output {model.outputs[column]} is not a finite number at t = {when:g}")
     estimates = [readout.along(run.grid, numbers.p, rows) for readout in structure.estimates]
-    settings = MetricSettings.of(blocks.metrics, run.time)
+    settings = MetricSettings.of(blocks.metrics, blocks.time)
     measured = {b.label: xhat[metric] for b, xhat in zip(numbers.observers, estimates, strict=True)}
-    metrics = measure(run.grid[metric], x[metric], measured, settings)
+    metrics = measure(run.grid[metric], x[metric], measured, settings.since(origin))
+    if origin:
+        metrics = {label: from_origin(values, origin) for label, values in metrics.items()}
     observers = {}
     for j, (b, xhat) in enumerate(zip(numbers.observers, estimates, strict=True)):
         lost_at = float(raw.diverged[j, 0])
@@ -49,7 +53,7 @@ def record(run: PreparedRun, raw: Raw) -> Result:
             internal={name: st.shaped(rows[shown]) for name, st in b.states.items() if name != "xhat" and st.size},
             gains={name: np.asarray(value).tolist() for name, value in b.design.items()},
             dimension=sum(st.size for name, st in b.states.items() if name != "alpha"),
-            diverged_at=lost_at if np.isfinite(lost_at) else None,
+            verdict=Verdict("diverged", origin + lost_at) if np.isfinite(lost_at) else OK,
             metrics=metrics[b.label],
             coordinates=run.experiment.coordinates.get(b.label),
         )
@@ -60,7 +64,7 @@ def record(run: PreparedRun, raw: Raw) -> Result:
     return Result(
         name=run.experiment.name,
         title=blocks.title,
-        time=grid,
+        time=origin + grid,
         x=np.ascontiguousarray(x[shown]),
         u=u.copy(),
         y=np.ascontiguousarray(y),
@@ -77,6 +81,23 @@ def record(run: PreparedRun, raw: Raw) -> Result:
         integration_error=embedded,
         measures=model.measures,
         remarks=run.remarks,
+    )
+
+
+def since_start(run: PreparedRun, result: Result) -> Result:
+    """A run's result on the run's own clock, which counts time from its start, as all that is prepared does."""
+    if not run.origin:
+        return result
+    settings = MetricSettings.of(run.experiment.blocks.metrics, run.experiment.blocks.time)
+    return replace(
+        result,
+        time=run.grid[:: run.experiment.grid[1]].copy(),
+        windows=asdict(settings.since(run.origin)),
+        measurements=result.measurements.since(run.origin),
+        observers={
+            label: replace(one, verdict=one.verdict.since(run.origin), metrics=from_origin(one.metrics, -run.origin))
+            for label, one in result.observers.items()
+        },
     )
 
 
@@ -120,4 +141,4 @@ def _measurements(run: PreparedRun, raw: Raw, grid: np.ndarray, y: np.ndarray) -
     for i, part in enumerate(parts):
         where = nearest_event(union, part[0]) if union.size > 1 else np.zeros(part[0].size, dtype=int)
         taken_all[where, i], y_all[where, i] = part[1], part[2]
-    return Measurements(time=union, taken=taken_all, y=y_all)
+    return Measurements(time=run.origin + union, taken=run.origin + taken_all, y=y_all)

@@ -12,7 +12,7 @@ from hgorun.config.models import Time
 from hgorun.engine.layout import Held, HybridSystem, Regime
 from hgorun.engine.plan import Plan
 from hgorun.engine.program import Program, Start
-from hgorun.errors import Problem
+from hgorun.errors import KeyPath, Problem
 from hgorun.measurement.events import Irregular, Kinks, infinite, merge, not_followed, too_many
 from hgorun.measurement.sampling import SAMPLE_BYTES
 from hgorun.memo import Memo
@@ -25,7 +25,7 @@ _KINKS: Memo[Kinks] = Memo(64)
 _PROGRAMS: Memo[tuple[Program, ca.Function]] = Memo(16)
 
 
-def plant_kinks(plant: BuiltPlant, time: Time) -> Irregular:
+def plant_kinks(plant: BuiltPlant, time: Time, origin: float) -> Irregular:
     """Kinks of the plant's equations, inputs and disturbances at times that do not depend on its state.
 
     Raises
@@ -35,13 +35,13 @@ def plant_kinks(plant: BuiltPlant, time: Time) -> Irregular:
     """
     symbolic, model = plant.symbolic, plant.model
     kinks = _KINKS.get(symbolic, lambda: Kinks.of(_functions(symbolic), model.t, symbolic.everything))
-    most = time.max_memory / SAMPLE_BYTES
+    limit = time.max_memory / SAMPLE_BYTES
     try:
-        found = kinks.between(plant.everything, time.start, time.end, most)
+        found = kinks.between(plant.everything, time.start, time.end, limit)
     except TooMany as error:
         raise Problem(("plant",), too_many(error, "the plant's functions of time", time.max_memory)) from None
     if found.infinite is not None and not plant.block.discretise:
-        _refuse(plant, time)
+        _refuse(plant, time, origin)
     return found
 
 
@@ -52,26 +52,26 @@ def _functions(plant: SymbolicPlant) -> list[ca.SX]:
     return [plant.inputs, plant.disturbance, *equations]
 
 
-def plant_remarks(plant: BuiltPlant, time: Time) -> list[str]:
+def plant_remarks(plant: BuiltPlant, time: Time, origin: float) -> list[str]:
     """What is said of functions whose kinks could not all be found."""
     told: dict[tuple[tuple[float, float], ...], str] = {}
-    if plant_kinks(plant, time).lost:
+    if plant_kinks(plant, time, origin).lost:
         for path, one in _each(plant, time):  # an input first, then the equations that hold it
             told.setdefault(one.lost, ".".join(map(str, path)))
-    return [not_followed(path, lost) for lost, path in told.items() if lost]
+    return [not_followed(path, lost, origin) for lost, path in told.items() if lost]
 
 
-def _refuse(plant: BuiltPlant, time: Time) -> None:
+def _refuse(plant: BuiltPlant, time: Time, origin: float) -> None:
     """Say which of the functions is not finite."""
     for path, one in _each(plant, time):
         if one.infinite is not None:
-            raise Problem(path, infinite(one.infinite))
+            raise Problem(path, infinite(origin + one.infinite))
 
 
-def _each(plant: BuiltPlant, time: Time) -> Iterator[tuple[tuple[str | int, ...], Irregular]]:
+def _each(plant: BuiltPlant, time: Time) -> Iterator[tuple[KeyPath, Irregular]]:
     """What is irregular in each of the functions, and where it stands in the file."""
     model, block = plant.model, plant.block
-    places: list[list[tuple[str | int, ...]]] = [
+    places: list[list[KeyPath]] = [
         [("plant", "inputs", name) for name in model.inputs],
         [("plant", "disturbance", name) for name in model.states],
         [("plant", *block.place_of(name)) for name in model.states],
@@ -89,18 +89,23 @@ class PlantRun:
 
     Attributes
     ----------
+    time : Time
+        Counted from the start of the run.
     step : float
+    origin : float
+        That start on the configuration's clock.
     """
 
     plant: BuiltPlant
     time: Time
     step: float
+    origin: float = 0.0
 
     def at(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Outputs (len(times), q) and the integral of their squares (q,) to the end; times increase."""
         program, output = _PROGRAMS.get(self.plant.symbolic, lambda: _compiled(self.plant.symbolic))
         start, end = self.time.start, self.time.end
-        kinks = merge(plant_kinks(self.plant, self.time).times, 16 * np.spacing(max(abs(start), abs(end))))
+        kinks = merge(plant_kinks(self.plant, self.time, self.origin).times, 16 * np.spacing(max(abs(start), abs(end))))
         ends = np.concatenate([[start], kinks[(kinks > start) & (kinks < end)], [end]])
         steps = count_steps(np.diff(ends), self.step)
         zero = np.zeros_like(steps)
@@ -112,7 +117,7 @@ class PlantRun:
         nothing = np.zeros(0)
         plan = Plan(
             spans=spans, counts=counts, actions=np.zeros((0, 5), dtype=np.int64), grid=np.append(times, end), slots=0,
-            gain=nothing, bias=nothing, holds=nothing,
+            gain=nothing, bias=nothing, holds=nothing, origin=self.origin,
         )  # fmt: skip
         n, parameters = self.plant.model.n, self.plant.everything
         z0 = np.concatenate([self.plant.initial, np.zeros(len(self.plant.model.outputs))])

@@ -20,7 +20,7 @@ from hgorun.simulation.preparation import prepare
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.tables import build_plan
 
-__all__ = ["integrate", "integrate_lanes", "perform", "prepare", "simulate"]
+__all__ = ["integrate", "integrate_lanes", "prepare", "simulate", "simulate_prepared"]
 
 _DEFAULT_RTOL, _DEFAULT_ATOL = 1e-8, 1e-10
 
@@ -49,11 +49,13 @@ def simulate(
     SimulationError
         When the plant diverges.
     """
-    return perform(prepare(experiment), check_step=check_step, progress=progress)
+    return simulate_prepared(prepare(experiment), check_step=check_step, progress=progress)
 
 
-def perform(run: PreparedRun, *, check_step: bool = False, progress: Callable[[float], None] | None = None) -> Result:
-    """Carry out a prepared run; see :func:`simulate`."""
+def simulate_prepared(
+    run: PreparedRun, *, check_step: bool = False, progress: Callable[[float], None] | None = None
+) -> Result:
+    """Simulate a prepared run; see :func:`simulate`."""
     with _located(run), run.experiment.located():
         result = record(run, integrate(run, run.step, progress))
         if check_step and not run.adaptive:
@@ -105,6 +107,7 @@ def _plan(run: PreparedRun, step: float) -> tuple[Plan, Start]:
         always_slope=bool(METHODS[run.solver.method].error),
         longest=np.inf if run.adaptive else longest_step(run, step),
         reach=run.reach,
+        origin=run.origin,
     )
     divergence = run.solver.divergence
     bound = (1e6, 1e6) if divergence is None else (divergence, 0.0)

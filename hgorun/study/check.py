@@ -8,7 +8,7 @@ from typing import Literal
 from hgorun.config.expressions import nearest
 from hgorun.config.models import Figure, StudyBlocks
 from hgorun.config.validation import validate
-from hgorun.errors import Problem
+from hgorun.errors import KeyPath, Problem
 from hgorun.result.windows import points_in
 from hgorun.simulation.experiment import Experiment
 from hgorun.study.quantities import Quantity, inside
@@ -74,7 +74,7 @@ def _check(
     check(figures, names)
 
 
-def _check_quantity(study: Study, quantity: Quantity, path: tuple[str | int, ...]) -> None:
+def _check_quantity(study: Study, quantity: Quantity, path: KeyPath) -> None:
     for run, label in quantity.of:
         if run not in study.runs:
             raise Problem(path, f"no run is called {run!r}.{nearest(run, study.runs)} Runs: {', '.join(study.runs)}")
@@ -92,7 +92,7 @@ def _check_quantity(study: Study, quantity: Quantity, path: tuple[str | int, ...
         raise Problem(path, f"{quantity}: members of different ensembles cannot be compared")
 
 
-def _check_window(run: Run, quantity: Quantity, path: tuple[str | int, ...]) -> None:
+def _check_window(run: Run, quantity: Quantity, path: KeyPath) -> None:
     """A window must have points of the run's output grid in it; a slope needs values to be drawn through."""
     window = quantity.window
     if quantity.function == "exponent":
@@ -103,7 +103,8 @@ def _check_window(run: Run, quantity: Quantity, path: tuple[str | int, ...]) -> 
             raise Problem(path, f"{quantity}: an exponent needs at least two different values > 0 of {vary.name}")
     elif window is not None:
         time, (points, every, _) = run.experiment.blocks.time, run.experiment.grid
+        since = window[0] - time.start, window[1] - time.start
         if window[0] < time.start - 1e-9 or window[1] > time.end + 1e-9:
             raise Problem(path, f"{quantity}: run {run.name} lasts from {time.start:g} to {time.end:g}")
-        if not points[::every][points_in(points[::every], window)].size:
+        if not points[::every][points_in(points[::every], since)].size:
             raise Problem(path, f"{quantity}: no output point of run {run.name} lies in this window")

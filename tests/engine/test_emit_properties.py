@@ -23,9 +23,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hgorun.engine.compiler import NativeModule, _target_machine
 from hgorun.engine.emit import emit
 from hgorun.errors import HgorunError
+from hgorun.native.compiler import NativeModule, _target_machine
 
 Array = npt.NDArray[np.float64]
 LANES = (1, 2, 4, 8, 16)

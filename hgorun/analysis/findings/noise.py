@@ -13,18 +13,20 @@ from hgorun.analysis.linear.transfer import response
 from hgorun.analysis.noise.prediction import has_noise, measured_noise, predicted_noise, without_noise
 from hgorun.analysis.noise.responses import linear_at_end, with_other_theta
 from hgorun.analysis.noise.terms import NoiseTerms
-from hgorun.analysis.reasons import DIVERGED, NoValue, outcome
+from hgorun.analysis.reasons import NoValue, outcome, require_estimate
 from hgorun.analysis.subject import Context, Subject, once
 from hgorun.noise.base import Wave
 from hgorun.result.result import Result
-from hgorun.simulation.simulate import simulate
+from hgorun.simulation.outcome import since_start
+from hgorun.simulation.simulate import prepare, simulate_prepared
 
 
 @once
 def _noise_free(context: Context) -> Result:
     if not has_noise(context.run):
         raise NoValue("the measurement has no noise")
-    return simulate(without_noise(context.run.experiment))
+    run = prepare(without_noise(context.run.experiment))
+    return since_start(run, simulate_prepared(run))
 
 
 @finding(
@@ -44,9 +46,11 @@ def noise_rms_predicted(observer: Subject) -> dict[str, float]:
     "root mean square of the run minus one without noise, on the output grid", unit="state", group="noise, measured"
 )
 def noise_rms_measured(observer: Subject) -> dict[str, float]:
-    rms = measured_noise(observer.result, _noise_free(observer.context), observer.label)
+    noise_free = _noise_free(observer.context)
+    rms = measured_noise(observer.result, noise_free, observer.label)
     if not np.all(np.isfinite(rms)):
-        raise NoValue(DIVERGED)
+        for result in (observer.result, noise_free):
+            require_estimate(result.observers[observer.label])
     return observer.by_state(rms)
 
 
@@ -62,7 +66,8 @@ def h2(observer: Subject) -> dict[str, float]:
 @finding("the largest amplification of a sinusoid, of the observer linearised as for `h2`", unit="state/output")
 def hinf(observer: Subject) -> Remarked:
     largest, _ = hinf_norm(linear_at_end(observer))
-    when = f"h2, hinf: linearised at t = {observer.result.time[-1]:.4g}, output continuous and not late"
+    end = observer.run.origin + observer.result.time[-1]
+    when = f"h2, hinf: linearised at t = {end:.4g}, output continuous and not late"
     return Remarked(observer.by_state(largest.max(axis=1)), (when,))
 
 

@@ -28,7 +28,7 @@ from hgorun.result.result import Result
 from hgorun.simulation.prepared import PreparedRun
 
 _NUMBERS = 60_000  # states times points of the noise_free's output grid at which it is linearised
-_POINTS = 3000, 6000  # least and most points
+_POINTS = 3000, 6000  # fewest and most points
 _STRETCHES, _STRETCHES_OF_WAVES = 3000, 6000  # of a run, at least
 GAUSS = (0.5 - np.sqrt(3) / 6, 0.5 + np.sqrt(3) / 6)  # nodes of the mean slope, of equal weight
 _ROUNDS, _STANDS = 8, 0.01  # predictions at most, and the relative change below which one stands
@@ -84,8 +84,8 @@ def noise_along(
         whose spectrum is not known, runs with more events than can be followed, noise too large for slopes.
     """
     observer = Linearisation(run, label)
-    most = int(np.clip(_NUMBERS / observer.size, *_POINTS))
-    points = np.arange(0, noise_free.time.size, max(noise_free.time.size // most, 1))
+    limit = int(np.clip(_NUMBERS / observer.size, *_POINTS))
+    points = np.arange(0, noise_free.time.size, max(noise_free.time.size // limit, 1))
     if points.size < 4:
         raise NoValue("the output grid has too few points to linearise along")
     times, xi = noise_free.time[points], observer.states(noise_free.observers[label], points)
@@ -98,7 +98,8 @@ def noise_along(
         if not all(np.all(np.isfinite(value)) for value in vars(systems).values()):
             raise NoValue(NO_SLOPES)
         keep = relevant_states(systems)
-        moved, e, deviation = _followed(run, noise_free, result, edges, waves, times, restricted(systems, keep))
+        with np.errstate(all="ignore"):  # slopes that do not fit the noise lead to numbers that overflow
+            moved, e, deviation = _followed(run, noise_free, result, edges, waves, times, restricted(systems, keep))
         found = deviation.mean_square
         path = np.zeros_like(xi)
         path[:, keep] = moved
@@ -129,9 +130,8 @@ def _followed(
     )
     h = h[:, None, None]
     here = _at(times, at, edges.times)
-    with np.errstate(all="ignore"):
-        steps = exponentials(h / 2 * (G_1 + G_2) + np.sqrt(3) / 12 * h**2 * (G_2 @ G_1 - G_1 @ G_2))
-        psi = _propagated(edges, steps, here, _start(here, waves, edges.times[0]))
+    steps = exponentials(h / 2 * (G_1 + G_2) + np.sqrt(3) / 12 * h**2 * (G_2 @ G_1 - G_1 @ G_2))
+    psi = _propagated(edges, steps, here, _start(here, waves, edges.times[0]))
     N, q = here.E.shape[1:]
     path = np.column_stack([np.interp(times, edges.times, column) for column in psi[:, :N].T])
     place = np.clip(np.searchsorted(edges.times, times, side="right") - 1, 0, len(psi) - 1)

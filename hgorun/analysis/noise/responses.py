@@ -10,12 +10,12 @@ from hgorun.analysis.linear.linear import Linear, Linearisation
 from hgorun.analysis.linear.sinusoids import with_theta
 from hgorun.analysis.linear.transfer import response, restricted, steady_part
 from hgorun.analysis.noise.terms import NoiseTerms
-from hgorun.analysis.reasons import DIVERGED, JUMPS, NoValue, outcomes
+from hgorun.analysis.reasons import JUMPS, NoValue, outcomes, require_estimate
 from hgorun.analysis.subject import Context, Subject, once
 from hgorun.observers.base import SampledObserver
 from hgorun.result.data import ObserverResult
 from hgorun.result.theory import Bode
-from hgorun.simulation.simulate import perform, prepare
+from hgorun.simulation.simulate import prepare, simulate_prepared
 
 _POINTS = 400
 _BEYOND = 30.0  # of the slowest and the fastest frequency shown
@@ -35,8 +35,7 @@ def linear_at_end(observer: Subject) -> Linear:
     """
     if isinstance(observer.observer, SampledObserver):
         raise NoValue(JUMPS)
-    if observer.found.diverged_at is not None:
-        raise NoValue(DIVERGED)
+    require_estimate(observer.found)
     return _at_end(Linearisation(observer.run, observer.label), observer.result.time, observer.found)
 
 
@@ -52,7 +51,7 @@ def with_other_theta(observer: Subject, theta: float) -> Linear:
     found, other = observer.found, prepare(with_theta(observer.run.experiment, observer.label, theta))
     gains = [name for name, role in observer.observer.roles(observer.form).items() if role == "gain"]
     if gains:
-        there = perform(other).observers[observer.label]
+        there = simulate_prepared(other).observers[observer.label]
         found = replace(found, internal={**found.internal, **{name: there.internal[name] for name in gains}})
     return _at_end(Linearisation(other, observer.label), observer.result.time, found)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from hgorun.engine.functions.arithmetic import (
+from hgorun.native.functions.arithmetic import (
     Pair,
     exact_product,
     flip,
@@ -16,10 +16,10 @@ from hgorun.engine.functions.arithmetic import (
     root,
     sign_bit,
 )
-from hgorun.engine.functions.coefficients import RATIO_SQUARE
-from hgorun.engine.functions.exponential import clamped, exp_of_pair
-from hgorun.engine.functions.logarithmic import BIAS, add_exponent, split
-from hgorun.engine.ir import Block
+from hgorun.native.functions.coefficients import RATIO_SQUARE
+from hgorun.native.functions.exponential import clamped, exp_of_pair
+from hgorun.native.functions.logarithmic import BIAS, add_exponent, split
+from hgorun.native.ir import Block
 
 _TWELFTH = (1 / 12, 4.625929269271485e-18)
 

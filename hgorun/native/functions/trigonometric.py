@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from hgorun.engine.functions.arithmetic import (
+from hgorun.native.functions.arithmetic import (
     ROUND,
     ROUND_8,
     Pair,
@@ -23,10 +23,10 @@ from hgorun.engine.functions.arithmetic import (
     select,
     sign_bit,
 )
-from hgorun.engine.functions.coefficients import COSINE_QUARTER, PI, SINE, SINE_QUARTER
-from hgorun.engine.functions.reduction import nearest, quarter_turns
-from hgorun.engine.functions.shared import each
-from hgorun.engine.ir import Block
+from hgorun.native.functions.coefficients import COSINE_QUARTER, PI, SINE, SINE_QUARTER
+from hgorun.native.functions.reduction import nearest, quarter_turns
+from hgorun.native.functions.shared import each
+from hgorun.native.ir import Block
 
 # above it the quotient of sin or cos would leave the range of ROUND_8
 PERIODIC_LIMIT = 2.0**43

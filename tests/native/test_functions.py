@@ -15,7 +15,7 @@ from compiled_functions import NAMES, Array, Compiled, bits, compiled
 from function_points import HUGE, INF, LEAST, neighbours, points, special
 from mpmath import mp, mpf
 
-from hgorun.engine.functions import coefficients
+from hgorun.native.functions import coefficients
 
 LANES = (1, 2, 4, 8)
 C_NAMES = {"asin": "arcsin", "acos": "arccos", "atan": "arctan", "asinh": "arcsinh", "acosh": "arccosh"}

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from hgorun.engine.ir import Block
+from hgorun.native.ir import Block
 
 # 1.5·2^52 + y for |y| < 2^51 is rounded to an integer, whose low bits are those of the sum; in 1.5·2^44 + y
 # clearing the last 8 bits rounds down

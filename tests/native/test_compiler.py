@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from hgorun.engine import compiler
-from hgorun.engine.compiler import NativeModule, cache_folder
+from hgorun.native import compiler
+from hgorun.native.compiler import NativeModule, cache_folder
 
 IR = "define dso_local double @number() {\n  ret double 42.0\n}"
 
@@ -92,7 +92,7 @@ def test_entries_used_longest_ago_make_room(folder: Path, monkeypatch: pytest.Mo
     os.utime(first, (1, 1))
     other = folder / "other.o"
     other.write_bytes(bytes(100))
-    monkeypatch.setattr("hgorun.engine.compiler._ALLOWED", first.stat().st_size + 200)
+    monkeypatch.setattr("hgorun.native.compiler._ALLOWED", first.stat().st_size + 200)
     NativeModule(IR.replace("42", "43"), ("number",))
     assert not first.exists()
     assert other.exists()

@@ -5,9 +5,9 @@ from __future__ import annotations
 from itertools import pairwise
 from typing import NamedTuple
 
-from hgorun.engine.functions.arithmetic import SIGN, Pair, flip, integer, ordered_sum, product
-from hgorun.engine.functions.coefficients import PI
-from hgorun.engine.ir import Block
+from hgorun.native.functions.arithmetic import SIGN, Pair, flip, integer, ordered_sum, product
+from hgorun.native.functions.coefficients import PI
+from hgorun.native.ir import Block
 
 # 64 zeros, then the binary digits of 2/π: 1033 for the exponent of the largest double and 192 for the product
 _DIGITS = (

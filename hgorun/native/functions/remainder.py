@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from hgorun.engine.functions.arithmetic import ROUND, mask
-from hgorun.engine.ir import Function
+from hgorun.native.functions.arithmetic import ROUND, mask
+from hgorun.native.ir import Function
 
 _STRIDE = 2.0**50
 

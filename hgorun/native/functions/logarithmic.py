@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from hgorun.engine.functions.arithmetic import (
+from hgorun.native.functions.arithmetic import (
     Pair,
     exact_product,
     exact_sum,
@@ -17,8 +17,8 @@ from hgorun.engine.functions.arithmetic import (
     scaled,
     select,
 )
-from hgorun.engine.functions.coefficients import LN2, LOG, RATIO
-from hgorun.engine.ir import Block
+from hgorun.native.functions.coefficients import LN2, LOG, RATIO
+from hgorun.native.ir import Block
 
 # the bits of 1 less those of √½: adding them carries into the exponent from √2 on
 _ONE, _ROOT = 0x3FF0000000000000, 0x3FE6A09E667F3BCD

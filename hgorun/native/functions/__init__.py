@@ -15,8 +15,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from hgorun.engine.functions import exponential, inverse, logarithmic, power, remainder, shared, trigonometric
-from hgorun.engine.ir import Block
+from hgorun.native.functions import exponential, inverse, logarithmic, power, remainder, shared, trigonometric
+from hgorun.native.ir import Block
 
 INLINE: dict[str, Callable[[Block, str], str]] = {
     "sin": trigonometric.sin,

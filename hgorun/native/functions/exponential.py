@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from hgorun.engine.functions.arithmetic import (
+from hgorun.native.functions.arithmetic import (
     ROUND,
     ROUND_8,
     Pair,
@@ -15,8 +15,8 @@ from hgorun.engine.functions.arithmetic import (
     ordered_sum,
     polynomial,
 )
-from hgorun.engine.functions.coefficients import COSH, COTH, EXP, EXP_CUBIC, LN2, SINH
-from hgorun.engine.ir import Block
+from hgorun.native.functions.coefficients import COSH, COTH, EXP, EXP_CUBIC, LN2, SINH
+from hgorun.native.ir import Block
 
 # 2046 is twice the bias of the exponent: n + 2046 splits into the exponent fields of two factors
 _MAGIC = ROUND + 2046
@@ -24,9 +24,9 @@ _MAGIC = ROUND + 2046
 
 def clamped(block: Block, x: str, low: float, high: float) -> str:
     """x between two ends; a NaN fails both comparisons and stays."""
-    least, most = block.constant(low), block.constant(high)
-    x = block.select(block.compare("olt", x, least), least, x)
-    return block.select(block.compare("ogt", x, most), most, x)
+    lowest, highest = block.constant(low), block.constant(high)
+    x = block.select(block.compare("olt", x, lowest), lowest, x)
+    return block.select(block.compare("ogt", x, highest), highest, x)
 
 
 def _power_of_two(block: Block, biased: str) -> Pair:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from hgorun.engine.functions.arithmetic import (
+from hgorun.native.functions.arithmetic import (
     Pair,
     constant,
     exact_product,
@@ -19,8 +19,8 @@ from hgorun.engine.functions.arithmetic import (
     select,
     sign_bit,
 )
-from hgorun.engine.functions.coefficients import ATAN, PI
-from hgorun.engine.ir import Block
+from hgorun.native.functions.coefficients import ATAN, PI
+from hgorun.native.ir import Block
 
 # (k π/4) as pairs
 _QUARTER = (PI[0] / 4, PI[1] / 4)

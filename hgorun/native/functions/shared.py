@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import cache
 
-from hgorun.engine.ir import Block, Function
+from hgorun.native.ir import Block, Function
 
 Emit = Callable[..., str]  # of a Function and its arguments, the name of the result
 
