@@ -67,7 +67,7 @@ class Analyze(Configured):
     config: Annotated[Path, typer.Argument(metavar="CONFIG", help="A YAML configuration.")]
     plots: Annotated[bool, typer.Option("--plots/--no-plots", help="Draw errors and their bounds (PNG, PDF).")] = True
     search: Annotated[
-        bool, typer.Option("--search", help="Search for the smallest theta that works, by simulation.")
+        bool, typer.Option("--search", help="Search for the largest theta that fails below the working range, by simulation.")
     ] = False
 
 
