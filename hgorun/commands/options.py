@@ -50,6 +50,19 @@ class Simulate(Configured):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Rerun(Printing):
+    """Make a result again from what its file says of how it was made, and compare them bit for bit.
+
+    The new one is written beside FILE as NAME.rerun.h5.
+    """
+
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A result file.")]
+    check: Annotated[
+        bool, typer.Option("--check", help="Write nothing; exit with code 3 if a number is not the same.")
+    ] = False
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Compare(Configured):
     """Show metrics side by side, and draw comparison plots."""
 
@@ -67,7 +80,10 @@ class Analyze(Configured):
     config: Annotated[Path, typer.Argument(metavar="CONFIG", help="A YAML configuration.")]
     plots: Annotated[bool, typer.Option("--plots/--no-plots", help="Draw errors and their bounds (PNG, PDF).")] = True
     search: Annotated[
-        bool, typer.Option("--search", help="Search for the largest theta that fails below the working range, by simulation.")
+        bool,
+        typer.Option(
+            "--search", help="Search for the largest theta that fails below the working range, by simulation."
+        ),
     ] = False
 
 

@@ -63,7 +63,7 @@ class Solver(Block):
         default="auto", description="longest step of a fixed-step run, or auto"
     )
     rtol: Positive | None = Field(default=None, description="relative tolerance: adaptive steps of dopri5 or rodas5p")
-    atol: Positive | None = Field(default=None, description="absolute tolerance: adaptive steps of dopri5 or rodas5p")
+    atol: Positive | None = Field(default=None, description="absolute tolerance (default: from each state's size)")
     max_step: Positive | None = Field(default=None, description="longest adaptive step")
     divergence: Positive | None = Field(
         default=None, description="an observer has diverged beyond it (default 1e6 (1 + max |x|))"
@@ -73,6 +73,11 @@ class Solver(Block):
     def adaptive(self) -> bool:
         """Whether the step is controlled by an error estimate: where tolerances are given, or no step."""
         return self._estimates and (self.rtol is not None or self.atol is not None or self.step == "auto")
+
+    @property
+    def stiff(self) -> bool:
+        """Whether the method is the one for stiff equations."""
+        return self.method == "rodas5p"
 
     @property
     def _estimates(self) -> bool:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hgorun.engine.adaptive import add_adaptive
+from hgorun.engine.allowance import SMALL
 from hgorun.engine.fixed import add_fixed
 from hgorun.engine.history import History, piece_words
 from hgorun.engine.layout import (
@@ -39,10 +40,20 @@ _ADAPTIVE_HISTORY = 1 << 16  # pieces kept where the number of steps is not know
 
 @dataclass(frozen=True)
 class Tolerance:
-    """Control of an adaptive method: relative and absolute tolerance, longest and first step."""
+    """Control of an adaptive method.
+
+    Attributes
+    ----------
+    rtol : float
+        Of a state's size, per step.
+    atol : float or None
+        What is allowed besides; None: it follows from each state's own size, see :mod:`hgorun.engine.allowance`.
+    max_step, first_step : float
+        The longest step, and the one that is tried first.
+    """
 
     rtol: float
-    atol: float
+    atol: float | None
     max_step: float
     first_step: float
 
@@ -76,12 +87,15 @@ class Raw:
         Time of divergence, infinity where there was none.
     error : ndarray, shape (states, lanes)
         Largest local error estimate of an embedded method, zeros otherwise.
+    held : ndarray, shape (held numbers, lanes)
+        The vector w at the end.
     """
 
     rows: Floats
     measured: Floats
     diverged: Floats
     error: Floats
+    held: Floats
 
 
 def generate(system: HybridSystem, method: str, *, adaptive: bool = False, lanes: int = 1) -> tuple[str, int]:
@@ -291,6 +305,7 @@ class _Memory:
             "initial": np.zeros(max(channels, 1) * lanes),
             "hints": np.zeros(max(s.outputs, 1), dtype=np.int64),
             "error": np.zeros((s.states, lanes)),
+            "size": np.nan_to_num(np.abs(np.asarray(start.z, dtype=float)), nan=0.0, posinf=0.0),
         }
         self.context = np.zeros(len(CONTEXT), dtype=np.int64)
         for name, array in self.arrays.items():
@@ -302,7 +317,8 @@ class _Memory:
         if tolerance:
             for word, value in (
                 ("rtol", tolerance.rtol),
-                ("atol", tolerance.atol),
+                ("atol", tolerance.atol or 0.0),
+                ("small", SMALL if tolerance.atol is None else 0.0),
                 ("max_step", tolerance.max_step),
                 ("step", tolerance.first_step),
             ):
@@ -332,6 +348,7 @@ class _Memory:
             self.arrays["measured"][: self.slots],
             self.arrays["diverged"][: self.observers],
             self.arrays["error"],
+            self.arrays["w"].reshape(-1, self.shape[2]),
         )
 
 

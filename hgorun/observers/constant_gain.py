@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
@@ -33,12 +34,9 @@ class PlacedGain(Block):
         return self
 
     @model_serializer(mode="wrap")
-    def _without_poles_beside_gains(self, write: SerializerFunctionWrapHandler) -> dict[str, object]:
-        """What is written can be read again: the default poles are none where the gains are given."""
-        keys: dict[str, object] = write(self)
-        if self.gains is not None:
-            del keys["poles"]
-        return keys
+    def _one_of_them(self, values: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Without poles where gains are given, so that what is written can be read."""
+        return {key: value for key, value in values(self).items() if key != "poles" or self.gains is None}
 
     def gain(self, order: int) -> np.ndarray:
         """The gain of a chain of this order, shape (order,)."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
@@ -41,12 +41,9 @@ class OutputInjection(ContinuousObserver[LowerTriangularForm, LowerTriangularCop
         return self
 
     @model_serializer(mode="wrap")
-    def _without_poles_beside_l(self, write: SerializerFunctionWrapHandler) -> dict[str, object]:
-        """What is written can be read again: the default poles are none where l is given."""
-        keys: dict[str, object] = write(self)
-        if self.l is not None:
-            del keys["poles"]
-        return keys
+    def _one_of_them(self, values: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Without poles where l is given, so that what is written can be read."""
+        return {key: value for key, value in values(self).items() if key != "poles" or self.l is None}
 
     def injection(self, form: LowerTriangularForm) -> np.ndarray:
         """l, shape (n,)."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict, replace
 
 import numpy as np
@@ -13,18 +14,27 @@ from hgorun.measurement.events import merge
 from hgorun.measurement.schedule import nearest_event
 from hgorun.measurement.signals import noise_at
 from hgorun.memo import Memo
-from hgorun.result.data import Measurements, ObserverResult
+from hgorun.result.data import DesignNumbers, Measurements, ObserverResult
 from hgorun.result.measure import from_origin, measure
 from hgorun.result.result import Result
-from hgorun.result.status import OK, Verdict
+from hgorun.result.status import Verdict
 from hgorun.result.windows import MetricSettings
+from hgorun.simulation.loss import of_estimate
 from hgorun.simulation.prepared import PreparedRun
 
 _INPUTS: Memo[np.ndarray] = Memo(8, lambda u: u.size < 1_000_000)
 
 
-def record(run: PreparedRun, raw: Raw) -> Result:
-    """Trajectories in the plant's coordinates, on the output grid, with metrics from the metric grid."""
+def record(run: PreparedRun, raw: Raw, verdicts: Mapping[str, Verdict]) -> Result:
+    """Trajectories in the plant's coordinates, on the output grid, with metrics from the metric grid.
+
+    Parameters
+    ----------
+    run : PreparedRun
+    raw : Raw
+    verdicts : mapping of str to Verdict
+        Of the observers that are not plainly ok, with times since the run's origin.
+    """
     structure, numbers, blocks, model = run.structure, run.numbers, run.experiment.blocks, run.plant.model
     _, every_output, every_metric = run.experiment.grid
     shown, metric = slice(None, None, every_output), slice(None, None, every_metric)
@@ -46,15 +56,18 @@ def record(run: PreparedRun, raw: Raw) -> Result:
         metrics = {label: from_origin(values, origin) for label, values in metrics.items()}
     observers = {}
     for j, (b, xhat) in enumerate(zip(numbers.observers, estimates, strict=True)):
-        lost_at = float(raw.diverged[j, 0])
+        verdict = of_estimate(run, raw, j, xhat) if b.label not in verdicts else verdicts[b.label]
+        numbers_of = metrics[b.label]
+        if verdict.lost:  # the metrics' own grid may have missed it
+            numbers_of = {name: np.full(model.n, np.inf) for name in numbers_of}
         observers[b.label] = ObserverResult(
             type=b.observer.type,
             xhat=np.ascontiguousarray(xhat[shown]),
             internal={name: st.shaped(rows[shown]) for name, st in b.states.items() if name != "xhat" and st.size},
             gains={name: np.asarray(value).tolist() for name, value in b.design.items()},
             dimension=sum(st.size for name, st in b.states.items() if name != "alpha"),
-            verdict=Verdict("diverged", origin + lost_at) if np.isfinite(lost_at) else OK,
-            metrics=metrics[b.label],
+            verdict=verdict if verdict.at is None else replace(verdict, at=origin + verdict.at),
+            metrics=numbers_of,
             coordinates=run.experiment.coordinates.get(b.label),
         )
     embedded = None
@@ -81,6 +94,7 @@ def record(run: PreparedRun, raw: Raw) -> Result:
         integration_error=embedded,
         measures=model.measures,
         remarks=run.remarks,
+        design=DesignNumbers(numbers.p, numbers.z0, run.step),
     )
 
 
