@@ -81,9 +81,7 @@ class Analyze(Configured):
     plots: Annotated[bool, typer.Option("--plots/--no-plots", help="Draw errors and their bounds (PNG, PDF).")] = True
     search: Annotated[
         bool,
-        typer.Option(
-            "--search", help="Search for the largest theta that fails below the working range, by simulation."
-        ),
+        typer.Option("--search", help="Search for the largest theta that fails below the working range."),
     ] = False
 
 
