@@ -42,7 +42,7 @@ def test_verdicts_are_printed_with_their_numbers(study: Path, capsys: pytest.Cap
     assert lines[3].startswith("     2  refuted      0.")
     assert lines[-1] == "2 claims: 1 confirmed, 1 refuted"
     assert max(map(len, lines)) <= 100
-    assert err.startswith("hgorun: study: study: observer B diverged at t=")
+    assert err.startswith("hgorun: study: study: observer B inaccurate at t=")
 
 
 def test_a_surprise_is_marked_and_strict_refuses_it(study: Path, capsys: pytest.CaptureFixture[str]) -> None:
