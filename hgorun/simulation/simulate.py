@@ -11,10 +11,10 @@ import numpy as np
 from hgorun.engine.methods import METHODS
 from hgorun.engine.plan import Plan
 from hgorun.engine.program import Raw, Start, Tolerance
-from hgorun.errors import SimulationError
+from hgorun.errors import PlantDiverged, SimulationError
 from hgorun.result.result import Result
 from hgorun.simulation.checks import check_steps, longest_step
-from hgorun.simulation.confirmation import confirmed
+from hgorun.simulation.confirmation import confirmed, plant_lost
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.loss import UNBOUNDED
 from hgorun.simulation.outcome import record
@@ -67,7 +67,12 @@ def simulate_prepared(
 
 
 def _result(run: PreparedRun, step: float, progress: Callable[[float], None] | None) -> Result:
-    return record(run, *confirmed(run, integrate(run, step, progress), _Again(run, step, progress)))
+    again = _Again(run, step, progress)
+    try:
+        raw = integrate(run, step, progress)
+    except PlantDiverged as error:
+        raise plant_lost(run, error, again) from error
+    return record(run, *confirmed(run, raw, again))
 
 
 @dataclass(frozen=True)
