@@ -255,7 +255,7 @@ def test_steps_that_rise_once_are_refused() -> None:
     """Below the first step, and above the one before."""
     steps = "0.5*eps*(1/(k + 1) + where(k == 3, 0.2, 0))".replace("eps", str(EPS))
     with pytest.raises(ConfigError, match=r"the steps must not increase, found a\(2\) = .*, a\(3\) = ") as caught:
-        simulate(SA, 0.1, {"steps": steps})
+        simulate(SA, 0.02, {"steps": steps})
     assert caught.value.key == "measurement.sampling.steps"
 
 
