@@ -14,20 +14,22 @@ registry::
 
 from __future__ import annotations
 
+import os
 import sys
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import lru_cache
 from importlib import import_module
+from importlib.machinery import PathFinder
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Generic, TypeGuard, TypeVar, cast
+from typing import TYPE_CHECKING, Generic, TypeGuard, TypeVar
 
 from hgorun.errors import HgorunError, PluginError, PluginWarning
 
 if TYPE_CHECKING:
-    from importlib.metadata import EntryPoint, EntryPoints
+    from importlib.metadata import EntryPoint
 
 T = TypeVar("T")
 Registered = TypeVar("Registered")
@@ -102,8 +104,9 @@ class Registry(Generic[T]):
             import_module(f"{self._package}.{name}")
         if name not in self._registered:
             self._import_built_in()
-        for entry in self._entry_points().select(name=name):
-            self._load(entry)
+        for entry in self._entry_points():
+            if entry.name == name:
+                self._load(entry)
         return self._registered[name]
 
     def forget(self, name: str) -> None:
@@ -155,7 +158,7 @@ class Registry(Generic[T]):
                 if not file.stem.startswith("_"):
                     import_module(f"{self._package}.{file.stem}")
 
-    def _entry_points(self) -> EntryPoints:
+    def _entry_points(self) -> tuple[EntryPoint, ...]:
         return _entry_points(self.group, tuple(sys.path))
 
     def _load(self, entry: EntryPoint) -> None:
@@ -217,17 +220,46 @@ def _package(module: str) -> str:
 
 
 @lru_cache
-def _entry_points(group: str, path: tuple[str, ...]) -> EntryPoints:
+def _entry_points(group: str, path: tuple[str, ...]) -> tuple[EntryPoint, ...]:
     """The entry points of a group in the folders of a path."""
-    return _all_entry_points(path).select(group=group)
+    if not _may_be_in(group, path):
+        return ()
+    from importlib.metadata import entry_points  # slow to import, and seldom needed
+
+    return tuple(entry_points(group=group))
+
+
+def _may_be_in(group: str, path: tuple[str, ...]) -> bool:
+    """Whether a package on a path may have entry points of a group: False only where their files do not name it."""
+    declared = _declared(path)
+    return declared is None or group.encode() in declared
 
 
 @lru_cache
-def _all_entry_points(path: tuple[str, ...]) -> EntryPoints:
-    """Those of all groups, which are read once: that takes milliseconds."""
-    from importlib.metadata import entry_points  # slow to import
+def _declared(path: tuple[str, ...]) -> bytes | None:
+    """The texts of all files with entry points on a path; None where packages may be found in other ways."""
+    if any(hasattr(finder, "find_distributions") for finder in sys.meta_path if finder is not PathFinder):
+        return None
+    texts = []
+    for folder in path:
+        try:
+            names = os.listdir(folder or ".")
+        except NotADirectoryError:  # an archive
+            return None
+        except OSError:
+            continue
+        if any(name.endswith(".egg") for name in names):
+            return None
+        infos = (name for name in names if name.endswith((".dist-info", ".egg-info")))
+        texts += [_content(Path(folder, name, "entry_points.txt")) for name in infos]
+    return b"\n".join(texts)
 
-    return cast("EntryPoints", entry_points())  # SelectableGroups of Python 3.11 select in the same way
+
+def _content(file: Path) -> bytes:
+    try:
+        return file.read_bytes()
+    except OSError:  # most packages have no such file
+        return b""
 
 
 def _described(thing: object) -> str:

@@ -82,7 +82,8 @@ class Analyze(Configured):
         True
     )
     search: Annotated[
-        bool, typer.Option("--search", help="Search for the smallest theta that works, by simulation.")
+        bool,
+        typer.Option("--search", help="Search for the largest theta that fails below the working range."),
     ] = False
 
 
@@ -113,12 +114,13 @@ class Figures(Reproduction):
 class Claims(Reproduction):
     """Check the claims of the publications, or of your own files.
 
-    Each claim is confirmed or refuted, with the number.
+    Each claim is confirmed or refuted, with the number; undecided where chance leaves it open; depends where the
+    publication leaves open what decides; undecidable where no finite run can tell.
     """
 
-    strict: Annotated[bool, typer.Option("--strict", help="Exit with code 3 if a verdict is not the expected one.")] = (
-        False
-    )
+    strict: Annotated[
+        bool, typer.Option("--strict", help="Exit with code 3 if a verdict is not the one that its file expects.")
+    ] = False
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)

@@ -98,7 +98,9 @@ def test_slopes_that_are_none() -> None:
 
 
 def test_a_delay_that_is_too_short_to_be_followed() -> None:
-    assert "following the noise of a delayed output would take" in reason(made({"noise": sinusoid(0.1, 5e4), "delay": 1e-3}))
+    assert "following the noise of a delayed output would take" in reason(
+        made({"noise": sinusoid(0.1, 5e4), "delay": 1e-3})
+    )
 
 
 def test_outputs_that_differ_in_their_delay_are_followed_no_way() -> None:
