@@ -44,7 +44,7 @@ def record(run: PreparedRun, raw: Raw) -> Result:
     metrics = measure(run.grid[metric], x[metric], measured, settings.since(origin))
     if origin:
         metrics = {label: from_origin(values, origin) for label, values in metrics.items()}
-    observers = {}
+    observers, coordinates = {}, run.experiment.coordinates
     for j, (b, xhat) in enumerate(zip(numbers.observers, estimates, strict=True)):
         lost_at = float(raw.diverged[j, 0])
         observers[b.label] = ObserverResult(
@@ -55,7 +55,7 @@ def record(run: PreparedRun, raw: Raw) -> Result:
             dimension=sum(st.size for name, st in b.states.items() if name != "alpha"),
             verdict=Verdict("diverged", origin + lost_at) if np.isfinite(lost_at) else OK,
             metrics=metrics[b.label],
-            coordinates=run.experiment.coordinates.get(b.label),
+            coordinates=coordinates.get(b.label),
         )
     embedded = None
     if METHODS[run.solver.method].error:
