@@ -106,7 +106,7 @@ def _mean_squares(experiment: Experiment, step: float) -> np.ndarray | None:
         return None
     if experiment.plant.block.discretise:
         raise Problem(("plant", "discretise"), "snr_db needs a plant in continuous time; give std")
-    alone = PlantRun(experiment.plant, experiment.time, step, experiment.origin)
+    alone = PlantRun(experiment.plant, experiment.time, step, experiment.origin, stiff=experiment.blocks.solver.stiff)
     return alone.mean_squares()
 
 
@@ -139,9 +139,10 @@ def nominal_step(experiment: Experiment) -> float:
     for label, observer in experiment.observers.items():
         try:
             with called("observer", observer.type, "fastest_rate"):
-                rates.append(float(observer.fastest_rate(experiment.forms[label])))
+                rates.append(float(observer.fastest_rate(experiment.forms[label]) or 0.0))
         except Problem as problem:
             raise Problem(("observers", label, *problem.path), problem.message) from problem
+    rates = [rate for rate in rates if np.isfinite(rate)]  # others are not known
     plant = experiment.plant
     slopes = _SLOPES.get(plant.symbolic, lambda: _slopes(plant.symbolic))
     (at_start,) = at(slopes, time.start, plant.initial, plant.everything)

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from hgorun.engine.methods import METHODS
 from hgorun.engine.plan import Plan
 from hgorun.engine.program import Raw, Start, Tolerance
-from hgorun.errors import SimulationError
+from hgorun.errors import PlantDiverged, SimulationError
 from hgorun.result.result import Result
 from hgorun.simulation.checks import check_steps, longest_step
+from hgorun.simulation.confirmation import confirmed, plant_lost
 from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.loss import UNBOUNDED
 from hgorun.simulation.outcome import record
 from hgorun.simulation.preparation import prepare
 from hgorun.simulation.prepared import PreparedRun
@@ -22,7 +24,7 @@ from hgorun.simulation.tables import build_plan
 
 __all__ = ["integrate", "integrate_lanes", "prepare", "simulate", "simulate_prepared"]
 
-_DEFAULT_RTOL, _DEFAULT_ATOL = 1e-8, 1e-10
+_DEFAULT_RTOL = 1e-8
 
 
 def simulate(
@@ -57,11 +59,37 @@ def simulate_prepared(
 ) -> Result:
     """Simulate a prepared run; see :func:`simulate`."""
     with _located(run), run.experiment.located():
-        result = record(run, integrate(run, run.step, progress))
+        result = _result(run, run.step, progress)
         if check_step and not run.adaptive:
-            half = record(run, integrate(run, run.step / 2, progress))
+            half = _result(run, run.step / 2, progress)
             result = replace(result, integration_error=_difference(result, half))
     return result
+
+
+def _result(run: PreparedRun, step: float, progress: Callable[[float], None] | None) -> Result:
+    again = _Again(run, step, progress)
+    try:
+        raw = integrate(run, step, progress)
+    except PlantDiverged as error:
+        raise plant_lost(run, error, again) from error
+    return record(run, *confirmed(run, raw, again))
+
+
+@dataclass(frozen=True)
+class _Again:
+    """The same run once more, see :class:`hgorun.simulation.loss.Again`."""
+
+    run: PreparedRun
+    step: float
+    progress: Callable[[float], None] | None
+
+    def plan(self, shorter: int = 1) -> Plan:
+        longest = min(self.step, float(np.max(np.diff(self.run.schedule.events))))
+        return _plan(self.run, self.step if shorter == 1 else longest / shorter)[0]
+
+    def integrate(self, plan: Plan) -> Raw:
+        start = replace(_plan(self.run, self.step)[1], bound=UNBOUNDED)
+        return _integrate(self.run, self.step, plan, start, self.progress)
 
 
 @contextmanager
@@ -76,13 +104,18 @@ def _located(run: PreparedRun) -> Iterator[None]:
 
 def integrate(run: PreparedRun, step: float, progress: Callable[[float], None] | None = None) -> Raw:
     """One run with a nominal step, as the engine gives it."""
-    plan, start = _plan(run, step)
+    return _integrate(run, step, *_plan(run, step), progress)
+
+
+def _integrate(
+    run: PreparedRun, step: float, plan: Plan, start: Start, progress: Callable[[float], None] | None
+) -> Raw:
     solver, time, tolerance = run.solver, run.time, None
     if run.adaptive:
         span = time.end - time.start
         limit = min(solver.max_step or span, longest_step(run, step))
         first = min(1e-4 * span, limit) if solver.step == "auto" else min(solver.step, limit)
-        tolerance = Tolerance(solver.rtol or _DEFAULT_RTOL, solver.atol or _DEFAULT_ATOL, limit, first)
+        tolerance = Tolerance(solver.rtol or _DEFAULT_RTOL, solver.atol, limit, first)
     program = run.structure.program(solver.method, adaptive=run.adaptive)
     return program.run(plan, start, tolerance, progress)
 
