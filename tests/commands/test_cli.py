@@ -320,3 +320,31 @@ def test_a_package_that_takes_a_built_in_name_is_told(shell: Shell, monkeypatch:
         "hgorun: the observer 'shgo' of other:Mine is not used, since the name belongs to the class "
         "hgorun.observers.shgo.StandardObserver: its entry point needs another name\n"
     )
+
+
+def test_compare_removes_what_a_killed_process_left(shell: Shell) -> None:
+    results = shell.folder / "results"
+    results.mkdir()
+    left = results / ".small-comparison.png-999999999-x.part"
+    left.write_text("half")
+    assert shell("compare", "small.yaml", "-q")[0] == 0
+    assert not left.exists()
+    assert (results / "small-comparison.png").exists()
+
+
+def test_a_name_that_is_too_long_for_a_file(shell: Shell) -> None:
+    code, out, err = shell("simulate", "x" * 5000)
+    assert (code, out, err.count("\n")) == (2, "", 1)
+
+
+def test_a_library_that_cannot_be_loaded(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As where memory is limited to less than the libraries need."""
+
+    def fail(*_: object) -> None:
+        raise OSError("Could not find/load shared object file")
+
+    monkeypatch.setattr("hgorun.commands.run.simulate", fail)
+    code, _, err = shell("simulate", "small.yaml")
+    assert code == 1
+    assert err.startswith("hgorun: a library cannot be loaded: too little memory, or a broken installation: Could not")
+    assert err.count("\n") == 1
