@@ -149,6 +149,7 @@ def _init(chosen: options.Init) -> int:
 def main() -> None:
     """Entry point: errors become one message and an exit code."""
     os.environ["MPLBACKEND"] = "agg"  # figures are files; a notebook's setting may name what is not installed here
+    os.environ["PYDANTIC_DISABLE_PLUGINS"] = "__all__"  # looking for them takes longer than checking a configuration
     try:
         app()
     except HgorunError as error:
@@ -165,6 +166,10 @@ def main() -> None:
         sys.exit(INTERRUPTED)
     except OSError as error:
         silence(sys.stdout)
+        if error.errno is None:  # not the system's, but of a library's loader
+            why = "too little memory, or a broken installation"
+            say(f"hgorun: a library cannot be loaded: {why}: {printable(str(error))}")
+            sys.exit(1)
         say(f"hgorun: {printable(str(error.strerror or error))}: what was to be printed or written is incomplete")
         sys.exit(1)
     except MemoryError:

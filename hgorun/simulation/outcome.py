@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 
 import numpy as np
@@ -13,16 +13,19 @@ from hgorun.errors import Problem
 from hgorun.measurement.events import merge
 from hgorun.measurement.schedule import nearest_event
 from hgorun.measurement.signals import noise_at
-from hgorun.memo import Memo
+from hgorun.memo import Memo, Same
 from hgorun.result.data import DesignNumbers, Measurements, ObserverResult
-from hgorun.result.measure import from_origin, measure
+from hgorun.result.estimated import Estimated
+from hgorun.result.measure import from_origin, measure_together
 from hgorun.result.result import Result
-from hgorun.result.status import Verdict
+from hgorun.result.status import OK, Verdict
 from hgorun.result.windows import MetricSettings
 from hgorun.simulation.loss import of_estimate
 from hgorun.simulation.prepared import PreparedRun
 
-_INPUTS: Memo[np.ndarray] = Memo(8, lambda u: u.size < 1_000_000)
+_KEPT = 1_000_000  # numbers of an array that is kept in memory
+_INPUTS: Memo[np.ndarray] = Memo(8, lambda u: u.size < _KEPT)
+_ROWS: Memo[tuple[np.ndarray, list[np.ndarray]]] = Memo(8, lambda rows: rows[0].size * len(rows[1]) < _KEPT)
 
 
 def record(run: PreparedRun, raw: Raw, verdicts: Mapping[str, Verdict]) -> Result:
@@ -41,35 +44,17 @@ def record(run: PreparedRun, raw: Raw, verdicts: Mapping[str, Verdict]) -> Resul
     rows, origin = raw.rows[:, :, 0], run.origin
     grid = run.grid[shown].copy()
     u = _inputs(run, grid)
-    y = structure.outputs.along(grid, numbers.p, rows[shown])
-    x = rows[:, : model.n]
-    bad = np.argwhere(~np.isfinite(y))
-    if bad.size:
-        row, column = bad[0]
+    kept = np.ascontiguousarray(rows[shown])  # the arrays of the result are parts of it
+    y = np.ascontiguousarray(structure.outputs.along(grid, numbers.p, kept))
+    if not np.all(np.isfinite(y)):
+        row, column = np.argwhere(~np.isfinite(y))[0]
         when = origin + grid[row]
         raise Problem(("plant",), f"output {model.outputs[column]} is not a finite number at t = {when:g}")
-    estimates = [readout.along(run.grid, numbers.p, rows) for readout in structure.estimates]
+    estimates = structure.estimates_along(run.grid, numbers.p, rows)
     settings = MetricSettings.of(blocks.metrics, blocks.time)
-    measured = {b.label: xhat[metric] for b, xhat in zip(numbers.observers, estimates, strict=True)}
-    metrics = measure(run.grid[metric], x[metric], measured, settings.since(origin))
+    metrics = measure_together(run.grid[metric], rows[metric, : model.n], estimates.at(metric), settings.since(origin))
     if origin:
-        metrics = {label: from_origin(values, origin) for label, values in metrics.items()}
-    observers = {}
-    for j, (b, xhat) in enumerate(zip(numbers.observers, estimates, strict=True)):
-        verdict = of_estimate(run, raw, j, xhat) if b.label not in verdicts else verdicts[b.label]
-        numbers_of = metrics[b.label]
-        if verdict.lost:  # the metrics' own grid may have missed it
-            numbers_of = {name: np.full(model.n, np.inf) for name in numbers_of}
-        observers[b.label] = ObserverResult(
-            type=b.observer.type,
-            xhat=np.ascontiguousarray(xhat[shown]),
-            internal={name: st.shaped(rows[shown]) for name, st in b.states.items() if name != "xhat" and st.size},
-            gains={name: np.asarray(value).tolist() for name, value in b.design.items()},
-            dimension=sum(st.size for name, st in b.states.items() if name != "alpha"),
-            verdict=verdict if verdict.at is None else replace(verdict, at=origin + verdict.at),
-            metrics=numbers_of,
-            coordinates=run.experiment.coordinates.get(b.label),
-        )
+        metrics = from_origin(metrics, origin)
     embedded = None
     if METHODS[run.solver.method].error:
         blocks_of = {"plant": (0, model.n)} | {b.label: (b.start, b.stop) for b in numbers.observers}
@@ -78,15 +63,15 @@ def record(run: PreparedRun, raw: Raw, verdicts: Mapping[str, Verdict]) -> Resul
         name=run.experiment.name,
         title=blocks.title,
         time=origin + grid,
-        x=np.ascontiguousarray(x[shown]),
+        x=kept[:, : model.n],
         u=u.copy(),
-        y=np.ascontiguousarray(y),
+        y=y,
         states=model.states,
         inputs=model.inputs,
         outputs=model.outputs,
         units={"time": run.time.unit, **run.plant.units},
         measurements=_measurements(run, raw, grid, y),
-        observers=observers,
+        observers=_observers(run, _verdicts(run, raw, estimates, verdicts), kept, estimates.at(shown), metrics),
         config=run.experiment.text,
         resolved=run.experiment.resolved_later,
         seed=blocks.seed,
@@ -96,6 +81,50 @@ def record(run: PreparedRun, raw: Raw, verdicts: Mapping[str, Verdict]) -> Resul
         remarks=run.remarks,
         design=DesignNumbers(numbers.p, numbers.z0, run.step),
     )
+
+
+def _verdicts(run: PreparedRun, raw: Raw, estimates: Estimated, known: Mapping[str, Verdict]) -> list[Verdict]:
+    """What is said of every observer, with times since the run's origin."""
+    sound = estimates.finite()
+    return [
+        known[b.label] if b.label in known else OK if sound else of_estimate(run, raw, j, estimates.of(j))
+        for j, b in enumerate(run.observers)
+    ]
+
+
+def _observers(
+    run: PreparedRun,
+    verdicts: Sequence[Verdict],
+    rows: np.ndarray,
+    estimates: Estimated,
+    metrics: Mapping[str, np.ndarray],
+) -> dict[str, ObserverResult]:
+    """Every observer's part of the result.
+
+    Parameters
+    ----------
+    verdicts : sequence of Verdict
+        Of the m observers.
+    rows : ndarray, shape (Nt, states)
+    estimates : Estimated
+        Both on the output grid.
+    metrics : mapping of str to ndarray, shape (m, n)
+    """
+    found, coordinates = {}, run.experiment.coordinates
+    for j, (b, verdict) in enumerate(zip(run.observers, verdicts, strict=True)):
+        # where an estimate is lost, the metrics' own grid may have missed it
+        own = {name: np.full_like(values[j], np.inf) if verdict.lost else values[j] for name, values in metrics.items()}
+        found[b.label] = ObserverResult(
+            type=b.observer.type,
+            xhat=estimates.of(j),
+            internal={name: st.shaped(rows) for name, st in b.states.items() if name != "xhat" and st.size},
+            gains={name: np.asarray(value).tolist() for name, value in b.design.items()},
+            dimension=sum(st.size for name, st in b.states.items() if name != "alpha"),
+            verdict=verdict if verdict.at is None else replace(verdict, at=run.origin + verdict.at),
+            metrics=own,
+            coordinates=coordinates.get(b.label),
+        )
+    return found
 
 
 def since_start(run: PreparedRun, result: Result) -> Result:
@@ -117,7 +146,7 @@ def since_start(run: PreparedRun, result: Result) -> Result:
 
 def _inputs(run: PreparedRun, times: np.ndarray) -> np.ndarray:
     """u(t), which does not depend on what the observers do."""
-    key = run.structure.groups[0].truth.plant, run.plant.everything.tobytes(), times.tobytes()
+    key = run.structure.groups[0].truth.plant, run.plant.everything.tobytes(), Same(run.grid), run.experiment.grid[1]
     nothing = np.zeros(run.structure.system.states)
     return _INPUTS.get(key, lambda: run.structure.inputs.along(times, run.numbers.p, nothing))
 
@@ -149,10 +178,20 @@ def _measurements(run: PreparedRun, raw: Raw, grid: np.ndarray, y: np.ndarray) -
             values.append(truth * (1 + v) if stretch.multiplicative else truth + v)
         measured = run.plant.model.wrapped(i, np.concatenate(values))
         parts.append((np.concatenate(times), np.concatenate(taken), measured))
-    # arrivals that are one event are one row, in spite of rounding
-    union = merge(np.concatenate([part[0] for part in parts]), 1e-9 * run.step)
+    key = Same(run.schedule), Same(run.grid)  # of which runs of one family have the same ones
+    union, places = _ROWS.get(key, lambda: _rows([part[0] for part in parts], 1e-9 * run.step))
     taken_all, y_all = (np.full((union.size, len(parts)), np.nan) for _ in range(2))
-    for i, part in enumerate(parts):
-        where = nearest_event(union, part[0]) if union.size > 1 else np.zeros(part[0].size, dtype=int)
+    for i, (part, where) in enumerate(zip(parts, places, strict=True)):
         taken_all[where, i], y_all[where, i] = part[1], part[2]
     return Measurements(time=run.origin + union, taken=run.origin + taken_all, y=y_all)
+
+
+def _rows(times: list[np.ndarray], tolerance: float) -> tuple[np.ndarray, list[np.ndarray]]:
+    """The times of all outputs' measurements, and where among them those of each are.
+
+    Arrivals that are one event are one row, in spite of rounding.
+    """
+    union = merge(np.concatenate(times), tolerance)
+    if union.size < 2:
+        return union, [np.zeros(one.size, dtype=int) for one in times]
+    return union, [nearest_event(union, one) for one in times]
