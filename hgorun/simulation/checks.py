@@ -30,7 +30,7 @@ def check_run(run: PreparedRun) -> None:
     _check_jumps(run)
     _check_start(run)
     for channel in run.channels:
-        _ = channel.gain_and_bias  # noise that is no number at some sample is said before any run starts
+        _ = channel.gain_and_bias  # noise that is not a number at some sample is reported before any run starts
 
 
 def _check_clock(run: PreparedRun) -> None:
