@@ -48,12 +48,23 @@ def _step(value: Any) -> Any:
     return step
 
 
+Method = Literal["euler", "rk4", "dopri5"]
+
+
 class Solver(Block):
     """How the differential equations are solved."""
 
-    method: Literal["euler", "rk4", "dopri5"] = "rk4"
+    method: Literal["auto"] | Method = Field(
+        default="auto", description="auto: what is cheapest for an automatic step, rk4 for a given one"
+    )
     step: Annotated[Literal["auto"] | float, BeforeValidator(_step), WithJsonSchema(NUMBER_SCHEMA)] = Field(
-        default="auto", description="longest step of a fixed-step run, or auto"
+        default="auto", description="longest step of a fixed-step run; auto: found by error control"
+    )
+    accuracy: Annotated[Positive, Field(lt=1)] = Field(
+        default=1e-3, description="automatic step: relative error of the metrics that is allowed"
+    )
+    max_evaluations: Positive = Field(
+        default=1e8, description="automatic step: evaluations of the right-hand side that are allowed"
     )
     rtol: Positive | None = Field(default=None, description="relative tolerance: dopri5 with adaptive steps")
     atol: Positive | None = Field(default=None, description="absolute tolerance: dopri5 with adaptive steps")
@@ -64,8 +75,18 @@ class Solver(Block):
 
     @property
     def adaptive(self) -> bool:
-        """Whether the step is controlled by an error estimate."""
+        """Whether every step is controlled by given tolerances."""
         return self.rtol is not None or self.atol is not None
+
+    @property
+    def controlled(self) -> bool:
+        """Whether the step is found by error control."""
+        return self.step == "auto" and not self.adaptive
+
+    @property
+    def given_method(self) -> Method:
+        """The method of a run whose step or whose tolerances are given."""
+        return "rk4" if self.method == "auto" else self.method
 
     @model_validator(mode="after")
     def _adaptive_needs_dopri5(self) -> Solver:

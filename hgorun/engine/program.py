@@ -73,12 +73,19 @@ class Raw:
         Time of divergence, infinity where there was none.
     error : ndarray, shape (states, lanes)
         Largest local error estimate of an embedded method, zeros otherwise.
+    tries : int
+        Steps made, and, where they are controlled, those that were rejected.
     """
 
     rows: Floats
     measured: Floats
     diverged: Floats
     error: Floats
+    tries: int = 0
+
+
+class TooManySteps(Exception):
+    """More steps than allowed; the arguments are their number, and the time that was reached."""
 
 
 def generate(system: HybridSystem, method: str, *, adaptive: bool = False, lanes: int = 1) -> tuple[str, int]:
@@ -156,6 +163,8 @@ class Program:
         start: Start,
         tolerance: Tolerance | None = None,
         progress: Callable[[float], None] | None = None,
+        *,
+        most: float = np.inf,
     ) -> Raw:
         """Run a plan.
 
@@ -167,17 +176,20 @@ class Program:
             For an adaptive method.
         progress : callable, optional
             Called periodically with the completed fraction, 0 to 1.
+        most : float
+            So many steps may be tried by an adaptive method.
 
         Raises
         ------
         SimulationError
             When the plant diverges or no step is small enough for it.
+        TooManySteps
         """
         memory = _Memory(self.system, self.lanes, self._constants, plan, start, tolerance)
         self._begin(memory.address)
         memory.keep_initial()
         work = np.cumsum(plan.counts[:, 2] - plan.counts[:, 1] + 1)  # a segment's steps, and what happens before
-        stop, done, chunk = 0, 0, 1
+        stop, done, chunk, tries = 0, 0, 1, 0
         while stop < work.size:
             before = time.perf_counter()
             stop = max(stop + 1, int(np.searchsorted(work, done + chunk, side="right")))
@@ -186,6 +198,9 @@ class Program:
             verdict = self._run(memory.address, stop)
             pauses, reached = 0, memory.real("now")
             while verdict == PAUSED:
+                tries += _BUDGET
+                if tries > most:
+                    raise TooManySteps(tries, memory.real("now"))
                 pauses += 1
                 if pauses * _BUDGET >= _PATIENCE:
                     if memory.real("now") - reached < _PROGRESS * (plan.spans[-1, 1] - plan.spans[0, 0]):
@@ -193,13 +208,16 @@ class Program:
                     pauses, reached = 0, memory.real("now")
                 memory["budget"] = _BUDGET
                 verdict = self._run(memory.address, stop)
+            tries += _BUDGET - memory["budget"]
+            if tries > most:
+                raise TooManySteps(tries, memory.real("now"))
             if verdict != DONE:
                 raise SimulationError(_explain(verdict, memory.real("now")))
             spent = max(time.perf_counter() - before, 1e-6)
             chunk = max(1, int(chunk * min(_SLICE / spent, 8.0)))
             if progress:
                 progress(done / int(work[-1]))
-        return memory.result()
+        return memory.result(tries if tolerance else plan.steps)
 
 
 def _explain(verdict: int, t: float) -> str:
@@ -296,6 +314,9 @@ class _Memory:
         self.address = self.context.ctypes.data
         self.slots, self.observers = plan.slots, s.observers
 
+    def __getitem__(self, word: str) -> int:
+        return int(self.context[WORD[word]])
+
     def __setitem__(self, word: str, value: int) -> None:
         self.context[WORD[word]] = value
 
@@ -309,7 +330,7 @@ class _Memory:
         """The channels before the start are those at the start."""
         self.arrays["initial"][:] = self.arrays["channels"]
 
-    def result(self) -> Raw:
+    def result(self, tries: int) -> Raw:
         rows = self.arrays["rows"]
         done = int(self.context[WORD["row"]])
         rows[done:] = self.arrays["z"].reshape(1, *self.shape[1:])  # the points at the end of the run
@@ -318,6 +339,7 @@ class _Memory:
             self.arrays["measured"][: self.slots],
             self.arrays["diverged"][: self.observers],
             self.arrays["error"],
+            tries,
         )
 
 

@@ -219,9 +219,8 @@ class Experiment:
 
     @property
     def adaptive(self) -> bool:
-        """Whether an error estimate controls the step."""
-        solver = self.blocks.solver
-        return solver.adaptive or (solver.method == "dopri5" and solver.step == "auto")
+        """Whether given tolerances control every step."""
+        return self.blocks.solver.adaptive
 
     @property
     def given_step(self) -> float | None:

@@ -6,62 +6,50 @@ from dataclasses import asdict
 
 import numpy as np
 
-from hgorun.engine.methods import METHODS
 from hgorun.engine.program import Raw
 from hgorun.errors import Problem
 from hgorun.measurement.events import merge
 from hgorun.measurement.schedule import nearest_event
 from hgorun.measurement.signals import noise_at
 from hgorun.memo import Memo
-from hgorun.result.data import Measurements, ObserverResult
-from hgorun.result.measure import measure
+from hgorun.result.data import Integration, Measurements, ObserverResult
 from hgorun.result.result import Result
-from hgorun.result.windows import MetricSettings
+from hgorun.simulation.measured import Measured
 from hgorun.simulation.prepared import PreparedRun
 
 _INPUTS: Memo[np.ndarray] = Memo(8, lambda u: u.size < 1_000_000)
 
 
-def record(run: PreparedRun, raw: Raw) -> Result:
+def record(run: PreparedRun, raw: Raw, found: Measured, integration: Integration) -> Result:
     """Trajectories in the plant's coordinates, on the output grid, with metrics from the metric grid."""
     structure, numbers, blocks, model = run.structure, run.numbers, run.experiment.blocks, run.plant.model
-    _, every_output, every_metric = run.experiment.grid
-    shown, metric = slice(None, None, every_output), slice(None, None, every_metric)
+    shown = slice(None, None, run.experiment.grid[1])
     rows = raw.rows[:, :, 0]
     grid = run.grid[shown].copy()
     u = _inputs(run, grid)
     y = structure.outputs.along(grid, numbers.p, rows[shown])
-    x = rows[:, : model.n]
     bad = np.argwhere(~np.isfinite(y))
     if bad.size:
         row, column = bad[0]
         raise Problem(("plant",), f"output {model.outputs[column]} is not a finite number at t = {grid[row]:g}")
-    estimates = [readout.along(run.grid, numbers.p, rows) for readout in structure.estimates]
-    settings = MetricSettings.of(blocks.metrics, run.time)
-    measured = {b.label: xhat[metric] for b, xhat in zip(numbers.observers, estimates, strict=True)}
-    metrics = measure(run.grid[metric], x[metric], measured, settings)
     observers = {}
-    for j, (b, xhat) in enumerate(zip(numbers.observers, estimates, strict=True)):
-        lost_at = float(raw.diverged[j, 0])
+    for b in numbers.observers:
+        lost_at = found.lost[b.label]
         observers[b.label] = ObserverResult(
             type=b.observer.type,
-            xhat=np.ascontiguousarray(xhat[shown]),
+            xhat=found.estimates[b.label],
             internal={name: st.shaped(rows[shown]) for name, st in b.states.items() if name != "xhat" and st.size},
             gains={name: np.asarray(value).tolist() for name, value in b.design.items()},
             dimension=sum(st.size for name, st in b.states.items() if name != "alpha"),
             diverged_at=lost_at if np.isfinite(lost_at) else None,
-            metrics=metrics[b.label],
+            metrics=found.metrics[b.label],
             coordinates=run.experiment.coordinates.get(b.label),
         )
-    embedded = None
-    if METHODS[run.solver.method].error:
-        blocks_of = {"plant": (0, model.n)} | {b.label: (b.start, b.stop) for b in numbers.observers}
-        embedded = {label: float(np.max(raw.error[a:b])) for label, (a, b) in blocks_of.items()}
     return Result(
         name=run.experiment.name,
         title=blocks.title,
         time=grid,
-        x=np.ascontiguousarray(x[shown]),
+        x=found.x,
         u=u.copy(),
         y=np.ascontiguousarray(y),
         states=model.states,
@@ -73,8 +61,8 @@ def record(run: PreparedRun, raw: Raw) -> Result:
         config=run.experiment.text,
         resolved=run.experiment.resolved_later,
         seed=blocks.seed,
-        windows=asdict(settings),
-        integration_error=embedded,
+        windows=asdict(found.settings),
+        integration=integration,
         measures=model.measures,
         remarks=run.remarks,
     )

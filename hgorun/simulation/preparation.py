@@ -112,10 +112,12 @@ def _remarks(experiment: Experiment) -> tuple[str, ...]:
 
 
 def nominal_step(experiment: Experiment) -> float:
-    """The step that is given, or one from the fastest declared frequency and the fastest error dynamics.
+    """The step that is given, or the one with which error control begins.
 
-    RK4 follows exp(-rate t) to about 1e-7 of a step when rate * step is 0.05, and a sinusoid to the same
-    with 60 points a period; never fewer than 1,000 steps a run. Euler takes 100 times as many.
+    That follows from the fastest declared frequency and the fastest error dynamics at the start: RK4 follows
+    exp(-rate t) to about 1e-7 of a step when rate * step is 0.05, and a sinusoid to the same with 60 points a period.
+    It is the span over a power of two, up to twice as long as that and at least 2^-10 of the run; Euler's method
+    takes steps 100 times as short. What takes more than 2^20 of them begins with these.
     """
     if experiment.given_step is not None:
         return experiment.given_step
@@ -139,7 +141,12 @@ def nominal_step(experiment: Experiment) -> float:
             fastest = s.fastest() if s.continuous else 0.0
             if fastest > 0:
                 step = min(step, 2 * np.pi / fastest / 60)
-    return step / 100 if experiment.blocks.solver.method == "euler" else step
+    if experiment.blocks.solver.method == "euler":
+        step /= 100
+    span = time.end - time.start
+    if experiment.adaptive:
+        return step
+    return float(span / 2.0 ** np.clip(np.floor(np.log2(span / step)), 10, 20))
 
 
 def _slopes(plant: SymbolicPlant) -> ca.Function:

@@ -82,8 +82,13 @@ class PreparedRun:
         return self.experiment.blocks.solver
 
     @property
+    def span(self) -> float:
+        """How long the run lasts."""
+        return self.time.end - self.time.start
+
+    @property
     def adaptive(self) -> bool:
-        """Whether an error estimate controls the step."""
+        """Whether given tolerances control every step."""
         return self.experiment.adaptive
 
     @property

@@ -2,27 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 
-import numpy as np
-
-from hgorun.engine.methods import METHODS
-from hgorun.engine.plan import Plan
-from hgorun.engine.program import Raw, Start, Tolerance
 from hgorun.errors import SimulationError
+from hgorun.result.data import Integration
 from hgorun.result.result import Result
-from hgorun.simulation.checks import check_steps, longest_step
+from hgorun.simulation.control import controlled
 from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.given import LaterEstimate
+from hgorun.simulation.measured import measured
 from hgorun.simulation.outcome import record
+from hgorun.simulation.passes import as_given, integrate
 from hgorun.simulation.preparation import prepare
 from hgorun.simulation.prepared import PreparedRun
-from hgorun.simulation.tables import build_plan
 
-__all__ = ["integrate", "integrate_lanes", "perform", "prepare", "simulate"]
-
-_DEFAULT_RTOL, _DEFAULT_ATOL = 1e-8, 1e-10
+__all__ = ["perform", "prepare", "simulate"]
 
 
 def simulate(
@@ -34,7 +29,7 @@ def simulate(
     ----------
     experiment : Experiment
     check_step : bool
-        Run once more with half the step and report the largest difference as integration error.
+        Estimate the integration error of a given step from shorter steps, which takes longer and tells more.
     progress : callable, optional
         Called periodically with the completed fraction, 0 to 1.
 
@@ -55,11 +50,20 @@ def simulate(
 def perform(run: PreparedRun, *, check_step: bool = False, progress: Callable[[float], None] | None = None) -> Result:
     """Carry out a prepared run; see :func:`simulate`."""
     with _located(run), run.experiment.located():
-        result = record(run, integrate(run, run.step, progress))
-        if check_step and not run.adaptive:
-            half = record(run, integrate(run, run.step / 2, progress))
-            result = replace(result, integration_error=_difference(result, half))
-    return result
+        if run.solver.controlled:
+            best = controlled(run, progress)
+            return record(run, best.raw, best.measured, best.integration)
+        how = as_given(run)
+        raw = integrate(run, how, progress)
+        found = measured(run, raw)
+        integration = Integration(
+            method=how.method,
+            step=None if how.tolerance else how.step,
+            rtol=how.tolerance.rtol if how.tolerance else None,
+            evaluations=raw.tries * how.evaluations_of_a_step,
+            error=LaterEstimate(run, found, finer=check_step),
+        )
+        return record(run, raw, found, integration)
 
 
 @contextmanager
@@ -70,51 +74,3 @@ def _located(run: PreparedRun) -> Iterator[None]:
     except SimulationError as error:
         file, line = run.experiment.source.where(("plant",))
         raise SimulationError(f"{file}:{line}: plant: {error}") from error
-
-
-def integrate(run: PreparedRun, step: float, progress: Callable[[float], None] | None = None) -> Raw:
-    """One run with a nominal step, as the engine gives it."""
-    plan, start = _plan(run, step)
-    solver, time, tolerance = run.solver, run.time, None
-    if run.adaptive:
-        span = time.end - time.start
-        limit = min(solver.max_step or span, longest_step(run, step))
-        first = min(1e-4 * span, limit) if solver.step == "auto" else min(solver.step, limit)
-        tolerance = Tolerance(solver.rtol or _DEFAULT_RTOL, solver.atol or _DEFAULT_ATOL, limit, first)
-    program = run.structure.program(solver.method, adaptive=run.adaptive)
-    return program.run(plan, start, tolerance, progress)
-
-
-def integrate_lanes(runs: Sequence[PreparedRun]) -> Raw:
-    """Runs of one structure, one step and one schedule side by side in vector registers, a lane each."""
-    plans, starts = zip(*(_plan(run, runs[0].step) for run in runs), strict=True)
-    numbers = {name: np.column_stack([getattr(p, name) for p in plans]) for name in ("gain", "bias", "holds")}
-    start = Start(np.hstack([s.z for s in starts]), np.hstack([s.p for s in starts]), starts[0].bound)
-    program = runs[0].structure.program(runs[0].solver.method, lanes=len(runs))
-    return program.run(replace(plans[0], **numbers), start)
-
-
-def _plan(run: PreparedRun, step: float) -> tuple[Plan, Start]:
-    """The tables of a run, and where it starts."""
-    check_steps(run, step)
-    plan = build_plan(
-        run.schedule,
-        run.channels,
-        run.grid,
-        run.structure.system,
-        always_slope=bool(METHODS[run.solver.method].error),
-        longest=np.inf if run.adaptive else longest_step(run, step),
-        reach=run.reach,
-    )
-    divergence = run.solver.divergence
-    bound = (1e6, 1e6) if divergence is None else (divergence, 0.0)
-    return plan, Start(run.numbers.z0[:, None], run.numbers.p[:, None], bound)
-
-
-def _difference(a: Result, b: Result) -> dict[str, float]:
-    """Largest difference of two runs, for the plant and for each observer that did not diverge."""
-    largest = {"plant": float(np.max(np.abs(a.x - b.x)))}
-    for label, observer in a.observers.items():
-        gap = np.abs(observer.xhat - b.observers[label].xhat)
-        largest[label] = float(np.max(gap)) if np.all(np.isfinite(gap)) else float("inf")
-    return largest

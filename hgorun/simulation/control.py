@@ -1,0 +1,304 @@
+"""The step of a run, found by error control.
+
+A run is carried out with fixed steps, and again with other steps that have no simple ratio to them; what its metrics
+differ by tells their error. While that is more than the accuracy asked for, steps are made shorter, on the ladder
+span / 2^k, as the method's order predicts. Where that would take too many of them, since only a part of the run is
+fast, every step is controlled by the method's own error estimate, and two tolerances are compared; where steps stay
+short although nothing is fast any more, the method for stiff systems takes over.
+
+All that depends on the run alone and on counts, never on clocks: the same run takes the same steps everywhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from hgorun.config.models import Method
+from hgorun.engine.methods import METHODS
+from hgorun.engine.program import Raw, Tolerance, TooManySteps
+from hgorun.errors import Problem, SimulationError
+from hgorun.result.data import Integration
+from hgorun.simulation.checks import longest_step
+from hgorun.simulation.error_estimate import differences
+from hgorun.simulation.measured import Measured, measured
+from hgorun.simulation.passes import Pass, fixed_steps, integrate, part_of_error
+from hgorun.simulation.prepared import PreparedRun
+
+Progress = Callable[[float], None] | None
+
+UNEVEN = 0.62  # steps of the run that is compared, for each step
+_PRECISE = 1e-6  # below this accuracy the method of order five is cheaper
+_STEEP = 4  # times 2: no further down the ladder at once, since the order may not be reached yet
+_UNIFORM = 1 << 16  # fixed steps, before those of a controlled run are tried
+_TRIES, _MORE = 20_000, 8  # controlled steps that a method may try at first, and how many times more next time
+_TOLERANCE = 1e-3  # of the accuracy, to begin with
+_TIGHTEST = 1e-13
+_FINEST = 200  # doubles: no step is shorter
+_PART, _OTHER_PART = 1 / 100, 1 / 137  # of the run: the longest controlled steps of two passes
+_SMALL = 1e-6  # of the relative tolerance: the absolute one
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Controlled:
+    """A run as accurate as asked for, or as it could be made.
+
+    Attributes
+    ----------
+    raw, measured
+        Of the most accurate pass.
+    integration : Integration
+    """
+
+    raw: Raw
+    measured: Measured
+    integration: Integration
+
+
+class _Exhausted(Exception):
+    """No evaluations are left."""
+
+
+@dataclass(kw_only=True, eq=False)
+class _Budget:
+    """Evaluations of the right-hand side that are left."""
+
+    run: PreparedRun
+    progress: Progress
+    left: float
+    spent: int = 0
+
+    def steps(self, method: Method) -> float:
+        """How many steps they are enough for."""
+        return (self.left - self.spent) / Pass(method=method, step=1.0).evaluations_of_a_step
+
+    def carry_out(self, how: Pass) -> tuple[Raw, Measured]:
+        """A pass, paid for."""
+        try:
+            raw = integrate(self.run, how, self.progress)
+        except TooManySteps as error:
+            self.spent += int(error.args[0]) * how.evaluations_of_a_step
+            raise
+        self.spent += raw.tries * how.evaluations_of_a_step
+        return raw, measured(self.run, raw)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Attempt:
+    """Two passes, and how far they are apart."""
+
+    how: Pass
+    raw: Raw
+    measured: Measured
+    error: Mapping[str, float]
+
+    @property
+    def worst(self) -> float:
+        """The largest error."""
+        return max(self.error.values())
+
+
+@dataclass(kw_only=True, eq=False)
+class _Search:
+    """The search for steps that are short enough.
+
+    Attributes
+    ----------
+    best : _Attempt or None
+        The last that could be finished.
+    failure : SimulationError or None
+        Why the last could not.
+    """
+
+    run: PreparedRun
+    budget: _Budget
+    best: _Attempt | None = None
+    failure: SimulationError | None = field(default=None)
+
+    @property
+    def accuracy(self) -> float:
+        return self.run.solver.accuracy
+
+    def enough(self) -> bool:
+        """Whether what was found last is accurate, and no observer has been lost in it that must be looked at."""
+        return self.best is not None and self.best.worst <= self.accuracy
+
+    def fixed(self, method: Method, most: float) -> bool:
+        """Down the ladder with fixed steps, ``most`` in number; whether that was enough."""
+        k = rung(self.run)
+        before: tuple[int, float] | None = None
+        while True:
+            step = self.run.span / 2.0**k
+            count = _count(self.run, step)
+            if count > most or count * (1 + UNEVEN) > self.budget.steps(method) or k > finest_rung(self.run):
+                return False
+            how = Pass(method=method, step=step)
+            error = self._compared(how, replace(how, uneven=UNEVEN))
+            if self.enough():
+                return self._certain(method)
+            order = float(METHODS[method].order)
+            if before is not None and 0 < error < np.inf:
+                order = float(np.clip(np.log2(before[1] / error) / (k - before[0]), 0.5, order))
+            before = (k, error) if error < np.inf else None
+            k += _down(error / self.accuracy, order)
+
+    def _certain(self, method: Method) -> bool:
+        """Whether no observer is lost: explicit steps that are too long lose one as well."""
+        assert self.best is not None
+        return method != "rk4" or self.run.solver.method != "auto" or not np.any(np.isfinite(self.best.raw.diverged))
+
+    def _compared(self, how: Pass, other: Pass) -> float:
+        """Carry out two passes; the largest error of the first."""
+        try:
+            raw, found = self.budget.carry_out(how)
+            _, beside = self.budget.carry_out(other)
+        except SimulationError as error:
+            self.failure = error
+            return np.inf
+        part = part_of_error(self.run, other)
+        errors = {label: part * gap for label, gap in differences(self.run, found, beside).items()}
+        self.best = _Attempt(how=how, raw=raw, measured=found, error=errors)
+        return self.best.worst
+
+    def controlled(self, methods: tuple[Method, ...]) -> bool:
+        """With controlled steps; whether that was enough."""
+        tolerance = max(_TOLERANCE * self.accuracy, _TIGHTEST)
+        first = self._cheapest(methods, tolerance)
+        if first is None:
+            return False
+        method, before = first
+        while True:
+            tolerance /= 10
+            try:
+                raw, found = self.budget.carry_out(self._to_tolerance(method, tolerance, self.budget.steps(method)))
+            except (SimulationError, TooManySteps):
+                return False
+            how = self._to_tolerance(method, tolerance, np.inf)
+            errors = differences(self.run, found, before)
+            self.best, before = _Attempt(how=how, raw=raw, measured=found, error=errors), found
+            if self.enough():
+                return True
+            if tolerance < 10 * _TIGHTEST:
+                return False
+            if np.isfinite(self.best.worst):  # errors are in proportion to tolerances
+                tolerance /= 10.0 ** np.clip(np.floor(np.log10(self.best.worst / self.accuracy)) - 1, 0, 3)
+                tolerance = max(tolerance, 10 * _TIGHTEST)
+
+    def _cheapest(self, methods: tuple[Method, ...], tolerance: float) -> tuple[Method, Measured] | None:
+        """The method that finishes a pass with the fewest steps, so far as that can be told in advance.
+
+        They take turns, each time with more steps than before.
+        """
+        tries, left = float(_TRIES), list(methods)
+        while left:
+            for method in tuple(left):
+                allowed = min(tries, self.budget.steps(method))
+                if allowed < 1:
+                    return None
+                try:
+                    _, found = self.budget.carry_out(self._to_tolerance(method, tolerance, allowed))
+                except TooManySteps:
+                    continue
+                except SimulationError as error:
+                    self.failure = error
+                    left.remove(method)
+                    continue
+                return method, found
+            tries *= _MORE
+        return None
+
+    def _to_tolerance(self, method: Method, tolerance: float, most: float) -> Pass:
+        """A pass with controlled steps; two tolerances do not share their longest steps."""
+        odd = round(np.log10(tolerance)) % 2
+        limit = min(
+            self.run.span * (_OTHER_PART if odd else _PART), longest_step(self.run, self.run.step, adaptive=True)
+        )
+        first = min(limit, self.run.step)
+        control = Tolerance(tolerance, _SMALL * tolerance, limit, first)
+        return Pass(method=method, step=self.run.step, tolerance=control, most=most)
+
+
+def controlled(run: PreparedRun, progress: Progress = None) -> Controlled:
+    """Carry out a run whose step is automatic.
+
+    Parameters
+    ----------
+    run : PreparedRun
+    progress : callable, optional
+        Called periodically with the completed fraction of a pass, 0 to 1.
+
+    Returns
+    -------
+    Controlled
+        Its errors are larger than ``solver.accuracy`` where that could not be reached with
+        ``solver.max_evaluations``.
+
+    Raises
+    ------
+    SimulationError
+        When no pass could be finished: with controlled steps, too, the plant diverges.
+    """
+    search = _Search(run=run, budget=_Budget(run=run, progress=progress, left=run.solver.max_evaluations))
+    for stage in _stages(search):
+        if stage():
+            break
+    found = search.best
+    if found is None:
+        raise search.failure or SimulationError(
+            f"the run takes more than {run.solver.max_evaluations:g} evaluations of the right-hand side: "
+            "raise solver.max_evaluations or solver.accuracy"
+        )
+    tolerance = found.how.tolerance
+    integration = Integration(
+        method=found.how.method,
+        step=None if tolerance else found.how.step,
+        rtol=tolerance.rtol if tolerance else None,
+        evaluations=search.budget.spent,
+        error=found.error,
+    )
+    return Controlled(raw=found.raw, measured=found.measured, integration=integration)
+
+
+def _stages(search: _Search) -> Iterator[Callable[[], bool]]:
+    """What is tried, one after the other."""
+    solver = search.run.solver
+    if solver.method == "auto":
+        method: Method = "rk4" if solver.accuracy >= _PRECISE else "dopri5"
+        most = max(_UNIFORM, 8 * search.run.schedule.events.size)
+        yield lambda: search.fixed(method, most)
+        yield lambda: search.controlled(("dopri5",))
+        yield lambda: search.fixed(method, np.inf)
+    elif METHODS[solver.method].error:
+        chosen = solver.method
+        yield lambda: search.controlled((chosen,))
+    else:
+        given = solver.method
+        yield lambda: search.fixed(given, np.inf)
+
+
+def rung(run: PreparedRun) -> int:
+    """The rung k of the ladder span / 2^k on which a run begins: the nominal step, or up to twice as long."""
+    return round(float(np.log2(run.span / run.step)))
+
+
+def finest_rung(run: PreparedRun) -> int:
+    """The last rung with steps that are long beside the rounding of times."""
+    finest = _FINEST * float(np.spacing(max(abs(run.time.start), abs(run.time.end))))
+    return int(np.floor(np.log2(run.span / finest)))
+
+
+def _down(excess: float, order: float) -> int:
+    """How many rungs further down, where the error is so many times too large."""
+    if not np.isfinite(excess):
+        return 2
+    return int(np.clip(np.ceil(np.log2(max(excess, 1.0) * 2) / order), 1, _STEEP))
+
+
+def _count(run: PreparedRun, step: float) -> float:
+    """Fixed steps of a run; infinite where there are too many to be counted."""
+    try:
+        return float(np.sum(fixed_steps(run, step)))
+    except Problem:
+        return np.inf

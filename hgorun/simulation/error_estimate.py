@@ -1,0 +1,84 @@
+"""How far two passes through one run are apart, relative to what they measure.
+
+The measure is that of ``solver.accuracy``: the difference of a metric m counts relative to max(|m|, 1e-6 max |x_i|),
+a settling time is right within a step of its grid, and the truth of state i counts relative to max |x_i|.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from hgorun.result.data import PLANT
+from hgorun.result.metrics.base import all_metrics
+from hgorun.simulation.measured import Measured
+from hgorun.simulation.prepared import PreparedRun
+
+_FLOOR = 1e-6  # of the largest value of a state: what is smaller counts as that
+_SAME_TIME = 0.01  # of the time since the start: two passes that lose an observer so close agree
+
+
+def differences(run: PreparedRun, fine: Measured, coarse: Measured) -> dict[str, float]:
+    """The relative difference of two passes, for the plant and for every observer; infinite where one alone is lost."""
+    size = np.max(np.abs(fine.x), axis=0, initial=0.0)
+    found = {PLANT: _largest(_gap(fine.x, coarse.x), size)}
+    for label, xhat in fine.estimates.items():
+        other = coarse.estimates[label]
+        if not _same_end(run, fine.lost[label], coarse.lost[label]):
+            found[label] = np.inf
+            continue
+        own = np.maximum(size, _FLOOR * _reach(xhat))
+        apart = _largest(_gap(xhat, other), np.maximum(own, _reach(xhat)))
+        of_metrics = _metrics(run, fine.metrics[label], coarse.metrics[label], own, fine.moved)
+        found[label] = max(apart, of_metrics)
+    return found
+
+
+def _reach(values: np.ndarray) -> np.ndarray:
+    """Largest finite absolute value along the first axis."""
+    return np.asarray(np.max(np.abs(np.where(np.isfinite(values), values, 0.0)), axis=0, initial=0.0))
+
+
+def _gap(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Largest difference along the first axis, where both are numbers."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        return _reach(a - b)
+
+
+def _largest(gap: np.ndarray, size: np.ndarray) -> float:
+    """The largest of some differences over what they are relative to; none is none of nothing."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return float(np.max(np.where(gap == 0, 0.0, gap / size), initial=0.0))
+
+
+def _same_end(run: PreparedRun, a: float, b: float) -> bool:
+    """Whether two passes lose an observer at the same time, or neither does."""
+    if not (np.isfinite(a) and np.isfinite(b)):
+        return bool(a == b)
+    return abs(a - b) <= _SAME_TIME * (min(a, b) - run.time.start)
+
+
+def _metrics(
+    run: PreparedRun,
+    fine: Mapping[str, np.ndarray],
+    coarse: Mapping[str, np.ndarray],
+    size: np.ndarray,
+    moved: np.ndarray,
+) -> float:
+    """The largest relative difference of the metrics of an observer."""
+    known, time, worst = all_metrics(), run.time, 0.0
+    for name, a in fine.items():
+        b, unit, counts = coarse[name], known[name].unit, np.ones(a.shape, dtype=bool)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            gap, value, floor = np.abs(a - b), np.abs(a), _FLOOR * size
+            if unit == "time":
+                gap = np.maximum(gap - run.experiment.metric_step * (1 + 1e-6), 0.0)
+                value, floor = np.abs(a - time.start), np.full(a.shape, _FLOOR * (time.end - time.start))
+            elif unit == "1":  # a ratio to how much the state moves: nothing can be said of one that rests
+                counts, floor = moved > floor, floor / moved
+        if np.any(np.isfinite(a[counts]) != np.isfinite(b[counts])):
+            return float("inf")
+        counts &= np.isfinite(a)
+        worst = max(worst, _largest(gap[counts], np.maximum(value, floor)[counts]))
+    return worst

@@ -1,0 +1,61 @@
+"""What one pass through a run has given: truth and estimates on the output grid, and the metrics."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from hgorun.engine.program import Raw
+from hgorun.result.measure import measure
+from hgorun.result.windows import MetricSettings, points_in
+from hgorun.simulation.prepared import PreparedRun
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Measured:
+    """Trajectories in the plant's coordinates, and their metrics.
+
+    Attributes
+    ----------
+    x : ndarray, shape (Nt, n)
+        On the output grid.
+    estimates : mapping of str to ndarray, shape (Nt, n)
+        By observer.
+    lost : mapping of str to float
+        When each observer has diverged; infinite where it has not.
+    metrics : mapping
+        {observer: {metric: values (n,)}}.
+    settings : MetricSettings
+        Where the metrics look.
+    moved : ndarray, shape (n,)
+        Total variation of the truth in the steady window.
+    """
+
+    x: np.ndarray
+    estimates: Mapping[str, np.ndarray]
+    lost: Mapping[str, float]
+    metrics: Mapping[str, Mapping[str, np.ndarray]]
+    settings: MetricSettings
+    moved: np.ndarray
+
+
+def measured(run: PreparedRun, raw: Raw) -> Measured:
+    """From the engine's arrays."""
+    rows, labels = raw.rows[:, :, 0], [b.label for b in run.observers]
+    _, every_output, every_metric = run.experiment.grid
+    shown, points = slice(None, None, every_output), slice(None, None, every_metric)
+    x = rows[:, : run.plant.model.n]
+    found = [readout.along(run.grid, run.numbers.p, rows) for readout in run.structure.estimates]
+    settings = MetricSettings.of(run.experiment.blocks.metrics, run.time)
+    on_points = {label: xhat[points] for label, xhat in zip(labels, found, strict=True)}
+    steady = x[points][points_in(run.grid[points], settings.steady)]
+    return Measured(
+        x=np.ascontiguousarray(x[shown]),
+        estimates={label: np.ascontiguousarray(xhat[shown]) for label, xhat in zip(labels, found, strict=True)},
+        lost={label: float(at) for label, at in zip(labels, raw.diverged[:, 0], strict=True)},
+        metrics=measure(run.grid[points], x[points], on_points, settings),
+        settings=settings,
+        moved=np.abs(np.diff(steady, axis=0)).sum(axis=0),
+    )
