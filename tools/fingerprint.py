@@ -119,7 +119,7 @@ def of_result(result: hgorun.Result) -> Entries:
             "xhat": digest(observer.xhat),
             "dimension": observer.dimension,
             "gains": plain(observer.gains),
-            "status": observer.status,
+            "status": observer.verdict.text(),
             "diverged_at": observer.diverged_at,
         }
         own |= {f"internal/{name}": digest(values) for name, values in observer.internal.items()}

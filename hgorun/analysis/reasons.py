@@ -13,11 +13,11 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from hgorun.errors import HgorunError, SimulationError
+from hgorun.result.data import ObserverResult
 
 T = TypeVar("T")
 K = TypeVar("K")
 
-DIVERGED = "the observer diverged"
 JUMPS = "the observer jumps at the samples: there is no flow between them"
 NO_SLOPES = "the observer's equations have no derivative on its way"
 SLIDING = "the right-hand side has no slope where the observer's error is zero"
@@ -53,6 +53,17 @@ class Outcome(Generic[T]):
         if self.reason is not None:
             raise NoValue(self.reason)
         return self.found  # type: ignore[return-value]  # None only beside a reason, or where T has it
+
+
+def why_lost(observer: ObserverResult) -> str:
+    """Why an estimate that is lost has no numbers."""
+    return f"the observer {observer.status}" if observer.status == "diverged" else "the estimate is not a number"
+
+
+def require_estimate(observer: ObserverResult) -> None:
+    """Raise NoValue where the estimate is lost."""
+    if observer.lost:
+        raise NoValue(why_lost(observer))
 
 
 def outcome(function: Callable[[], T]) -> Outcome[T]:

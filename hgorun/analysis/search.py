@@ -64,7 +64,7 @@ def works(experiment: Experiment, label: str, theta: float) -> bool:
     except HgorunError:  # a run that would take forever, or a gain beyond double precision
         return False
     error = np.abs(result.observers[label].xhat - result.x)
-    if result.observers[label].diverged_at is not None:
+    if result.observers[label].lost:
         return False
     last = error[-max(len(error) // 10, 1) :]
     return bool(np.all(np.max(last, axis=0) <= _LEFT * np.linalg.norm(error[0])))

@@ -66,10 +66,10 @@ def _rows(work: Work, outcome: Outcome, reasons: Mapping[str, str]) -> list[dict
 
 
 def warn(work: Work, outcome: Outcome) -> None:
-    """Diverged observers and missing lines of theory are reported on stderr; they are not errors."""
-    for run, lost in outcome.diverged.items():
-        for words in lost:
-            print(f"hgorun: {work.study.name}: {run}: observer {words}", file=sys.stderr)
+    """What is not ok and missing lines of theory are reported on stderr; they are not errors."""
+    for run, troubles in outcome.troubles.items():
+        for words in troubles:
+            print(f"hgorun: {work.study.name}: {run}: {words}", file=sys.stderr)
     for figure, refused in outcome.refused.items():
         for words in refused:
             print(f"hgorun: {work.study.name}: figure {figure}: {words}", file=sys.stderr)

@@ -43,7 +43,7 @@ class Simulate(Configured):
     """Run configurations, write results/NAME.h5, print the metrics."""
 
     configs: Annotated[list[Path], typer.Argument(metavar="CONFIG...", help="YAML configurations.")]
-    strict: Annotated[bool, typer.Option("--strict", help="Exit with code 3 if an observer diverged.")] = False
+    strict: Annotated[bool, typer.Option("--strict", help="Exit with code 3 if a status is not ok.")] = False
     check_step: Annotated[
         bool, typer.Option("--check-step", help="Run again with half the step; report the difference.")
     ] = False
@@ -56,7 +56,7 @@ class Compare(Configured):
     sources: Annotated[list[Path], typer.Argument(metavar="SOURCE...", help="Configurations or result files.")]
     format: Annotated[str, typer.Option("--format", help="Format of the table: text, csv or latex.")] = "text"
     plots: Annotated[bool, typer.Option("--plots/--no-plots", help="Draw comparison plots (PNG and PDF).")] = True
-    strict: Annotated[bool, typer.Option("--strict", help="Exit with code 3 if an observer diverged.")] = False
+    strict: Annotated[bool, typer.Option("--strict", help="Exit with code 3 if a status is not ok.")] = False
     analyze: Annotated[bool, typer.Option("--analyze", help="Add what theory predicts for configurations.")] = False
 
 

@@ -22,7 +22,7 @@ from hgorun.study.loading import load, load_study, refuse_twins
 from hgorun.tables import metrics as tables
 
 RESULTS = Path("results")
-DIVERGED = 3
+NOT_OK = 3
 _RESULT_SUFFIXES = {".h5", ".hdf5", ".nc"}
 _DRAWING_SUFFIXES = {".png", ".pdf"}
 _OF_OTHERS = {".csv", ".json", ".mat", ".npz", ".svg", ".tex", ".txt", ".yaml", ".yml"}
@@ -52,7 +52,7 @@ def simulate(options: Simulate) -> int:
             print(f"written: {target}")
     if options.json:
         _print_json(results, files)
-    return DIVERGED if options.strict and any(r.status != "ok" for r in results) else 0
+    return NOT_OK if options.strict and any(r.status != "ok" for r in results) else 0
 
 
 def compare(options: Compare) -> int:
@@ -82,7 +82,7 @@ def compare(options: Compare) -> int:
         written = _draw(results, options)
         if options.text and options.format == "text":
             print("written: " + ", ".join(map(str, written)))
-    return DIVERGED if options.strict and any(r.status != "ok" for r in results) else 0
+    return NOT_OK if options.strict and any(r.status != "ok" for r in results) else 0
 
 
 def _style(options: Compare) -> Style:
@@ -184,12 +184,11 @@ def execute(run: PreparedRun, *, show: bool, check_step: bool = False) -> Result
 
 
 def warn(result: Result) -> None:
-    """A diverged observer and remarks are reported on stderr; they are not errors."""
+    """Remarks and whatever is not ok are reported on stderr; they are not errors."""
     for remark in result.remarks:
         print(f"hgorun: {result.name}: {remark}", file=sys.stderr)
-    for label, observer in result.observers.items():
-        if observer.diverged_at is not None:
-            print(f"hgorun: {result.name}: observer {label} {observer.status}", file=sys.stderr)
+    for words in result.troubles():
+        print(f"hgorun: {result.name}: {words}", file=sys.stderr)
 
 
 def _predicted(sources: Sequence[PreparedRun | Result], results: Sequence[Result]) -> list[tables.Predicted]:

@@ -92,7 +92,7 @@ def texts(actors: Sequence[Actor], labels: Mapping[str, str], *, with_run: bool 
             own = f"{actor.run}: {actor.label}" if with_run or len(runs[actor.label]) > 1 else actor.label
         text = words(own)
         text = f" {text}" if text.startswith("_") else text  # matplotlib would leave it out of legends
-        if isinstance(actor, Simulated) and actor.observer.diverged_at is not None:
-            text += " (diverged)"
+        if isinstance(actor, Simulated) and actor.observer.status != "ok":
+            text += f" ({actor.observer.status})"
         found[actor.order] = text
     return found

@@ -129,8 +129,8 @@ def _estimates(
             label=look.text,
             zorder=3 + ranks[id(actor)] / (len(drawn) + 1),
         )
-    healthy = [c.v for _, actor, c in drawn if actor.observer.diverged_at is None]
-    return healthy, [c.v for _, actor, c in drawn if actor.observer.diverged_at is not None]
+    healthy = [c.v for _, actor, c in drawn if not actor.observer.lost]
+    return healthy, [c.v for _, actor, c in drawn if actor.observer.lost]
 
 
 def _samples(ax: Axes, scene: Scene, outputs: Mapping[str, Sequence[str]]) -> list[np.ndarray]:

@@ -83,8 +83,8 @@ class Outcome:
         Of each claim, by its id: one value, or one for each member of an ensemble.
     errors : dict of str to float or None
         Integration error of each single run, None where the method's step defines the run.
-    diverged : dict of str to list of str
-        For each run the observers that diverged, in words.
+    troubles : dict of str to list of str
+        For each run what is not ok in it, in words.
     refused : dict of str to list of str
         For each figure the lines of theory that are missing, in words.
     """
@@ -93,7 +93,7 @@ class Outcome:
     small: dict[str, str] = field(default_factory=dict)
     values: dict[str, list[float]] = field(default_factory=dict)
     errors: dict[str, float | None] = field(default_factory=dict)
-    diverged: dict[str, list[str]] = field(default_factory=dict)
+    troubles: dict[str, list[str]] = field(default_factory=dict)
     refused: dict[str, list[str]] = field(default_factory=dict)
 
 
@@ -145,9 +145,9 @@ class Work:
         for run in self._runs(self.job.figures, self._numbers):
             entry = self.state.data["runs"].get(run.name)
             if run.single and entry is not None:
-                error, lost = entry.get("integration_error"), entry.get("diverged")
+                error, troubles = entry.get("integration_error"), entry.get("troubles")
                 found.errors[run.name] = None if error is None else number(error)
-                found.diverged[run.name] = _words(lost)
+                found.troubles[run.name] = _words(troubles)
         return found
 
     def _runs(self, figures: Iterable[str], claims: Iterable[int]) -> list[Run]:
@@ -215,7 +215,7 @@ class Work:
             made_of,
             files=[file],
             integration_error=max(errors.values()) if errors else None,
-            diverged=[f"{label} {o.status}" for label, o in result.observers.items() if o.diverged_at is not None],
+            troubles=[*result.troubles()],
         )
         return result
 

@@ -9,6 +9,9 @@ from typing import Any, Literal
 
 import numpy as np
 
+from hgorun.errors import printable
+from hgorun.result.status import OK, Status, Verdict, worst
+
 
 @dataclass(frozen=True)
 class Measurements:
@@ -59,15 +62,17 @@ class ObserverResult:
     Attributes
     ----------
     xhat : ndarray, shape (Nt, n)
-        The estimate in the plant's coordinates; NaN after divergence.
+        The estimate in the plant's coordinates; NaN from where it is lost.
     internal : dict of str to ndarray, shape (Nt, ...)
         Internal states in their own shapes.
     gains : dict
         The numbers that the observer used.
     dimension : int
         Number of its differential equations.
-    diverged_at : float or None
+    verdict : Verdict
+        Whether its numbers can be trusted, and why not.
     metrics : dict of str to ndarray, shape (n,)
+        Infinite where the estimate is lost.
     coordinates : Coordinates, optional
         Where a constant gain corrects; None for other observers, and for files that do not say.
     """
@@ -77,7 +82,7 @@ class ObserverResult:
     internal: Mapping[str, np.ndarray]
     gains: Mapping[str, Any]
     dimension: int
-    diverged_at: float | None
+    verdict: Verdict = OK
     metrics: Mapping[str, np.ndarray] = field(default_factory=dict)
     coordinates: Coordinates | None = None
 
@@ -88,9 +93,29 @@ class ObserverResult:
         return None if eta is None else int(np.prod(eta.shape[1:2]))
 
     @property
-    def status(self) -> str:
-        """``ok``, or when it diverged."""
-        return "ok" if self.diverged_at is None else f"diverged at t={self.diverged_at:.6g}"
+    def status(self) -> Status:
+        """``ok``, ``inaccurate``, ``diverged``, ``undefined`` or ``failed``."""
+        return self.verdict.status
+
+    @property
+    def status_at(self) -> float | None:
+        """The time that the status is about, where there is one."""
+        return self.verdict.at
+
+    @property
+    def reason(self) -> str | None:
+        """Why the status is not ``ok``, where that is known."""
+        return self.verdict.reason
+
+    @property
+    def diverged_at(self) -> float | None:
+        """When it diverged; None where it did not."""
+        return self.verdict.at if self.status == "diverged" else None
+
+    @cached_property
+    def lost(self) -> bool:
+        """Whether the estimate ends before the run does, so that metrics are infinite."""
+        return self.verdict.lost or not bool(np.all(np.isfinite(self.xhat)))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -149,6 +174,8 @@ class ResultData:
         How the equations were integrated; None in files that do not say.
     remarks : tuple of str
         What should be known of the run, such as functions of time whose kinks may have been missed.
+    verdict : Verdict
+        Whether the plant's numbers can be trusted, and why not.
     """
 
     name: str
@@ -170,6 +197,7 @@ class ResultData:
     integration: Integration | None = None
     measures: Mapping[str, str] | None = None
     remarks: tuple[str, ...] = ()
+    verdict: Verdict = OK
 
     def outputs_of(self, state: str) -> tuple[str, ...]:
         """The outputs that measure a state: those that are it, whatever their names."""
@@ -198,10 +226,15 @@ class ResultData:
         return f"<Result {self.name!r}: {labels}; {self.time.size} points; {self.status}>"
 
     @property
-    def status(self) -> str:
-        """``ok``, or which observers diverged."""
-        lost = [label for label, o in self.observers.items() if o.diverged_at is not None]
-        return f"diverged: {', '.join(lost)}" if lost else "ok"
+    def status(self) -> Status:
+        """The worst status of the plant and its observers."""
+        return worst([self.verdict, *(o.verdict for o in self.observers.values())])
+
+    def troubles(self) -> list[str]:
+        """Who is not ok, when, and why: ``observer SHGO diverged at t=1.25 s: ...``."""
+        said = {"plant": self.verdict} | {f"observer {label}": o.verdict for label, o in self.observers.items()}
+        unit = printable(self.units.get("time", ""))
+        return [f"{who} {verdict.sentence(unit)}" for who, verdict in said.items() if verdict.status != "ok"]
 
     def metrics(self) -> dict[str, dict[str, dict[str, float]]]:
         """{observer: {metric: {state: number}}}."""

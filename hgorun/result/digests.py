@@ -37,6 +37,8 @@ def of_attributes(file: h5py.File) -> str:
                 found.update(f"{name}\n{key}\n{thing.attrs[key]!r}\n".encode(errors="backslashreplace"))
 
     add("/", file)
+    if "plant" in file:
+        add("plant", file["plant"])
     for room in ("observers", "metrics"):
         for label in sorted(file.get(room, ())):
             thing = file[room].get(label)

@@ -17,12 +17,14 @@ from hgorun.result import digests
 from hgorun.result.data import MAPS, Coordinates, Integration, Measurements, ObserverResult
 from hgorun.result.guarded import Failed, guarded
 from hgorun.result.result import Result
+from hgorun.result.status import OK, STATUSES, Verdict
 from hgorun.result.writing import FORMAT
 
 _LARGEST = 2**30  # bytes that the numbers may take; compressed or sparse data sets could claim any size
 _SECONDS = 60.0  # that reading may take: a GiB takes two
 _LONGEST = 1e100  # a window
 _NAMED = 1_000  # characters of a label
+_DIVERGED_AT = "diverged at t="  # as files of older versions say it
 
 
 def read(path: str | Path, *, max_memory: float = _LARGEST) -> Result:
@@ -182,7 +184,8 @@ class _Reader:
         if not isinstance(form, str) or form != FORMAT:
             raise self.error(f"not a result file of hgorun: attribute format is {form!r}, expected {FORMAT!r}")
         states, outputs = self.labels("plant/x"), self.labels("plant/y")
-        inputs = self.labels("plant/u") if "u" in self.group("plant") else ()
+        plant = self.group("plant")
+        inputs = self.labels("plant/u") if "u" in plant else ()
         time, y_times = self.times("time"), self.times("measurement/time")
         nt, nk, n, q = time.size, y_times.size, len(states), len(outputs)
         if nt == 0:
@@ -213,6 +216,7 @@ class _Reader:
             integration=self.integration(),
             measures=self.measures(states, outputs),
             remarks=self.remarks(),
+            verdict=self.verdict("plant", plant) if "status" in plant.attrs else OK,
         )
         self.check_attributes()
         return found
@@ -245,9 +249,6 @@ class _Reader:
         if label != printable(label) or len(label) > _NAMED:
             raise self.error(f"observers: {label!r:.50} is a label that cannot be shown")
         group = self.group(f"observers/{label}")
-        lost = group.attrs.get("diverged_at")
-        if lost is not None and not _is_finite(lost):
-            raise self.error(f"observers/{label}: attribute diverged_at must be a number, found {lost!r}")
         states = (f"observers/{label}/state", self.group(f"observers/{label}/state"))
         metrics = (f"metrics/{label}", self.group(f"metrics/{label}"))
         return ObserverResult(
@@ -256,10 +257,28 @@ class _Reader:
             internal={name: self.internal(f"{states[0]}/{name}", nt) for name in states[1]},
             gains=self.mapping("gains", group),
             dimension=self.integer("dimension", group),
-            diverged_at=None if lost is None else float(lost),
+            verdict=self.verdict(f"observers/{label}", group),
             metrics={name: self.numbers(f"{metrics[0]}/{name}", n) for name in metrics[1]},
             coordinates=self.coordinates(label, group),
         )
+
+    def verdict(self, name: str, group: h5py.Group) -> Verdict:
+        """What is said of the plant or an observer; older files say ``ok`` or ``diverged at t=...``."""
+        word = self.text("status", group)
+        at, lost = (self.moment(name, attribute, group) for attribute in ("status_at", "diverged_at"))
+        if word.startswith(_DIVERGED_AT):
+            word, at = "diverged", lost
+        status = next((known for known in STATUSES if known == word), None)
+        if status is None:
+            raise self.error(f"{name}: attribute status must be one of {', '.join(STATUSES)}, found {word!r:.50}")
+        return Verdict(status, at, printable(self.text("reason", group)) if "reason" in group.attrs else None)
+
+    def moment(self, name: str, attribute: str, group: h5py.Group) -> float | None:
+        """A time, where there is one."""
+        found = group.attrs.get(attribute)
+        if found is not None and not _is_finite(found):
+            raise self.error(f"{name}: attribute {attribute} must be a number, found {found!r}")
+        return None if found is None else float(found)
 
     def coordinates(self, label: str, group: h5py.Group) -> Coordinates | None:
         """Which were taken; files of older versions do not say."""

@@ -21,6 +21,7 @@ from hgorun.files import written_whole
 from hgorun.result import digests
 from hgorun.result.data import PLANT, ObserverResult, ResultData
 from hgorun.result.metrics.base import all_metrics
+from hgorun.result.status import OK, Verdict
 
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
@@ -166,6 +167,8 @@ def _write(result: ResultData, file: h5py.File) -> None:
         long_name="noise-free output",
         measures=_measured_states(result),
     )
+    if result.verdict != OK:
+        w.file["plant"].attrs.update(_said(result.verdict))
     m = result.measurements
     # their dimension is the number of the measurement: a second dimension called time would clash with the grid
     w.scale("measurement/number", np.arange(m.time.size), long_name="number of the measurement")
@@ -219,7 +222,7 @@ def _write_observer(w: _Writer, result: ResultData, label: str, o: ObserverResul
     attributes = w.file[base].attrs
     attributes["type"] = o.type
     attributes["gains"] = json.dumps(o.gains)
-    attributes["status"] = o.status
+    attributes.update(_said(o.verdict))
     attributes["dimension"] = o.dimension
     if o.coordinates is not None:
         attributes["map"] = o.coordinates.map
@@ -236,6 +239,12 @@ def _write_observer(w: _Writer, result: ResultData, label: str, o: ObserverResul
             units={"state": units, "time": of_time, "1": "1"}[metric.unit] if metric else None,
             long_name=metric.meaning if metric else None,
         )
+
+
+def _said(verdict: Verdict) -> dict[str, str | float]:
+    """A verdict as attributes: those that there are."""
+    said = {"status": verdict.status, "status_at": verdict.at, "reason": verdict.reason}
+    return {name: value for name, value in said.items() if value is not None}
 
 
 def _root_attributes(result: ResultData) -> dict[str, Any]:

@@ -21,6 +21,7 @@ from hgorun.engine.methods import METHODS
 from hgorun.engine.program import Raw, Tolerance, TooManySteps
 from hgorun.errors import Problem, SimulationError
 from hgorun.result.data import Integration
+from hgorun.result.status import Verdict
 from hgorun.simulation.checks import longest_step
 from hgorun.simulation.error_estimate import differences
 from hgorun.simulation.measured import Measured, measured
@@ -50,11 +51,14 @@ class Controlled:
     raw, measured
         Of the most accurate pass.
     integration : Integration
+    doubts : mapping of str to Verdict
+        What is not as accurate as it should be: ``plant`` or observers.
     """
 
     raw: Raw
     measured: Measured
     integration: Integration
+    doubts: Mapping[str, Verdict]
 
 
 class _Exhausted(Exception):
@@ -258,7 +262,19 @@ def controlled(run: PreparedRun, progress: Progress = None) -> Controlled:
         evaluations=search.budget.spent,
         error=found.error,
     )
-    return Controlled(raw=found.raw, measured=found.measured, integration=integration)
+    doubts = {label: _doubt(error, run) for label, error in found.error.items() if not error <= run.solver.accuracy}
+    return Controlled(raw=found.raw, measured=found.measured, integration=integration, doubts=doubts)
+
+
+def _doubt(error: float, run: PreparedRun) -> Verdict:
+    """What is said of numbers that have not become accurate."""
+    solver = run.solver
+    size = f"about {error:.1g}" if error < 1 else "of the size of the numbers themselves, or larger"
+    return Verdict(
+        "inaccurate",
+        reason=f"the integration error is {size} where solver.accuracy allows {solver.accuracy:g}; "
+        f"it did not get smaller with at most {solver.max_evaluations:g} evaluations (solver.max_evaluations)",
+    )
 
 
 def _stages(search: _Search) -> Iterator[Callable[[], bool]]:

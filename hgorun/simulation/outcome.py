@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict
 
 import numpy as np
@@ -12,16 +13,28 @@ from hgorun.measurement.events import merge
 from hgorun.measurement.schedule import nearest_event
 from hgorun.measurement.signals import noise_at
 from hgorun.memo import Memo
-from hgorun.result.data import Integration, Measurements, ObserverResult
+from hgorun.result.data import PLANT, Integration, Measurements, ObserverResult
 from hgorun.result.result import Result
+from hgorun.result.status import OK, Verdict
 from hgorun.simulation.measured import Measured
 from hgorun.simulation.prepared import PreparedRun
 
 _INPUTS: Memo[np.ndarray] = Memo(8, lambda u: u.size < 1_000_000)
 
 
-def record(run: PreparedRun, raw: Raw, found: Measured, integration: Integration) -> Result:
-    """Trajectories in the plant's coordinates, on the output grid, with metrics from the metric grid."""
+def record(
+    run: PreparedRun, raw: Raw, found: Measured, integration: Integration, doubts: Mapping[str, Verdict] | None = None
+) -> Result:
+    """Trajectories in the plant's coordinates, on the output grid, with metrics from the metric grid.
+
+    Parameters
+    ----------
+    run, raw, found, integration
+        The run, what it has given, and how.
+    doubts : mapping of str to Verdict, optional
+        What is inaccurate: for ``plant`` and observers.
+    """
+    doubts = doubts or {}
     structure, numbers, blocks, model = run.structure, run.numbers, run.experiment.blocks, run.plant.model
     shown = slice(None, None, run.experiment.grid[1])
     rows = raw.rows[:, :, 0]
@@ -41,7 +54,7 @@ def record(run: PreparedRun, raw: Raw, found: Measured, integration: Integration
             internal={name: st.shaped(rows[shown]) for name, st in b.states.items() if name != "xhat" and st.size},
             gains={name: np.asarray(value).tolist() for name, value in b.design.items()},
             dimension=sum(st.size for name, st in b.states.items() if name != "alpha"),
-            diverged_at=lost_at if np.isfinite(lost_at) else None,
+            verdict=Verdict("diverged", lost_at) if np.isfinite(lost_at) else doubts.get(b.label, OK),
             metrics=found.metrics[b.label],
             coordinates=run.experiment.coordinates.get(b.label),
         )
@@ -63,6 +76,7 @@ def record(run: PreparedRun, raw: Raw, found: Measured, integration: Integration
         seed=blocks.seed,
         windows=asdict(found.settings),
         integration=integration,
+        verdict=doubts.get(PLANT, OK),
         measures=model.measures,
         remarks=run.remarks,
     )

@@ -52,7 +52,7 @@ def perform(run: PreparedRun, *, check_step: bool = False, progress: Callable[[f
     with _located(run), run.experiment.located():
         if run.solver.controlled:
             best = controlled(run, progress)
-            return record(run, best.raw, best.measured, best.integration)
+            return record(run, best.raw, best.measured, best.integration, best.doubts)
         how = as_given(run)
         raw = integrate(run, how, progress)
         found = measured(run, raw)

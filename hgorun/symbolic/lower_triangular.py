@@ -18,8 +18,11 @@ from hgorun.errors import NotObservableForm
 from hgorun.symbolic import evaluate
 from hgorun.symbolic.forms import Bounds
 from hgorun.symbolic.plant import PlantModel
+from hgorun.symbolic.points import instants, near
 from hgorun.symbolic.reconstruction import Reconstruction, input_derivatives, output_derivatives, reconstruction
 from hgorun.symbolic.triangular import TriangularCopy, TriangularForm, transformed
+
+_LOWEST = 0.1  # of the inputs at which slopes are taken: they may stand under a root
 
 
 @dataclass(frozen=True)
@@ -56,7 +59,7 @@ class LowerTriangularForm(TriangularForm):
 
     def again(self, at: np.ndarray, parameters: np.ndarray) -> LowerTriangularForm | None:
         """The form with other numbers, where they lead to the same equations."""
-        points = tuple(_points_around(self.start(at, parameters, False)))
+        points = tuple(near(self.start(at, parameters, False)))
         known = self.__dict__.get("_reconstruction")
         if known is not None and not known.holds(self.model, points, parameters):
             return None
@@ -186,7 +189,7 @@ def lower_triangular_form(plant: PlantModel, at: np.ndarray, parameters: np.ndar
             "plants takes one"
         )
     start = TriangularForm(plant, model, tuple(range(model.n)), (0,)).start(at, parameters, False)
-    points = _points_around(start)
+    points = near(start)
     rows = ca.vertcat(model.output, model.dynamics)
     depends = np.zeros((1 + model.n, model.n), dtype=bool)
     sparsity = ca.jacobian(rows, model.x).sparsity()
@@ -263,19 +266,12 @@ def derivative_form(plant: PlantModel, at: np.ndarray, parameters: np.ndarray) -
     return DerivativeForm(lower_triangular_form(plant, at, parameters))
 
 
-def _points_around(at: np.ndarray) -> list[np.ndarray]:
-    generator = np.random.default_rng(0)
-    return [at] + [at + 0.3 * np.abs(at) * generator.uniform(-1, 1, at.size) + 0.01 * (at == 0) for _ in range(8)]
-
-
 def _values(
     function: ca.Function, model: PlantModel, points: Sequence[np.ndarray], parameters: np.ndarray
 ) -> list[np.ndarray]:
     """A function of (t, x, u, p) at the points, at random times and inputs."""
-    generator = np.random.default_rng(1)
     return [
-        evaluate.at(function, generator.uniform(), x, generator.uniform(0.1, 1, len(model.inputs)), parameters)[0]
-        for x in points
+        evaluate.at(function, i.t, i.x, i.u, parameters)[0] for i in instants(points, len(model.inputs), low=_LOWEST)
     ]
 
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import groupby, islice, product
+from itertools import groupby
 from typing import Literal
 
 import casadi as ca
@@ -16,12 +16,11 @@ from hgorun.symbolic import evaluate, ranks
 from hgorun.symbolic.canonical import CanonicalForm
 from hgorun.symbolic.chains import Chain, Links
 from hgorun.symbolic.plant import PlantModel
+from hgorun.symbolic.points import around
+from hgorun.symbolic.shares import chain_lengths, unevenness
+from hgorun.symbolic.uniform import input_slopes, require_uniform
 
-_MOST_SHARES = 300  # of the states among the outputs that are tried
 _TIE = 1e-6  # of the logarithm of a determinant
-_INPUTS = (1.0, 1e-4, 1e4, 1e-8, 1e8, 1.0, 1e-12, 1e12, 1.0)  # sizes of inputs, whose units are unknown
-_TRIANGULAR = 1e-7  # relative size of a slope that is rounding
-_BESIDE = 1e-8  # relative distance at which rounding is another one, and a slope the same
 
 
 @dataclass(frozen=True)
@@ -120,10 +119,10 @@ class _Search:
                 f"map: chain asks for x_i' = c_i x_(i+1) + phi_i(u, x_1..x_i) with constant c_i and outputs c_0 x_1"
                 f"{', with the lengths of the key chains' if links is not None else ''}; take map: derivatives"
             )
-        points = ranks.points_around(at, self.plant.states)
-        lengths = self._lengths(points, parameters)
+        near = around(at, self.plant.states)
+        lengths = self._lengths(near, parameters)
         form = self._of_derivatives(lengths)
-        self._require_triangular(form, points, parameters)
+        require_uniform(form, near, parameters, self._slopes(form))
         return form
 
     def _of_links(self, links: tuple[Chain, ...]) -> CanonicalForm:
@@ -174,6 +173,11 @@ class _Search:
         ]
         return np.array(rows).reshape(-1, self.plant.n)
 
+    def _slopes(self, form: CanonicalForm) -> ca.Function:
+        if form.chains not in self._slope_functions:
+            self._slope_functions[form.chains] = input_slopes(form)
+        return self._slope_functions[form.chains]
+
     def _lengths(self, points: list[np.ndarray], parameters: np.ndarray) -> tuple[int, ...]:
         """How long the chain of every output is."""
         plant = self.plant
@@ -184,7 +188,7 @@ class _Search:
             if self._regular(lengths, points, parameters):
                 return lengths
             raise NotObservableForm(self._why_not(lengths, points, parameters))
-        for _, even in groupby(_chain_lengths(plant.outputs, plant.n), _unevenness):
+        for _, even in groupby(chain_lengths(plant.outputs, plant.n), unevenness):
             sizes = {lengths: self._size(lengths, points, parameters) for lengths in even}
             best = max(sizes.values())
             if best > -np.inf:
@@ -251,60 +255,6 @@ class _Search:
             f"(rank {ranks.rank(best)} of {plant.n}): {', '.join(parts)} cannot be told apart from the output {names}"
         )
 
-    def _require_triangular(self, form: CanonicalForm, points: list[np.ndarray], parameters: np.ndarray) -> None:
-        """In z the model must be a chain plus phi(u, z) with phi_i a function of z_1..z_i only.
-
-        What is not drift is what inputs and time bring in; the drift's own slopes say what is rounding.
-        """
-        plant = form.plant
-        if not plant.inputs:
-            return
-        position = [k for length in form.chains for k in range(length)]
-        last = [k == length - 1 for length in form.chains for k in range(length)]
-        generator = np.random.default_rng(1)
-        for x, size in zip(points, _INPUTS, strict=True):
-            u, t = size * generator.uniform(-1, 1, plant.u.numel()), generator.uniform()
-            jacobian = form.jacobian_at(x, parameters)
-            if not ranks.singular_value_ratio(jacobian) > ranks.SINGULAR:
-                continue
-            in_z, scale = self._added(form, t, x, u, parameters)
-            for i, j in product(range(len(position)), repeat=2):
-                if position[j] > position[i] and not last[i] and abs(in_z[i, j]) > _TRIANGULAR * scale[i, j]:
-                    # terms of a large input that cancel leave rounding
-                    near = [x * (1 + k * _BESIDE) for k in (-9, -5, 4, 7)]
-                    beside = [self._added(form, t, x, u, parameters)[0][i, j] for x in near]
-                    if np.ptp([in_z[i, j], *beside]) > 0.1 * abs(in_z[i, j]):
-                        continue
-                    raise NotObservableForm(
-                        f"not uniformly observable: in the coordinates z = (h, L_f h, ...) the derivative of "
-                        f"z{i + 1} depends on z{j + 1} through an input or time (slope {in_z[i, j]:.3g}), so some "
-                        "input can hide a state; a constant-gain observer needs a triangular model"
-                    )
-
-    def _added(
-        self, form: CanonicalForm, t: float, x: np.ndarray, u: np.ndarray, parameters: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """The slopes in z of what inputs and time add to z', and the size of their terms."""
-        jacobian = form.jacobian_at(x, parameters)
-        back = np.linalg.inv(jacobian) if form.square else np.linalg.pinv(jacobian)
-        added, whole = (v.reshape(-1, form.plant.n) for v in evaluate.at(self._slopes(form), t, x, u, parameters))
-        return added @ back, (np.abs(added) + np.abs(whole)) @ np.abs(back)
-
-    def _slopes(self, form: CanonicalForm) -> ca.Function:
-        """The slopes in x of z' with the inputs less z' without them, and of z' itself, from (t, x, u, p)."""
-        if form.chains not in self._slope_functions:
-            self._slope_functions[form.chains] = self._slope_function(form)
-        return self._slope_functions[form.chains]
-
-    @staticmethod
-    def _slope_function(form: CanonicalForm) -> ca.Function:
-        plant = form.plant
-        drift = plant.f(plant.t, plant.x, ca.SX.zeros(plant.u.shape), plant.p)
-        added = ca.jacobian(form.jacobian @ (plant.dynamics - drift), plant.x)
-        whole = ca.jacobian(form.jacobian @ plant.dynamics, plant.x)
-        arguments = [plant.t, plant.x, plant.u, plant.p]
-        return ca.Function("slopes", arguments, [ca.densify(ca.cse(added)), ca.densify(ca.cse(whole))])
-
 
 def _lie_derivatives(plant: PlantModel) -> list[list[ca.SX]]:
     """For each output the n functions h, L_f0 h, ..., with the inputs at zero."""
@@ -318,40 +268,3 @@ def _lie_derivatives(plant: PlantModel) -> list[list[ca.SX]]:
             functions.append(ca.cse(ca.jtimes(functions[-1], plant.x, drift)))
         chains.append(functions)
     return chains
-
-
-def _chain_lengths(outputs: tuple[str, ...], n: int) -> Iterator[tuple[int, ...]]:
-    """Ways to share n among the outputs, the most even first, at least one each; the first few hundred.
-
-    Of equally even ones those come first that give more to the outputs that come first in the alphabet.
-    """
-    count = len(outputs)
-    places = sorted(range(count), key=lambda i: outputs[i])
-    by_spread = (
-        tuple(share[places.index(i)] for i in range(count))
-        for spread in range(n - count + 1)
-        for share in sorted(
-            {
-                share
-                for low in range(1, n // count + 1)
-                for share in islice(_shares(n, count, low, low + spread), _MOST_SHARES)
-                if max(share) - min(share) == spread
-            },
-            key=lambda share: (sorted(share), [-k for k in share]),
-        )
-    )
-    yield from islice(by_spread, _MOST_SHARES)
-
-
-def _unevenness(lengths: tuple[int, ...]) -> tuple[int, list[int]]:
-    return max(lengths) - min(lengths), sorted(lengths)
-
-
-def _shares(n: int, parts: int, low: int, high: int) -> Iterator[tuple[int, ...]]:
-    """Ordered ways to write n as a sum of parts from low to high."""
-    if parts == 0:
-        yield ()
-        return
-    for first in range(max(low, n - (parts - 1) * high), min(high, n - (parts - 1) * low) + 1):
-        for rest in _shares(n - first, parts - 1, low, high):
-            yield first, *rest

@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from hashlib import sha256
 
 import numpy as np
 
 SINGULAR = 1e-10  # smallest over largest singular value below which a matrix counts as singular
-_ROUNDS = 30
-_POINTS = 8
-# of a state that is zero at the start, where nothing says which size is typical
-_SIZES = (0.1, 1.0, 1e-3, 30.0, 1e-6, 1e3, 1e-9, 1e6)
+_ROUNDS, _ALIKE = 30, 1e-3  # at most so many rounds, until all norms are as close to one
 
 
 def equilibrated(matrix: np.ndarray) -> np.ndarray:
@@ -22,11 +18,16 @@ def equilibrated(matrix: np.ndarray) -> np.ndarray:
     scaled = np.abs(matrix)
     rows, columns = np.any(scaled > 0, axis=1), np.any(scaled > 0, axis=0)
     scaled = np.asarray(matrix[np.ix_(rows, columns)], dtype=float)
-    for _ in range(_ROUNDS if scaled.size else 0):
-        scaled = scaled / np.max(np.abs(scaled), axis=1, keepdims=True)
-        scaled = scaled / np.linalg.norm(scaled, axis=1, keepdims=True)
-        scaled = scaled / np.max(np.abs(scaled), axis=0, keepdims=True)
+    if not scaled.size:
+        return scaled
+    for axis in (1, 0):  # squares of what is left do not overflow
+        scaled = scaled / np.max(np.abs(scaled), axis=axis, keepdims=True)
+    for _ in range(_ROUNDS):
+        heights = np.linalg.norm(scaled, axis=1, keepdims=True)
+        scaled = scaled / heights
         scaled = scaled / np.linalg.norm(scaled, axis=0, keepdims=True)
+        if np.max(np.abs(heights - 1)) < _ALIKE:
+            break
     return np.asarray(scaled)
 
 
@@ -71,23 +72,3 @@ def null_direction(matrix: np.ndarray) -> np.ndarray:
     heights = np.max(np.abs(scaled), axis=1, keepdims=True)
     direction: np.ndarray = np.linalg.svd(scaled / np.where(heights > 0, heights, 1.0))[2][-1]
     return direction
-
-
-def points_around(at: np.ndarray, names: tuple[str, ...]) -> list[np.ndarray]:
-    """A typical state, and others near it, at which ranks are decided.
-
-    The draws of a state follow from its name, so that they do not depend on the order of the states; their
-    size follows from its value. Where that is zero, sizes of many orders are tried.
-
-    Parameters
-    ----------
-    at : ndarray, shape (n,)
-    names : tuple of str
-        Of the states.
-    """
-    points = np.tile(at, (_POINTS, 1))
-    for i, name in enumerate(names):
-        seed = int.from_bytes(sha256(name.encode()).digest()[:8], "little")
-        draws = np.random.default_rng(seed).uniform(-1, 1, _POINTS)
-        points[:, i] += draws * (0.3 * np.abs(at[i]) if at[i] != 0 else np.array(_SIZES))
-    return [at, *points]

@@ -16,6 +16,7 @@ import numpy as np
 from hgorun.symbolic.evaluate import at
 from hgorun.symbolic.parameters import flat
 from hgorun.symbolic.plant import PlantModel
+from hgorun.symbolic.points import instants
 
 _NEWTON_STEPS = 12
 _AFFINE = 1e-9  # relative change of a slope that counts as rounding
@@ -142,14 +143,13 @@ def _affine(
     slope: ca.Function, state: int, model: PlantModel, points: Sequence[np.ndarray], parameters: np.ndarray
 ) -> bool:
     """Whether the slope does not change with the state, though it is written with it."""
-    generator = np.random.default_rng(0)
     seen = False
-    for x in points:
+    for i in instants(points, len(model.inputs), low=0.1):
         X, U = np.zeros((model.n, model.n)), np.zeros((len(model.inputs), model.n))
-        X[:, 0], U[:, 0] = x, generator.uniform(0.1, 1, len(model.inputs))
+        X[:, 0], U[:, 0] = i.x, i.u
         there = X.copy()
         there[state, 0] *= 1.1
-        there[state, 0] += 1e-3 * (x[state] == 0)
+        there[state, 0] += 1e-3 * (i.x[state] == 0)
         a, b = (float(at(slope, 0.0, flat(values), flat(U), parameters)[0][0]) for values in (X, there))
         if np.isfinite(a) and np.isfinite(b):
             seen = True

@@ -16,6 +16,7 @@ from hgorun.errors import NotObservableForm
 from hgorun.symbolic import evaluate, ranks
 from hgorun.symbolic.forms import Bounds
 from hgorun.symbolic.plant import PlantModel
+from hgorun.symbolic.points import around, instants
 
 
 @dataclass(frozen=True)
@@ -170,11 +171,9 @@ def _sorted(plant: PlantModel) -> tuple[tuple[int, ...], tuple[int, ...]]:
 def _rank(form: StrictFeedbackForm, at: np.ndarray, parameters: np.ndarray) -> int:
     """The rank of g, decided at random points around the typical state."""
     plant = form.plant
-    generator = np.random.default_rng(0)
     best = 0
-    for x in ranks.points_around(at, plant.states)[1:]:
-        u = generator.uniform(-1, 1, plant.u.numel())
-        (value,) = evaluate.at(form._g, generator.uniform(), x, u, parameters)
+    for i in instants(around(at, plant.states)[1:], plant.u.numel()):
+        (value,) = evaluate.at(form._g, i.t, i.x, i.u, parameters)
         best = max(best, ranks.rank(value.reshape(len(form.measured), len(form.hidden))))
     return best
 

@@ -16,6 +16,7 @@ from hgorun.result.data import ObserverResult
 from hgorun.result.metrics.base import all_metrics
 from hgorun.result.result import Result
 from hgorun.result.run_names import run_names
+from hgorun.result.status import Verdict
 from hgorun.tables.typeset import columns, latex_words, printable, shortened, symbol
 
 _WIDTH = 100  # columns of a terminal
@@ -45,9 +46,8 @@ class _Row:
 
     @property
     def status(self) -> str:
-        """``ok``, or when it diverged, with the unit of time."""
-        unit = printable(self.result.units.get("time", ""))
-        return self.observer.status + (f" {unit}" if unit and self.observer.diverged_at is not None else "")
+        """The word, and the time with its unit where there is one."""
+        return self.observer.verdict.text(printable(self.result.units.get("time", "")))
 
 
 def _rows(results: Sequence[Result]) -> list[_Row]:
@@ -83,12 +83,14 @@ def as_json(result: Result, file: str | None = None, predicted: Predicted | None
     Returns
     -------
     dict
-        ``{"name", "file", "status", "observers": {label: {"status", metric: {state: number}}}}``,
-        ``integration_error`` and ``remarks`` where there are any, and an observer's ``coordinates``, where it has a
-        choice of them: ``{"map", "chains": {output: length}}``. Numbers that are not finite are text.
+        ``{"name", "file", "status", "observers": {label: {"status", "status_at", "reason",
+        metric: {state: number}}}}``, ``integration_error`` and ``remarks`` where there are any, ``plant`` with its
+        status where that is not ok, and an observer's ``coordinates``, where it has a choice of them:
+        ``{"map", "chains": {output: length}}``. Numbers that are not finite are text, a time or reason that is not
+        known is null.
     """
     observers: dict[str, dict[str, Any]] = {
-        label: {"status": result.observers[label].status} | metrics for label, metrics in result.metrics().items()
+        label: _said(result.observers[label].verdict) | metrics for label, metrics in result.metrics().items()
     }
     for label, o in result.observers.items():
         if o.coordinates is not None:
@@ -103,9 +105,15 @@ def as_json(result: Result, file: str | None = None, predicted: Predicted | None
     }
     if result.integration_error is not None:
         found["integration_error"] = result.integration_error
+    if result.verdict.status != "ok":
+        found["plant"] = _said(result.verdict)
     if result.remarks:
         found["remarks"] = list(result.remarks)
     return {key: json_value(value) for key, value in found.items()}
+
+
+def _said(verdict: Verdict) -> dict[str, str | float | None]:
+    return {"status": verdict.status, "status_at": verdict.at, "reason": verdict.reason}
 
 
 def csv(results: Sequence[Result], predicted: Sequence[Predicted] = ()) -> str:
@@ -120,9 +128,9 @@ def csv(results: Sequence[Result], predicted: Sequence[Predicted] = ()) -> str:
     for row in _rows(results):
         for metric, values in row.observer.metrics.items():
             for state, value in zip(row.result.states, values, strict=True):
-                writer.writerow([row.run, row.label, row.observer.status, state, metric, repr(float(value))])
+                writer.writerow([row.run, row.label, row.observer.verdict.text(), state, metric, repr(float(value))])
         for key, prediction in _theory(row, results, predicted).items():
-            writer.writerow([row.run, row.label, row.observer.status, "", key, repr(float(prediction))])
+            writer.writerow([row.run, row.label, row.observer.verdict.text(), "", key, repr(float(prediction))])
     return buffer.getvalue()
 
 
@@ -242,7 +250,7 @@ def latex(results: Sequence[Result], metrics: Sequence[str] | None = None) -> st
     r"""A ``tabular`` for a document that loads the package booktabs.
 
     The best number of every column is bold: the smallest, for tv the nearest to 1. Metrics that do not fit
-    side by side follow below each other; diverged observers are named at the end.
+    side by side follow below each other; observers that are not ok are named at the end.
 
     Parameters
     ----------
@@ -265,7 +273,7 @@ def latex(results: Sequence[Result], metrics: Sequence[str] | None = None) -> st
         for i, row in enumerate(rows):
             cells = [_latex_number(values[i], best[column]) for column, values in numbers.items()]
             lines.append(" & ".join([latex_words(row.text), *cells, *padding]) + r" \\")
-    lost = "; ".join(latex_words(f"{row.text} {row.status}") for row in rows if row.observer.diverged_at is not None)
+    lost = "; ".join(latex_words(f"{row.text} {row.status}") for row in rows if row.observer.status != "ok")
     if lost:
         lines += [r"\midrule", rf"\multicolumn{{{width + 1}}}{{l}}{{{lost}}} \\"]
     return "\n".join([*lines, r"\bottomrule", r"\end{tabular}"]) + "\n"

@@ -31,6 +31,7 @@ from hgorun.figures.looks import Look, family_colour, looks
 from hgorun.figures.names import RunNames, check
 from hgorun.figures.style import DASHES, PALETTE, TRUTH
 from hgorun.result.data import Measurements, ObserverResult
+from hgorun.result.status import OK, Verdict
 from hgorun.tables.typeset import latex_words, paragraph, shortened, symbol, unit, words
 
 CONFIG: dict[str, Any] = {
@@ -86,8 +87,8 @@ def with_observers(result: Result, **estimates: np.ndarray) -> Result:
     observers = {}
     for label, xhat in estimates.items():
         lost = np.flatnonzero(~np.isfinite(xhat[:, 0]))
-        at = float(result.time[lost[0]]) if lost.size else None
-        observers[label] = ObserverResult(type="shgo", xhat=xhat, internal={}, gains={}, dimension=2, diverged_at=at)
+        verdict = Verdict("diverged", float(result.time[lost[0]])) if lost.size else OK
+        observers[label] = ObserverResult(type="shgo", xhat=xhat, internal={}, gains={}, dimension=2, verdict=verdict)
     return replace(result, observers=observers)
 
 

@@ -28,7 +28,7 @@ from hgorun.result.result import Result
 
 def made_up(kind: str, xhat: np.ndarray) -> ObserverResult:
     """An observer without states of its own."""
-    return ObserverResult(type=kind, xhat=xhat, internal={}, gains={}, dimension=2, diverged_at=None)
+    return ObserverResult(type=kind, xhat=xhat, internal={}, gains={}, dimension=2)
 
 
 def run(name: str, *, end: float = 10.0, step: float = 0.01, period: float = 0.5, shift: float = 0.0) -> Result:

@@ -11,6 +11,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,7 @@ import yaml
 
 import hgorun
 from hgorun.result.guarded import Failed, guarded
+from hgorun.result.status import Verdict
 
 CONFIG = """
 title: small
@@ -78,7 +80,8 @@ def test_layout(file: Path, config: Path) -> None:
         assert json.loads(group.attrs["gains"])["K_n"] == [4.0, 1.0]
         assert group.attrs["dimension"] == 4
         assert f["metrics/SHGO/rmse"].shape == (2,)
-        assert f["observers/wild"].attrs["status"].startswith("diverged at t=")
+        assert f["observers/wild"].attrs["status"] == "diverged"
+        assert f["observers/wild"].attrs["status_at"] == f["observers/wild"].attrs["diverged_at"]
         assert f["observers/wild"].attrs["diverged_at"] > 0
         assert np.all(np.isinf(f["metrics/wild/rmse"][()]))
         lost = f["time"][()] > f["observers/wild"].attrs["diverged_at"]
@@ -116,8 +119,41 @@ def test_read_gives_back_what_was_saved(file: Path, config: Path) -> None:
     for label, observer in result.observers.items():
         np.testing.assert_array_equal(observer.xhat, back.observers[label].xhat)
         np.testing.assert_array_equal(observer.internal["alpha"], back.observers[label].internal["alpha"])
-        assert observer.status == back.observers[label].status
+        assert observer.verdict == back.observers[label].verdict
     np.testing.assert_equal(back.metrics(), result.metrics())
+
+
+@pytest.mark.parametrize(
+    "verdict",
+    [Verdict("inaccurate", None, "error 3e-2"), Verdict("undefined", 0.5, "sqrt of a negative number"), Verdict()],
+)
+def test_verdicts_are_stored_as_word_time_and_reason(file: Path, tmp_path: Path, verdict: Verdict) -> None:
+    result = hgorun.read(file)
+    observers = {**result.observers, "SHGO": replace(result.observers["SHGO"], verdict=verdict)}
+    path = replace(result, verdict=verdict, observers=observers).save(tmp_path / "said.h5")
+    back = hgorun.read(path)
+    assert back.observers["SHGO"].verdict == back.verdict == verdict
+    assert back.status == "undefined" if verdict.status == "undefined" else "diverged"
+    with h5py.File(path) as f:
+        attributes = f["observers/SHGO"].attrs
+        assert attributes["status"] == verdict.status
+        assert attributes.get("status_at") == verdict.at
+        assert attributes.get("reason") == verdict.reason
+        assert "diverged_at" not in attributes
+
+
+def test_files_of_older_versions_say_the_time_in_the_status(file: Path, tmp_path: Path) -> None:
+    old = tmp_path / "old.h5"
+    old.write_bytes(file.read_bytes())
+    with h5py.File(old, "r+") as f:
+        del f.attrs["sha256"]
+        attributes = f["observers/wild"].attrs
+        del attributes["status_at"]
+        at = attributes["diverged_at"]
+        attributes["status"] = f"diverged at t={at:.6g}"
+    back = hgorun.read(old)
+    assert back.observers["wild"].verdict == Verdict("diverged", at)
+    assert back.status == "diverged"
 
 
 def test_resolved_configuration_gives_the_same_run(file: Path, tmp_path: Path) -> None:
@@ -192,6 +228,9 @@ NOT_A_RESULT: dict[str, tuple[Callable[[h5py.File], object], str]] = {
     "title": (attribute("title", 3), "attribute title"),
     "dimension": (attribute("dimension", 1.5, "observers/SHGO"), "attribute dimension"),
     "diverged_at": (attribute("diverged_at", "late", "observers/SHGO"), "attribute diverged_at"),
+    "status": (attribute("status", "fine", "observers/SHGO"), "attribute status must be one of ok, inaccurate"),
+    "status_at": (attribute("status_at", "late", "observers/SHGO"), "attribute status_at must be a number"),
+    "reason": (attribute("reason", 3, "observers/SHGO"), "attribute reason must be text"),
     "gains": (attribute("gains", "[", "observers/SHGO"), "attribute gains is not JSON"),
     "window": (attribute("windows", '{"steady": 3}'), "windows: steady is 3"),
     "window NaN": (attribute("windows", '{"steady": [0, NaN]}'), "windows: steady"),

@@ -18,7 +18,7 @@ from hgorun.measurement.noise import generator
 from hgorun.simulation.simulate import prepare
 from hgorun.simulation.tables import count_steps, in_pieces
 from hgorun.symbolic.canonical import CanonicalForm
-from hgorun.symbolic.observability import _chain_lengths
+from hgorun.symbolic.shares import chain_lengths
 
 CONFIG: dict[str, Any] = {
     "title": "limits",
@@ -155,24 +155,24 @@ def test_events_that_delays_repeat(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("n", "outputs"), [(1, 1), (4, 2), (7, 3), (6, 6), (8, 4)])
 def test_few_shares_of_states_are_all_tried(n: int, outputs: int) -> None:
     every = [s for s in product(range(1, n + 1), repeat=outputs) if sum(s) == n]
-    found = list(_chain_lengths(tuple("abcdef"[:outputs]), n))
+    found = list(chain_lengths(tuple("abcdef"[:outputs]), n))
     assert sorted(found) == sorted(every)
     assert found == sorted(found, key=lambda s: (max(s) - min(s), sorted(s), [-k for k in s]))
 
 
 def test_equally_even_shares_give_more_to_the_first_in_the_alphabet() -> None:
-    assert list(_chain_lengths(("b", "a"), 3)) == [(1, 2), (2, 1)]
+    assert list(chain_lengths(("b", "a"), 3)) == [(1, 2), (2, 1)]
 
 
 def test_many_shares_of_states() -> None:
     began = time.perf_counter()
     for n, outputs in ((20, 10), (25, 10), (60, 20)):
-        shares = list(_chain_lengths(tuple(map(str, range(outputs))), n))
+        shares = list(chain_lengths(tuple(map(str, range(outputs))), n))
         assert 20 < len(shares) < 1000
         assert len(set(shares)) == len(shares)
         assert {sum(s) for s in shares} == {n}
         assert max(shares[0]) - min(shares[0]) <= 1
-    assert list(islice(_chain_lengths(tuple("abcdefghij"), 20), 1)) == [(2,) * 10]
+    assert list(islice(chain_lengths(tuple("abcdefghij"), 20), 1)) == [(2,) * 10]
     assert time.perf_counter() - began < 2
 
 

@@ -18,6 +18,7 @@ from hypothesis import strategies as st
 from hgorun import Result
 from hgorun.result.data import Integration
 from hgorun.result.metrics.base import all_metrics
+from hgorun.result.status import OK, Verdict
 from hgorun.tables import metrics as tables
 from hgorun.tables.typeset import columns
 
@@ -69,7 +70,7 @@ def with_metrics(result: Result, **values: dict[str, list[float]]) -> Result:
             label: replace(
                 some,
                 metrics={name: np.array(v) for name, v in metrics.items()},
-                diverged_at=1.25 if math.inf in metrics["rmse"] else None,
+                verdict=Verdict("diverged", 1.25) if math.inf in metrics["rmse"] else OK,
             )
             for label, metrics in values.items()
         },
@@ -189,7 +190,9 @@ def test_numbers_that_are_not_finite_are_text_in_json(result: Result) -> None:
     found = json.loads(json.dumps(tables.as_json(odd), allow_nan=False), parse_constant=refuse)
     assert found["observers"]["A"]["rmse"] == {"x1": "inf", "x2": "-inf"}
     assert found["observers"]["A"]["hf"] == {"x1": "nan", "x2": 1.0}
-    assert found["observers"]["A"]["status"] == "diverged at t=1.25"
+    assert found["observers"]["A"]["status"] == "diverged"
+    assert found["observers"]["A"]["status_at"] == 1.25
+    assert found["observers"]["A"]["reason"] is None
     assert found["integration_error"] == {"plant": 0.0, "A": "inf"}
     assert found["file"] is None
 

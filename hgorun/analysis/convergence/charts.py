@@ -14,7 +14,7 @@ import numpy as np
 from hgorun.analysis.reasons import NoValue
 from hgorun.plants.build import BuiltPlant
 from hgorun.symbolic.forms import BlockForm, ChainForm, Form
-from hgorun.symbolic.ranks import points_around
+from hgorun.symbolic.points import around, instants
 
 _CURVED = 1e-8  # relative change of a slope that is rounding
 
@@ -186,16 +186,15 @@ def _require_affine(form: BlockForm, plant: BuiltPlant, links: list[tuple[int, i
     """f^(k) = F_k(u, x^(1)..x^(k)) x^(k+1) + phi^(k): decided at random points, since symbols may hide it."""
     m, block = form.model, form.block
     z = ca.Function("z", [form.plant.x, form.plant.p], [form.coordinates(False)])(plant.initial, plant.parameters)
-    start, random = np.asarray(z.full()).ravel(), np.random.default_rng(0)
-    points = points_around(start, m.states)[1:]
+    points = around(np.asarray(z.full()).ravel(), m.states)[1:]
     for i, j in links:
         slope = ca.jacobian(m.dynamics[i], m.x[j])
         places = [k for k in range(m.n) if block[k] == block[j]]
         following = ca.vertcat(*[m.x[k] for k in places])
         curvature = ca.Function("c", [m.t, m.x, m.u, m.p], [slope, ca.densify(ca.jacobian(slope, following))])
-        for point in points:
-            first, second = curvature(random.uniform(), point, random.uniform(-1, 1, m.u.numel()), plant.parameters)
-            change = float(np.max(np.abs(np.asarray(second.full()).ravel() * point[places])))
+        for at in instants(points, m.u.numel()):
+            first, second = curvature(at.t, at.x, at.u, plant.parameters)
+            change = float(np.max(np.abs(np.asarray(second.full()).ravel() * at.x[places])))
             if change > _CURVED * abs(float(first)):
                 raise NoValue(
                     f"the derivative of {m.states[i]} is not affine in {m.states[j]}: F(u, xhat) x + phi(u, x) of "

@@ -11,7 +11,7 @@ from hgorun.analysis.convergence.bounds import Halanay
 from hgorun.analysis.convergence.envelope import Envelope
 from hgorun.analysis.convergence.premises import Premises, dynamics_of, is_coarse, premises_of, weights
 from hgorun.analysis.convergence.time_varying import FilterTheorem, Gramian
-from hgorun.analysis.reasons import DIVERGED, NoValue, outcome
+from hgorun.analysis.reasons import NoValue, outcome, why_lost
 from hgorun.analysis.subject import Subject, once
 from hgorun.observers.capabilities import FilterCascade
 from hgorun.observers.riccati import RiccatiGain
@@ -215,8 +215,8 @@ def _lacking(subject: Subject) -> list[str]:
     if p.lipschitz.kind == "trajectory":
         found.append("the slopes of phi are known along the trajectories only, not bounded between them")
     found += p.lipschitz.remarks
-    if subject.found.diverged_at is not None:
-        found.append(DIVERGED)
+    if subject.found.lost:
+        found.append(why_lost(subject.found))
     if run.plant.block.discretise:
         found.append("the plant is a difference equation")
     if isinstance(subject.form, ChainForm) and not p.chart.identity and _clipped(subject):

@@ -146,7 +146,7 @@ def excitation(run: PreparedRun, label: str, result: Result, horizon: float | No
     names = _names(run, label)
     filtered = isinstance(observer, FilterOrder)
     r = observer.r if isinstance(observer, FilterOrder) else 0
-    x = result.x if filtered or found.diverged_at is not None else found.xhat
+    x = result.x if filtered or found.lost else found.xhat
     links = links_along(run, label, result.time, x)
     condition = f"(3.101), r = {r}" if r else "(3.86)" if filtered else "(2.43)"
     names = [f"eta{i + 1}" for i in range(r)] + names

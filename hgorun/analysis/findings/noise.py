@@ -12,7 +12,7 @@ from hgorun.analysis.linear.transfer import response
 from hgorun.analysis.noise.prediction import has_noise, measured_noise, predicted_noise, without_noise
 from hgorun.analysis.noise.responses import linear_at_end
 from hgorun.analysis.noise.terms import NoiseTerms
-from hgorun.analysis.reasons import DIVERGED, NoValue
+from hgorun.analysis.reasons import NoValue, require_estimate
 from hgorun.analysis.subject import Context, Subject, once
 from hgorun.noise.base import Wave
 from hgorun.result.result import Result
@@ -43,9 +43,11 @@ def noise_rms_predicted(observer: Subject) -> dict[str, float]:
     "root mean square of the run minus one without noise, on the output grid", unit="state", group="noise, measured"
 )
 def noise_rms_measured(observer: Subject) -> dict[str, float]:
-    rms = measured_noise(observer.result, _noise_free(observer.context), observer.label)
+    noise_free = _noise_free(observer.context)
+    rms = measured_noise(observer.result, noise_free, observer.label)
     if not np.all(np.isfinite(rms)):
-        raise NoValue(DIVERGED)
+        for result in (observer.result, noise_free):
+            require_estimate(result.observers[observer.label])
     return observer.by_state(rms)
 
 

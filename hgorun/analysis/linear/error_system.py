@@ -20,7 +20,7 @@ from functools import cached_property
 import numpy as np
 
 from hgorun.analysis.linear.linear import Linearisation
-from hgorun.analysis.reasons import JUMPS, SLIDING, NoValue
+from hgorun.analysis.reasons import JUMPS, SLIDING, NoValue, why_lost
 from hgorun.observers.base import SampledObserver
 from hgorun.observers.capabilities import SlidingMode
 from hgorun.result.data import ObserverResult
@@ -125,8 +125,8 @@ def error_system(run: PreparedRun, label: str, result: Result) -> ErrorSystem:
     third = result.time[0] + (result.time[-1] - result.time[0]) / 3
     chosen = np.flatnonzero(result.time >= third - 1e-9 * (result.time[-1] - result.time[0]))
     chosen = chosen[:: max(chosen.size // _MAX_TIMES, 1)]
-    if found.diverged_at is not None:
-        raise NoValue(f"the run to look along {found.status}")
+    if found.lost:
+        raise NoValue(f"in the run to look along, {why_lost(found)}")
     linearisation = Linearisation(run, label)
     times = result.time[chosen]
     xi = _states(linearisation, found, chosen)

@@ -17,7 +17,7 @@ from hgorun.analysis.noise.along_run import noise_along
 from hgorun.analysis.noise.jumps import noise_of_jumps
 from hgorun.analysis.noise.late import noise_of_late_output
 from hgorun.analysis.noise.terms import NoiseTerms, require_spectra
-from hgorun.analysis.reasons import DIVERGED, NO_SLOPES, SLIDING, NoValue, first_of, outcome
+from hgorun.analysis.reasons import NO_SLOPES, SLIDING, NoValue, first_of, outcome, require_estimate
 from hgorun.observers.base import SampledObserver
 from hgorun.observers.capabilities import SlidingMode
 from hgorun.result.result import Result
@@ -58,8 +58,7 @@ def deviation_in_window(
     observer = run.experiment.observers[label]
     if isinstance(observer, SlidingMode):
         raise NoValue(SLIDING)
-    if noise_free.observers[label].diverged_at is not None:
-        raise NoValue(DIVERGED)
+    require_estimate(noise_free.observers[label])
     inside = np.arange(noise_free.time.size)[points_in(noise_free.time, tuple(noise_free.windows["steady"]))]
     at = noise_free.time[inside]
     if isinstance(observer, SampledObserver):
@@ -71,8 +70,7 @@ def deviation_in_window(
 
 
 def _sound(result: Result, label: str) -> Result:
-    if result.observers[label].diverged_at is not None:
-        raise NoValue(DIVERGED)
+    require_estimate(result.observers[label])
     return result
 
 

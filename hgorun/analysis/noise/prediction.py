@@ -13,7 +13,7 @@ from hgorun.analysis.noise.continuous import continuous_power
 from hgorun.analysis.noise.jumps import noise_of_jumps
 from hgorun.analysis.noise.sampled import SampledLoop
 from hgorun.analysis.noise.terms import NoiseTerms
-from hgorun.analysis.reasons import DIVERGED, NO_SLOPES, NoValue, first_of
+from hgorun.analysis.reasons import NO_SLOPES, NoValue, first_of, require_estimate
 from hgorun.measurement.blocks import Periodic, noise_blocks
 from hgorun.observers.base import SampledObserver
 from hgorun.observers.capabilities import SlidingMode
@@ -47,14 +47,13 @@ def predicted_noise(run: PreparedRun, label: str, noise_free: Result, result: Re
     """
     observer = run.experiment.observers[label]
     steady = partial(_power, run, noise_free, label)
-    if result is None or noise_free.observers[label].diverged_at is not None or isinstance(observer, SlidingMode):
+    if result is None or noise_free.observers[label].lost or isinstance(observer, SlidingMode):
         return np.asarray(np.sqrt(steady()))
     return np.asarray(np.sqrt(first_of(steady, partial(_power_along, run, label, noise_free, result))))
 
 
 def _power_along(run: PreparedRun, label: str, noise_free: Result, result: Result) -> np.ndarray:
-    if result.observers[label].diverged_at is not None:
-        raise NoValue(DIVERGED)
+    require_estimate(result.observers[label])
     jumps = isinstance(run.experiment.observers[label], SampledObserver)
     return (noise_of_jumps if jumps else noise_along)(run, label, result, noise_free).mean_square
 
@@ -89,8 +88,7 @@ def _constant(run: PreparedRun, result: Result, label: str) -> Linear:
     observer = Linearisation(run, label)
     if isinstance(observer.block.observer, SampledObserver):
         raise NoValue("the observer jumps at the samples: it has no steady flow")
-    if result.observers[label].diverged_at is not None:
-        raise NoValue(DIVERGED)
+    require_estimate(result.observers[label])
     inside = np.arange(result.time.size)[points_in(result.time, result.windows["steady"])]
     points = inside[np.unique(np.linspace(0, inside.size - 1, _POINTS).astype(int))]
     systems = relevant(observer.trajectory(result.observers[label], points, result.time[points]))

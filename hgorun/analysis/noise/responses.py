@@ -7,7 +7,7 @@ import numpy as np
 from hgorun.analysis.linear.linear import Linear, Linearisation
 from hgorun.analysis.linear.transfer import relevant, require_hurwitz, response
 from hgorun.analysis.noise.terms import NoiseTerms
-from hgorun.analysis.reasons import DIVERGED, JUMPS, NoValue, outcomes
+from hgorun.analysis.reasons import JUMPS, NoValue, outcomes, require_estimate
 from hgorun.analysis.subject import Context, Subject, once
 from hgorun.observers.base import SampledObserver
 from hgorun.result.theory import Bode
@@ -27,8 +27,7 @@ def linear_at_end(observer: Subject) -> Linear:
     """
     if isinstance(observer.observer, SampledObserver):
         raise NoValue(JUMPS)
-    if observer.found.diverged_at is not None:
-        raise NoValue(DIVERGED)
+    require_estimate(observer.found)
     linearisation, last = Linearisation(observer.run, observer.label), observer.result.time.size - 1
     linear = linearisation.at(float(observer.result.time[-1]), linearisation.along(observer.found, last))
     require_hurwitz(linear)

@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 
 from hgorun.simulation.prepared import PreparedRun
+from hgorun.symbolic.points import generator
 
 _POINTS, _MAX_CORNERS, _MAX_TIMES = 2_000, 1_024, 2_000
 
@@ -28,13 +29,13 @@ def along(times: np.ndarray, x: np.ndarray) -> Points:
 
 
 def box(times: np.ndarray, low: np.ndarray, high: np.ndarray) -> Points:
-    """Corners of a box and points drawn inside it (seed fixed), each at one of the times."""
-    generator = np.random.default_rng(0)
-    inside = generator.uniform(low, high, (_POINTS, low.size))
+    """Corners of a box and points drawn inside it, the same at every call, each at one of the times."""
+    random = generator()
+    inside = random.uniform(low, high, (_POINTS, low.size))
     if 2**low.size <= _MAX_CORNERS:
         corners = np.array(list(product(*zip(low, high, strict=True))))
         inside = np.concatenate([corners, inside])
-    return Points(generator.choice(times, len(inside)), inside)
+    return Points(random.choice(times, len(inside)), inside)
 
 
 def evaluated(run: PreparedRun, expression: ca.SX, x: ca.SX, points: Points) -> np.ndarray:
