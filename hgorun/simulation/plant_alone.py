@@ -13,7 +13,7 @@ from hgorun.engine.layout import Held, HybridSystem, Regime
 from hgorun.engine.plan import Plan
 from hgorun.engine.program import Program, Start
 from hgorun.errors import Problem
-from hgorun.measurement.events import Irregular, Kinks, infinite, merge, not_followed, too_many
+from hgorun.measurement.events import Irregular, Kinks, extremes, infinite, merge, not_followed, too_many
 from hgorun.measurement.sampling import SAMPLE_BYTES
 from hgorun.memo import Memo
 from hgorun.plants.build import BuiltPlant, SymbolicPlant
@@ -22,6 +22,7 @@ from hgorun.symbolic.crossings import TooMany
 from hgorun.symbolic.evaluate import evaluate
 
 _KINKS: Memo[Kinks] = Memo(64)
+_SLOPES: Memo[Kinks] = Memo(64)
 _PROGRAMS: Memo[tuple[Program, ca.Function]] = Memo(16)
 
 
@@ -43,6 +44,13 @@ def plant_kinks(plant: BuiltPlant, time: Time) -> Irregular:
     if found.infinite is not None and not plant.block.discretise:
         _refuse(plant, time)
     return found
+
+
+def plant_extremes(plant: BuiltPlant, time: Time) -> np.ndarray:
+    """Extremes of the plant's functions of time, which no step should pass over."""
+    symbolic, t = plant.symbolic, plant.model.t
+    slopes = _SLOPES.get(symbolic, lambda: Kinks.of_slopes(_functions(symbolic), t, symbolic.everything))
+    return extremes(slopes, plant.everything, time.start, time.end)
 
 
 def _functions(plant: SymbolicPlant) -> list[ca.SX]:

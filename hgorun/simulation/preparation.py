@@ -10,13 +10,14 @@ import numpy as np
 from hgorun.errors import Problem, called
 from hgorun.measurement.noise import is_relative
 from hgorun.measurement.schedule import Channel, Schedule, build_schedule, check_delays, find_channels
-from hgorun.measurement.signals import kinks_of, signal_remarks
+from hgorun.measurement.signals import extremes_of, kinks_of, signal_remarks
 from hgorun.memo import Memo, Same
+from hgorun.observers.capabilities import SlidingMode
 from hgorun.plants.build import BuiltPlant, SymbolicPlant
 from hgorun.simulation.checks import check_run
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.observer_block import Design
-from hgorun.simulation.plant_alone import PlantRun, plant_kinks, plant_remarks
+from hgorun.simulation.plant_alone import PlantRun, plant_extremes, plant_kinks, plant_remarks
 from hgorun.simulation.prepared import Numbers, PreparedRun
 from hgorun.simulation.structure import Structure, parameter_values, structure_of
 from hgorun.simulation.truth import SimulatedPlant
@@ -39,9 +40,23 @@ def prepare(experiment: Experiment) -> PreparedRun:
     ConfigError
     """
     with experiment.located():
+        _check_limits(experiment)
         run = _prepared(experiment)
         check_run(run)
     return run
+
+
+def _check_limits(experiment: Experiment) -> None:
+    """What has no limit as the step falls cannot have its step found by error control."""
+    if not experiment.blocks.solver.controlled:
+        return
+    for label, observer in experiment.observers.items():
+        if isinstance(observer, SlidingMode):
+            raise Problem(
+                ("solver", "step"),
+                f"observer {label} ({observer.type}) switches in every step and has no limit as steps get shorter, "
+                "so that no error can be controlled: give a number, as in solver: {method: euler, step: 1e-4}",
+            )
 
 
 def _prepared(experiment: Experiment) -> PreparedRun:
@@ -99,8 +114,16 @@ def _schedule(experiment: Experiment, channels: list[Channel], step: float) -> S
     found = [plant_kinks(experiment.plant, time)]
     found += [kinks_of(s, time.max_memory) for channel in channels for s in channel.stretches if s.continuous]
     kinks = np.concatenate([irregular.times for irregular in found])
-    key: Hashable = tuple(channel.timing for channel in channels), time, kinks.tobytes(), step
-    return _SCHEDULES.get(key, lambda: build_schedule(channels, time, kinks, step))
+    looked_at = _extremes(experiment, channels) if experiment.blocks.solver.controlled else np.zeros(0)
+    key: Hashable = tuple(channel.timing for channel in channels), time, kinks.tobytes(), looked_at.tobytes(), step
+    return _SCHEDULES.get(key, lambda: build_schedule(channels, time, kinks, step, looked_at))
+
+
+def _extremes(experiment: Experiment, channels: list[Channel]) -> np.ndarray:
+    """Where functions of time have extremes: however narrow these are, error control sees a pulse at an event."""
+    found = [plant_extremes(experiment.plant, experiment.blocks.time)]
+    found += [extremes_of(s) for channel in channels for s in channel.stretches if s.continuous]
+    return np.concatenate(found)
 
 
 def _remarks(experiment: Experiment) -> tuple[str, ...]:
