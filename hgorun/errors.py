@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import TypeAlias
+
+KeyPath: TypeAlias = tuple[str | int, ...]  # keys and list indices from the top of a file
 
 _LONGEST = 1_000  # characters of a message: names and values in it come from anywhere
 
@@ -57,8 +60,8 @@ def _config_error(message: str, file: str | None, line: int | None, key: str | N
     return ConfigError(message, file=file, line=line, key=key)
 
 
-def _shortened(text: str, most: int = 200) -> str:
-    return text if len(text) <= most else f"{text[: most - 60]}...{text[-50:]}"
+def _shortened(text: str, limit: int = 200) -> str:
+    return text if len(text) <= limit else f"{text[: limit - 60]}...{text[-50:]}"
 
 
 class SimulationError(HgorunError):
@@ -82,7 +85,7 @@ class Problem(ValueError):
     message : str
     """
 
-    def __init__(self, path: tuple[str | int, ...], message: str) -> None:
+    def __init__(self, path: KeyPath, message: str) -> None:
         self.path, self.message = path, message
         super().__init__(message)
 

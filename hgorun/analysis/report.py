@@ -19,7 +19,7 @@ from hgorun.result.result import Result
 from hgorun.result.theory import Transient
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.prepared import PreparedRun
-from hgorun.simulation.simulate import perform, prepare
+from hgorun.simulation.simulate import prepare, simulate_prepared
 
 
 @dataclass(frozen=True)
@@ -121,13 +121,13 @@ def analyze(experiment: Experiment, findings: Sequence[Finding] | None = None, *
         When the plant diverges.
     """
     run = prepare(experiment)
-    return analysis_of(run, perform(run), findings, search=search)
+    return analysis_of(run, simulate_prepared(run), findings, search=search)
 
 
 def analysis_of(
     run: PreparedRun, result: Result, findings: Sequence[Finding] | None = None, *, search: bool = False
 ) -> Analysis:
-    """The same of a run that has been carried out."""
+    """The same for a run that has been simulated."""
     asked = all_findings() if findings is None else tuple(findings)
     context = Context(run, result, search)
     with run.experiment.located():

@@ -8,7 +8,7 @@ from pathlib import Path
 from hgorun.analysis.report import analysis_of
 from hgorun.analysis.subject import Context
 from hgorun.commands.options import Analyze
-from hgorun.commands.run import RESULTS, execute, refuse_other_kinds, require_file, warn
+from hgorun.commands.run import RESULTS, refuse_other_kinds, require_file, run_with_progress, warn
 from hgorun.errors import ConfigError
 from hgorun.simulation.simulate import prepare
 from hgorun.study.loading import load
@@ -24,7 +24,7 @@ def analyze(options: Analyze) -> int:
     stem = options.config.stem
     target = _target(stem if options.run is None else f"{stem}-{options.run}", options.output)
     run = prepare(load(options.config, options.overrides, seed=options.seed, run=options.run))
-    result = execute(run, show=options.text)
+    result = run_with_progress(run, show=options.text)
     warn(result)
     analysis = analysis_of(run, result, search=options.search)
     written: list[Path] = []

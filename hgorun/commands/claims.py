@@ -23,7 +23,7 @@ def claims(options: Claims) -> int:
     """Measure the chosen claims, all by default."""
     refuse_other_kinds(options.output, ())
     works = choose(options.names, Folders.below(options.output), figures=False, claims=True)
-    outcomes = pool.carry_out(works, workers=options.jobs, show=options.text)
+    outcomes = pool.run_all(works, workers=options.jobs, show=options.text)
     found: list[tuple[str, str, Verdict]] = []
     for work, outcome in zip(works, outcomes, strict=True):
         warn(work, outcome)

@@ -21,7 +21,7 @@ def figures(options: Figures) -> int:
     folders = Folders.below(options.output)
     works = choose(options.names, folders, figures=True, claims=options.report)
     reasons = [work.stale_figures for work in works]
-    outcomes = pool.carry_out(works, workers=options.jobs, show=options.text)
+    outcomes = pool.run_all(works, workers=options.jobs, show=options.text)
     rows = [row for made in zip(works, outcomes, reasons, strict=True) for row in _rows(*made)]
     for work, outcome in zip(works, outcomes, strict=True):
         warn(work, outcome)

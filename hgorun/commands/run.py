@@ -16,7 +16,7 @@ from hgorun.result.reading import read
 from hgorun.result.result import Result
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.prepared import PreparedRun
-from hgorun.simulation.simulate import perform, prepare
+from hgorun.simulation.simulate import prepare, simulate_prepared
 from hgorun.study.check import check_figures
 from hgorun.study.loading import load, load_study, refuse_twins
 from hgorun.tables import metrics as tables
@@ -43,7 +43,7 @@ def simulate(options: Simulate) -> int:
         remove_leftovers(folder)
     results, files = [], []
     for prepared, target in zip(runs, targets, strict=True):
-        result = execute(prepared, show=options.text, check_step=options.check_step)
+        result = run_with_progress(prepared, show=options.text, check_step=options.check_step)
         files.append(str(result.save(target)))
         results.append(result)
         warn(result)
@@ -67,7 +67,7 @@ def compare(options: Compare) -> int:
         else:
             loaded += [prepare(experiment) for experiment in _experiments(path, options)]
         files += [str(path)] * (len(loaded) - len(files))
-    results = [s if isinstance(s, Result) else execute(s, show=options.text) for s in loaded]
+    results = [s if isinstance(s, Result) else run_with_progress(s, show=options.text) for s in loaded]
     predicted = _predicted(loaded, results) if options.analyze else []
     units = {result.units.get("time", "") for result in results}
     if len(units) > 1:
@@ -169,7 +169,7 @@ def _experiments(path: Path, options: Configured) -> list[Experiment]:
     return single
 
 
-def execute(run: PreparedRun, *, show: bool, check_step: bool = False) -> Result:
+def run_with_progress(run: PreparedRun, *, show: bool, check_step: bool = False) -> Result:
     """Run, with progress if it is to be shown and somebody is at a terminal."""
     show = show and sys.stderr.isatty()
 
@@ -177,7 +177,7 @@ def execute(run: PreparedRun, *, show: bool, check_step: bool = False) -> Result
         print(f"\r{run.experiment.name}: {100 * part:3.0f} %", end="", file=sys.stderr, flush=True)
 
     try:
-        return perform(run, check_step=check_step, progress=progress if show else None)
+        return simulate_prepared(run, check_step=check_step, progress=progress if show else None)
     finally:
         if show:
             print("\r\033[K", end="", file=sys.stderr, flush=True)

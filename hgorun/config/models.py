@@ -209,7 +209,7 @@ class Claim(Block):
 
 
 class Vary(Block):
-    """A run carried out once for each value of a name."""
+    """A run repeated for each value of a name."""
 
     name: Name = Field(description="what is varied")
     values: Annotated[tuple[Number, ...], NonEmpty] = Field(description="one member of the ensemble each")
@@ -220,9 +220,9 @@ class Ensemble(Block):
     """What makes an ensemble of a run."""
 
     seeds: Annotated[int, Field(ge=2, le=100_000, strict=True)] | None = Field(
-        default=None, description="carried out with so many seeds: seed, seed + 1, ..."
+        default=None, description="repeated with this many seeds: seed, seed + 1, ..."
     )
-    vary: Vary | None = Field(default=None, description="carried out for each value of a name")
+    vary: Vary | None = Field(default=None, description="repeated for each value of a name")
 
     @property
     def kind(self) -> Literal["seeds", "vary"] | None:
@@ -246,7 +246,7 @@ class StudyBlocks(Block):
     claims: tuple[Claim, ...] = ()
 
 
-class Experiment(Block):
+class ExperimentBlocks(Block):
     """A whole configuration file. Plant, measurement and observers are checked by classes of their own rooms."""
 
     title: str = ""
@@ -263,7 +263,7 @@ class Experiment(Block):
     claims: tuple[Claim, ...] = Field(default=(), description="sentences and the inequalities that decide them")
 
 
-class File(Experiment):
+class File(ExperimentBlocks):
     """A configuration file, which may hold several runs of an experiment."""
 
     runs: dict[str, dict[str, Any]] = Field(

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from hgorun.config.expressions import nearest
-from hgorun.config.paths import KeyPath, at, dotted, entries, walk
+from hgorun.config.paths import at, dotted, entries, walk
 from hgorun.config.yaml_source import MAX_DEPTH, Source, parse
-from hgorun.errors import ConfigError
+from hgorun.errors import ConfigError, KeyPath
 
 
 def set_path(source: Source, assignment: str) -> Source:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from typing import Any, TypeAlias
+from typing import Any
 
-KeyPath: TypeAlias = tuple[str | int, ...]
+from hgorun.errors import KeyPath
 
 
 def entries(value: Any) -> Iterable[tuple[str | int, Any]]:

@@ -16,7 +16,7 @@ _LONGEST_CHAIN = 20  # files that extend each other
 
 
 def read_source(path: str | Path, overrides: Sequence[str] = (), *, seed: int | None = None) -> tuple[str, Source]:
-    """A file's text, and what it says with ``extends`` and overrides carried out.
+    """A file's text, and what it says with ``extends`` and overrides applied.
 
     Raises
     ------

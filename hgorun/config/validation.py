@@ -9,7 +9,7 @@ from pydantic_core import ErrorDetails
 
 from hgorun.config.types import Block, describe
 from hgorun.config.yaml_source import Source
-from hgorun.errors import ConfigError
+from hgorun.errors import ConfigError, KeyPath
 
 _B = TypeVar("_B", bound=Block)
 
@@ -33,7 +33,7 @@ _EXPECTED = {
 }
 
 
-def validate(model: type[_B], data: Any, source: Source, path: tuple[str | int, ...]) -> _B:
+def validate(model: type[_B], data: Any, source: Source, path: KeyPath) -> _B:
     """Check a block; the first thing wrong becomes a ConfigError."""
     try:
         return model.model_validate(data)
@@ -41,7 +41,7 @@ def validate(model: type[_B], data: Any, source: Source, path: tuple[str | int, 
         raise _explained(error, source, path) from None
 
 
-def _explained(error: ValidationError, source: Source, path: tuple[str | int, ...]) -> ConfigError:
+def _explained(error: ValidationError, source: Source, path: KeyPath) -> ConfigError:
     candidates = []
     for item in error.errors(include_url=False):
         where = _known_path(source, path, item["loc"])
@@ -53,7 +53,7 @@ def _explained(error: ValidationError, source: Source, path: tuple[str | int, ..
     return ConfigError(message, file=file, line=line, key=".".join(map(str, where)) or None)
 
 
-def _known_path(source: Source, path: tuple[str | int, ...], location: tuple[str | int, ...]) -> tuple[str | int, ...]:
+def _known_path(source: Source, path: KeyPath, location: KeyPath) -> KeyPath:
     """The part of pydantic's location that is in the file: names of union members are not."""
     for i, part in enumerate(location):
         if (*path, part) in source.positions or (

@@ -16,9 +16,9 @@ from typing import Any, TypeAlias
 import yaml
 
 from hgorun.config.expressions import nearest
-from hgorun.config.paths import KeyPath, at, copy, dotted, walk
+from hgorun.config.paths import at, copy, dotted, walk
 from hgorun.config.yaml_errors import LINE_BREAK, explain
-from hgorun.errors import ConfigError, Problem
+from hgorun.errors import ConfigError, KeyPath, Problem
 
 Place: TypeAlias = tuple[str, int]
 

@@ -164,13 +164,13 @@ def _maximum_scalar(f: Function, values: list[str]) -> str:
     return worst
 
 
-def _factor(s: Stepper, error: str, most: str) -> str:
-    """How the step changes: 0.9 error^(-1/5) between 0.2 and ``most``."""
+def _factor(s: Stepper, error: str, largest: str) -> str:
+    """How the step changes: 0.9 error^(-1/5) between 0.2 and ``largest``."""
     f = s.f
     with f.on_lanes(1) as scalar:
         power = functions.call("pow", scalar, error, hexadecimal(-1 / s.method.order))
     factor = f.scalar("fmul", hexadecimal(_SAFETY), power)
-    factor = _pick(f, f.test("olt", factor, most), factor, most)
+    factor = _pick(f, f.test("olt", factor, largest), factor, largest)
     return _pick(f, f.test("ogt", factor, hexadecimal(_SHRINK)), factor, hexadecimal(_SHRINK))
 
 

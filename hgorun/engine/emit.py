@@ -211,11 +211,11 @@ class _Emitter:
         """Calls in one part that do not wait for each other: those of one function side by side."""
         part = max(self.level[a] for a in calls[0].arguments)
         f = self.parts[part]
-        most = _TOGETHER if self.lanes == 1 else 1
+        size = _TOGETHER if self.lanes == 1 else 1
         for name in {_CALLS[call.op]: None for call in calls}:
             alike = [call for call in calls if _CALLS[call.op] == name]
-            for i in range(0, len(alike), most):
-                some = alike[i : i + most]
+            for i in range(0, len(alike), size):
+                some = alike[i : i + size]
                 arguments = [[self.use(a, part) for a in call.arguments] for call in some]
                 values = f.side_by_side(partial(functions.call, name), arguments)
                 for call, value in zip(some, values, strict=True):

@@ -164,7 +164,7 @@ class Program:
         tolerance: Tolerance | None = None,
         progress: Callable[[float], None] | None = None,
         *,
-        most: float = np.inf,
+        limit: float = np.inf,
     ) -> Raw:
         """Run a plan.
 
@@ -176,7 +176,7 @@ class Program:
             For an adaptive method.
         progress : callable, optional
             Called periodically with the completed fraction, 0 to 1.
-        most : float
+        limit : float
             So many steps may be tried by an adaptive method.
 
         Raises
@@ -199,7 +199,7 @@ class Program:
             pauses, reached = 0, memory.real("now")
             while verdict == PAUSED:
                 tries += _BUDGET
-                if tries > most:
+                if tries > limit:
                     raise TooManySteps(tries, memory.real("now"))
                 pauses += 1
                 if pauses * _BUDGET >= _PATIENCE:
@@ -209,7 +209,7 @@ class Program:
                 memory["budget"] = _BUDGET
                 verdict = self._run(memory.address, stop)
             tries += _BUDGET - memory["budget"]
-            if tries > most:
+            if tries > limit:
                 raise TooManySteps(tries, memory.real("now"))
             if verdict != DONE:
                 raise SimulationError(_explain(verdict, memory.real("now")))

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-MOST_POINTS = 8_000  # two for every half a pixel of the widest panel
+MAX_POINTS = 8_000  # two for every half a pixel of the widest panel
 # How far, in units of the truth's range, an estimate widens a panel: alone, beside others, diverged.
 _ALONE, _BESIDE, _DIVERGED = 3.0, 1.5, 0.25
 _ERROR_BESIDE = 10.0  # the same for errors, in units of the median observer's largest error
@@ -37,15 +37,15 @@ def inside(curve: Curve, window: tuple[float, float] | None) -> Curve:
     return Curve(curve.t[first:last], curve.v[first:last])
 
 
-def thinned(curve: Curve, most: int = MOST_POINTS) -> Curve:
-    """At most about ``most`` points that draw the same line: the smallest and the largest of every bin.
+def thinned(curve: Curve, limit: int = MAX_POINTS) -> Curve:
+    """At most about ``limit`` points that draw the same line: the smallest and the largest of every bin.
 
     First and last point stay.
     """
     t, v = curve
-    if len(t) <= most:
+    if len(t) <= limit:
         return curve
-    bins = max(most // 2 - 1, 1)
+    bins = max(limit // 2 - 1, 1)
     size = -(-len(t) // bins)
     starts = np.arange(0, len(t), size)
     whole = len(t) // size

@@ -51,7 +51,7 @@ def finished(figure: Figure, axes: Sequence[Axes], columns: int, title: str | No
         if lower is not None and ax.get_shared_x_axes().joined(ax, lower):
             ax.set_xlabel("")
         for inset in _insets(ax):
-            tick(inset, most=3)
+            tick(inset, limit=3)
     figure.align_ylabels(axes)
     legend = _legend(figure, axes, paragraph(title, figure.get_figwidth()) if title else None)
     if grow:

@@ -8,13 +8,11 @@ from typing import Literal
 
 from hgorun.config.expressions import nearest
 from hgorun.config.models import Figure, Inset, Panel
-from hgorun.errors import Problem
+from hgorun.errors import KeyPath, Problem
 from hgorun.figures.scaling import ScalingData, quantities
 from hgorun.figures.style import LARGEST, LARGEST_AREA, LARGEST_NUMBER, LOWEST, NARROWEST, PANEL
 from hgorun.result.data import ResultData
 from hgorun.result.run_names import run_names
-
-Path = tuple[str | int, ...]
 
 
 @dataclass(frozen=True)
@@ -103,7 +101,7 @@ def varied_run(panel: Panel, names: Names) -> str | None:
     return named or (varied[0] if len(varied) == 1 else None)
 
 
-def _check_panel(panel: Panel, names: Names, path: Path) -> None:
+def _check_panel(panel: Panel, names: Names, path: KeyPath) -> None:
     shown = _scaling_run(panel, names, path) if panel.scaling is not None else _shown_runs(panel, names, path)
     where = f" in run {next(iter(shown))!r}" if len(shown) == 1 < len(names) else ""
     for label in panel.observers or ():
@@ -128,7 +126,7 @@ def _check_panel(panel: Panel, names: Names, path: Path) -> None:
     _check_ranges(panel, [n.span for n in picked.values() if n.span is not None], path)
 
 
-def _scaling_run(panel: Panel, names: Names, path: Path) -> Names:
+def _scaling_run(panel: Panel, names: Names, path: KeyPath) -> Names:
     """The run of a scaling panel."""
     assert panel.scaling is not None
     varied = [run for run, n in names.items() if n.ensemble == "vary"]
@@ -147,7 +145,7 @@ def _scaling_run(panel: Panel, names: Names, path: Path) -> Names:
     return {run: names[run]}
 
 
-def _shown_runs(panel: Panel, names: Names, path: Path) -> Names:
+def _shown_runs(panel: Panel, names: Names, path: KeyPath) -> Names:
     """The runs whose trajectories a panel may show."""
     single = {run: n for run, n in names.items() if n.ensemble is None}
     if panel.run is None:
@@ -158,7 +156,7 @@ def _shown_runs(panel: Panel, names: Names, path: Path) -> Names:
     return {panel.run: single[panel.run]}
 
 
-def _check_fit(panel: Panel, measured: Sequence[str], path: Path) -> None:
+def _check_fit(panel: Panel, measured: Sequence[str], path: KeyPath) -> None:
     """Keys that do not go with the panel's subject.
 
     Parameters
@@ -185,7 +183,7 @@ def _check_fit(panel: Panel, measured: Sequence[str], path: Path) -> None:
             raise Problem((*path, key), f"{key} is a stretch of time, which a scaling panel does not have")
 
 
-def _check_ranges(panel: Panel, spans: Sequence[tuple[float, float]], path: Path) -> None:
+def _check_ranges(panel: Panel, spans: Sequence[tuple[float, float]], path: KeyPath) -> None:
     logarithmic = panel.magnitude is not None or panel.scaling is not None
     span = (min(a for a, _ in spans), max(b for _, b in spans)) if spans else None
     _check_range(panel.limits, (*path, "limits"), positive=logarithmic)
@@ -200,7 +198,7 @@ def _check_ranges(panel: Panel, spans: Sequence[tuple[float, float]], path: Path
         _check_place(panel.inset, (*inside, "place"))
 
 
-def _check_range(interval: tuple[float, float] | None, path: Path, *, positive: bool = False) -> None:
+def _check_range(interval: tuple[float, float] | None, path: KeyPath, *, positive: bool = False) -> None:
     if interval is not None and not interval[0] < interval[1]:
         raise Problem(path, f"expected [from, to] with from < to, found [{interval[0]:g}, {interval[1]:g}]")
     if interval is not None and max(map(abs, interval)) > LARGEST_NUMBER:
@@ -209,7 +207,9 @@ def _check_range(interval: tuple[float, float] | None, path: Path, *, positive: 
         raise Problem(path, f"a logarithmic axis needs numbers > 0, found [{interval[0]:g}, {interval[1]:g}]")
 
 
-def _check_overlap(window: tuple[float, float] | None, span: tuple[float, float] | None, what: str, path: Path) -> None:
+def _check_overlap(
+    window: tuple[float, float] | None, span: tuple[float, float] | None, what: str, path: KeyPath
+) -> None:
     if window is not None and span is not None and (window[1] <= span[0] or window[0] >= span[1]):
         raise Problem(
             path,
@@ -217,7 +217,7 @@ def _check_overlap(window: tuple[float, float] | None, span: tuple[float, float]
         )
 
 
-def _check_place(inset: Inset, path: Path) -> None:
+def _check_place(inset: Inset, path: KeyPath) -> None:
     left, bottom, width, height = inset.place
     within = min(left, bottom) >= 0 and max(left + width, bottom + height) <= 1 + 1e-9
     if not (within and min(width, height) >= 0.1):
@@ -228,14 +228,14 @@ def _check_place(inset: Inset, path: Path) -> None:
         )
 
 
-def _require(found: str | None, kind: str, allowed: Sequence[str], path: Path, where: str = "") -> None:
+def _require(found: str | None, kind: str, allowed: Sequence[str], path: KeyPath, where: str = "") -> None:
     if found is not None and found not in allowed:
         hint = nearest(found, allowed)
         known = ", ".join(allowed) or "none"
         raise Problem(path, f"no {kind}{where} is called {found!r}.{hint} Known: {known}")
 
 
-def _require_observer(found: str, names: Names, path: Path, where: str = "") -> None:
+def _require_observer(found: str, names: Names, path: KeyPath, where: str = "") -> None:
     """A label, which means that observer in every run, or ``run/label``."""
     labels = _together(n.observers for n in names.values())
     with_run = [f"{run}/{label}" for run, n in names.items() for label in n.observers]

@@ -23,7 +23,7 @@ _WIDTH, _ROW = 7.2, 1.8
 _BOUND, _NOMINAL = (0, (3, 2)), (0, (1, 2))
 _TITLE = "errors; dashed: bounds where the theorems hold; dotted: their decay where they do not"
 _DECADES = 12  # that an axis shows at most
-_MOST = 2000  # points of a line: noise is a band of them
+_MAX_POINTS = 2000  # points of a line: noise is a band of them
 
 
 def peaking(result: ResultData, transients: Mapping[str, Transient]) -> Figure:
@@ -64,7 +64,7 @@ def peaking(result: ResultData, transients: Mapping[str, Transient]) -> Figure:
                 for values, line, text, width in curves:
                     kept = np.isfinite(values) & (values > 0)
                     curve = Curve(transient.time[kept], values[kept])
-                    ax.plot(*thinned(curve, _MOST), color=own.colour, linestyle=line, label=text, linewidth=width)
+                    ax.plot(*thinned(curve, _MAX_POINTS), color=own.colour, linestyle=line, label=text, linewidth=width)
                     drawn.append(curve.v if line is not _NOMINAL else curve.v[:1])
             ax.set_ylim(*_limits(drawn))
             time_axis(ax, [result], (float(result.time[0]), float(result.time[-1])))

@@ -19,17 +19,17 @@ class PlainFormatter(ScalarFormatter):
         return super().__call__(x, pos).removeprefix(r"$\mathdefault{").removesuffix("}$")
 
 
-def tick(ax: Axes, most: int | None = None) -> None:
-    """Ticks at round numbers, one small one between them; on either axis at most so many."""
+def tick(ax: Axes, limit: int | None = None) -> None:
+    """Ticks at round numbers, one small one between them; on either axis at most ``limit`` of them."""
     for axis, scale in ((ax.xaxis, ax.get_xscale()), (ax.yaxis, ax.get_yscale())):
         low, high = sorted(axis.get_view_interval())
         if scale == "log":
-            axis.set_major_locator(LogLocator(numticks=most or 6))
+            axis.set_major_locator(LogLocator(numticks=limit or 6))
             axis.set_minor_formatter(NullFormatter())
             if 0 < low < high < _SHORT * low:  # too few powers of ten in it
                 axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
                 axis.set_major_formatter(PlainFormatter())
         else:
-            axis.set_major_locator(MaxNLocator(nbins=most or "auto", steps=[1, 2, 5, 10]))
+            axis.set_major_locator(MaxNLocator(nbins=limit or "auto", steps=[1, 2, 5, 10]))
             axis.set_minor_locator(AutoMinorLocator(2))
             axis.set_major_formatter(PlainFormatter())

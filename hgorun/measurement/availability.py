@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -11,12 +11,10 @@ import numpy as np
 
 from hgorun.config.expressions import ExpressionError, nearest, parse
 from hgorun.config.models import Time
-from hgorun.errors import Problem
-from hgorun.measurement.blocks import Availability, Measurement, Steps
+from hgorun.errors import KeyPath, Problem
+from hgorun.measurement.blocks import Availability, Measurement, Periodic, Sampling, Steps
 from hgorun.noise.base import Noise, TimeFunction
 from hgorun.symbolic.evaluate import along, compiled
-
-Path = tuple[str | int, ...]
 
 
 @dataclass(frozen=True)
@@ -33,15 +31,31 @@ class Stretch:
 
     start: float
     end: float
-    sampling: Any
+    sampling: Sampling
     delay: str
     noise: tuple[Noise, ...]
     mode: str
-    paths: dict[str, Path]
+    paths: dict[str, KeyPath]
 
     @property
     def continuous(self) -> bool:
-        return bool(self.sampling == "continuous")
+        return self.sampling == "continuous"
+
+    @property
+    def period(self) -> float | None:
+        """The period of its samples; None where it is continuous, or sampled at other times."""
+        return self.sampling.period if isinstance(self.sampling, Periodic) else None
+
+    @property
+    def regular(self) -> Periodic | None:
+        """Its sampling, where that is periodic and none of the samples moves or is lost."""
+        sampling = self.sampling
+        return sampling if isinstance(sampling, Periodic) and not (sampling.jitter or sampling.dropout) else None
+
+    @property
+    def steps(self) -> str | None:
+        """The expression of k that gives the times between its samples, where there is one."""
+        return self.sampling.steps if isinstance(self.sampling, Steps) else None
 
     @property
     def multiplicative(self) -> bool:
@@ -117,7 +131,7 @@ def resolve(measurement: Measurement, outputs: Sequence[str], time: Time) -> lis
     return found
 
 
-def _require_outputs(given: Any, outputs: Sequence[str], path: Path) -> None:
+def _require_outputs(given: Iterable[str], outputs: Sequence[str], path: KeyPath) -> None:
     for name in given:
         if name not in outputs:
             raise Problem(
@@ -127,15 +141,15 @@ def _require_outputs(given: Any, outputs: Sequence[str], path: Path) -> None:
 
 
 def _layered(
-    values: dict[str, Any], paths: dict[str, Path], block: Availability, path: Path
-) -> tuple[dict[str, Any], dict[str, Path]]:
+    values: dict[str, Any], paths: dict[str, KeyPath], block: Availability, path: KeyPath
+) -> tuple[dict[str, Any], dict[str, KeyPath]]:
     """The values with those of a block on top."""
     new = {key: getattr(block, key) for key in ("sampling", "delay", "noise", "mode")}
     new = {key: value for key, value in new.items() if value is not None}
     return values | new, paths | {key: (*path, key) for key in new}
 
 
-def _stretch(start: float, end: float, values: dict[str, Any], paths: dict[str, Path]) -> Stretch:
+def _stretch(start: float, end: float, values: dict[str, Any], paths: dict[str, KeyPath]) -> Stretch:
     stretch = Stretch(
         start,
         end,
@@ -146,8 +160,8 @@ def _stretch(start: float, end: float, values: dict[str, Any], paths: dict[str, 
         {key: paths.get(key, ("measurement",)) for key in ("sampling", "delay", "noise", "mode")},
     )
     _check(stretch.paths["delay"], stretch.delay, ("t",))
-    if isinstance(stretch.sampling, Steps):
-        _check((*stretch.paths["sampling"], "steps"), stretch.sampling.steps, ("k",))
+    if stretch.steps is not None:
+        _check((*stretch.paths["sampling"], "steps"), stretch.steps, ("k",))
     for i, item in enumerate(stretch.noise):
         try:
             item.check(continuous=stretch.continuous)
@@ -156,7 +170,7 @@ def _stretch(start: float, end: float, values: dict[str, Any], paths: dict[str, 
     return stretch
 
 
-def _check(path: Path, text: str, names: tuple[str, ...]) -> None:
+def _check(path: KeyPath, text: str, names: tuple[str, ...]) -> None:
     try:
         expression = parse(text, names=names)
         if not expression.names:

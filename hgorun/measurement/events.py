@@ -68,16 +68,16 @@ class Kinks:
         slopes = [ca.jacobian(part, t) for part in ca.vertsplit(parts)] if parts.numel() else []
         return cls(Pieces.of([ca.SX(0), *(ca.sign(slope) for slope in slopes if not slope.is_zero())], t, p))
 
-    def between(self, values: Floats, start: float, end: float, most: float = np.inf) -> Irregular:
+    def between(self, values: Floats, start: float, end: float, limit: float = np.inf) -> Irregular:
         """The kinks for given values of p, from start to end.
 
         Raises
         ------
         TooMany
-            Where there are more of them than ``most``.
+            Where there are more of them than ``limit``.
         """
-        key = self, values[self.pieces.needed].tobytes(), start, end, most
-        return _FOUND.get(key, lambda: _Span(self.pieces, values, start, end, most).irregular())
+        key = self, values[self.pieces.needed].tobytes(), start, end, limit
+        return _FOUND.get(key, lambda: _Span(self.pieces, values, start, end, limit).irregular())
 
 
 _FOUND: Memo[Irregular] = Memo(32)
@@ -125,7 +125,7 @@ class _Span:
     p: Floats
     start: float
     end: float
-    most: float
+    limit: float
     found: dict[int, Found] = field(default_factory=dict)
 
     def irregular(self, last: Levels | None = None) -> Irregular:
@@ -152,7 +152,7 @@ class _Span:
         states = np.zeros((low.size, 0))
         if kink.held:
             states = evaluate(self.pieces.states, (low + _INSIDE * (high - low))[:, None], self.p)[0][:, kink.held]
-        search = Search(kink.argument, self.p, states, kink.levels, kink.touches, self.most)
+        search = Search(kink.argument, self.p, states, kink.levels, kink.touches, self.limit)
         return search.between(low, high)
 
     def _infinite(self, times: Floats) -> float | None:

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from hgorun.config.expressions import ExpressionError
-from hgorun.errors import Problem
+from hgorun.errors import KeyPath, Problem
 from hgorun.measurement.availability import Stretch
-from hgorun.measurement.blocks import Periodic, Times
+from hgorun.measurement.blocks import Periodic, Steps, Times
 from hgorun.measurement.noise import generator
 from hgorun.symbolic.evaluate import along, compiled
 
@@ -117,7 +117,8 @@ def _arrivals(
         moved = np.asarray(np.clip(times + shifts, stretch.start, stretch.end) if sampling.jitter else times)
         order = np.argsort(moved[kept], kind="stable")
         return moved[kept][order], k[kept][order]
-    return _stepped(stretch, (*path, "steps"), limit)
+    assert isinstance(sampling, Steps)  # what is continuous has no samples
+    return _stepped(stretch, sampling.steps, (*path, "steps"), limit)
 
 
 def _memory(count: float, limit: int) -> str:
@@ -125,10 +126,10 @@ def _memory(count: float, limit: int) -> str:
     return f"about {need:.3g} GiB; time.max_memory leaves {left:.3g} GiB for them"
 
 
-def _stepped(stretch: Stretch, path: tuple[str | int, ...], limit: int) -> tuple[np.ndarray, np.ndarray]:
+def _stepped(stretch: Stretch, text: str, path: KeyPath, limit: int) -> tuple[np.ndarray, np.ndarray]:
     """t_0 = start, t_(k+1) = t_k + steps(k)."""
     try:
-        steps = compiled(stretch.sampling.steps, "k")
+        steps = compiled(text, "k")
     except ExpressionError as error:
         raise Problem(path, str(error)) from error
     times, block = np.array([stretch.start]), 1024

@@ -88,8 +88,8 @@ def kinks_of(stretch: Stretch, max_memory: float) -> Irregular:
     compiled, found = _compiled(stretch), []
     for key, one in (("noise", compiled.kinks), ("delay", compiled.delay_kinks)):
         try:
-            most = max_memory / SAMPLE_BYTES
-            found.append(one.between(signal_numbers(stretch), stretch.start, stretch.end, most))
+            limit = max_memory / SAMPLE_BYTES
+            found.append(one.between(signal_numbers(stretch), stretch.start, stretch.end, limit))
         except TooMany as error:
             raise Problem(stretch.paths[key], too_many(error, f"the functions of {key}", max_memory)) from None
         when = found[-1].infinite

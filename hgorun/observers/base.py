@@ -26,6 +26,7 @@ from pydantic import Field
 from typing_extensions import TypeVar
 
 from hgorun.config.types import Block, Interval, Name, Number
+from hgorun.errors import KeyPath
 from hgorun.registry import Registry
 from hgorun.symbolic.canonical import CanonicalForm, PlantCopy
 from hgorun.symbolic.forms import Copy, Form, FormFinder
@@ -92,7 +93,7 @@ class SampleSchedule:
 
     intervals: np.ndarray
     steps: str | None
-    path: tuple[str | int, ...]
+    path: KeyPath
 
 
 class PeriodLimit(NamedTuple):

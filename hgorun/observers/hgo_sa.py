@@ -7,7 +7,7 @@ from pydantic import Field
 
 from hgorun.config.expressions import ExpressionError
 from hgorun.config.types import ExpressionText, Positive
-from hgorun.errors import Problem
+from hgorun.errors import KeyPath, Problem
 from hgorun.observers.base import SampleSchedule, observer
 from hgorun.observers.forward_differences import ForwardDifferences, eigenvalues
 from hgorun.symbolic.canonical import CanonicalForm
@@ -108,7 +108,7 @@ class StochasticApproximationObserver(ForwardDifferences):
         return float(a[0])
 
     @staticmethod
-    def _values(text: str, numbers: np.ndarray, path: tuple[str | int, ...]) -> np.ndarray:
+    def _values(text: str, numbers: np.ndarray, path: KeyPath) -> np.ndarray:
         try:
             return along(compiled(text, "k"), numbers)
         except ExpressionError as error:

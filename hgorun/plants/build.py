@@ -13,7 +13,7 @@ import numpy as np
 from hgorun.config.expressions import CONSTANTS, Expression, ExpressionError, nearest, parse
 from hgorun.config.literals import Template, template
 from hgorun.config.reads import Reads
-from hgorun.errors import Problem, called
+from hgorun.errors import KeyPath, Problem, called
 from hgorun.memo import Memo
 from hgorun.plants.base import Invertible, Plant, TriangularCoordinates, units_of
 from hgorun.symbolic.plant import PlantModel
@@ -254,7 +254,7 @@ def _equations(block: Plant, watched: Plant, t: ca.SX, x: Symbols, u: Symbols, p
         return ca.SX(ca.vertcat(*dynamics)), ca.SX(ca.vertcat(*output))
 
 
-def _symbol(path: tuple[str | int, ...], text: str, values: Mapping[str, ca.SX]) -> ca.SX:
+def _symbol(path: KeyPath, text: str, values: Mapping[str, ca.SX]) -> ca.SX:
     """An expression of known names as a symbolic one."""
     try:
         return parse(text, names=values).symbol(values)
@@ -262,7 +262,7 @@ def _symbol(path: tuple[str | int, ...], text: str, values: Mapping[str, ca.SX])
         raise Problem(path, str(error)) from error
 
 
-def _read(path: tuple[str | int, ...], text: str, names: Collection[str]) -> Expression:
+def _read(path: KeyPath, text: str, names: Collection[str]) -> Expression:
     try:
         return parse(text, names=names)
     except ExpressionError as error:
@@ -286,9 +286,7 @@ def _require_distinct(groups: Mapping[str, tuple[str, ...]]) -> None:
             owner[name] = group
 
 
-def _ordered(
-    path: tuple[str | int, ...], texts: Mapping[str, str], outer: Collection[str]
-) -> list[tuple[str, Expression]]:
+def _ordered(path: KeyPath, texts: Mapping[str, str], outer: Collection[str]) -> list[tuple[str, Expression]]:
     """Definitions that may refer to each other, in the order in which they can be evaluated."""
     parsed = {}
     for name, text in texts.items():

@@ -15,7 +15,7 @@ from hgorun.reproduce.state import Json, State, number, of_claim, of_figure, of_
 from hgorun.result.result import Result
 from hgorun.study.check import check
 from hgorun.study.loading import load_study
-from hgorun.study.measured import asked_of, carry_out, values_of
+from hgorun.study.measured import asked_of, measure_members, values_of
 from hgorun.study.study import Run, Study
 from hgorun.study.theory import theory_of
 
@@ -155,7 +155,7 @@ class Work:
         names += [run for i in claims for q in self.study.sentences[i].quantities for run, _ in q.of]
         return [self.study.runs[name] for name in dict.fromkeys(names)]
 
-    def carry_out(self, report: Report = lambda part, what: None) -> Outcome:
+    def run(self, report: Report = lambda part, what: None) -> Outcome:
         """Do what is stale.
 
         Parameters
@@ -195,7 +195,7 @@ class Work:
     def _single(self, run: Run, report: Callable[[float], None]) -> Result:
         """The run's result, from its file where that still stands."""
         from hgorun.result.reading import read
-        from hgorun.simulation.simulate import perform, prepare
+        from hgorun.simulation.simulate import prepare, simulate_prepared
 
         file, made_of = f"{run.name}.h5", of_run(run)
         if self.state.holds("runs", run.name, made_of):
@@ -206,7 +206,7 @@ class Work:
         prepared = prepare(run.experiment)
         # Euler's step belongs to the definition of a run: discontinuous observers have no limit without it
         check = run.experiment.blocks.solver.method != "euler" and not prepared.adaptive
-        result = perform(prepared, check_step=check, progress=report)
+        result = simulate_prepared(prepared, check_step=check, progress=report)
         result.save(self.state.folder / file)
         errors = result.integration_error
         self.state.note(
@@ -227,7 +227,7 @@ class Work:
             self.state.keep_members(run, found)
             report(len(found) / members)
 
-        return carry_out(run, asked, self.state.members(run, asked), keep)
+        return measure_members(run, asked, self.state.members(run, asked), keep)
 
     @property
     def _figure_folder(self) -> Path:

@@ -26,7 +26,7 @@ def processors() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def carry_out(works: Sequence[Work], *, workers: int | None = None, show: bool = True) -> list[Outcome]:
+def run_all(works: Sequence[Work], *, workers: int | None = None, show: bool = True) -> list[Outcome]:
     """Do all jobs, the stale parts of them.
 
     Parameters
@@ -52,7 +52,7 @@ def carry_out(works: Sequence[Work], *, workers: int | None = None, show: bool =
                 def report(part: float, what: str, number: int = number, name: str = works[i].study.name) -> None:
                     progress(number, part, f"{name}: {what}")
 
-                outcomes[i] = works[i].carry_out(report)
+                outcomes[i] = works[i].run(report)
                 progress(number, 1.0, "")
         elif count > 1:
             outcomes |= _in_parallel([works[i].job for i in stale], stale, count, progress)
@@ -115,7 +115,7 @@ def _work(job: Job, number: int) -> Outcome:
             last = time.monotonic()
             _queue.put((number, part, f"{work.study.name}: {what}"))
 
-    return work.carry_out(report)
+    return work.run(report)
 
 
 @contextmanager

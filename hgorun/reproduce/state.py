@@ -170,7 +170,7 @@ class State:
         return complete
 
     def keep_members(self, run: Run, members: Sequence[Mapping[str, float]]) -> None:
-        """Record the members of an ensemble carried out so far."""
+        """Record the members of an ensemble that have been run so far."""
         entry = {"made_of": of_members(run), "varied": list(run.varied), "members": members}
         write_text(self.folder / f"{run.name}.json", json.dumps(entry, indent=1))
 

@@ -103,8 +103,8 @@ def _limit(seconds: float, memory: int) -> None:
 
     pages = Path("/proc/self/statm")
     taken = int(pages.read_text().split()[0]) * os.sysconf("SC_PAGE_SIZE") if pages.exists() else 2**33
-    for what, most in ((resource.RLIMIT_AS, taken + memory), (resource.RLIMIT_CPU, int(seconds) + 1)):
+    for what, limit in ((resource.RLIMIT_AS, taken + memory), (resource.RLIMIT_CPU, int(seconds) + 1)):
         _, hard = resource.getrlimit(what)
         with suppress(OSError, ValueError):
-            resource.setrlimit(what, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
+            resource.setrlimit(what, (limit if hard == resource.RLIM_INFINITY else min(limit, hard), hard))
     resource.setrlimit(resource.RLIMIT_CORE, (0, resource.getrlimit(resource.RLIMIT_CORE)[1]))

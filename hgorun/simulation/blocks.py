@@ -9,12 +9,11 @@ from typing import Any, TypeVar
 import numpy as np
 
 from hgorun.config.expressions import nearest
-from hgorun.config.models import Experiment as Blocks
-from hgorun.config.paths import KeyPath
+from hgorun.config.models import ExperimentBlocks
 from hgorun.config.types import describe
 from hgorun.config.validation import validate
 from hgorun.config.yaml_source import Source
-from hgorun.errors import ConfigError
+from hgorun.errors import ConfigError, KeyPath
 from hgorun.measurement.blocks import Measurement
 from hgorun.observers.base import OBSERVERS, AnyObserver
 from hgorun.plants.base import PLANTS, Plant
@@ -31,7 +30,7 @@ _LONGEST_LABEL = 100
 class Checked:
     """The parts of a configuration, each checked by its class."""
 
-    blocks: Blocks
+    blocks: ExperimentBlocks
     plant: Plant
     measurement: Measurement
     observers: dict[str, AnyObserver]
@@ -45,7 +44,7 @@ def check(source: Source) -> Checked:
     ConfigError
         For the first thing wrong: file, line, key, what was found and what would be right.
     """
-    blocks = validate(Blocks, source.data, source, ())
+    blocks = validate(ExperimentBlocks, source.data, source, ())
     plant = _plant(blocks, source)
     measurement = validate(Measurement, blocks.measurement, source, ("measurement",))
     observers = {label: _observer(label, block, source) for label, block in blocks.observers.items()}
@@ -72,7 +71,7 @@ def check_again(source: Source, before: Checked, touched: Collection[KeyPath]) -
         blocks = before.blocks.model_copy(update={key: data.get(key, {}) for key in _PARTS})
     else:
         known = _NOT_OF_A_RUN.keys() - keys  # checked before, and no part of a run
-        blocks = validate(Blocks, {key: part for key, part in data.items() if key not in known}, source, ())
+        blocks = validate(ExperimentBlocks, {key: part for key, part in data.items() if key not in known}, source, ())
         blocks = blocks.model_copy(update=_NOT_OF_A_RUN)
     stale = {path[1] for path in touched if path[0] == "observers" and len(path) > 1}
     if ("observers",) in touched:
@@ -92,7 +91,7 @@ def check_again(source: Source, before: Checked, touched: Collection[KeyPath]) -
     )
 
 
-# what is resolved by classes of its own, is carried out already, or decides no number of the run
+# what is resolved by classes of its own, has been applied already, or decides no number of the run
 _NOT_RESOLVED = {*_PARTS, *_NOT_OF_A_RUN, "extends", "title", "reference"}
 
 
@@ -131,7 +130,7 @@ def plain(value: Any) -> Any:
     return value
 
 
-def _plant(blocks: Blocks, source: Source) -> Plant:
+def _plant(blocks: ExperimentBlocks, source: Source) -> Plant:
     block = blocks.plant
     if "type" not in block or block["type"] == "inline":
         if "states" not in block and "dynamics" not in block:

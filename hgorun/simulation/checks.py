@@ -6,7 +6,6 @@ import numpy as np
 
 from hgorun.engine.program import history_bytes, history_pieces
 from hgorun.errors import Problem
-from hgorun.measurement.blocks import Steps
 from hgorun.measurement.schedule import continuous_delays
 from hgorun.measurement.signals import delay_range
 from hgorun.observers.base import SampledObserver, SampleSchedule
@@ -19,7 +18,7 @@ _OVERLAP = 0.05  # of a step: delays shorter than that are followed inside the s
 
 
 def check_run(run: PreparedRun) -> None:
-    """Refuse a run that could not be carried out.
+    """Refuse a run that cannot be simulated.
 
     Raises
     ------
@@ -122,10 +121,8 @@ def _check_jumps(run: PreparedRun) -> None:
 
 def _check_schedules(run: PreparedRun, intervals: np.ndarray) -> None:
     """What each discrete-time observer asks of the times between samples."""
-    stretches = run.channels[0].stretches
-    sampling = stretches[0].sampling
-    steps = sampling.steps if isinstance(sampling, Steps) and len(stretches) == 1 else None
-    schedule = SampleSchedule(intervals, steps, stretches[0].paths["sampling"])
+    first, *others = run.channels[0].stretches
+    schedule = SampleSchedule(intervals, None if others else first.steps, first.paths["sampling"])
     for b in run.observers:
         if isinstance(b.observer, SampledObserver):
             try:

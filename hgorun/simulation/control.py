@@ -129,14 +129,14 @@ class _Search:
         """Whether what was found last is accurate, and no observer has been lost in it that must be looked at."""
         return self.best is not None and self.best.worst <= self.accuracy
 
-    def fixed(self, method: Method, most: float) -> bool:
-        """Down the ladder with fixed steps, ``most`` in number; whether that was enough."""
+    def fixed(self, method: Method, limit: float) -> bool:
+        """Down the ladder with fixed steps, ``limit`` in number; whether that was enough."""
         k = rung(self.run)
         before: tuple[int, float] | None = None
         while True:
             step = self.run.span / 2.0**k
             count = _count(self.run, step)
-            if count > most or count * (1 + UNEVEN) > self.budget.steps(method) or k > finest_rung(self.run):
+            if count > limit or count * (1 + UNEVEN) > self.budget.steps(method) or k > finest_rung(self.run):
                 return False
             how = Pass(method=method, step=step)
             error = self._compared(how, replace(how, uneven=UNEVEN))
@@ -213,15 +213,12 @@ class _Search:
             tries *= _MORE
         return None
 
-    def _to_tolerance(self, method: Method, tolerance: float, most: float) -> Pass:
+    def _to_tolerance(self, method: Method, tolerance: float, limit: float) -> Pass:
         """A pass with controlled steps; two tolerances do not share their longest steps."""
-        odd = round(np.log10(tolerance)) % 2
-        limit = min(
-            self.run.span * (_OTHER_PART if odd else _PART), longest_step(self.run, self.run.step, adaptive=True)
-        )
-        first = min(limit, self.run.step)
-        control = Tolerance(tolerance, _SMALL * tolerance, limit, first)
-        return Pass(method=method, step=self.run.step, tolerance=control, most=most)
+        part = _OTHER_PART if round(np.log10(tolerance)) % 2 else _PART
+        longest = min(part * self.run.span, longest_step(self.run, self.run.step, adaptive=True))
+        control = Tolerance(tolerance, _SMALL * tolerance, longest, min(longest, self.run.step))
+        return Pass(method=method, step=self.run.step, tolerance=control, limit=limit)
 
 
 def controlled(run: PreparedRun, progress: Progress = None) -> Controlled:
@@ -282,8 +279,8 @@ def _stages(search: _Search) -> Iterator[Callable[[], bool]]:
     solver = search.run.solver
     if solver.method == "auto":
         method: Method = "rk4" if solver.accuracy >= _PRECISE else "dopri5"
-        most = max(_UNIFORM, 8 * search.run.schedule.events.size)
-        yield lambda: search.fixed(method, most)
+        limit = max(_UNIFORM, 8 * search.run.schedule.events.size)
+        yield lambda: search.fixed(method, limit)
         yield lambda: search.controlled(("dopri5",))
         yield lambda: search.fixed(method, np.inf)
     elif METHODS[solver.method].error:

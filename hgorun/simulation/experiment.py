@@ -9,7 +9,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from hgorun.config.models import Experiment as Blocks
+from hgorun.config.models import ExperimentBlocks
 from hgorun.config.overrides import replaced
 from hgorun.config.yaml_source import Source, parse
 from hgorun.errors import ConfigError, Problem
@@ -141,7 +141,7 @@ class Experiment:
             known.pop(name, None)
 
     @property
-    def blocks(self) -> Blocks:
+    def blocks(self) -> ExperimentBlocks:
         """The configuration's own keys."""
         return self._checked.blocks
 

@@ -34,7 +34,7 @@ class Pass:
         For a comparison with even steps: so many steps for each of them, not even.
     tolerance : Tolerance, optional
         Where an error estimate controls every step.
-    most : float
+    limit : float
         So many steps may be tried then.
     """
 
@@ -42,7 +42,7 @@ class Pass:
     step: float
     uneven: float | None = None
     tolerance: Tolerance | None = None
-    most: float = np.inf
+    limit: float = np.inf
 
     @property
     def evaluations_of_a_step(self) -> int:
@@ -65,7 +65,7 @@ def integrate(run: PreparedRun, how: Pass, progress: Callable[[float], None] | N
     """One pass, as the engine gives it."""
     plan, start = plan_of(run, how)
     program = run.structure.program(how.method, adaptive=how.tolerance is not None)
-    return program.run(plan, start, how.tolerance, progress, most=how.most)
+    return program.run(plan, start, how.tolerance, progress, limit=how.limit)
 
 
 def integrate_lanes(runs: Sequence[PreparedRun], how: Pass) -> Raw:

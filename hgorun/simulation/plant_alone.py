@@ -12,7 +12,7 @@ from hgorun.config.models import Time
 from hgorun.engine.layout import Held, HybridSystem, Regime
 from hgorun.engine.plan import Plan
 from hgorun.engine.program import Program, Start
-from hgorun.errors import Problem
+from hgorun.errors import KeyPath, Problem
 from hgorun.measurement.events import Irregular, Kinks, extremes, infinite, merge, not_followed, too_many
 from hgorun.measurement.sampling import SAMPLE_BYTES
 from hgorun.memo import Memo
@@ -36,9 +36,9 @@ def plant_kinks(plant: BuiltPlant, time: Time) -> Irregular:
     """
     symbolic, model = plant.symbolic, plant.model
     kinks = _KINKS.get(symbolic, lambda: Kinks.of(_functions(symbolic), model.t, symbolic.everything))
-    most = time.max_memory / SAMPLE_BYTES
+    limit = time.max_memory / SAMPLE_BYTES
     try:
-        found = kinks.between(plant.everything, time.start, time.end, most)
+        found = kinks.between(plant.everything, time.start, time.end, limit)
     except TooMany as error:
         raise Problem(("plant",), too_many(error, "the plant's functions of time", time.max_memory)) from None
     if found.infinite is not None and not plant.block.discretise:
@@ -76,10 +76,10 @@ def _refuse(plant: BuiltPlant, time: Time) -> None:
             raise Problem(path, infinite(one.infinite))
 
 
-def _each(plant: BuiltPlant, time: Time) -> Iterator[tuple[tuple[str | int, ...], Irregular]]:
+def _each(plant: BuiltPlant, time: Time) -> Iterator[tuple[KeyPath, Irregular]]:
     """What is irregular in each of the functions, and where it stands in the file."""
     model, block = plant.model, plant.block
-    places: list[list[tuple[str | int, ...]]] = [
+    places: list[list[KeyPath]] = [
         [("plant", "inputs", name) for name in model.inputs],
         [("plant", "disturbance", name) for name in model.states],
         [("plant", *block.place_of(name)) for name in model.states],

@@ -17,7 +17,7 @@ from hgorun.simulation.passes import as_given, integrate
 from hgorun.simulation.preparation import prepare
 from hgorun.simulation.prepared import PreparedRun
 
-__all__ = ["perform", "prepare", "simulate"]
+__all__ = ["prepare", "simulate", "simulate_prepared"]
 
 
 def simulate(
@@ -44,11 +44,13 @@ def simulate(
     SimulationError
         When the plant diverges.
     """
-    return perform(prepare(experiment), check_step=check_step, progress=progress)
+    return simulate_prepared(prepare(experiment), check_step=check_step, progress=progress)
 
 
-def perform(run: PreparedRun, *, check_step: bool = False, progress: Callable[[float], None] | None = None) -> Result:
-    """Carry out a prepared run; see :func:`simulate`."""
+def simulate_prepared(
+    run: PreparedRun, *, check_step: bool = False, progress: Callable[[float], None] | None = None
+) -> Result:
+    """Simulate a prepared run; see :func:`simulate`."""
     with _located(run), run.experiment.located():
         if run.solver.controlled:
             best = controlled(run, progress)

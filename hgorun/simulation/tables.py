@@ -15,8 +15,8 @@ from hgorun.measurement.schedule import Channel, Schedule, nearest_event
 from hgorun.memo import Memo, Same
 
 _PIECE = 1 << 14  # steps between two checks for Ctrl-C, more only where there were too many pieces
-_MOST_PIECES = 100_000
-_MOST_STEPS = 1e10  # then a piece is still a matter of a second
+_MAX_PIECES = 100_000
+_MAX_STEPS = 1e10  # then a piece is still a matter of a second
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -154,10 +154,10 @@ def count_steps(gaps: np.ndarray, longest: float, key: str = "step") -> np.ndarr
     with np.errstate(over="ignore", divide="ignore"):
         steps = np.maximum(np.ceil(gaps / longest * (1 - 1e-9)), 1)
         total = float(np.sum(steps))
-    if not total <= _MOST_STEPS:
+    if not total <= _MAX_STEPS:
         raise Problem(
             ("solver", key),
-            f"the run takes {total:.3g} steps of {longest:.3g}, at most {_MOST_STEPS:.0e} are possible: "
+            f"the run takes {total:.3g} steps of {longest:.3g}, at most {_MAX_STEPS:.0e} are possible: "
             f"give a longer solver.{key}",
         )
     return np.asarray(steps.astype(np.int64))
@@ -237,7 +237,7 @@ def in_pieces(spans: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.nda
     A piece has 16,384 steps. In runs of more than 1.6e9 steps it is longer, since the pieces themselves
     take memory: up to 100,000 steps, well below a second for all but the largest systems.
     """
-    piece = max(_PIECE, -(-int(counts[:, 0].sum()) // _MOST_PIECES))
+    piece = max(_PIECE, -(-int(counts[:, 0].sum()) // _MAX_PIECES))
     pieces = np.maximum(-(-counts[:, 0] // piece), 1)
     if np.all(pieces == 1):
         return spans, counts

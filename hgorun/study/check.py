@@ -8,7 +8,7 @@ from typing import Literal
 from hgorun.config.expressions import nearest
 from hgorun.config.models import Figure, StudyBlocks
 from hgorun.config.validation import validate
-from hgorun.errors import Problem
+from hgorun.errors import KeyPath, Problem
 from hgorun.result.windows import points_in
 from hgorun.simulation.experiment import Experiment
 from hgorun.study.quantities import Quantity, inside
@@ -73,7 +73,7 @@ def _check(
     check(figures, names)
 
 
-def _check_quantity(study: Study, quantity: Quantity, path: tuple[str | int, ...]) -> None:
+def _check_quantity(study: Study, quantity: Quantity, path: KeyPath) -> None:
     for run, label in quantity.of:
         if run not in study.runs:
             raise Problem(path, f"no run is called {run!r}.{nearest(run, study.runs)} Runs: {', '.join(study.runs)}")
@@ -91,7 +91,7 @@ def _check_quantity(study: Study, quantity: Quantity, path: tuple[str | int, ...
         raise Problem(path, f"{quantity}: members of different ensembles cannot be compared")
 
 
-def _check_window(run: Run, quantity: Quantity, path: tuple[str | int, ...]) -> None:
+def _check_window(run: Run, quantity: Quantity, path: KeyPath) -> None:
     """A window must have points of the run's output grid in it; a slope needs values to be drawn through."""
     window = quantity.window
     if quantity.function == "exponent":

@@ -34,7 +34,7 @@ def on_member(quantity: Quantity) -> Quantity:
     return quantity
 
 
-def carry_out(
+def measure_members(
     run: Run,
     quantities: Sequence[Quantity],
     done: Sequence[Mapping[str, float]] = (),
@@ -84,7 +84,7 @@ def values_of(
     results : mapping of str to Result
         Of the single runs.
     ensembles : mapping of str to list of dict
-        What :func:`carry_out` has found of the others.
+        What :func:`measure_members` has found of the others.
     theory : callable
         Gives a number of the analysis.
     """

@@ -16,7 +16,7 @@ from hgorun.observers.capabilities import FilterOrder
 from hgorun.result.metrics.base import all_metrics
 from hgorun.result.result import Result
 from hgorun.simulation.experiment import Experiment
-from hgorun.simulation.simulate import perform, prepare, simulate
+from hgorun.simulation.simulate import prepare, simulate, simulate_prepared
 from hgorun.study.quantities import Quantity, measure_quantity
 from hgorun.study.study import Run, Study
 
@@ -117,7 +117,7 @@ class _OnGrid:
         if step != experiment.blocks.time.output_step:
             experiment = experiment.varied({"time.output_step": step, "metrics.record": None})
         self.run = prepare(experiment)
-        self._noisy = cache(partial(perform, self.run))
+        self._noisy = cache(partial(simulate_prepared, self.run))
         self._estimate = cache(self._outcome)
 
     @cached_property

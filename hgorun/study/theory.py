@@ -24,7 +24,7 @@ def theory_of(study: Study, results: Mapping[str, Result]) -> Callable[[Quantity
         By the function: when the analysis has no such number; its reason is in the message.
     """
     from hgorun.analysis.report import analysis_of
-    from hgorun.simulation.simulate import perform, prepare
+    from hgorun.simulation.simulate import prepare, simulate_prepared
 
     known: dict[str, Analysis] = {}
 
@@ -32,7 +32,7 @@ def theory_of(study: Study, results: Mapping[str, Result]) -> Callable[[Quantity
         (name, label), *_ = quantity.of
         if name not in known:
             run = prepare(study.runs[name].experiment)
-            known[name] = analysis_of(run, results[name] if name in results else perform(run))
+            known[name] = analysis_of(run, results[name] if name in results else simulate_prepared(run))
         found = known[name].observers[str(label)]
         value: object = found.values
         for part in [*str(quantity.key).split("."), *([quantity.state] if quantity.state else [])]:

@@ -142,7 +142,7 @@ class Search:
         What is constant on each piece.
     touches : bool
         Whether times at which a level is touched count, too.
-    most : float
+    limit : float
         More crossings than that are refused.
     """
 
@@ -151,7 +151,7 @@ class Search:
     s: Floats
     levels: Levels
     touches: bool = False
-    most: float = np.inf
+    limit: float = np.inf
 
     def between(self, low: Floats, high: Floats) -> Found:
         """The crossings on all pieces.
@@ -259,7 +259,7 @@ class Search:
         first, last = (self.levels.crossed(self.function.at(x, self.p, s)) for x in (cells.low, cells.high))
         with np.errstate(invalid="ignore"):
             count = np.nan_to_num(np.abs(last - first), nan=0.0, posinf=np.inf)
-        if before + count.sum() > self.most:
+        if before + count.sum() > self.limit:
             raise TooMany(float(before + count.sum()))
         many = count.astype(int)
         cell = np.repeat(np.arange(many.size), many)

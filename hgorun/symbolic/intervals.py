@@ -92,10 +92,10 @@ def _sine(a: Bounds) -> Bounds:
         return np.asarray(wide | (first <= (high - phase) / (2 * np.pi) + touch))
 
     ends = np.sin(low), np.sin(high)
-    least, most = _outward(np.minimum(*ends), np.maximum(*ends), 4)
+    smallest, largest = _outward(np.minimum(*ends), np.maximum(*ends), 4)
     return (
-        np.where(holds(-np.pi / 2), -1.0, np.maximum(least, -1.0)),
-        np.where(holds(np.pi / 2), 1.0, np.minimum(most, 1.0)),
+        np.where(holds(-np.pi / 2), -1.0, np.maximum(smallest, -1.0)),
+        np.where(holds(np.pi / 2), 1.0, np.minimum(largest, 1.0)),
     )
 
 
@@ -272,8 +272,8 @@ class Enclosure:
 
     def __call__(self, low: np.ndarray, high: np.ndarray) -> Bounds:
         """Bounds (M,) of the only value."""
-        least, most = self.each(low, high)
-        return least[:, 0], most[:, 0]
+        smallest, largest = self.each(low, high)
+        return smallest[:, 0], largest[:, 0]
 
     def at(self, points: np.ndarray) -> np.ndarray:
         """The values (M,) at M points (M, d)."""
@@ -288,7 +288,9 @@ class Extent:
     reached: float
 
 
-def largest(function: ca.Function, low: np.ndarray, high: np.ndarray, *, most: int = 4096, gap: float = 0.01) -> Extent:
+def largest(
+    function: ca.Function, low: np.ndarray, high: np.ndarray, *, limit: int = 4096, gap: float = 0.01
+) -> Extent:
     """Enclose the largest modulus of a function on a box by cutting the box into ever smaller ones.
 
     Parameters
@@ -296,7 +298,7 @@ def largest(function: ca.Function, low: np.ndarray, high: np.ndarray, *, most: i
     function : casadi.Function
         One vector (d,) in, one number out.
     low, high : ndarray, shape (d,)
-    most : int
+    limit : int
         Boxes looked at, together, at most.
     gap : float
         Good enough: bound <= (1 + gap) reached.
@@ -314,7 +316,7 @@ def largest(function: ca.Function, low: np.ndarray, high: np.ndarray, *, most: i
         open_ = bounds > (1 + gap) * reached
         closed = max(closed, float(np.max(bounds[~open_], initial=0.0)))
         widths = np.where(matters, highs - lows, 0.0)
-        if not open_.any() or 2 * open_.sum() > most or not np.any(widths[open_] > 0):
+        if not open_.any() or 2 * open_.sum() > limit or not np.any(widths[open_] > 0):
             return Extent(max(closed, float(np.max(bounds[open_], initial=0.0))), reached)
         lows, highs, widths = lows[open_], highs[open_], widths[open_]
         # every direction in turn, so that none is left out for being short

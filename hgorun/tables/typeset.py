@@ -68,27 +68,27 @@ def columns(text: str) -> int:
     return len(text) + wide - sum(unicodedata.combining(char) > 0 for char in text)
 
 
-def shortened(text: str, most: int) -> str:
-    """A text without its middle, where labels differ least, when it takes more than ``most`` columns."""
-    while columns(text) > most:
-        keep = min((len(text) - 2) // 2, most)
+def shortened(text: str, limit: int) -> str:
+    """A text without its middle, where labels differ least, when it takes more than ``limit`` columns."""
+    while columns(text) > limit:
+        keep = min((len(text) - 2) // 2, limit)
         text = f"{text[:keep].rstrip('…')}…{text[-keep:].lstrip('…')}"
     return text
 
 
-def words(text: str, *, most: int = 60) -> str:
+def words(text: str, *, limit: int = 60) -> str:
     """Text that somebody wrote, safe for matplotlib: mathematics where it is, dollar signs where it is not.
 
     Parameters
     ----------
     text : str
-    most : int
+    limit : int
         Longer text is cut.
     """
     text = printable(text).strip()
-    if text.count("$") >= 2 and len(text) <= 4 * most and _is_mathematics(text):
+    if text.count("$") >= 2 and len(text) <= 4 * limit and _is_mathematics(text):
         return text
-    return shortened(text, most).replace("$", r"\$")
+    return shortened(text, limit).replace("$", r"\$")
 
 
 def _is_mathematics(text: str) -> bool:
@@ -103,7 +103,7 @@ def _is_mathematics(text: str) -> bool:
 
 def paragraph(text: str, width: float) -> str:
     """A title broken into lines, between formulas, for a figure so many inches wide."""
-    shown = re.sub(r"\$[^$]*\$", lambda m: m[0].replace(" ", "\0"), words(text, most=400))
+    shown = re.sub(r"\$[^$]*\$", lambda m: m[0].replace(" ", "\0"), words(text, limit=400))
     lines = textwrap.wrap(shown, max(20, int(width * 13)), break_long_words="$" not in shown)
     return "\n".join(lines).replace("\0", " ")
 

@@ -21,12 +21,12 @@ CLOCKS = st.sampled_from([0.0, -7.0, 1.7e9])
 WIDTHS = st.floats(-9, 0).map(lambda e: 10.0**e)
 
 
-def kinks(text: str, start: float, end: float, most: float = np.inf, **numbers: float) -> Irregular:
+def kinks(text: str, start: float, end: float, limit: float = np.inf, **numbers: float) -> Irregular:
     """Of an expression of t and of run-time numbers."""
     t, p = ca.SX.sym("t"), ca.SX.sym("p", len(numbers))
     symbols = {"t": t} | {name: p[i] for i, name in enumerate(numbers)}
     expression = parse(text, names=tuple(symbols)).symbol(symbols)
-    return Kinks.of([expression], t, p).between(np.array(list(numbers.values())), start, end, most)
+    return Kinks.of([expression], t, p).between(np.array(list(numbers.values())), start, end, limit)
 
 
 def same(found: Irregular, expected: np.ndarray, start: float, end: float, units: int = 8) -> None:
@@ -191,7 +191,7 @@ def test_a_function_that_cannot_be_followed_is_told() -> None:
 
 def test_more_kinks_than_fit_are_refused_before_they_are_made() -> None:
     with pytest.raises(TooMany):
-        kinks("floor(1e12*t)", 0.0, 1.0, most=1e6)
+        kinks("floor(1e12*t)", 0.0, 1.0, limit=1e6)
 
 
 @settings(max_examples=25, deadline=None)

@@ -87,7 +87,7 @@ def test_an_interruption_ends_the_workers(tmp_path: Path, monkeypatch: pytest.Mo
 
     monkeypatch.setattr(pool, "_collected", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        pool.carry_out(works(tmp_path), workers=2, show=False)
+        pool.run_all(works(tmp_path), workers=2, show=False)
 
 
 def test_the_bar_is_drawn_at_a_terminal_only(

@@ -63,7 +63,7 @@ def made(names: list[str], output: Path, workers: int = 1) -> list[str]:
     """Make everything; what was stale."""
     works = choose(names, Folders.below(output), figures=True, claims=True)
     stale = [f"{w.study.name}/{part}" for w in works for part in (*w.stale_figures, *w.stale_claims)]
-    outcomes = pool.carry_out(works, workers=workers, show=False)
+    outcomes = pool.run_all(works, workers=workers, show=False)
     write_report(works, outcomes, Folders.below(output))
     return stale
 

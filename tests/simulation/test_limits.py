@@ -76,8 +76,8 @@ def test_the_pieces_of_a_long_run_are_bounded() -> None:
     _, pieces = in_pieces(spans, counts)
     made = pieces[:, 2] - pieces[:, 1]
     assert made.sum() == steps.sum()
-    assert len(pieces) <= plan_module._MOST_PIECES + 3
-    assert made.max() <= plan_module._MOST_STEPS / plan_module._MOST_PIECES
+    assert len(pieces) <= plan_module._MAX_PIECES + 3
+    assert made.max() <= plan_module._MAX_STEPS / plan_module._MAX_PIECES
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ import hgorun
 from hgorun.noise.sinusoids import Sinusoids
 from hgorun.observers.fhgo2 import FilteredObserver2
 from hgorun.observers.shgo import StandardObserver
-from hgorun.study.measured import carry_out
+from hgorun.study.measured import measure_members
 from hgorun.study.quantities import Quantity
 
 BASE = """\
@@ -68,7 +68,7 @@ def test_members_of_an_ensemble_are_runs_with_their_seed(tmp_path: Path) -> None
     path = written(tmp_path, BASE)
     run = hgorun.load_study(path).runs["random"]
     asked = [Quantity("rmse", (("random", "A"),), "x2")]
-    found = [member[str(asked[0])] for member in carry_out(run, asked)]
+    found = [member[str(asked[0])] for member in measure_members(run, asked)]
     alone = tmp_path / "alone.yaml"
     alone.write_text(BASE[: BASE.index("runs:")])
     expected = [hgorun.simulate(hgorun.load(alone, seed=seed)).metrics()["A"]["rmse"]["x2"] for seed in (7, 8, 9, 10)]
@@ -79,8 +79,8 @@ def test_an_interrupted_ensemble_goes_on_where_it_was(tmp_path: Path) -> None:
     run = hgorun.load_study(written(tmp_path, BASE)).runs["random"]
     asked = [Quantity("sup", (("random", "A"),), "x1")]
     kept: list[int] = []
-    whole = carry_out(run, asked)
-    assert carry_out(run, asked, whole[:3], lambda found: kept.append(len(found))) == whole
+    whole = measure_members(run, asked)
+    assert measure_members(run, asked, whole[:3], lambda found: kept.append(len(found))) == whole
     assert kept == [4]
 
 

@@ -9,7 +9,7 @@ import pytest
 
 import hgorun
 from hgorun.errors import ConfigError
-from hgorun.study.measured import asked_of, carry_out
+from hgorun.study.measured import asked_of, measure_members
 from hgorun.study.scaling import scaling_data
 
 FILE = """\
@@ -61,7 +61,7 @@ def test_runs_of_a_figure(study: hgorun.Study) -> None:
 def test_measured_values_lie_on_the_line_of_theory(study: hgorun.Study) -> None:
     asked = asked_of(study, "eps", [0], ["swept"])
     assert len(asked) == 3  # the amplitude of x2 that claim and panel share, that of F, its rmse in x1
-    found = carry_out(study.runs["eps"], asked)
+    found = measure_members(study.runs["eps"], asked)
     data = scaling_data(study, "swept", {"eps": found})
     assert list(data) == [0, 1]
     first, second = data[0], data[1]

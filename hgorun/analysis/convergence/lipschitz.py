@@ -192,9 +192,9 @@ def ranges(run: PreparedRun, signals: ca.SX) -> tuple[np.ndarray, np.ndarray]:
     low, high = [], []
     for i in range(signals.numel()):
         value = ca.substitute(signals[i], model.p, ca.DM(run.plant.parameters))
-        least, most = Enclosure(ca.Function("u", [model.t], [ca.densify(value)]))(edges[:-1], edges[1:])
-        low.append(float(np.min(least)))
-        high.append(float(np.max(most)))
+        smallest, largest = Enclosure(ca.Function("u", [model.t], [ca.densify(value)]))(edges[:-1], edges[1:])
+        low.append(float(np.min(smallest)))
+        high.append(float(np.max(largest)))
     return np.array(low), np.array(high)
 
 

@@ -155,15 +155,15 @@ def filter_theorem(
     """
     first, whole = links
     c = lipschitz.constant(1.0)
-    least, most = S.smallest, S.largest
-    K = 1 / least  # |P C^T| <= lambda_max(P)
+    smallest, largest = S.smallest, S.largest
+    K = 1 / smallest  # |P C^T| <= lambda_max(P)
     U = np.sqrt(blocks)
     mu = 1 - 2 * c * np.sqrt(S.chi) / theta
     kappa = 2 - 2 * np.cos(np.pi / (blocks + 1))
-    c_1 = 2 * K * np.sqrt(most)
-    c_2 = 2 * U * (c / theta + whole + K) / np.sqrt(least)
+    c_1 = 2 * K * np.sqrt(largest)
+    c_2 = 2 * U * (c / theta + whole + K) / np.sqrt(smallest)
     if mu <= 0 or delta * kappa <= 4 * U * K:  # the step after (2.59) needs half of the filter's decay
         return FilterTheorem(float(mu), -np.inf, 0.0)
     nu = 1 - np.sqrt(2 / (kappa * mu * delta)) * (c_1 + c_2)
-    push = theta * delta * np.sqrt(max(most, 1.0) / least) * (theta * first + lipschitz.of_outputs)
+    push = theta * delta * np.sqrt(max(largest, 1.0) / smallest) * (theta * first + lipschitz.of_outputs)
     return FilterTheorem(float(mu), float(nu), float(max(nu, 0.0) * theta * min(mu, delta * kappa / 2) / 2 / push))

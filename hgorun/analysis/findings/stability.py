@@ -9,13 +9,13 @@ from hgorun.analysis.linear.error_system import ErrorSystem, error_system
 from hgorun.analysis.linear.nominal import nominal
 from hgorun.analysis.reasons import NoValue
 from hgorun.analysis.stability.critical import (
-    Availability,
     Limit,
-    availability_of,
+    Timing,
     chain_system,
     critical_delay,
     critical_period,
     jumping_period,
+    timing_of,
 )
 from hgorun.analysis.subject import Context, Subject, once
 from hgorun.observers.base import SampledObserver
@@ -42,10 +42,10 @@ def _on_chain(observer: Subject) -> ErrorSystem:
 def _limit(
     observer: Subject,
     name: str,
-    limit: Callable[[Availability, ErrorSystem], Limit],
+    limit: Callable[[Timing, ErrorSystem], Limit],
     system: Callable[[Subject], ErrorSystem],
 ) -> Remarked:
-    return _remarked(name, limit(availability_of(observer.run), system(observer)))
+    return _remarked(name, limit(timing_of(observer.run), system(observer)))
 
 
 def _remarked(name: str, limit: Limit) -> Remarked:

@@ -14,7 +14,7 @@ from hgorun.observers.capabilities import HighGain
 from hgorun.result.result import Result
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.prepared import PreparedRun
-from hgorun.simulation.simulate import perform, prepare
+from hgorun.simulation.simulate import prepare, simulate_prepared
 from hgorun.symbolic.forms import BlockForm, ChainForm, Form
 
 _POINTS = 2_000, 20_000  # fewest and most output points of a nominal run
@@ -115,6 +115,6 @@ def _simulated(experiment: Callable[[], Experiment], failure: str) -> tuple[Prep
     """The run of an experiment; ``failure`` introduces the reason where there is none."""
     try:
         run = prepare(experiment())
-        return run, perform(run)
+        return run, simulate_prepared(run)
     except HgorunError as error:
         raise NoValue(f"{failure}: {error}") from error

@@ -28,7 +28,7 @@ from hgorun.result.result import Result
 from hgorun.simulation.prepared import PreparedRun
 
 _NUMBERS = 60_000  # states times points of the noise_free's output grid at which it is linearised
-_POINTS = 3000, 6000  # least and most points
+_POINTS = 3000, 6000  # fewest and most points
 _STRETCHES, _STRETCHES_OF_WAVES = 3000, 6000  # of a run, at least
 GAUSS = (0.5 - np.sqrt(3) / 6, 0.5 + np.sqrt(3) / 6)  # nodes of the mean slope, of equal weight
 _ROUNDS, _STANDS = 8, 0.01  # predictions at most, and the relative change below which one stands
@@ -84,8 +84,8 @@ def noise_along(
         whose spectrum is not known, runs with more events than can be followed, noise too large for slopes.
     """
     observer = Linearisation(run, label)
-    most = int(np.clip(_NUMBERS / observer.size, *_POINTS))
-    points = np.arange(0, noise_free.time.size, max(noise_free.time.size // most, 1))
+    limit = int(np.clip(_NUMBERS / observer.size, *_POINTS))
+    points = np.arange(0, noise_free.time.size, max(noise_free.time.size // limit, 1))
     if points.size < 4:
         raise NoValue("the output grid has too few points to linearise along")
     times, xi = noise_free.time[points], observer.states(noise_free.observers[label], points)

@@ -14,7 +14,7 @@ from hgorun.analysis.noise.jumps import noise_of_jumps
 from hgorun.analysis.noise.sampled import SampledLoop
 from hgorun.analysis.noise.terms import NoiseTerms
 from hgorun.analysis.reasons import NO_SLOPES, NoValue, first_of, require_estimate
-from hgorun.measurement.blocks import Periodic, noise_blocks
+from hgorun.measurement.blocks import noise_blocks
 from hgorun.observers.base import SampledObserver
 from hgorun.observers.capabilities import SlidingMode
 from hgorun.result.result import Result
@@ -69,11 +69,11 @@ def _power(run: PreparedRun, result: Result, label: str) -> np.ndarray:
         stretch = c.stretches[0]
         if len(c.stretches) > 1 or stretch.multiplicative or not stretch.delay_is_constant:
             raise NoValue("only additive noise and a measurement that stays the same have a steady state")
-        sampling = stretch.sampling
-        if not stretch.continuous and (not isinstance(sampling, Periodic) or sampling.jitter or sampling.dropout):
+        sampling = stretch.regular
+        if sampling is None and not stretch.continuous:
             raise NoValue("only periodic sampling without jitter and dropout has a steady state")
         terms.append(NoiseTerms.of(c.noise[0]))
-        periods.add((sampling.period, sampling.offset) if isinstance(sampling, Periodic) else None)
+        periods.add(None if sampling is None else (sampling.period, sampling.offset))
         delays.add(float(stretch.delay_at(np.array([stretch.start]))[0]))
     if len(periods) > 1 or len(delays) > 1:
         raise NoValue("outputs of different sampling or delay have no common period")

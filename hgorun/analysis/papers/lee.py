@@ -15,7 +15,6 @@ paper's own example has b(0) = 1.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -155,8 +154,7 @@ def _bibs(A_0: np.ndarray, H_0: np.ndarray, a_0: float) -> tuple[np.ndarray, flo
 
 def _exponent(run: PreparedRun) -> float:
     """p of a(k) ~ k^-p; 0 for samples that are not given by an expression of k."""
-    stretch = run.channels[0].stretches[0]
-    text = getattr(stretch.sampling, "steps", None)
+    text = run.channels[0].stretches[0].steps
     if text is None:
         return 0.0
     k = ca.SX.sym("k")
@@ -210,7 +208,7 @@ def _bounded(radius: float, result: Result) -> Condition:
 
 def _lipschitz(run: PreparedRun, result: Result, A_0: np.ndarray, H_0: np.ndarray, eps: float) -> float:
     """The largest norm of [[df/dx, 0], [H_0 C/eps, A_0/eps]] along the run."""
-    model: Any = run.plant.model
+    model = run.plant.model
     slopes = evaluated(run, ca.jacobian(model.dynamics, model.x), model.x, along(result.time, result.x))
     n = len(A_0)
     full = np.zeros((len(slopes), 2 * n, 2 * n))

@@ -1,8 +1,8 @@
 """How rarely an output may be sampled, and how late it may come: exact limits of the linearised error.
 
-With the one innovation that serves every availability, the error near the truth is a linear hybrid system; see
-:mod:`hgorun.analysis.linear.error_system`. It is stable while the spectral radius of its monodromy matrix, over a
-period of sampling, is below 1. The published bounds, Robles Magdaleno 2023 (2.78), (3.68), are sufficient and
+With the one innovation for continuous, sampled and late outputs, the error near the truth is a linear hybrid
+system; see :mod:`hgorun.analysis.linear.error_system`. It is stable while the spectral radius of its monodromy matrix,
+over a period of sampling, is below 1. The published bounds, Robles Magdaleno 2023 (2.78), (3.68), are sufficient and
 smaller by factors of hundreds: for three integrators and theta = 1 these limits are 2.896 for the period of
 the standard observer and 0.927 for its delay.
 """
@@ -48,7 +48,7 @@ class Limit:
 
 
 @dataclass(frozen=True)
-class Availability:
+class Timing:
     """What the measurement does at the end of a run: the period (None: continuous) and the delay."""
 
     period: float | None
@@ -68,7 +68,7 @@ def chain_system(run: PreparedRun, label: str) -> ErrorSystem:
     return replace(at_end(alone, label, result), where="chains of integrators, phi = 0")
 
 
-def availability_of(run: PreparedRun) -> Availability:
+def timing_of(run: PreparedRun) -> Timing:
     """Period and delay of the outputs.
 
     Of several phases the last. A delay that changes counts with its largest value, samples at uneven times
@@ -89,26 +89,26 @@ def availability_of(run: PreparedRun) -> Availability:
     return described[0]
 
 
-def _describe(run: PreparedRun, i: int, stretch: Stretch) -> Availability:
+def _describe(run: PreparedRun, i: int, stretch: Stretch) -> Timing:
     remarks = []
     if stretch.continuous:
         period, times = None, np.linspace(stretch.start, stretch.end, 2001)
     else:
         samples = run.channels[i].samples
         times = samples.arrival[samples.arrival >= stretch.start]
-        period = getattr(stretch.sampling, "period", None)
+        period = stretch.period
         if period is None:
             period = float(np.max(np.diff(times), initial=0.0)) or None
             remarks.append("the longest time between two samples taken for the period")
-        elif stretch.sampling.jitter or stretch.sampling.dropout:
+        elif stretch.regular is None:
             remarks.append("without jitter and dropout")
     delay = float(np.max(stretch.delay_at(times), initial=0.0)) if times.size else 0.0
     if not stretch.delay_is_constant:
         remarks.append(f"with the longest delay, {delay:.4g}, throughout")
-    return Availability(period, delay, "; ".join(remarks))
+    return Timing(period, delay, "; ".join(remarks))
 
 
-def critical_period(availability: Availability, system: ErrorSystem) -> Limit:
+def critical_period(timing: Timing, system: ErrorSystem) -> Limit:
     """The shortest period of sampling at which the error no longer decays, at this theta and delay.
 
     Where the linear system changes along a run, that of the growth over the last two thirds of it: the spectral
@@ -116,8 +116,8 @@ def critical_period(availability: Availability, system: ErrorSystem) -> Limit:
 
     Parameters
     ----------
-    availability : Availability
-        What :func:`availability_of` says of the run.
+    timing : Timing
+        What :func:`timing_of` says of the run.
     system : ErrorSystem
         Best along a run of :func:`hgorun.analysis.linear.nominal.nominal`, or :func:`chain_system`.
 
@@ -127,8 +127,8 @@ def critical_period(availability: Availability, system: ErrorSystem) -> Limit:
         When it is stable, or unstable, at every period, or does not move at all.
     """
     _must_move(system)
-    delay = availability.delay
-    where = "; ".join(w for w in (system.where, availability.remark if delay else "") if w)
+    delay = timing.delay
+    where = "; ".join(w for w in (system.where, timing.remark if delay else "") if w)
     shortest = max(_SHORTEST / system.rate, delay / _MAX_WAITING)
     longest = _LONGEST / system.rate
     if not system.constant:
@@ -138,13 +138,13 @@ def critical_period(availability: Availability, system: ErrorSystem) -> Limit:
     return _search(system, lambda T: growth(system, T, delay), shortest, longest, where, "period")
 
 
-def critical_delay(availability: Availability, system: ErrorSystem) -> Limit:
+def critical_delay(timing: Timing, system: ErrorSystem) -> Limit:
     """The smallest constant delay at which the error no longer decays, at this theta and sampling.
 
     Parameters and errors as for :func:`critical_period`.
     """
     _must_move(system)
-    where, period = system.where, availability.period
+    where, period = system.where, timing.period
     if period is None and system.constant:
         return Limit(delay_margin(system.A0[0], system.E[0], system.H[0], system.K0[0], system.K[0]), where)
     shortest, longest = _SHORTEST / system.rate, _LONGEST / system.rate

@@ -24,9 +24,9 @@ _MAGIC = ROUND + 2046
 
 def clamped(block: Block, x: str, low: float, high: float) -> str:
     """x between two ends; a NaN fails both comparisons and stays."""
-    least, most = block.constant(low), block.constant(high)
-    x = block.select(block.compare("olt", x, least), least, x)
-    return block.select(block.compare("ogt", x, most), most, x)
+    lowest, highest = block.constant(low), block.constant(high)
+    x = block.select(block.compare("olt", x, lowest), lowest, x)
+    return block.select(block.compare("ogt", x, highest), highest, x)
 
 
 def _power_of_two(block: Block, biased: str) -> Pair:

@@ -13,7 +13,7 @@ from hgorun.analysis.convergence.segments import along
 from hgorun.analysis.reasons import NoValue
 from hgorun.analysis.report import Findings, analyze
 from hgorun.reproduce.shipped import experiments
-from hgorun.simulation.simulate import perform, prepare
+from hgorun.simulation.simulate import prepare, simulate_prepared
 
 TIME = {"end": 2, "output_step": 0.01}
 
@@ -31,7 +31,7 @@ def test_each_slope_and_its_norms() -> None:
     plant = inline(3, x1="x2 - 2*x1", x2="x3 + 0.5*sin(x2)", x3="tanh(x1) - 4*x3")
     config = {"time": TIME, "plant": plant, "observers": {"observer": {"type": "shgo", "theta": 2}}}
     run = prepare(Experiment(config))
-    result = perform(run)
+    result = simulate_prepared(run)
     chart = chart_of(run.observers[0].form, run.plant)
     got = lipschitz(run, chart, {"x1": (-1, 1), "x2": (-1, 1), "x3": (-9, 9)}, result, "observer")
     expected = np.array([[2, 0, 0], [0, 0.5, 0], [1, 0, 4]])
@@ -105,7 +105,7 @@ def test_slopes_between_truth_and_estimate_agree_with_the_box() -> None:
             }
         )
     )
-    result = perform(run)
+    result = simulate_prepared(run)
     chart = chart_of(run.observers[0].form, run.plant)
     box, own = lipschitz(run, chart, {}, result, "observer"), along(run, chart, result, "observer")
     assert box.kind == "interval over box"

@@ -12,7 +12,7 @@ from hgorun.analysis.excitation.gramian import gramians
 from hgorun.analysis.reasons import NoValue
 from hgorun.result.result import Result
 from hgorun.simulation.prepared import PreparedRun
-from hgorun.simulation.simulate import perform, prepare
+from hgorun.simulation.simulate import prepare, simulate_prepared
 
 OBSERVERS = {
     "S": {"type": "shgo_riccati", "theta": 5},
@@ -24,7 +24,7 @@ OBSERVERS = {
 
 def finished(plant: dict[str, Any], observers: dict[str, Any], end: float = 30) -> tuple[PreparedRun, Result]:
     run = prepare(experiment(plant, observers, end=end, output_step=0.01))
-    return run, perform(run)
+    return run, simulate_prepared(run)
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ from hgorun.analysis.noise.responses import frequency_responses
 from hgorun.analysis.report import analysis_of
 from hgorun.analysis.subject import Context
 from hgorun.figures.bode import bode_figure
-from hgorun.simulation.simulate import perform, prepare
+from hgorun.simulation.simulate import prepare, simulate_prepared
 
 CONFIG = """\
 time: {end: 30, output_step: 0.002}
@@ -25,7 +25,7 @@ def context(tmp_path_factory: pytest.TempPathFactory) -> Context:
     path = tmp_path_factory.mktemp("bode") / "chain.yaml"
     path.write_text(CONFIG)
     run = prepare(hgorun.load(path))
-    return Context(run, perform(run))
+    return Context(run, simulate_prepared(run))
 
 
 def transfer(omega: np.ndarray) -> np.ndarray:

@@ -10,7 +10,7 @@ from hgorun.analysis.noise.prediction import measured_noise, predicted_noise, wi
 from hgorun.analysis.reasons import NoValue
 from hgorun.reproduce.shipped import folder
 from hgorun.simulation.experiment import Experiment
-from hgorun.simulation.simulate import perform, prepare, simulate
+from hgorun.simulation.simulate import prepare, simulate, simulate_prepared
 
 THESIS = folder() / "robles2023"
 
@@ -18,7 +18,7 @@ THESIS = folder() / "robles2023"
 def ratios(experiment: Experiment) -> dict[str, np.ndarray]:
     """Predicted over measured, shape (n,) for each observer."""
     run = prepare(experiment)
-    result, noise_free = perform(run), simulate(without_noise(experiment))
+    result, noise_free = simulate_prepared(run), simulate(without_noise(experiment))
     return {
         label: predicted_noise(run, label, noise_free, result) / measured_noise(result, noise_free, label)
         for label in result.observers
@@ -76,7 +76,7 @@ def test_what_has_no_answer_says_why(tmp_path: Path) -> None:
     late = "measurement={delay: 0.1 + 0.05*sin(t), noise: [{type: uniform, low: -1, high: 1, hold: 0.02}]}"
     experiment = hgorun.load(path, [late])
     run = prepare(experiment)
-    result, noise_free = perform(run), simulate(without_noise(experiment))
+    result, noise_free = simulate_prepared(run), simulate(without_noise(experiment))
     for label in result.observers:
         with pytest.raises(NoValue, match="continuous and late"):
             predicted_noise(run, label, noise_free, result)

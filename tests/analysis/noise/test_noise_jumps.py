@@ -8,7 +8,7 @@ from hgorun.analysis.noise.prediction import measured_noise, predicted_noise, wi
 from hgorun.analysis.reasons import NoValue
 from hgorun.observers.base import OBSERVERS
 from hgorun.reproduce.shipped import folder
-from hgorun.simulation.simulate import perform, prepare, simulate
+from hgorun.simulation.simulate import prepare, simulate, simulate_prepared
 
 
 @pytest.mark.slow
@@ -25,7 +25,7 @@ def test_within_one_percent(file: str, name: str, settings: list[str], states: t
     windows += ["metrics.window=[2,6]", "metrics.transient=[0,2]"] if "time.end=6" in settings else []
     experiment = hgorun.load(folder() / file, [*settings, *windows], run=name)
     run = prepare(experiment)
-    result, noise_free = perform(run), simulate(without_noise(experiment))
+    result, noise_free = simulate_prepared(run), simulate(without_noise(experiment))
     for label in result.observers:
         predicted = predicted_noise(run, label, noise_free, result)
         measured = measured_noise(result, noise_free, label)
@@ -47,4 +47,4 @@ def test_an_observer_that_flows_between_its_jumps_gets_a_reason_and_no_number() 
         experiment = hgorun.Experiment(config)
         run = prepare(experiment)
         with pytest.raises(NoValue, match="flows between its jumps"):
-            predicted_noise(run, "o", simulate(without_noise(experiment)), perform(run))
+            predicted_noise(run, "o", simulate(without_noise(experiment)), simulate_prepared(run))

@@ -9,14 +9,14 @@ from examples import VAN_DER_POL, Block, chain, experiment, inline
 from hgorun import Experiment
 from hgorun.analysis.papers.katayama import KatayamaConditions, katayama_conditions
 from hgorun.analysis.reasons import NoValue
-from hgorun.simulation.simulate import perform, prepare
+from hgorun.simulation.simulate import prepare, simulate_prepared
 
 OBSERVERS: dict[str, Block] = {"k": {"type": "reduced_sampled", "H": 0.5}, "d": {"type": "deadbeat"}}
 
 
 def conditions(config: Experiment, label: str) -> KatayamaConditions:
     run = prepare(config)
-    found = katayama_conditions(run, label, perform(run))
+    found = katayama_conditions(run, label, simulate_prepared(run))
     assert isinstance(found, KatayamaConditions)
     return found
 
@@ -73,7 +73,7 @@ def test_the_papers_example(period: float) -> None:
 
 def test_the_constants_against_a_grid() -> None:
     run = prepare(example(0.05, None))
-    result = perform(run)
+    result = simulate_prepared(run)
     found = katayama_conditions(run, "d", result)
     assert isinstance(found, KatayamaConditions)
     x, z = result.x.T
@@ -135,4 +135,4 @@ def test_other_observers() -> None:
     config = example(0.2, None, {"o": {"type": "shgo", "theta": 1}})
     run = prepare(config)
     with pytest.raises(NoValue, match="the conditions are for"):
-        katayama_conditions(run, "o", perform(run))
+        katayama_conditions(run, "o", simulate_prepared(run))

@@ -9,7 +9,7 @@ from examples import experiment
 from hgorun import Experiment
 from hgorun.analysis.papers.lee import LeeConditions, lee_conditions
 from hgorun.analysis.reasons import NoValue
-from hgorun.simulation.simulate import perform, prepare
+from hgorun.simulation.simulate import prepare, simulate_prepared
 
 SA = {"type": "hgo_sa", "eps": 0.01, "gains": [2, 2]}
 FD = {"type": "hgo_fd", "eps": 0.01, "gains": [2, 2]}
@@ -25,7 +25,7 @@ def example(observer: dict[str, Any], sampling: dict[str, Any], noise: list[Any]
 
 def conditions(config: Experiment) -> LeeConditions:
     run = prepare(config)
-    found = lee_conditions(run, "o", perform(run))
+    found = lee_conditions(run, "o", simulate_prepared(run))
     assert isinstance(found, LeeConditions)
     return found
 
@@ -132,4 +132,4 @@ def test_other_observers() -> None:
     plant = {"type": "lee_second_order", "initial": {"x1": 10, "x2": 10}}
     run = prepare(experiment(plant, {"o": {"type": "shgo", "theta": 1}}, measurement={"sampling": {"period": 0.1}}))
     with pytest.raises(NoValue, match="the conditions are for"):
-        lee_conditions(run, "o", perform(run))
+        lee_conditions(run, "o", simulate_prepared(run))

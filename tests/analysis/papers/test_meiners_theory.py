@@ -11,7 +11,7 @@ from hgorun import Experiment
 from hgorun.analysis.papers.lmi import certificate, feasible_exactly, infeasible_exactly
 from hgorun.analysis.papers.meiners import Theorem1, Theorem2, meiners_conditions, slope_bound
 from hgorun.analysis.reasons import NoValue
-from hgorun.simulation.simulate import perform, prepare
+from hgorun.simulation.simulate import prepare, simulate_prepared
 
 PRINTED = (1.17, 2.3, 0.15)
 
@@ -28,7 +28,7 @@ DYNAMIC = {"type": "dynamic_gain", "l": [2, 1], "a": 1.17, "b": 2.3, "q": 0.15, 
 
 def conditions(config: Experiment) -> Any:
     run = prepare(config)
-    return meiners_conditions(run, "o", perform(run))
+    return meiners_conditions(run, "o", simulate_prepared(run))
 
 
 def determinants(M: list[list[Fraction]]) -> tuple[Fraction, Fraction]:
@@ -119,7 +119,7 @@ def test_the_checks_in_rational_arithmetic_say_no() -> None:
 def test_gamma_of_the_paper_at_the_equilibrium() -> None:
     """|d f_2/d x_2| of (22) is 7.5 times 4 y there."""
     run = prepare(reactor(DYNAMIC, 300))
-    found = slope_bound(run, "o", perform(run))
+    found = slope_bound(run, "o", simulate_prepared(run))
     u = 0.08
     eta_2 = 0.1 * u / 3
     x_1 = 0.1 - eta_2
@@ -139,7 +139,7 @@ def test_gamma_of_a_plant_in_closed_form(factor: float, holds: bool) -> None:
     """Van der Pol: d g_2/d x_2 = (1 - y^2)/2."""
     observer = {**DYNAMIC, "gamma": f"{factor}*abs(1 - y**2)/2 + 1e-9"}
     run = prepare(experiment(VAN_DER_POL, {"o": observer}, end=15, output_step=0.01))
-    found = slope_bound(run, "o", perform(run))
+    found = slope_bound(run, "o", simulate_prepared(run))
     assert found.holds is holds
     assert found.ratio == pytest.approx(1 / factor, rel=1e-3)
 

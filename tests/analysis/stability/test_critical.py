@@ -13,17 +13,17 @@ from hgorun.analysis.linear.nominal import nominal
 from hgorun.analysis.reasons import NoValue
 from hgorun.analysis.stability.critical import (
     Limit,
-    availability_of,
     chain_system,
     critical_delay,
     critical_period,
     jumping_period,
+    timing_of,
 )
 from hgorun.analysis.stability.growth import growth
 from hgorun.observers.base import OBSERVERS, Flow, SampledObserver
 from hgorun.observers.shgo import StandardObserver
 from hgorun.simulation.prepared import PreparedRun
-from hgorun.simulation.simulate import perform, prepare
+from hgorun.simulation.simulate import prepare, simulate_prepared
 from hgorun.symbolic.canonical import PlantCopy
 from hgorun.symbolic.symbols import Symbols
 
@@ -36,11 +36,11 @@ def prepared(observers: dict[str, Block], plant: Block = CHAIN, end: float = 5, 
 
 
 def chain_period(run: PreparedRun, label: str) -> float:
-    return critical_period(availability_of(run), chain_system(run, label)).value
+    return critical_period(timing_of(run), chain_system(run, label)).value
 
 
 def chain_delay(run: PreparedRun, label: str) -> float:
-    return critical_delay(availability_of(run), chain_system(run, label)).value
+    return critical_delay(timing_of(run), chain_system(run, label)).value
 
 
 def own_period(run: PreparedRun, label: str) -> float:
@@ -52,12 +52,12 @@ def own_period(run: PreparedRun, label: str) -> float:
 
 def along(limit: Callable[[Any, Any], Limit], run: PreparedRun, label: str) -> float:
     """A limit along the nominal run."""
-    return limit(availability_of(run), error_system(run, label, nominal(run))).value
+    return limit(timing_of(run), error_system(run, label, nominal(run))).value
 
 
 def decay(run: PreparedRun, label: str) -> float:
     """Logarithm of the error's growth over the second half of a run, envelope against envelope."""
-    result = perform(run)
+    result = simulate_prepared(run)
     xhat = result.observers[label].xhat
     e = np.linalg.norm(xhat - result.x, axis=1)
     if not np.all(np.isfinite(e)):
@@ -176,11 +176,11 @@ def test_a_time_varying_plant_against_its_own_run() -> None:
 
     run = at(0.1)
     system = error_system(run, "o", nominal(run))
-    T = critical_period(availability_of(run), system).value
+    T = critical_period(timing_of(run), system).value
     assert not system.constant
     for factor in (0.9, 1.1):
         period = factor * T
-        finished = perform(at(period))
+        finished = simulate_prepared(at(period))
         e = np.linalg.norm(finished.observers["o"].xhat - finished.x, axis=1)
         if factor < 1:
             samples = finished.measurements.time
@@ -245,4 +245,4 @@ def test_an_error_that_does_not_move_near_the_truth_has_no_limit(limit: Callable
     with OBSERVERS.replaced("dead_zone", DeadZone):
         run = prepared({"it": {"type": "dead_zone", "theta": 1}})
         with pytest.raises(NoValue, match="the linearised error does not move"):
-            limit(availability_of(run), chain_system(run, "it"))
+            limit(timing_of(run), chain_system(run, "it"))

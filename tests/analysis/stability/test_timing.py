@@ -8,7 +8,7 @@ import pytest
 from examples import chain, experiment, inline
 
 from hgorun.analysis.reasons import NoValue
-from hgorun.analysis.stability.critical import availability_of
+from hgorun.analysis.stability.critical import timing_of
 from hgorun.simulation.simulate import prepare
 
 OBSERVERS = {"o": {"type": "shgo", "theta": 2}}
@@ -36,7 +36,7 @@ PHASES = {"phases": [{"until": 0.5, "delay": 0.3}, {"until": 1, "sampling": {"pe
     ],
 )
 def test_of_one_output(measurement: dict[str, Any], period: float | None, delay: float, remark: str) -> None:
-    found = availability_of(prepare(experiment(chain(2), OBSERVERS, step=0.01, measurement=measurement)))
+    found = timing_of(prepare(experiment(chain(2), OBSERVERS, step=0.01, measurement=measurement)))
     assert found.period == (None if period is None else pytest.approx(period))
     assert found.delay == pytest.approx(delay, abs=1e-4)
     assert found.remark.startswith(remark)
@@ -49,4 +49,4 @@ def test_outputs_that_differ(other: dict[str, Any]) -> None:
     measurement = {"outputs": {"a": {"sampling": {"period": 0.1}}, "b": other}}
     run = prepare(experiment(plant, OBSERVERS, step=0.01, measurement=measurement))
     with pytest.raises(NoValue, match="differ in their sampling or delay"):
-        availability_of(run)
+        timing_of(run)
