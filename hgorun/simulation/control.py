@@ -33,7 +33,7 @@ Progress = Callable[[float], None] | None
 UNEVEN = 0.62  # steps of the run that is compared, for each step
 _PRECISE = 1e-6  # below this accuracy the method of order five is cheaper
 _STEEP = 4  # times 2: no further down the ladder at once, since the order may not be reached yet
-_UNIFORM = 1 << 16  # fixed steps, before those of a controlled run are tried
+_UNIFORM = 1 << 17  # fixed steps, before those of a controlled run are tried
 _TRIES, _MORE = 20_000, 8  # controlled steps that a method may try at first, and how many times more next time
 _TOLERANCE = 1e-3  # of the accuracy, to begin with
 _TIGHTEST = 1e-13
@@ -174,7 +174,7 @@ class _Search:
             return False
         method, before = first
         while True:
-            tolerance /= 10
+            tolerance = tolerance / 10
             try:
                 raw, found = self.budget.carry_out(self._to_tolerance(method, tolerance, self.budget.steps(method)))
             except (SimulationError, TooManySteps):
@@ -187,8 +187,8 @@ class _Search:
             if tolerance < 10 * _TIGHTEST:
                 return False
             if np.isfinite(self.best.worst):  # errors are in proportion to tolerances
-                tolerance /= 10.0 ** np.clip(np.floor(np.log10(self.best.worst / self.accuracy)) - 1, 0, 3)
-                tolerance = max(tolerance, 10 * _TIGHTEST)
+                excess = np.floor(np.log10(self.best.worst / self.accuracy))
+                tolerance = max(tolerance / 10.0 ** float(np.clip(excess - 1, 0, 3)), 10 * _TIGHTEST)
 
     def _cheapest(self, methods: tuple[Method, ...], tolerance: float) -> tuple[Method, Measured] | None:
         """The method that finishes a pass with the fewest steps, so far as that can be told in advance.
@@ -259,18 +259,22 @@ def controlled(run: PreparedRun, progress: Progress = None) -> Controlled:
         evaluations=search.budget.spent,
         error=found.error,
     )
-    doubts = {label: _doubt(error, run) for label, error in found.error.items() if not error <= run.solver.accuracy}
+    doubts = {
+        label: _doubt(error, run, search.budget.spent)
+        for label, error in found.error.items()
+        if not error <= run.solver.accuracy
+    }
     return Controlled(raw=found.raw, measured=found.measured, integration=integration, doubts=doubts)
 
 
-def _doubt(error: float, run: PreparedRun) -> Verdict:
+def _doubt(error: float, run: PreparedRun, spent: int) -> Verdict:
     """What is said of numbers that have not become accurate."""
     solver = run.solver
     size = f"about {error:.1g}" if error < 1 else "of the size of the numbers themselves, or larger"
     return Verdict(
         "inaccurate",
         reason=f"the integration error is {size} where solver.accuracy allows {solver.accuracy:g}; "
-        f"it did not get smaller with at most {solver.max_evaluations:g} evaluations (solver.max_evaluations)",
+        f"{spent:.2g} evaluations did not make it smaller (solver.max_evaluations: {solver.max_evaluations:g})",
     )
 
 

@@ -1,7 +1,9 @@
 """How far two passes through one run are apart, relative to what they measure.
 
 The measure is that of ``solver.accuracy``: the difference of a metric m counts relative to max(|m|, 1e-6 max |x_i|),
-a settling time is right within a step of its grid, and the truth of state i counts relative to max |x_i|.
+a settling time is right within a step of its grid, and the truth of state i counts relative to max |x_i|. What says
+nothing but rounding is left out: a settling time below a bound that is smaller than the errors allowed, the variation
+of an estimate over that of a state that rests.
 """
 
 from __future__ import annotations
@@ -12,6 +14,7 @@ import numpy as np
 
 from hgorun.result.data import PLANT
 from hgorun.result.metrics.base import all_metrics
+from hgorun.result.metrics.sizes import PEAK
 from hgorun.simulation.measured import Measured
 from hgorun.simulation.prepared import PreparedRun
 
@@ -30,7 +33,7 @@ def differences(run: PreparedRun, fine: Measured, coarse: Measured) -> dict[str,
             continue
         own = np.maximum(size, _FLOOR * _reach(xhat))
         apart = _largest(_gap(xhat, other), np.maximum(own, _reach(xhat)))
-        of_metrics = _metrics(run, fine.metrics[label], coarse.metrics[label], own, fine.moved)
+        of_metrics = _metrics(run, fine, label, coarse.metrics[label], own)
         found[label] = max(apart, of_metrics)
     return found
 
@@ -59,26 +62,22 @@ def _same_end(run: PreparedRun, a: float, b: float) -> bool:
     return abs(a - b) <= _SAME_TIME * (min(a, b) - run.time.start)
 
 
-def _metrics(
-    run: PreparedRun,
-    fine: Mapping[str, np.ndarray],
-    coarse: Mapping[str, np.ndarray],
-    size: np.ndarray,
-    moved: np.ndarray,
-) -> float:
+def _metrics(run: PreparedRun, found: Measured, label: str, other: Mapping[str, np.ndarray], size: np.ndarray) -> float:
     """The largest relative difference of the metrics of an observer."""
-    known, time, worst = all_metrics(), run.time, 0.0
-    for name, a in fine.items():
-        b, unit, counts = coarse[name], known[name].unit, np.ones(a.shape, dtype=bool)
+    own, known, time, worst = found.metrics[label], all_metrics(), run.time, 0.0
+    settled = found.settings.settling * own[PEAK.name] > run.solver.accuracy * _FLOOR * size
+    for name, a in own.items():
+        b, unit, counts = other[name], known[name].unit, np.ones(a.shape, dtype=bool)
         with np.errstate(invalid="ignore", divide="ignore"):
             gap, value, floor = np.abs(a - b), np.abs(a), _FLOOR * size
             if unit == "time":
                 gap = np.maximum(gap - run.experiment.metric_step * (1 + 1e-6), 0.0)
                 value, floor = np.abs(a - time.start), np.full(a.shape, _FLOOR * (time.end - time.start))
-            elif unit == "1":  # a ratio to how much the state moves: nothing can be said of one that rests
-                counts, floor = moved > floor, floor / moved
+                counts = settled
+            elif unit == "1":  # a ratio to how much the state moves
+                counts, floor = found.moved > floor, floor / found.moved
         if np.any(np.isfinite(a[counts]) != np.isfinite(b[counts])):
             return float("inf")
-        counts &= np.isfinite(a)
+        counts = counts & np.isfinite(a)
         worst = max(worst, _largest(gap[counts], np.maximum(value, floor)[counts]))
     return worst

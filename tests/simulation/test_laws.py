@@ -171,9 +171,9 @@ class Recorded:
     def __init__(self, program: Program) -> None:
         self.program = program
 
-    def run(self, plan: Plan, start: Start, *more: Any) -> Raw:
+    def run(self, plan: Plan, start: Start, *more: Any, **keys: Any) -> Raw:
         self.plan, self.start = plan, start
-        return self.program.run(plan, start, *more)
+        return self.program.run(plan, start, *more, **keys)
 
 
 def in_lanes(folder: Path, config: dict[str, Any], lanes: list[list[str]]) -> tuple[Raw, list[Raw]]:
