@@ -18,6 +18,7 @@ from hgorun.files import json_value
 from hgorun.result.result import Result
 from hgorun.result.theory import Transient
 from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.outcome import since_start
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import prepare, simulate_prepared
 
@@ -50,19 +51,17 @@ class Analysis:
     findings : tuple of Finding
         What was asked for.
     observers : mapping of str to Findings
+    result : Result
+        The simulation.
     context : Context
-        The run and its simulation.
+        The run and the same simulation, its time counted from its start.
     """
 
     name: str
     findings: tuple[Finding, ...]
     observers: Mapping[str, Findings]
+    result: Result
     context: Context
-
-    @property
-    def result(self) -> Result:
-        """The simulation."""
-        return self.context.result
 
     @cached_property
     def transients(self) -> dict[str, Transient]:
@@ -129,10 +128,10 @@ def analysis_of(
 ) -> Analysis:
     """The same for a run that has been simulated."""
     asked = all_findings() if findings is None else tuple(findings)
-    context = Context(run, result, search)
+    context = Context(run, since_start(run, result), search)
     with run.experiment.located():
         observers = {label: _findings_of(subject, asked) for label, subject in context.subjects.items()}
-    return Analysis(run.experiment.name, asked, observers, context)
+    return Analysis(run.experiment.name, asked, observers, result, context)
 
 
 def _value_of(finding: Finding, subject: Subject) -> Value | Remarked:

@@ -28,6 +28,7 @@ class Context:
     run : PreparedRun
         ``run.experiment`` is what was configured.
     result : Result
+        Its time counted from the start of the run, as in all that ``run`` says.
     search : bool
         Whether to look for what only repeated simulation finds.
     """

@@ -38,6 +38,11 @@ class Time(Block):
             raise ValueError(f"end must be after start, found end {self.end:g}, start {self.start:g}")
         return self
 
+    @property
+    def from_zero(self) -> Time:
+        """The same horizon, counted from its start."""
+        return self.model_copy(update={"start": 0.0, "end": self.end - self.start}) if self.start else self
+
 
 def _step(value: Any) -> Any:
     if value == "auto":
@@ -48,14 +53,16 @@ def _step(value: Any) -> Any:
     return step
 
 
-Method = Literal["euler", "rk4", "dopri5"]
+Method = Literal["euler", "rk4", "dopri5", "rodas5p"]
 
 
 class Solver(Block):
     """How the differential equations are solved."""
 
     method: Literal["auto"] | Method = Field(
-        default="auto", description="auto: what is cheapest for an automatic step, rk4 for a given one"
+        default="auto",
+        description="auto: rk4 for a given step, what is cheapest for an automatic one; rodas5p is for stiff plants "
+        "and very high gains",
     )
     step: Annotated[Literal["auto"] | float, BeforeValidator(_step), WithJsonSchema(NUMBER_SCHEMA)] = Field(
         default="auto", description="longest step of a fixed-step run; auto: found by error control"
@@ -66,8 +73,8 @@ class Solver(Block):
     max_evaluations: Positive = Field(
         default=1e8, description="automatic step: evaluations of the right-hand side that are allowed"
     )
-    rtol: Positive | None = Field(default=None, description="relative tolerance: dopri5 with adaptive steps")
-    atol: Positive | None = Field(default=None, description="absolute tolerance: dopri5 with adaptive steps")
+    rtol: Positive | None = Field(default=None, description="relative tolerance: adaptive steps of dopri5 or rodas5p")
+    atol: Positive | None = Field(default=None, description="absolute tolerance: adaptive steps of dopri5 or rodas5p")
     max_step: Positive | None = Field(default=None, description="longest adaptive step")
     divergence: Positive | None = Field(
         default=None, description="an observer has diverged beyond it (default 1e6 (1 + max |x|))"
@@ -89,9 +96,9 @@ class Solver(Block):
         return "rk4" if self.method == "auto" else self.method
 
     @model_validator(mode="after")
-    def _adaptive_needs_dopri5(self) -> Solver:
-        if self.adaptive and self.method != "dopri5":
-            raise ValueError(f"rtol and atol need method dopri5, found {self.method}")
+    def _adaptive_needs_an_estimate(self) -> Solver:
+        if self.adaptive and self.method not in ("dopri5", "rodas5p"):
+            raise ValueError(f"rtol and atol need method dopri5 or rodas5p, found {self.method}")
         if self.max_step is not None and not self.adaptive:
             raise ValueError("max_step goes with rtol and atol; a fixed step is set by step")
         return self

@@ -1,15 +1,13 @@
 """The native time loop of an embedded method with error control.
 
-A step is accepted when for every state h |sum e_j k_j| <= atol + rtol max(|z|, |z_new|); steps land on
-events. An observer for which no step is small enough is masked like one that has diverged; so is the one that
-asks for the smallest steps when a million of them have not brought the run on by a thousandth (``hopeless`` is
-then the step that it must not ask for).
+A step is accepted when for every state |error| <= atol + rtol max(|z|, |z_new|); steps land on events. An observer
+for which no step is small enough is masked like one that has diverged; so is the one that asks for the smallest steps
+when a million of them have not brought the run on by a thousandth (``hopeless`` is then the step that it must not ask
+for).
 """
 
 from __future__ import annotations
 
-from hgorun.engine.emit import Emitted
-from hgorun.engine.history import History
 from hgorun.engine.layout import (
     DONE,
     HISTORY_TOO_SHORT,
@@ -18,20 +16,13 @@ from hgorun.engine.layout import (
     STEP_TOO_SMALL,
     WORD,
 )
-from hgorun.engine.methods import Method
-from hgorun.engine.parts import Module, move
+from hgorun.engine.parts import move
 from hgorun.engine.stepper import Stepper, guard
 from hgorun.native import functions
 from hgorun.native.ir import Function, hexadecimal
 
 _SAFETY, _SHRINK, _GROW = 0.9, 0.2, 5.0
 _SMALLEST = 1e-13  # of the larger |t| of the segment's ends: below it a step changes t no more
-
-
-def add_adaptive(m: Module, method: Method, history: History | None, flows: list[Emitted]) -> None:
-    """``advance<i>(ctx, segment)`` for every regime i."""
-    for i, flow in enumerate(flows):
-        _add_advance(Stepper(m, method, history, i, flow, f"advance{i}"))
 
 
 def _maximum(f: Function, values: list[str]) -> str:
@@ -64,7 +55,8 @@ def _block_errors(s: Stepper, errors: list[str]) -> list[str]:
     return worst
 
 
-def _add_advance(s: Stepper) -> None:
+def add_adaptive(s: Stepper) -> None:
+    """``advance<i>(ctx, segment)`` for the regime i of the stepper."""
     f, m = s.f, s.m
     real = {name: f.at("%ctx", WORD[name]) for name in ("now", "step", "max_step")}
     lost, short, small, pause = (f.label() for _ in range(4))
@@ -84,13 +76,13 @@ def _add_advance(s: Stepper) -> None:
         t_new = f.let(f"select i1 {landing}, double {s.end}, double {f.scalar('fadd', t, h)}")
         t_clock = f.let(f"select i1 {landing}, double {s.end_eval}, double {t_new}")
         move(f, s.z, s.before, s.size)
-        move(f, s.slope, s.k[0], s.size)
+        move(f, s.slope, s.slope_before, s.size)
         move(f, s.trace, s.trace_before, 2 * s.width // m.lanes)
         s.step(t, h, t_clock, t_new)
         s.slope_at_end(t_clock, s.clock[1.0])
         if s.delayed:
             f.leave_if(f.test("sge", f.load(s.flags, "i64"), "2"), short)
-        errors = [s.embedded(s.method.error, h, i) for i in range(s.size)]
+        errors = s.errors(h)
         blocks = _block_errors(s, errors)
         worst = _maximum_scalar(f, blocks)
         accept, reject, next_step = f.label(), f.label(), f.label()
@@ -101,8 +93,7 @@ def _add_advance(s: Stepper) -> None:
         f.place(accept)
         s.rows_before(t, t_new, h)
         if s.history:
-            count = s.remember(t, t_new)
-            f.store(f.scalar("add", count, "1"), f.at("%ctx", WORD["ring_count"]), "i64")
+            s.keep(t, t_new, h)
         s.note_error(errors)
         f.store(t_new, real["now"])
         grown = f.scalar("fmul", h, _factor(s, worst, hexadecimal(_GROW)))
@@ -116,7 +107,7 @@ def _add_advance(s: Stepper) -> None:
 
         f.place(reject)
         move(f, s.before, s.z, s.size)
-        move(f, s.k[0], s.slope, s.size)
+        move(f, s.slope_before, s.slope, s.size)
         move(f, s.trace_before, s.trace, 2 * s.width // m.lanes)
         f.store(f.scalar("fmul", h, _factor(s, worst, hexadecimal(1.0))), real["step"])
         sizes = [s.absolute(s.start), s.absolute(s.end)]
@@ -168,7 +159,7 @@ def _factor(s: Stepper, error: str, largest: str) -> str:
     """How the step changes: 0.9 error^(-1/5) between 0.2 and ``largest``."""
     f = s.f
     with f.on_lanes(1) as scalar:
-        power = functions.call("pow", scalar, error, hexadecimal(-1 / s.method.order))
+        power = functions.call("pow", scalar, error, hexadecimal(-1 / s.order))
     factor = f.scalar("fmul", hexadecimal(_SAFETY), power)
     factor = _pick(f, f.test("olt", factor, largest), factor, largest)
     return _pick(f, f.test("ogt", factor, hexadecimal(_SHRINK)), factor, hexadecimal(_SHRINK))

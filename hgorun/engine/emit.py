@@ -120,8 +120,8 @@ class Emitted:
 class _Emitter:
     """Walks the instruction list once, appending each instruction to the part that it belongs to."""
 
-    def __init__(self, name: str, lanes: int, declarations: set[str]) -> None:
-        inline = "alwaysinline nounwind"
+    def __init__(self, name: str, lanes: int, declarations: set[str], *, inlined: bool) -> None:
+        inline = f"{'alwaysinline' if inlined else 'noinline'} nounwind"
         pointers = "ptr noalias %p, ptr noalias %c"
         self.parts = [
             Function(f"{name}_setup", pointers, lanes, declarations, attributes=inline),
@@ -226,7 +226,7 @@ class _Emitter:
         main.store(self.use(value, MAIN), main.at("%d", index * self.lanes), main.real)
 
 
-def emit(function: ca.Function, name: str, lanes: int, declarations: set[str]) -> Emitted:
+def emit(function: ca.Function, name: str, lanes: int, declarations: set[str], *, inlined: bool = True) -> Emitted:
     """Emit f(t, p, z, w) -> d.
 
     Parameters
@@ -239,8 +239,10 @@ def emit(function: ca.Function, name: str, lanes: int, declarations: set[str]) -
         W; arrays hold W values an entry.
     declarations : set of str
         Receives the intrinsics needed.
+    inlined : bool
+        Whether the code stands wherever it is called, or once.
     """
-    emitter = _Emitter(name, lanes, declarations)
+    emitter = _Emitter(name, lanes, declarations, inlined=inlined)
     instructions = read(function)
     for some in rounds(instructions, calls=_CALLS):
         if some[0].op in _CALLS:

@@ -1,4 +1,4 @@
-"""The native time loop of a fixed-step Runge-Kutta method.
+"""The native time loop of a method with fixed steps.
 
 One function a regime makes all steps of a segment: from the event at its start to the event at its end
 nothing happens but the flow. The slope at the end of a step is the first slope of the next one; it also
@@ -7,21 +7,13 @@ gives the output points in between and the history for continuous delays.
 
 from __future__ import annotations
 
-from hgorun.engine.emit import Emitted
-from hgorun.engine.history import History
 from hgorun.engine.layout import DONE, HISTORY_TOO_SHORT, PLANT_DIVERGED, WORD
-from hgorun.engine.methods import Method
-from hgorun.engine.parts import Module, counts, move
+from hgorun.engine.parts import counts, move
 from hgorun.engine.stepper import Stepper, guard
 
 
-def add_fixed(m: Module, method: Method, history: History | None, flows: list[Emitted]) -> None:
-    """``advance<i>(ctx, segment)`` for every regime i."""
-    for i, flow in enumerate(flows):
-        _add_advance(Stepper(m, method, history, i, flow, f"advance{i}"))
-
-
-def _add_advance(s: Stepper) -> None:
+def add_fixed(s: Stepper) -> None:
+    """``advance<i>(ctx, segment)`` for the regime i of the stepper."""
     f, m = s.f, s.m
     n = counts(f, "%segment")
     h = f.scalar("fdiv", f.scalar("fsub", s.end, s.start), f.let(f"sitofp i64 {n['steps']} to double"))
@@ -54,13 +46,11 @@ def _add_advance(s: Stepper) -> None:
             t_before = exact(f.scalar("sub", step, "1"))
             s.rows_before(t_before, t, h)
             if s.history:
-                count = s.remember(t_before, t)
-                f.store(f.scalar("add", count, "1"), f.at("%ctx", WORD["ring_count"]), "i64")
-            if s.method.error:
-                s.note_error([s.embedded(s.method.error, h, i) for i in range(s.size)])
+                s.keep(t_before, t, h)
+            s.note_error(s.errors(h))
         f.leave_if(is_last, after)
         move(f, s.z, s.before, s.size)
-        move(f, s.slope, s.k[0], s.size)
+        move(f, s.slope, s.slope_before, s.size)
         move(f, s.trace, s.trace_before, 2 * s.width // m.lanes)
         following = f.scalar("add", step, "1")
         s.step(t, h, clocked(following), exact(following))

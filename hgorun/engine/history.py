@@ -8,9 +8,13 @@ REFINEMENTS passes.
 
 from __future__ import annotations
 
-from hgorun.engine.layout import WORD
-from hgorun.engine.parts import Module, copy, hermite
-from hgorun.native.ir import Function
+from collections.abc import Callable
+
+import casadi as ca
+
+from hgorun.engine.layout import WORD, Regime
+from hgorun.engine.parts import Module, copy, hermite, hermite_slope
+from hgorun.native.ir import Function, hexadecimal
 
 REFINEMENTS = 4  # passes of a step whose delays reach into it; each one gains an order
 
@@ -20,17 +24,29 @@ def piece_words(channels: int, lanes: int) -> int:
     return 2 + 4 * channels * lanes
 
 
+def _passing(regime: Regime) -> ca.Function:
+    """1 - d'(t): how fast the past of each output passes by."""
+    assert regime.lags is not None
+    t, *others = (ca.SX.sym(regime.lags.name_in(i), *regime.lags.size_in(i)) for i in range(4))
+    return ca.Function("passing", [t, *others], [ca.densify(1 - ca.jacobian(regime.lags(t, *others), t))])
+
+
 class History:
     """Emits the native functions of the history and the calls to them."""
 
-    def __init__(self, m: Module) -> None:
+    def __init__(self, m: Module, *, slopes: bool = False) -> None:
         self.m = m
         self.width = m.system.outputs * m.system.width * m.lanes
         self.trace = m.emit(m.system.channel_slopes, "trace")
         late = [(number, regime) for number, regime in enumerate(m.system.regimes) if regime.delayed]
         self.lags = {number: m.emit(regime.lags, f"lags{i}") for i, (number, regime) in enumerate(late)}
         self._add_write()
-        self._add_recall()
+        self._add_recall("recall", hermite, early=self._initial)
+        if slopes:
+            self.gains = {
+                number: m.emit(_passing(m.system.regimes[number]), f"passing{number}") for number in self.lags
+            }
+            self._add_recall("recall_slope", hermite_slope, early=self._nothing)
 
     def _add_write(self) -> None:
         """``remember(ctx, index, t0, t1, start, end)``: start and end hold values, then slopes."""
@@ -52,13 +68,23 @@ class History:
         words = piece_words(self.m.system.outputs * self.m.system.width, self.m.lanes)
         return f.at(f.word("%ctx", WORD["ring"], "ptr"), f.scalar("mul", slot, str(words)))
 
-    def _add_recall(self) -> None:
+    def _initial(self, f: Function, first: str, words: int) -> None:
+        copy(f, f.at(f.word("%ctx", WORD["initial"], "ptr"), first), "%target", words)
+
+    def _nothing(self, f: Function, first: str, words: int) -> None:
+        with f.count(0, words) as i:
+            f.store(hexadecimal(0.0), f.at("%target", i))
+
+    def _add_recall(self, name: str, value: Callable[..., str], early: Callable[[Function, str, int], None]) -> None:
         """``recall(ctx, output, t, newest, target)``: an output's channels at t, no piece after ``newest``.
+
+        ``recall_slope`` does the same for their time derivatives; ``value`` makes them of a piece, ``early`` is what
+        they are before the start.
 
         Returns 0, or 1 when the provisional piece was used, or 2 when the history is too short.
         """
         f = self.m.function(
-            "recall",
+            name,
             "ptr %ctx, i64 %output, double %t, i64 %newest, ptr %target",
             returns="i64",
             attributes="nounwind noinline",
@@ -67,10 +93,10 @@ class History:
         first = f.scalar("mul", "%output", str(own))
         before = f.label()
         search = f.label()
-        early = f.test("ole", "%t", f.word("%ctx", WORD["t_start"], "double"))
-        f.branch(f.let(f"or i1 {early}, {f.test('slt', '%newest', '0')}"), before, search)
+        unknown = f.test("ole", "%t", f.word("%ctx", WORD["t_start"], "double"))
+        f.branch(f.let(f"or i1 {unknown}, {f.test('slt', '%newest', '0')}"), before, search)
         f.place(before)
-        copy(f, f.at(f.word("%ctx", WORD["initial"], "ptr"), first), "%target", own)
+        early(f, first, own)
         f.do("ret i64 0")
         f.place(search)
         hint = f.at(f.word("%ctx", WORD["hints"], "ptr"), "%output")
@@ -106,7 +132,7 @@ class History:
         data = f.at(f.at(piece, 2), first)
         with f.count(0, own) as k:
             parts = [f.word(data, f.scalar("add", k, str(j * self.width)), "double") for j in range(4)]
-            f.store(hermite(f, theta, h, *parts), f.at("%target", k))
+            f.store(value(f, theta, h, *parts), f.at("%target", k))
         provisional = f.test("eq", i, count)
         f.do(f"ret i64 {f.let(f'zext i1 {provisional} to i64')}")
         self.m.finish(f)
@@ -125,6 +151,29 @@ class History:
             target = f.at(w, s.held.output(i) * lanes)
             outcome = f.call("recall", f"ptr %ctx, i64 {i}, double {then}, i64 {newest}, ptr {target}", "i64")
             f.store(f.scalar("or", f.load(flags, "i64"), outcome), flags, "i64")
+
+    def look_up_slopes(self, f: Function, regime: int, t: str, newest: str, target: str, flags: str) -> None:
+        """The time derivatives of the delayed channels at t, one output after the other, as :meth:`look_up`."""
+        lag, gain = self.lags[regime], self.gains[regime]
+        s, lanes = self.m.system, self.m.lanes
+        p, z, w = (f.word("%ctx", WORD[name], "ptr") for name in ("p", "z", "w"))
+        found = []
+        for emitted in (lag, gain):
+            c, d = self.m.constants_of(f, emitted), f.slot("double", s.outputs * lanes)
+            tau = f.slot("double", emitted.clocked * lanes)
+            emitted.clock(f, t, p, c, tau)
+            emitted.main(f, p, c, tau, z, w, d)
+            found.append(d)
+        delays, passing = found
+        own = s.width * lanes
+        for number, i in enumerate(s.regimes[regime].delayed):
+            then = f.scalar("fsub", t, f.word(delays, i * lanes, "double"))
+            place = f.at(target, number * own)
+            outcome = f.call("recall_slope", f"ptr %ctx, i64 {i}, double {then}, i64 {newest}, ptr {place}", "i64")
+            f.store(f.scalar("or", f.load(flags, "i64"), outcome), flags, "i64")
+            with f.count(0, own) as k:
+                slope = f.scalar("fmul", f.word(place, k, "double"), f.word(passing, i * lanes, "double"))
+                f.store(slope, f.at(place, k))
 
     def follow(self, f: Function, t: str, z: str, slope: str, target: str) -> None:
         """Channels and their slopes at a state and its derivative."""

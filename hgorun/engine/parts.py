@@ -37,9 +37,9 @@ class Module:
     def finish(self, f: Function, linkage: str = "internal") -> None:
         self.functions.append(f.text(linkage))
 
-    def emit(self, function: object, name: str) -> Emitted:
+    def emit(self, function: object, name: str, *, inlined: bool = True) -> Emitted:
         """Emit a symbolic function and give it a place among the constants of a run."""
-        emitted = emit(function, name, self.lanes, self.declarations)
+        emitted = emit(function, name, self.lanes, self.declarations, inlined=inlined)
         self.functions.append(emitted.text)
         self._offset[name] = self.constants
         self._emitted.append(emitted)
@@ -229,6 +229,18 @@ def hermite(f: Function, theta: str, h: str, z0: str, k0: str, z1: str, k1: str)
     c = f.scalar("fmul", theta, f.scalar("fmul", h, k1))
     bend = f.scalar("fsub", f.scalar("fadd", a, c), b)
     return f.scalar("fsub", line, f.scalar("fmul", f.scalar("fmul", theta, rest), bend))
+
+
+def hermite_slope(f: Function, theta: str, h: str, z0: str, k0: str, z1: str, k1: str) -> str:
+    """The time derivative of :func:`hermite`."""
+    rest = f.scalar("fsub", hexadecimal(1.0), theta)
+    bump = f.scalar("fmul", hexadecimal(3.0), f.scalar("fmul", theta, rest))
+    # with B = 3 T (1-T): 2 B (z1-z0)/h + (1-T-B) k0 + (T-B) k1
+    rise = f.scalar("fdiv", f.scalar("fsub", z1, z0), h)
+    middle = f.scalar("fmul", f.scalar("fmul", hexadecimal(2.0), bump), rise)
+    a = f.scalar("fmul", f.scalar("fsub", rest, bump), k0)
+    b = f.scalar("fmul", f.scalar("fsub", theta, bump), k1)
+    return f.scalar("fadd", middle, f.scalar("fadd", a, b))
 
 
 def add_rows(m: Module, *, quintic: bool) -> None:

@@ -35,6 +35,8 @@ class Plan:
         Successive values of held noise.
     reach : float
         The longest continuous delay.
+    origin : float
+        What is added to a time where it is told to somebody.
     """
 
     spans: Floats
@@ -46,6 +48,7 @@ class Plan:
     bias: Floats
     holds: Floats
     reach: float = 0.0
+    origin: float = 0.0
 
     @property
     def steps(self) -> int:

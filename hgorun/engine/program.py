@@ -22,9 +22,12 @@ from hgorun.engine.layout import (
     WORD,
     HybridSystem,
 )
-from hgorun.engine.methods import METHODS
+from hgorun.engine.methods import METHODS, Rosenbrock
 from hgorun.engine.parts import Module, add_actions, add_channels, add_flag, add_rows, counts, span
 from hgorun.engine.plan import Floats, Integers, Plan
+from hgorun.engine.rosenbrock import LinearlyImplicit
+from hgorun.engine.runge_kutta import RungeKutta
+from hgorun.engine.stepper import Stepper
 from hgorun.errors import SimulationError
 from hgorun.native.compiler import NativeModule
 
@@ -90,14 +93,22 @@ class TooManySteps(Exception):
 
 def generate(system: HybridSystem, method: str, *, adaptive: bool = False, lanes: int = 1) -> tuple[str, int]:
     """The IR of a system, and how many constants a lane of a run has."""
-    m = Module(system, lanes)
-    flows = [m.emit(regime.flow, f"flow{i}") for i, regime in enumerate(system.regimes)]
+    m, chosen = Module(system, lanes), METHODS[method]
+    implicit = isinstance(chosen, Rosenbrock)
+    flows = [m.emit(regime.flow, f"flow{i}", inlined=not implicit) for i, regime in enumerate(system.regimes)]
     add_channels(m)
     add_actions(m)
     add_flag(m)
-    add_rows(m, quintic=bool(METHODS[method].dense))
-    history = History(m) if system.remembers else None
-    (add_adaptive if adaptive else add_fixed)(m, METHODS[method], history, flows)
+    add_rows(m, quintic=bool(chosen.dense))
+    history = History(m, slopes=implicit) if system.remembers else None
+    for i, flow in enumerate(flows):
+        name = f"advance{i}"
+        stepper: Stepper = (
+            LinearlyImplicit(m, chosen, history, i, flow, name)
+            if isinstance(chosen, Rosenbrock)
+            else RungeKutta(m, chosen, history, i, flow, name)
+        )
+        (add_adaptive if adaptive else add_fixed)(stepper)
     _add_run(m, len(flows))
     m.setup()
     return m.text(), m.constants
@@ -143,7 +154,7 @@ class Program:
     ----------
     system : HybridSystem
     method : str
-        ``euler``, ``rk4`` or ``dopri5``.
+        ``euler``, ``rk4``, ``dopri5`` or ``rodas5p``.
     adaptive : bool
         Control the step by the method's embedded error estimate.
     lanes : int
@@ -212,7 +223,8 @@ class Program:
             if tries > limit:
                 raise TooManySteps(tries, memory.real("now"))
             if verdict != DONE:
-                raise SimulationError(_explain(verdict, memory.real("now")))
+                stiff = isinstance(self.method, Rosenbrock)
+                raise SimulationError(_explain(verdict, plan.origin + memory.real("now"), stiff=stiff))
             spent = max(time.perf_counter() - before, 1e-6)
             chunk = max(1, int(chunk * min(_SLICE / spent, 8.0)))
             if progress:
@@ -220,11 +232,13 @@ class Program:
         return memory.result(tries if tolerance else plan.steps)
 
 
-def _explain(verdict: int, t: float) -> str:
+def _explain(verdict: int, t: float, *, stiff: bool) -> str:
+    """What ended a run at time t; ``stiff`` where the method is made for stiff equations."""
+    advice = "" if stiff else "; if its equations are stiff, use solver: {method: rodas5p}"
     return {
-        PLANT_DIVERGED: f"the plant itself diverged at t = {t:.6g}: nothing can be said about its observers",
+        PLANT_DIVERGED: f"the plant itself diverged at t = {t:.6g}: nothing can be said about its observers{advice}",
         STEP_TOO_SMALL: f"no step is small enough for the plant at t = {t:.6g}: its equations are singular there "
-        "or the tolerance is out of reach",
+        f"or the tolerance is out of reach{advice}",
         HISTORY_TOO_SHORT: f"the delay at t = {t:.6g} reaches further back than the stored history of "
         f"{_ADAPTIVE_HISTORY} steps; use a fixed step",
     }[verdict]

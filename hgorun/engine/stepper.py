@@ -1,11 +1,12 @@
-"""One step of an explicit Runge-Kutta method, as native code: what the fixed and adaptive loops share."""
+"""One step of a method, as native code: what the fixed and adaptive loops share, whatever the method."""
 
 from __future__ import annotations
+
+from abc import ABC, abstractmethod
 
 from hgorun.engine.emit import Emitted
 from hgorun.engine.history import REFINEMENTS, History
 from hgorun.engine.layout import WORD
-from hgorun.engine.methods import Method, Row
 from hgorun.engine.parts import Module, span
 from hgorun.native.ir import Function, hexadecimal
 
@@ -19,15 +20,6 @@ def weighted(f: Function, weights: tuple[float, ...], slopes: list[str], place: 
             term = term if weight == 1.0 else f.mul(f.constant(weight), term)
             total = f.add(total, term) if total else term
     return total
-
-
-def combine(f: Function, row: Row, h: str, z: str, slopes: list[str], target: str, size: int) -> None:
-    """target = z + h scale sum_j weights[j] slopes[j], unrolled over the state."""
-    factor = f.splat(h if row.scale == 1.0 else f.scalar("fmul", h, hexadecimal(row.scale)))
-    for i in range(size):
-        place = i * f.lanes
-        step = f.mul(factor, weighted(f, row.weights, slopes, place))
-        f.store(f.add(f.load(f.at(z, place), f.real), step), f.at(target, place), f.real)
 
 
 def guard(f: Function, m: Module, t: str, z: str, lost: str) -> None:
@@ -56,38 +48,53 @@ def guard(f: Function, m: Module, t: str, z: str, lost: str) -> None:
         f.leave_if(f.test("eq", verdict, "1"), lost)
 
 
-class Stepper:
-    """The state of a loop over steps: its arrays, and the code that advances them.
+class Stepper(ABC):
+    """The state of a loop over steps: its arrays, and the code that advances them; a kind of method completes it.
 
     Attributes
     ----------
     z, before : str
         State at the end and at the start of the step.
-    k : list of str
-        Slopes of the stages; ``slope`` is the one at the end of the step.
+    slope, slope_before : str
+        f at the end and at the start.
     clock : dict of float to str
         Clocked values at each stage time, 0 and 1 being the ends of the step.
     trace, trace_before : str
         Channels and their slopes at the end and the start, where there is a history.
     """
 
+    room = 0  # places behind the state at the start, for what a method adds to it
+    order: int
+
     def __init__(
-        self, m: Module, method: Method, history: History | None, regime: int, flow: Emitted, name: str
+        self, m: Module, c: tuple[float, ...], history: History | None, regime: int, flow: Emitted, name: str
     ) -> None:
-        self.m, self.method, self.history, self.regime, self.flow = m, method, history, regime, flow
+        self.m, self.history, self.regime, self.flow = m, history, regime, flow
         self.delayed = bool(m.system.regimes[regime].delayed)
         self.size, lanes = m.system.states, m.lanes
         self.f = f = m.function(name, "ptr %ctx, i64 %segment", returns="i64", attributes="nounwind noinline")
         self.start, self.end, self.start_eval, self.end_eval = span(f, "%segment")
         self.p, self.w, self.home = (f.word("%ctx", WORD[name], "ptr") for name in ("p", "w", "z"))
         self.c = m.constants_of(f, flow)
-        self.z, self.before, self.slope, self.stage = (f.slot("double", self.size * lanes) for _ in range(4))
-        self.k = [f.slot("double", self.size * lanes) for _ in range(len(method.stages) + 1)]
-        self.clock = {c: f.slot("double", flow.clocked * lanes) for c in sorted({0.0, 1.0, *method.c})}
+        self.z, self.slope, self.slope_before, self.stage = (f.slot("double", self.size * lanes) for _ in range(4))
+        self.before = f.slot("double", (self.size + self.room) * lanes)
+        self.clock = {at: f.slot("double", flow.clocked * lanes) for at in sorted({0.0, 1.0, *c})}
         self.width = history.width if history else 0
         self.trace, self.trace_before = (f.slot("double", 2 * self.width) for _ in range(2))
         self.flags, self.passes = f.slot("i64"), f.slot("i64")
         f.store("0", self.flags, "i64")
+
+    @abstractmethod
+    def stages(self, t: str, h: str, t_end: str) -> None:
+        """The stages after f at the start, and the step: from ``before`` and ``slope_before`` to ``z``."""
+
+    @abstractmethod
+    def errors(self, h: str) -> list[str]:
+        """The embedded error estimate of every state; nothing where the method has none."""
+
+    @abstractmethod
+    def interpolant(self, h: str) -> tuple[str, str, str]:
+        """Slopes at the start and at the end of the step, and q, that give values inside; see ``add_rows``."""
 
     def absolute(self, scalar: str) -> str:
         """|x| of a scalar."""
@@ -125,7 +132,7 @@ class Stepper:
             f.jump(again)
             f.place(again)
             self.remember(t, t_end_exact)
-        self._stages(t, h, t_end)
+        self.stages(t, h, t_end)
         if self.delayed:
             passes = f.scalar("add", f.load(self.passes, "i64"), "1")
             f.store(passes, self.passes, "i64")
@@ -141,20 +148,6 @@ class Stepper:
             f.jump(again)
             f.place(settled)
 
-    def _stages(self, t: str, h: str, t_end: str) -> None:
-        f, method = self.f, self.method
-        ticked = {0.0}
-        for c, row, target in zip(method.c[1:], method.stages, self.k[1:], strict=True):
-            t_stage = t_end if c == 1.0 else f.scalar("fadd", t, f.scalar("fmul", h, hexadecimal(c)))
-            if c not in ticked:
-                self.tick(t_stage, self.clock[c])
-                ticked.add(c)
-            combine(f, row, h, self.before, self.k, self.stage, self.size)
-            self.flow_at(t_stage, self.clock[c], self.stage, target)
-        combine(f, method.result, h, self.before, self.k, self.z, self.size)
-        if 1.0 not in ticked:
-            self.tick(t_end, self.clock[1.0])
-
     def remember(self, t: str, t_end: str) -> str:
         """Write the step as the newest piece of history; its number."""
         f = self.f
@@ -165,6 +158,12 @@ class Stepper:
         )
         return count
 
+    def keep(self, t: str, t_end: str, h: str) -> None:
+        """Add the step to the history."""
+        f = self.f
+        count = self.remember(t, t_end)
+        f.store(f.scalar("add", count, "1"), f.at("%ctx", WORD["ring_count"]), "i64")
+
     def _straight_line(self, h: str) -> None:
         """The provisional end of a step's piece of history: values go on at their slope."""
         f = self.f
@@ -173,11 +172,6 @@ class Stepper:
             value, slope = f.word(self.trace_before, i, "double"), f.word(self.trace_before, j, "double")
             f.store(f.scalar("fadd", value, f.scalar("fmul", h, slope)), f.at(self.trace, i))
             f.store(slope, f.at(self.trace, j))
-
-    def embedded(self, weights: tuple[float, ...], h: str, i: int) -> str:
-        """h sum_j weights[j] k_j of state i, the last k being the slope at the end of the step."""
-        f = self.f
-        return f.mul(f.splat(h), weighted(f, weights, [*self.k, self.slope], i * f.lanes))
 
     def note_error(self, errors: list[str]) -> None:
         """Keep the largest local error estimate of each state."""
@@ -195,13 +189,9 @@ class Stepper:
         snap = f.scalar("fadd", f.scalar("fmul", h, hexadecimal(1e-9)), f.scalar("fmul", size_of, hexadecimal(1e-15)))
         due = f.word(f.word("%ctx", WORD["grid"], "ptr"), f.word("%ctx", WORD["row"]), "double")
         with f.when(f.test("olt", due, f.scalar("fsub", t1, snap))):
-            quintic = "null"
-            if self.method.dense:
-                quintic = f.slot("double", self.size * f.lanes)
-                for i in range(self.size):
-                    f.store(self.embedded(self.method.dense, h, i), f.at(quintic, i * f.lanes), f.real)
+            first, last, quintic = self.interpolant(h)
             f.call(
                 "rows",
-                f"ptr %ctx, double {t0}, double {t1}, double {snap}, ptr {self.before}, ptr {self.k[0]}, "
-                f"ptr {self.z}, ptr {self.slope}, ptr {quintic}",
+                f"ptr %ctx, double {t0}, double {t1}, double {snap}, ptr {self.before}, ptr {first}, "
+                f"ptr {self.z}, ptr {last}, ptr {quintic}",
             )

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from hgorun.figures.actors import cast, texts
 from hgorun.figures.layout import TOP, finished, grid
 from hgorun.figures.looks import looks
@@ -45,7 +47,8 @@ def bode_figure(data: Bode, result: ResultData) -> Figure:
             high, low = 0.0, float("inf")
             for actor in actors:
                 own, values = look[actor.order], data.magnitude[actor.label][:, i]
-                ax.plot(data.omega, values, color=own.colour, linestyle=own.dashes, label=own.text)
+                seen = np.where(values > 0, values, np.nan)  # what noise does not reach has no logarithm
+                ax.plot(data.omega, seen, color=own.colour, linestyle=own.dashes, label=own.text)
                 high, low = max(high, float(values.max())), min(low, float(values.min()))
             if high > 0:
                 ax.set_ylim(max(low, high * 10.0**-_DECADES) / 2, high * 2)

@@ -19,7 +19,7 @@ from hgorun.symbolic.evaluate import along, compiled
 
 @dataclass(frozen=True)
 class Stretch:
-    """What one output is between ``start`` and ``end``.
+    """What one output is between ``start`` and ``end``, counted from the start of the run.
 
     Attributes
     ----------
@@ -27,6 +27,8 @@ class Stretch:
         As configured; ``delay`` is text.
     paths : dict
         Where in the file each of them was written.
+    origin : float
+        The start of the run on the clock of the expressions.
     """
 
     start: float
@@ -36,6 +38,12 @@ class Stretch:
     noise: tuple[Noise, ...]
     mode: str
     paths: dict[str, KeyPath]
+    origin: float = 0.0
+
+    @property
+    def spacing(self) -> float:
+        """How far apart neighbouring numbers are where the clock of the configuration stands."""
+        return float(np.spacing(max(abs(self.origin + self.start), abs(self.origin + self.end))))
 
     @property
     def continuous(self) -> bool:
@@ -75,18 +83,19 @@ class Stretch:
     def fastest(self) -> float:
         """The highest frequency of its noise that an automatic step has to follow, in rad per time unit; 0 for none."""
         functions = [item for item in self.noise if isinstance(item, TimeFunction)]
-        return max((item.fastest(self.start, self.end) for item in functions), default=0.0)
+        span = self.origin + self.start, self.origin + self.end
+        return max((item.fastest(*span) for item in functions), default=0.0)
 
     def delay_at(self, times: np.ndarray) -> np.ndarray:
         """d(t) at several times."""
         expression = parse(self.delay, names=("t",))
         if not expression.names:
             return np.full(times.shape, expression.number())
-        return along(compiled(self.delay, "t"), times)
+        return along(compiled(self.delay, "t"), self.origin + times)
 
 
 def resolve(measurement: Measurement, outputs: Sequence[str], time: Time) -> list[list[Stretch]]:
-    """One list of stretches an output, from start to end without a gap.
+    """One list of stretches an output, from start to end without a gap, counted from the start.
 
     Raises
     ------
@@ -126,7 +135,8 @@ def resolve(measurement: Measurement, outputs: Sequence[str], time: Time) -> lis
                 if output in phase.outputs:
                     values = _layered(*values, phase.outputs[output], (*path, "outputs", output))
             if start < time.end:
-                stretches.append(_stretch(start, min(end, time.end), *values))
+                span = start - time.start, min(end, time.end) - time.start
+                stretches.append(_stretch(time.start, span, *values))
         found.append(stretches)
     return found
 
@@ -149,15 +159,15 @@ def _layered(
     return values | new, paths | {key: (*path, key) for key in new}
 
 
-def _stretch(start: float, end: float, values: dict[str, Any], paths: dict[str, KeyPath]) -> Stretch:
+def _stretch(origin: float, span: tuple[float, float], values: dict[str, Any], paths: dict[str, KeyPath]) -> Stretch:
     stretch = Stretch(
-        start,
-        end,
+        *span,
         values.get("sampling", "continuous"),
         values.get("delay", "0"),
         values.get("noise", ()),
         values.get("mode", "additive"),
         {key: paths.get(key, ("measurement",)) for key in ("sampling", "delay", "noise", "mode")},
+        origin,
     )
     _check(stretch.paths["delay"], stretch.delay, ("t",))
     if stretch.steps is not None:

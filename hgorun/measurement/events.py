@@ -18,6 +18,7 @@ import numpy as np
 from hgorun.config.expressions import parse
 from hgorun.measurement.sampling import SAMPLE_BYTES
 from hgorun.memo import Memo
+from hgorun.symbolic.clock import on_the_clock
 from hgorun.symbolic.crossings import Found, Search, TooMany
 from hgorun.symbolic.evaluate import Floats, evaluate
 from hgorun.symbolic.kinks import Kink, Pieces
@@ -99,9 +100,9 @@ def infinite(when: float) -> str:
     return f"this is not finite at t = {when:.12g}: it has a pole or no real value there"
 
 
-def not_followed(what: str, lost: tuple[tuple[float, float], ...]) -> str:
+def not_followed(what: str, lost: tuple[tuple[float, float], ...], origin: float) -> str:
     """What is said of a function of time whose kinks may not all have been found."""
-    first, last = min(a for a, _ in lost), max(b for _, b in lost)
+    first, last = origin + min(a for a, _ in lost), origin + max(b for _, b in lost)
     return (
         f"{what}: kinks or jumps between t = {first:.6g} and t = {last:.6g} may have been missed, "
         "where the sign of an argument cannot be told from rounding"
@@ -188,13 +189,13 @@ class _Span:
             return evaluate(self.pieces.watched, times[:, None], self.p)[0]
 
 
-def repeated(events: Floats, delay: str, start: float, end: float) -> Irregular:
-    """The times t in (start, end] with t - d(t) = an event; ``delay`` is d(t) as text."""
+def repeated(events: Floats, delay: str, start: float, end: float, origin: float = 0.0) -> Irregular:
+    """The times t in (start, end] with t - d(t) = an event; ``delay`` is d as text, of the time origin + t."""
     expression = parse(delay, names=("t",))
     if not expression.names:
         times = events + expression.number()
         return Irregular(times[(times > start) & (times <= end)])
-    pieces, nothing = _late(delay), np.zeros(0)
+    pieces, nothing = _late(delay, origin), np.zeros(0)
     found = _Span(pieces, nothing, start, end, np.inf)
     irregular = found.irregular(listed(np.unique(events), reached=False))
     times = found.found[len(pieces.kinks) - 1].times
@@ -202,10 +203,10 @@ def repeated(events: Floats, delay: str, start: float, end: float) -> Irregular:
 
 
 @lru_cache(maxsize=64)
-def _late(delay: str) -> Pieces:
+def _late(delay: str, origin: float) -> Pieces:
     """t - d(t) in pieces, as the argument of the last kink."""
     t = ca.SX.sym("t")
-    value = parse(delay, names=("t",)).symbol({"t": t})
+    value = parse(delay, names=("t",)).symbol({"t": on_the_clock(t, origin)})
     return Pieces.of([ca.floor(t - value)], t, ca.SX(0, 1))
 
 

@@ -79,7 +79,7 @@ class StretchNoise:
         self.functions = tuple(item for item in items if isinstance(item, TimeFunction))
         self.random = tuple(item for item in items if isinstance(item, RandomNoise))
         self.items = items
-        self._span = stretch.start, stretch.end
+        self._span, self._origin = (stretch.start, stretch.end), stretch.origin
         self._seed, self._channel = seed, channel
 
     def change_times(self) -> np.ndarray:
@@ -104,7 +104,7 @@ class StretchNoise:
                 drawn += self._draw(j, count)[numbers]
         total = np.zeros(times.size)
         for function in self.functions if times.size else ():
-            total += function.at(times, numbers)
+            total += function.at(self._origin + times, numbers)
         return np.asarray(total + drawn)
 
     @cached_property

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -63,7 +63,7 @@ def find_samples(stretches: list[Stretch], start: float, seed: int, output: str,
             worst = times[np.argmin(np.where(np.isfinite(delay), delay, -np.inf))]
             raise Problem(
                 stretch.paths["delay"],
-                f"the delay must be a number >= 0, found {delay.min():g} at t = {worst:g}",
+                f"the delay must be a number >= 0, found {delay.min():g} at t = {stretch.origin + worst:g}",
             )
         arrival.append(times)
         taken.append(np.maximum(times - delay, start))
@@ -75,19 +75,19 @@ def find_samples(stretches: list[Stretch], start: float, seed: int, output: str,
     all_taken = np.concatenate(taken)
     newest = np.maximum.accumulate(np.concatenate([[-np.inf], all_taken]))[:-1]
     # times that are equal on paper may differ by rounding
-    tolerance = _rounding(stretches[0].start, stretches[-1].end)
+    tolerance = _rounding(replace(stretches[0], end=stretches[-1].end))
     used = all_taken >= newest - tolerance
     return Samples(np.concatenate(arrival), all_taken, np.concatenate(number), np.concatenate(which), used)
 
 
-def _rounding(start: float, end: float) -> float:
-    """By how much times from start to end may differ that are equal on paper."""
-    return float(max(1e-12 * (end - start), 8 * np.spacing(max(abs(start), abs(end)))))
+def _rounding(stretch: Stretch) -> float:
+    """By how much times in a stretch may differ that are equal on paper."""
+    return float(max(1e-12 * (stretch.end - stretch.start), 8 * stretch.spacing))
 
 
 def _belong(times: np.ndarray, stretch: Stretch, last: bool) -> np.ndarray:
     """Which times lie in a stretch: its end belongs to the next one, where there is one."""
-    tolerance = _rounding(stretch.start, stretch.end)
+    tolerance = _rounding(stretch)
     before = times <= stretch.end + tolerance if last else times < stretch.end - tolerance
     return np.asarray((times >= stretch.start - tolerance) & before)
 
@@ -98,14 +98,17 @@ def _arrivals(
     """Times and numbers; jitter and dropout draw apart, so that a longer run begins with the same samples."""
     sampling, path = stretch.sampling, stretch.paths["sampling"]
     if isinstance(sampling, Times):
-        times = np.array(sampling.times)
+        times = np.array([float(t) - stretch.origin for t in sampling.times])
         outside = times[(times < stretch.start) | (times > stretch.end)]
         if outside.size == times.size:
-            raise Problem((*path, "times"), f"no sample lies between {stretch.start:g} and {stretch.end:g}")
+            raise Problem(
+                (*path, "times"),
+                f"no sample lies between {stretch.origin + stretch.start:g} and {stretch.origin + stretch.end:g}",
+            )
         return times, np.arange(times.size)
     if isinstance(sampling, Periodic):
         span = stretch.end - stretch.start - sampling.offset
-        rounding = 1e-9 + 2 * float(np.spacing(max(abs(stretch.start), abs(stretch.end)))) / sampling.period
+        rounding = 1e-9 + 2 * stretch.spacing / sampling.period
         count = np.floor(span / sampling.period * (1 + 1e-12) + rounding) + 1
         if count > limit:
             raise Problem((*path, "period"), f"{count:.3g} samples take {_memory(count, limit)}")
@@ -147,7 +150,8 @@ def _stepped(stretch: Stretch, text: str, path: KeyPath, limit: int) -> tuple[np
         if times.size > limit:
             raise Problem(
                 path,
-                f"at t = {times[-1]:g} there are {times.size} samples, which take {_memory(times.size, limit)}: "
+                f"at t = {stretch.origin + times[-1]:g} there are {times.size} samples, which take "
+                f"{_memory(times.size, limit)}: "
                 "the steps are too short, or shrink before the end of the run",
             )
         block = min(block * 2, 1 << 20)

@@ -58,7 +58,7 @@ class Channel:
                 times, numbers = s.arrival[inside], s.number[inside]
                 v = noise.sampled(times, numbers)
                 if not np.all(np.isfinite(v)):
-                    first = times[np.argmin(np.isfinite(v))]
+                    first = stretch.origin + times[np.argmin(np.isfinite(v))]
                     raise Problem(stretch.paths["noise"], f"the noise is not a finite number at t = {first:g}")
                 if stretch.multiplicative:
                     gain[inside] = 1 + v
@@ -81,7 +81,7 @@ class Channel:
 
     def stretch_at(self, times: np.ndarray) -> np.ndarray:
         """Index of the stretch that starts at or before each time."""
-        starts = np.array([s.start for s in self.stretches])
+        starts = np.array([s.start - (4 * s.spacing if s.origin else 0.0) for s in self.stretches])
         return np.clip(np.searchsorted(starts, times, side="right") - 1, 0, len(starts) - 1)
 
     def kinds_at(self, times: np.ndarray) -> np.ndarray:
@@ -152,10 +152,11 @@ def find_channels(
         ]
         channels.append(Channel(name, stretches, samples, noise))
     silent = not any(s.continuous for c in channels for s in c.stretches)
+    origin = channels[0].stretches[0].origin
     if silent and not any(c.samples.arrival.size for c in channels):
         raise Problem(
             channels[0].stretches[0].paths["sampling"],
-            f"no sample arrives between {time.start:g} and {time.end:g}",
+            f"no sample arrives between {origin + time.start:g} and {origin + time.end:g}",
         )
     return channels
 
@@ -208,7 +209,7 @@ def build_schedule(
     step : float
         Nominal step: events much closer than it are one.
     """
-    rounding = 4 * np.spacing(max(abs(time.start), abs(time.end)))
+    rounding = 4 * max(s.spacing for c in channels for s in c.stretches)
     tolerance = max(_SHORT * step, rounding)
     times = [np.array([time.start, time.end]), kinks, np.zeros(0) if extremes is None else extremes]
     for c in channels:
@@ -220,7 +221,7 @@ def build_schedule(
     events = _clipped(np.concatenate(times), time, tolerance)
     newest, sharp = events, [kinks]
     for _ in range(LEVELS if continuous_delays(channels) else 0):
-        found = [repeated(newest, s.delay, s.start, s.end).times for s in continuous_delays(channels)]
+        found = [repeated(newest, s.delay, s.start, s.end, s.origin).times for s in continuous_delays(channels)]
         sharp += found  # a jump of an output comes back as a jump
         fresh = merge(np.concatenate(found), tolerance)
         near = np.searchsorted(events, fresh)

@@ -17,6 +17,7 @@ from hgorun.measurement.events import Irregular, Kinks, extremes, infinite, not_
 from hgorun.measurement.sampling import SAMPLE_BYTES
 from hgorun.memo import Memo
 from hgorun.noise.base import TimeFunction
+from hgorun.symbolic.clock import on_the_clock
 from hgorun.symbolic.crossings import TooMany
 from hgorun.symbolic.evaluate import Floats, along
 from hgorun.symbolic.parameters import Parameters, flat
@@ -51,11 +52,12 @@ def signal_structure(stretch: Stretch) -> Hashable:
     if not stretch.continuous:
         return None
     functions = tuple((type(item), item.structure()) for item in _functions(stretch))
-    return stretch.multiplicative, _delay(stretch)[0], functions
+    return stretch.origin, stretch.multiplicative, _delay(stretch)[0], functions
 
 
 def signal(stretch: Stretch, t: ca.SX, parameters: Parameters, name: str) -> Signal:
     """The signal as expressions; its numbers become run-time parameters called by a name."""
+    t = on_the_clock(t, stretch.origin)
     noise = ca.SX(0)
     for i, item in enumerate(_functions(stretch)):
         numbers = {key: parameters.add(f"{name}.{i}.{key}", values) for key, values in item.numbers().items()}
@@ -94,7 +96,7 @@ def kinks_of(stretch: Stretch, max_memory: float) -> Irregular:
             raise Problem(stretch.paths[key], too_many(error, f"the functions of {key}", max_memory)) from None
         when = found[-1].infinite
         if when is not None:
-            raise Problem(stretch.paths[key], infinite(when))
+            raise Problem(stretch.paths[key], infinite(stretch.origin + when))
     noise, delay = found
     return Irregular(np.union1d(noise.times, delay.times), noise.lost + delay.lost)
 
@@ -111,7 +113,7 @@ def extremes_of(stretch: Stretch) -> Floats:
 def signal_remarks(stretch: Stretch, max_memory: float) -> list[str]:
     """What is said of noise or a delay whose kinks could not all be found."""
     lost = kinks_of(stretch, max_memory).lost
-    return [not_followed(".".join(map(str, stretch.paths["noise"])), lost)] if lost else []
+    return [not_followed(".".join(map(str, stretch.paths["noise"])), lost, stretch.origin)] if lost else []
 
 
 def delay_range(stretch: Stretch) -> tuple[float, float]:
@@ -125,7 +127,7 @@ def delay_range(stretch: Stretch) -> tuple[float, float]:
     expression = parse(stretch.delay, names=("t",))
     if not expression.names:
         return expression.number(), expression.number()
-    found = _extremes(stretch.delay).between(np.zeros(0), stretch.start, stretch.end).times
+    found = _extremes(stretch.delay, stretch.origin).between(np.zeros(0), stretch.start, stretch.end).times
     beside = found + 4 * np.spacing(found) * np.array([[-1.0], [0.0], [1.0]])
     inside = np.clip(beside, stretch.start, stretch.end).ravel()
     times = np.unique(np.concatenate([np.linspace(stretch.start, stretch.end, _POINTS), inside]))
@@ -133,16 +135,17 @@ def delay_range(stretch: Stretch) -> tuple[float, float]:
     if not np.all(np.isfinite(delays)) or np.any(delays < 0):
         where = times[np.argmin(np.where(np.isfinite(delays), delays, -np.inf))]
         raise Problem(
-            stretch.paths["delay"], f"the delay must be a number >= 0, found {delays.min():g} at t = {where:g}"
+            stretch.paths["delay"],
+            f"the delay must be a number >= 0, found {delays.min():g} at t = {stretch.origin + where:g}",
         )
     return float(delays.min()), float(delays.max())
 
 
 @lru_cache(maxsize=64)
-def _extremes(delay: str) -> Kinks:
+def _extremes(delay: str, origin: float) -> Kinks:
     """Where a delay has its kinks, its jumps, and a slope of zero."""
     t = ca.SX.sym("t")
-    value = parse(delay, names=("t",)).symbol({"t": t})
+    value = parse(delay, names=("t",)).symbol({"t": on_the_clock(t, origin)})
     return Kinks.of([value, ca.sign(ca.jacobian(value, t))], t, ca.SX(0, 1))
 
 

@@ -16,6 +16,7 @@ from hgorun.config.reads import Reads
 from hgorun.errors import KeyPath, Problem, called
 from hgorun.memo import Memo
 from hgorun.plants.base import Invertible, Plant, TriangularCoordinates, units_of
+from hgorun.symbolic.clock import on_the_clock
 from hgorun.symbolic.plant import PlantModel
 from hgorun.symbolic.symbols import Symbols
 
@@ -122,8 +123,14 @@ _BUILT: Memo[list[tuple[Reads[Plant], SymbolicPlant]]] = Memo(64)
 _BUCKET = 16  # plants in a bucket
 
 
-def build_plant(block: Plant) -> BuiltPlant:
+def build_plant(block: Plant, origin: float = 0.0) -> BuiltPlant:
     """Build the model, or take the one of a plant that differs in its numbers only.
+
+    Parameters
+    ----------
+    block : Plant
+    origin : float
+        The time, on the clock of the block's expressions, from which the model counts its t.
 
     Raises
     ------
@@ -151,12 +158,12 @@ def build_plant(block: Plant) -> BuiltPlant:
             "disturbance", [(s, _read(("plant", "disturbance", s), t, known)) for s, t in block.disturbance.items()]
         ),
     )
-    key = type(block), states, outputs, inputs, tuple(values), *(s.templates for s in signals)
+    key = type(block), origin, states, outputs, inputs, tuple(values), *(s.templates for s in signals)
     bucket = _BUILT.get(key, list)
     symbolic = next((plant for reads, plant in bucket if reads.hold_for(block)), None)
     if symbolic is None:
         reads = Reads(block)
-        symbolic = _symbolic(block, reads.watched, tuple(values), *signals)
+        symbolic = _symbolic(block, origin, reads.watched, tuple(values), *signals)
         bucket.append((reads, symbolic))
         del bucket[:-_BUCKET]
     numbers = [v for s in signals for part in s.numbers for v in part]
@@ -170,7 +177,12 @@ def build_plant(block: Plant) -> BuiltPlant:
 
 
 def _symbolic(
-    block: Plant, watched: Plant, parameters: tuple[str, ...], inputs: _Signals, disturbance: _Signals
+    block: Plant,
+    origin: float,
+    watched: Plant,
+    parameters: tuple[str, ...],
+    inputs: _Signals,
+    disturbance: _Signals,
 ) -> SymbolicPlant:
     states, outputs, input_names = block.state_names, block.output_names, block.input_names
     t = ca.SX.sym("t")
@@ -179,7 +191,8 @@ def _symbolic(
         for names in (states, input_names, parameters, (*inputs.names, *disturbance.names))
     )
     spaces = [_named(names, v) for names, v in ((states, x), (input_names, u), (parameters, p))]
-    dynamics, output = _equations(block, watched, t, *spaces)
+    clock = on_the_clock(t, origin)
+    dynamics, output = _equations(block, watched, clock, *spaces)
     inverse, (transform, back) = _inverse(block, watched, parameters), _triangular(block, watched, states, parameters)
     periods = tuple(watched.periods.get(name) for name in outputs)
     model = PlantModel(
@@ -198,7 +211,7 @@ def _symbolic(
         untransform=back,
         periods=periods,
     )
-    symbols = {**vars(spaces[2]), "t": t}
+    symbols = {**vars(spaces[2]), "t": clock}
     first = len(inputs.names)
     found = inputs.symbols(symbols, numbers[:first], chained=True)
     pushed = disturbance.symbols(symbols, numbers[first:], chained=False)

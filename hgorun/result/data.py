@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Literal
 
@@ -29,6 +29,10 @@ class Measurements:
     time: np.ndarray
     taken: np.ndarray
     y: np.ndarray
+
+    def since(self, origin: float) -> Measurements:
+        """The same, counted from some time on."""
+        return replace(self, time=self.time - origin, taken=self.taken - origin)
 
 
 PLANT = "plant"  # beside the labels of observers, which are called otherwise

@@ -45,6 +45,12 @@ def measure(
     return {label: found.get(label) or {name: value.copy() for name, value in lost.items()} for label in estimates}
 
 
+def from_origin(values: Mapping[str, np.ndarray], origin: float) -> dict[str, np.ndarray]:
+    """Metrics of estimates whose time is counted from ``origin``, with moments as the clock shows them."""
+    known = all_metrics()
+    return {name: value + origin if known[name].moment else value for name, value in values.items()}
+
+
 def _is_finite(values: np.ndarray) -> bool:
     # numbers that are finite have a finite sum, unless they are huge
     with np.errstate(over="ignore", invalid="ignore"):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
 Status = Literal["ok", "inaccurate", "diverged", "undefined", "failed"]
@@ -34,6 +34,10 @@ class Verdict:
     def lost(self) -> bool:
         """Whether there are no numbers from that time on."""
         return self.status in _WITHOUT_NUMBERS
+
+    def since(self, origin: float) -> Verdict:
+        """The same, its time counted from some time on."""
+        return self if self.at is None else replace(self, at=self.at - origin)
 
     def text(self, unit: str = "") -> str:
         """The word, and the time where there is one: ``diverged at t=1.25 s``."""

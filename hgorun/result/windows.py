@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -45,7 +45,7 @@ class MetricSettings:
 
     @classmethod
     def of(cls, metrics: Metrics, time: Time) -> MetricSettings:
-        """Defaults: the last two thirds, the first third, 1 % of the run."""
+        """On the clock of the configuration; defaults: the last two thirds, the first third, 1 % of the run."""
         span = time.end - time.start
         third = time.start + span / 3
         return cls(
@@ -54,3 +54,8 @@ class MetricSettings:
             metrics.average or span / 100,
             metrics.settling,
         )
+
+    def since(self, origin: float) -> MetricSettings:
+        """The same windows, counted from some time on."""
+        steady, transient = ((a - origin, b - origin) for a, b in (self.steady, self.transient))
+        return replace(self, steady=steady, transient=transient)

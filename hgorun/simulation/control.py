@@ -285,7 +285,7 @@ def _stages(search: _Search) -> Iterator[Callable[[], bool]]:
         method: Method = "rk4" if solver.accuracy >= _PRECISE else "dopri5"
         limit = max(_UNIFORM, 8 * search.run.schedule.events.size)
         yield lambda: search.fixed(method, limit)
-        yield lambda: search.controlled(("dopri5",))
+        yield lambda: search.controlled(("dopri5", "rodas5p"))
         yield lambda: search.fixed(method, np.inf)
     elif METHODS[solver.method].error:
         chosen = solver.method
@@ -302,7 +302,7 @@ def rung(run: PreparedRun) -> int:
 
 def finest_rung(run: PreparedRun) -> int:
     """The last rung with steps that are long beside the rounding of times."""
-    finest = _FINEST * float(np.spacing(max(abs(run.time.start), abs(run.time.end))))
+    finest = _FINEST * float(np.spacing(max(abs(run.origin + run.time.start), abs(run.origin + run.time.end))))
     return int(np.floor(np.log2(run.span / finest)))
 
 

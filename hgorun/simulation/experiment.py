@@ -9,7 +9,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from hgorun.config.models import ExperimentBlocks
+from hgorun.config.models import ExperimentBlocks, Time
 from hgorun.config.overrides import replaced
 from hgorun.config.yaml_source import Source, parse
 from hgorun.errors import ConfigError, Problem
@@ -129,7 +129,7 @@ class Experiment:
         now, known = self._checked, self.__dict__
         known["_designed"] = known.get("_designed", {}) | known.get("designs", {})
         stale = {"designs"}
-        if now.plant is not before.plant:
+        if now.plant is not before.plant or now.blocks.time.start != before.blocks.time.start:
             stale |= {"plant", "_forms", "stretches", "grid"}
         if now.observers is not before.observers:
             stale |= {"_forms"} if now.observers.keys() == before.observers.keys() else {"_forms", "grid"}
@@ -164,7 +164,7 @@ class Experiment:
     def plant(self) -> BuiltPlant:
         """The plant as a model with numbers."""
         with self.located():
-            return build_plant(self.plant_block)
+            return build_plant(self.plant_block, self.origin)
 
     @cached_property
     def _forms(self) -> dict[str, tuple[Form, Form]]:
@@ -229,20 +229,30 @@ class Experiment:
         return None if step == "auto" or self.adaptive else step
 
     @property
+    def origin(self) -> float:
+        """The start of the run, on the clock of the configuration."""
+        return self.blocks.time.start
+
+    @property
+    def time(self) -> Time:
+        """Horizon and output grid, counted from the start of the run: where the clock began costs no digits."""
+        return self.blocks.time.from_zero
+
+    @property
     def metric_step(self) -> float:
         """Spacing of the points that metrics are taken from."""
         return self.blocks.metrics.record or self.blocks.time.output_step
 
     @cached_property
     def grid(self) -> tuple[np.ndarray, int, int]:
-        """The finer of output and metric grid, and how many of its points make a step of each.
+        """The finer of output and metric grid, from 0 on, and how many of its points make a step of each.
 
         Raises
         ------
         ConfigError
             When one grid is not a multiple of the other, or the output is larger than allowed.
         """
-        time, record = self.blocks.time, self.metric_step
+        time, record, origin = self.time, self.metric_step, self.origin
         fine = min(record, time.output_step)
         ratios = [round(step / fine) for step in (time.output_step, record)]
         with self.located():
@@ -252,8 +262,8 @@ class Experiment:
                         ("metrics", "record"),
                         f"record {record:g} and output_step {time.output_step:g}: one must be a multiple of the other",
                     )
-            rounding = 1e-9 + 2 * np.spacing(max(abs(time.start), abs(time.end))) / fine
-            count = np.floor((time.end - time.start) / fine * (1 + 1e-12) + rounding) + 1
+            rounding = 1e-9 + 2 * np.spacing(time.end) / fine
+            count = np.floor(time.end / fine * (1 + 1e-12) + rounding) + 1
             width = self.plant.model.n + sum(
                 self.plant.model.n * 2 + 8 for _ in self.observers
             )  # states and estimates, before the exact size is known
@@ -265,22 +275,24 @@ class Experiment:
                     f"time.max_memory allows {time.max_memory / 2**30:.3g} GiB",
                 )
             for path, step in ((("time", "output_step"), time.output_step), (("metrics", "record"), record)):
-                if step > (time.end - time.start) * (1 + 1e-9):
-                    raise Problem(path, f"{step:g} is longer than the run, {time.end - time.start:g}: shorten it")
-            points = time.start + np.arange(int(count)) * fine
+                if step > time.end * (1 + 1e-9):
+                    raise Problem(path, f"{step:g} is longer than the run, {time.end:g}: shorten it")
+            points = np.arange(int(count)) * fine
             measured = points[:: ratios[1]]
             for key in ("window", "transient"):
                 window = getattr(self.blocks.metrics, key)
                 if window is None:
                     continue
-                outside = window[0] < time.start - 1e-9 * fine or window[1] > time.end + 1e-9 * fine
+                since = window[0] - origin, window[1] - origin
+                slack = 1e-9 * fine + np.spacing(max(map(abs, window)))
+                outside = since[0] < -slack or since[1] > time.end + slack
                 if outside and key == "window":  # of the transient of a shortened run there may be less
                     raise Problem(
                         ("metrics", key),
                         f"[{window[0]:g}, {window[1]:g}] reaches outside the run, which lasts from "
-                        f"{time.start:g} to {time.end:g}",
+                        f"{origin:g} to {self.blocks.time.end:g}",
                     )
-                if measured[points_in(measured, window)].size == 0:
+                if measured[points_in(measured, since)].size == 0:
                     raise Problem(("metrics", key), f"no output point lies in [{window[0]:g}, {window[1]:g}]")
         return points, ratios[0], ratios[1]
 

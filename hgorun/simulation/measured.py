@@ -26,7 +26,7 @@ class Measured:
     lost : mapping of str to float
         When each observer has diverged; infinite where it has not.
     metrics : mapping
-        {observer: {metric: values (n,)}}.
+        {observer: {metric: values (n,)}}; moments are counted from the start of the run.
     settings : MetricSettings
         Where the metrics look.
     moved : ndarray, shape (n,)
@@ -48,14 +48,15 @@ def measured(run: PreparedRun, raw: Raw) -> Measured:
     shown, points = slice(None, None, every_output), slice(None, None, every_metric)
     x = rows[:, : run.plant.model.n]
     found = [readout.along(run.grid, run.numbers.p, rows) for readout in run.structure.estimates]
-    settings = MetricSettings.of(run.experiment.blocks.metrics, run.time)
+    settings = MetricSettings.of(run.experiment.blocks.metrics, run.experiment.blocks.time)
+    since = settings.since(run.origin)
     on_points = {label: xhat[points] for label, xhat in zip(labels, found, strict=True)}
-    steady = x[points][points_in(run.grid[points], settings.steady)]
+    steady = x[points][points_in(run.grid[points], since.steady)]
     return Measured(
         x=np.ascontiguousarray(x[shown]),
         estimates={label: np.ascontiguousarray(xhat[shown]) for label, xhat in zip(labels, found, strict=True)},
         lost={label: float(at) for label, at in zip(labels, raw.diverged[:, 0], strict=True)},
-        metrics=measure(run.grid[points], x[points], on_points, settings),
+        metrics=measure(run.grid[points], x[points], on_points, since),
         settings=settings,
         moved=np.abs(np.diff(steady, axis=0)).sum(axis=0),
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import numpy as np
 
@@ -14,8 +14,10 @@ from hgorun.measurement.schedule import nearest_event
 from hgorun.measurement.signals import noise_at
 from hgorun.memo import Memo
 from hgorun.result.data import PLANT, Integration, Measurements, ObserverResult
+from hgorun.result.measure import from_origin
 from hgorun.result.result import Result
 from hgorun.result.status import OK, Verdict
+from hgorun.result.windows import MetricSettings
 from hgorun.simulation.measured import Measured
 from hgorun.simulation.prepared import PreparedRun
 
@@ -36,7 +38,7 @@ def record(
     """
     doubts = doubts or {}
     structure, numbers, blocks, model = run.structure, run.numbers, run.experiment.blocks, run.plant.model
-    shown = slice(None, None, run.experiment.grid[1])
+    shown, origin = slice(None, None, run.experiment.grid[1]), run.origin
     rows = raw.rows[:, :, 0]
     grid = run.grid[shown].copy()
     u = _inputs(run, grid)
@@ -44,7 +46,8 @@ def record(
     bad = np.argwhere(~np.isfinite(y))
     if bad.size:
         row, column = bad[0]
-        raise Problem(("plant",), f"output {model.outputs[column]} is not a finite number at t = {grid[row]:g}")
+        when = origin + grid[row]
+        raise Problem(("plant",), f"output {model.outputs[column]} is not a finite number at t = {when:g}")
     observers = {}
     for b in numbers.observers:
         lost_at = found.lost[b.label]
@@ -54,14 +57,14 @@ def record(
             internal={name: st.shaped(rows[shown]) for name, st in b.states.items() if name != "xhat" and st.size},
             gains={name: np.asarray(value).tolist() for name, value in b.design.items()},
             dimension=sum(st.size for name, st in b.states.items() if name != "alpha"),
-            verdict=Verdict("diverged", lost_at) if np.isfinite(lost_at) else doubts.get(b.label, OK),
-            metrics=found.metrics[b.label],
+            verdict=Verdict("diverged", origin + lost_at) if np.isfinite(lost_at) else doubts.get(b.label, OK),
+            metrics=from_origin(found.metrics[b.label], origin) if origin else found.metrics[b.label],
             coordinates=run.experiment.coordinates.get(b.label),
         )
     return Result(
         name=run.experiment.name,
         title=blocks.title,
-        time=grid,
+        time=origin + grid,
         x=found.x,
         u=u.copy(),
         y=np.ascontiguousarray(y),
@@ -79,6 +82,23 @@ def record(
         verdict=doubts.get(PLANT, OK),
         measures=model.measures,
         remarks=run.remarks,
+    )
+
+
+def since_start(run: PreparedRun, result: Result) -> Result:
+    """A run's result on the run's own clock, which counts time from its start, as all that is prepared does."""
+    if not run.origin:
+        return result
+    settings = MetricSettings.of(run.experiment.blocks.metrics, run.experiment.blocks.time)
+    return replace(
+        result,
+        time=run.grid[:: run.experiment.grid[1]].copy(),
+        windows=asdict(settings.since(run.origin)),
+        measurements=result.measurements.since(run.origin),
+        observers={
+            label: replace(one, verdict=one.verdict.since(run.origin), metrics=from_origin(one.metrics, -run.origin))
+            for label, one in result.observers.items()
+        },
     )
 
 
@@ -122,4 +142,4 @@ def _measurements(run: PreparedRun, raw: Raw, grid: np.ndarray, y: np.ndarray) -
     for i, part in enumerate(parts):
         where = nearest_event(union, part[0]) if union.size > 1 else np.zeros(part[0].size, dtype=int)
         taken_all[where, i], y_all[where, i] = part[1], part[2]
-    return Measurements(time=union, taken=taken_all, y=y_all)
+    return Measurements(time=run.origin + union, taken=run.origin + taken_all, y=y_all)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hgorun.config.models import Method
-from hgorun.engine.methods import METHODS
+from hgorun.engine.methods import METHODS, Rosenbrock
 from hgorun.engine.plan import Plan
 from hgorun.engine.program import Raw, Start, Tolerance
 from hgorun.simulation.checks import check_steps, longest_step
@@ -46,8 +46,9 @@ class Pass:
 
     @property
     def evaluations_of_a_step(self) -> int:
-        """Evaluations of the right-hand side."""
-        return len(METHODS[self.method].c)
+        """Evaluations of the right-hand side; the slopes of an implicit method count as one."""
+        method = METHODS[self.method]
+        return len(method.c) + isinstance(method, Rosenbrock)
 
 
 def as_given(run: PreparedRun) -> Pass:
@@ -110,6 +111,7 @@ def plan_of(run: PreparedRun, how: Pass) -> tuple[Plan, Start]:
         always_slope=bool(METHODS[how.method].error),
         longest=np.inf if adaptive else longest_step(run, how.step),
         reach=run.reach,
+        origin=run.origin,
         uneven=how.uneven,
     )
     divergence = run.solver.divergence

@@ -26,7 +26,7 @@ _SLOPES: Memo[Kinks] = Memo(64)
 _PROGRAMS: Memo[tuple[Program, ca.Function]] = Memo(16)
 
 
-def plant_kinks(plant: BuiltPlant, time: Time) -> Irregular:
+def plant_kinks(plant: BuiltPlant, time: Time, origin: float) -> Irregular:
     """Kinks of the plant's equations, inputs and disturbances at times that do not depend on its state.
 
     Raises
@@ -42,7 +42,7 @@ def plant_kinks(plant: BuiltPlant, time: Time) -> Irregular:
     except TooMany as error:
         raise Problem(("plant",), too_many(error, "the plant's functions of time", time.max_memory)) from None
     if found.infinite is not None and not plant.block.discretise:
-        _refuse(plant, time)
+        _refuse(plant, time, origin)
     return found
 
 
@@ -60,20 +60,20 @@ def _functions(plant: SymbolicPlant) -> list[ca.SX]:
     return [plant.inputs, plant.disturbance, *equations]
 
 
-def plant_remarks(plant: BuiltPlant, time: Time) -> list[str]:
+def plant_remarks(plant: BuiltPlant, time: Time, origin: float) -> list[str]:
     """What is said of functions whose kinks could not all be found."""
     told: dict[tuple[tuple[float, float], ...], str] = {}
-    if plant_kinks(plant, time).lost:
+    if plant_kinks(plant, time, origin).lost:
         for path, one in _each(plant, time):  # an input first, then the equations that hold it
             told.setdefault(one.lost, ".".join(map(str, path)))
-    return [not_followed(path, lost) for lost, path in told.items() if lost]
+    return [not_followed(path, lost, origin) for lost, path in told.items() if lost]
 
 
-def _refuse(plant: BuiltPlant, time: Time) -> None:
+def _refuse(plant: BuiltPlant, time: Time, origin: float) -> None:
     """Say which of the functions is not finite."""
     for path, one in _each(plant, time):
         if one.infinite is not None:
-            raise Problem(path, infinite(one.infinite))
+            raise Problem(path, infinite(origin + one.infinite))
 
 
 def _each(plant: BuiltPlant, time: Time) -> Iterator[tuple[KeyPath, Irregular]]:
@@ -97,18 +97,23 @@ class PlantRun:
 
     Attributes
     ----------
+    time : Time
+        Counted from the start of the run.
     step : float
+    origin : float
+        That start on the configuration's clock.
     """
 
     plant: BuiltPlant
     time: Time
     step: float
+    origin: float = 0.0
 
     def at(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Outputs (len(times), q) and the integral of their squares (q,) to the end; times increase."""
         program, output = _PROGRAMS.get(self.plant.symbolic, lambda: _compiled(self.plant.symbolic))
         start, end = self.time.start, self.time.end
-        kinks = merge(plant_kinks(self.plant, self.time).times, 16 * np.spacing(max(abs(start), abs(end))))
+        kinks = merge(plant_kinks(self.plant, self.time, self.origin).times, 16 * np.spacing(max(abs(start), abs(end))))
         ends = np.concatenate([[start], kinks[(kinks > start) & (kinks < end)], [end]])
         steps = count_steps(np.diff(ends), self.step)
         zero = np.zeros_like(steps)
@@ -120,7 +125,7 @@ class PlantRun:
         nothing = np.zeros(0)
         plan = Plan(
             spans=spans, counts=counts, actions=np.zeros((0, 5), dtype=np.int64), grid=np.append(times, end), slots=0,
-            gain=nothing, bias=nothing, holds=nothing,
+            gain=nothing, bias=nothing, holds=nothing, origin=self.origin,
         )  # fmt: skip
         n, parameters = self.plant.model.n, self.plant.everything
         z0 = np.concatenate([self.plant.initial, np.zeros(len(self.plant.model.outputs))])

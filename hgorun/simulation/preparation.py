@@ -60,7 +60,7 @@ def _check_limits(experiment: Experiment) -> None:
 
 
 def _prepared(experiment: Experiment) -> PreparedRun:
-    plant, time, stretches = experiment.plant, experiment.blocks.time, experiment.stretches
+    plant, time, stretches = experiment.plant, experiment.time, experiment.stretches
     _ = experiment.grid, experiment.forms  # what is wrong with them is said first
     sizes = _mean_squares(experiment)
     key = Same(stretches), experiment.blocks.seed, None if sizes is None else tuple(sizes)
@@ -105,13 +105,13 @@ def _mean_squares(experiment: Experiment) -> np.ndarray | None:
         return None
     if experiment.plant.block.discretise:
         raise Problem(("plant", "discretise"), "snr_db needs a plant in continuous time; give std")
-    alone = PlantRun(experiment.plant, experiment.blocks.time, nominal_step(experiment))
+    alone = PlantRun(experiment.plant, experiment.time, nominal_step(experiment), experiment.origin)
     return alone.mean_squares()
 
 
 def _schedule(experiment: Experiment, channels: list[Channel], step: float) -> Schedule:
-    time = experiment.blocks.time
-    found = [plant_kinks(experiment.plant, time)]
+    time = experiment.time
+    found = [plant_kinks(experiment.plant, time, experiment.origin)]
     found += [kinks_of(s, time.max_memory) for channel in channels for s in channel.stretches if s.continuous]
     kinks = np.concatenate([irregular.times for irregular in found])
     looked_at = _extremes(experiment, channels) if experiment.blocks.solver.controlled else np.zeros(0)
@@ -128,10 +128,10 @@ def _extremes(experiment: Experiment, channels: list[Channel]) -> np.ndarray:
 
 def _remarks(experiment: Experiment) -> tuple[str, ...]:
     """What should be known of the run although nothing is wrong with the configuration."""
-    time = experiment.blocks.time
+    time = experiment.time
     continuous = [s for one in experiment.stretches for s in one if s.continuous]
     found = [signal_remarks(s, time.max_memory) for s in continuous]
-    return tuple(dict.fromkeys(sum(found, plant_remarks(experiment.plant, time))))
+    return tuple(dict.fromkeys(sum(found, plant_remarks(experiment.plant, time, experiment.origin))))
 
 
 def nominal_step(experiment: Experiment) -> float:
@@ -144,7 +144,7 @@ def nominal_step(experiment: Experiment) -> float:
     """
     if experiment.given_step is not None:
         return experiment.given_step
-    time, rates = experiment.blocks.time, []
+    time, rates = experiment.time, []
     for label, observer in experiment.observers.items():
         try:
             with called("observer", observer.type, "fastest_rate"):

@@ -73,8 +73,13 @@ class PreparedRun:
 
     @property
     def time(self) -> Time:
-        """Horizon and output grid."""
-        return self.experiment.blocks.time
+        """Horizon and output grid, counted from the start of the run."""
+        return self.experiment.time
+
+    @property
+    def origin(self) -> float:
+        """The start of the run on the clock of the configuration."""
+        return self.experiment.origin
 
     @property
     def solver(self) -> Solver:
@@ -104,4 +109,4 @@ class PreparedRun:
     @cached_property
     def plant_alone(self) -> PlantRun:
         """The plant without observers, at other times than those of the grid."""
-        return PlantRun(self.plant, self.time, self.step)
+        return PlantRun(self.plant, self.time, self.step, self.origin)

@@ -47,6 +47,7 @@ def build_plan(
     always_slope: bool,
     longest: float,
     reach: float,
+    origin: float = 0.0,
     uneven: float | None = None,
     inputs: RecordedInputs | None = None,
     samples: Sequence[np.ndarray] | None = None,
@@ -67,6 +68,8 @@ def build_plan(
         No step is longer; infinity for adaptive steps, where a segment is one piece.
     reach : float
         The longest continuous delay.
+    origin : float
+        The start of the run on the configuration's clock.
     uneven : float, optional
         For a run that is compared with one of even steps: so many steps for each of its steps, not even.
     inputs : RecordedInputs, optional
@@ -91,6 +94,7 @@ def build_plan(
         bias=np.concatenate([np.zeros(0), *(bias for _, bias in measured)]),
         holds=np.concatenate([np.zeros(0), *changes, tables.intervals, *recorded]),
         reach=reach,
+        origin=origin,
     )
 
 
@@ -158,7 +162,8 @@ def count_steps(gaps: np.ndarray, longest: float, key: str = "step") -> np.ndarr
         raise Problem(
             ("solver", key),
             f"the run takes {total:.3g} steps of {longest:.3g}, at most {_MAX_STEPS:.0e} are possible: "
-            f"give a longer solver.{key}",
+            f"give a longer solver.{key}"
+            + (", or solver.method: rodas5p if the system is stiff" if key == "step" else ""),
         )
     return np.asarray(steps.astype(np.int64))
 

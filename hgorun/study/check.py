@@ -102,7 +102,8 @@ def _check_window(run: Run, quantity: Quantity, path: KeyPath) -> None:
             raise Problem(path, f"{quantity}: an exponent needs at least two different values > 0 of {vary.name}")
     elif window is not None:
         time, (points, every, _) = run.experiment.blocks.time, run.experiment.grid
+        since = window[0] - time.start, window[1] - time.start
         if window[0] < time.start - 1e-9 or window[1] > time.end + 1e-9:
             raise Problem(path, f"{quantity}: run {run.name} lasts from {time.start:g} to {time.end:g}")
-        if not points[::every][points_in(points[::every], window)].size:
+        if not points[::every][points_in(points[::every], since)].size:
             raise Problem(path, f"{quantity}: no output point of run {run.name} lies in this window")

@@ -15,8 +15,8 @@ import h5py
 import jsonschema
 import pytest
 import yaml
+from shell import Shell
 
-from hgorun.cli import main
 from hgorun.commands.catalogue import build_schema
 from hgorun.reproduce.shipped import experiments
 
@@ -30,21 +30,6 @@ observers:
 solver: {step: 0.01}
 """
 DIVERGING = SMALL + "seed: 3\n"
-
-
-class Shell:
-    """Runs commands in a folder and gives back exit code, stdout and stderr."""
-
-    def __init__(self, folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-        self.folder, self._monkeypatch, self._capsys = folder, monkeypatch, capsys
-        monkeypatch.chdir(folder)
-
-    def __call__(self, *arguments: str) -> tuple[int, str, str]:
-        self._monkeypatch.setattr(sys, "argv", ["hgorun", *arguments])
-        with pytest.raises(SystemExit) as stop:
-            main()
-        out, err = self._capsys.readouterr()
-        return int(stop.value.code or 0), out, err
 
 
 @pytest.fixture

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hgorun.config.overrides import merge, set_path
+from hgorun.config.overrides import merge, replaced, set_path
 from hgorun.config.paths import at, walk
 from hgorun.config.yaml_source import Source, parse
 from hgorun.errors import ConfigError
@@ -131,6 +131,53 @@ def test_set_path_into_an_empty_list_or_a_scalar() -> None:
         with pytest.raises(ConfigError) as caught:
             set_path(parse(text, "f"), "a.0=1" if text == "a: []" else "0=1")
         assert words in str(caught.value)
+
+
+# replaced: as --set, with a value in place of text
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "place"),
+    [
+        ("time.end", 5.0, ("time", "end")),
+        ("measurement.noise.0.terms.1.omega", 2.0, ("measurement", "noise", 0, "terms", 1, "omega")),
+        ("observers.FHGO r=2.r", 1, ("observers", "FHGO r=2", "r")),
+        ("solver.step", 0.1, ("solver", "step")),
+        ("observers.new", {"type": "shgo", "theta": [1]}, ("observers", "new")),
+        ("time.end", None, ("time", "end")),
+        ("measurement.noise.0.terms.0", None, ("measurement", "noise", 0, "terms", 0)),
+        ("title", None, ("title",)),
+        ("nothing.there", None, ("nothing", "there")),
+    ],
+)
+def test_a_value_in_place_of_another(path: str, value: object, place: tuple[str | int, ...]) -> None:
+    before = parse(EXAMPLE, "c.yaml")
+    after, where = replaced(before, path, value)
+    assert where == place
+    if value is not None:
+        assert get(after, *place) == value
+        assert after.positions.keys() == {p for p, _ in walk(after.data)}
+    elif place == ("measurement", "noise", 0, "terms", 0):
+        assert get(after, *place[:-1]) == [{"amplitude": 0.5, "omega": 12.189}]
+    else:
+        assert path.split(".")[-1] not in get(after, *place[:-1]) if place[0] != "nothing" else after == before
+    assert before == parse(EXAMPLE, "c.yaml")
+
+
+@pytest.mark.parametrize(
+    ("path", "words"),
+    [
+        ("time..end", "expected keys with dots between, found 'time..end'"),
+        ("", "expected keys with dots between"),
+        ("time.end.x", "`time.end` is '40'"),
+        ("measurement.noise.7", "an index from 0 to 0"),
+        ("plant.parts.0.mass", "there is no list `plant.parts`: give it whole"),
+    ],
+)
+def test_a_place_where_no_value_can_stand(path: str, words: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        replaced(parse(EXAMPLE, "c.yaml"), path, 1.0)
+    assert words in str(caught.value)
 
 
 @given(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable
 from functools import cached_property, singledispatch
 from typing import ClassVar
@@ -9,7 +10,7 @@ from typing import ClassVar
 import pytest
 from pydantic import PrivateAttr
 
-from hgorun.config.reads import Reads
+from hgorun.config.reads import Reads, frozen
 from hgorun.config.types import Block
 
 
@@ -108,3 +109,11 @@ def test_which_keys_were_given_can_matter_too() -> None:
     reads = Reads(Mine())
     assert reads.watched.model_fields_set == set()
     assert not reads.hold_for(Mine(theta=2.0))
+
+
+@pytest.mark.parametrize("value", [{"a": [1, {"b": (2.5,)}], "c": "x"}, [[], {}], 3.0, "text", None])
+def test_values_as_a_key(value: object) -> None:
+    """Equal values have equal keys, and lists and tuples, as YAML and blocks have them, do not differ."""
+    assert hash(frozen(value)) == hash(frozen(copy.deepcopy(value)))
+    assert frozen(value) == frozen(copy.deepcopy(value))
+    assert frozen([1, {"a": [2]}]) == frozen((1, {"a": (2,)})) != frozen((1, {"a": (3,)}))

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 from examples import chain, experiment
 
-from hgorun.config.types import describe
+from hgorun.config.models import Claim, Ensemble, Time
+from hgorun.config.types import Block, describe
 from hgorun.errors import ConfigError
+from hgorun.observers.shgo import StandardObserver
 
 
 @pytest.mark.parametrize(
@@ -56,3 +60,23 @@ def test_a_name_is_text(wrong: object) -> None:
     plant = {"states": [wrong], "dynamics": {"x": "0"}, "output": "x", "initial": {"x": 1}}
     with pytest.raises(ConfigError, match="expected a name"):
         experiment(plant, {})
+
+
+def test_a_block_and_poles_that_are_made_already_are_taken_as_they_are() -> None:
+    made = StandardObserver(type="shgo", theta=2, poles=(-1 + 2j, -1 - 2j))
+    assert made.poles == (-1 + 2j, -1 - 2j)
+    assert StandardObserver.model_validate(made) is made
+
+
+@pytest.mark.parametrize(
+    ("cls", "keys", "words"),
+    [
+        (Time, {"start": 2, "end": 2, "output_step": 1}, "end must be after start, found end 2, start 2"),
+        (Claim, {"id": "a", "claim": "b", "value": "1"}, "give exactly one of below, above and between"),
+        (Claim, {"id": "a", "claim": "b", "value": "1", "below": 1, "above": 0}, "give exactly one of below"),
+        (Ensemble, {"seeds": 3, "vary": {"name": "p", "values": [1], "set": {}}}, "give one of them"),
+    ],
+)
+def test_keys_that_exclude_each_other(cls: type[Block], keys: dict[str, Any], words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        cls.model_validate(keys)

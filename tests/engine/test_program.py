@@ -193,17 +193,18 @@ def test_adaptive_steps(seed: int) -> None:
 
 @pytest.mark.parametrize("lanes", [2, 4, 8])
 @pytest.mark.parametrize("delayed", [False, True])
-def test_lanes_are_runs_of_their_own(lanes: int, delayed: bool) -> None:
+@pytest.mark.parametrize("method", ["rk4", "rodas5p"])
+def test_lanes_are_runs_of_their_own(method: str, lanes: int, delayed: bool) -> None:
     """Bit for bit: other states, parameters, noise and gains a lane."""
     made = plan(3)
     rng = np.random.default_rng(lanes)
     z, p = rng.normal(size=(STATES, lanes)), rng.uniform(0.1, 0.6, (PARAMETERS, lanes))
     gain, bias, holds = (rng.normal(size=(made.slots, lanes)) for _ in range(3))
     many = replace(made, gain=gain, bias=bias, holds=holds)
-    together = program("rk4", delayed=delayed, lanes=lanes).run(many, Start(z, p, BOUND))
+    together = program(method, delayed=delayed, lanes=lanes).run(many, Start(z, p, BOUND))
     for lane in range(lanes):
         one = replace(made, gain=gain[:, lane], bias=bias[:, lane], holds=holds[:, lane])
-        alone = program("rk4", delayed=delayed).run(one, Start(z[:, lane, None], p[:, lane, None], BOUND))
+        alone = program(method, delayed=delayed).run(one, Start(z[:, lane, None], p[:, lane, None], BOUND))
         for name in ("rows", "measured", "diverged", "error"):
             a, b = getattr(together, name)[..., lane], getattr(alone, name)[..., 0]
             np.testing.assert_array_equal(a, b, err_msg=name)

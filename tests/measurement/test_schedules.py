@@ -156,14 +156,14 @@ def carried_out(case: Any) -> tuple[list[Channel], Schedule, list[list[naive.Pha
     block = layer_block(base) | ({"phases": [layer_block(p) for p in phases]} if phases else {})
     try:
         resolved = resolve(Measurement.model_validate(block), outputs, time)
-        channels = find_channels(resolved, tuple(outputs), time, seed, None)
+        channels = find_channels(resolved, tuple(outputs), time.from_zero, seed, None)
     except Problem:
         event("refused")
         assert any(map(refused, expected))
         assume(False)
         raise
     assert not any(map(refused, expected))
-    return channels, build_schedule(channels, time, np.zeros(0), 0.01), expected
+    return channels, build_schedule(channels, time.from_zero, np.zeros(0), 0.01), expected
 
 
 def near(found: np.ndarray, expected: Sequence[Fraction]) -> None:
@@ -180,8 +180,8 @@ def test_samples_are_those_of_the_naive_list(case: Any) -> None:
         found = channel.samples
         assert found.number.tolist() == [s.number for s in samples]
         assert found.stretch.tolist() == [s.phase for s in samples]
-        near(found.arrival, [s.arrival for s in samples])
-        near(found.taken, [s.taken for s in samples])
+        near(found.arrival, [s.arrival - start for s in samples])
+        near(found.taken, [s.taken - start for s in samples])
         assert found.used.tolist() == [s.used for s in samples]
         for k, noise in enumerate(channel.noise):
             own = found.stretch == k
@@ -200,7 +200,7 @@ def test_events_and_what_holds_between_them(case: Any) -> None:
     events |= {t for phases in expected for p in phases if p.sampling.continuous for t in naive.changes_of(p, start)}
     every = naive.come_back(events, [p for phases in expected for p in phases], LEVELS)
     distinct = [t for t in sorted(every) if start <= t <= end]
-    near(schedule.events, distinct)
+    near(schedule.events, [t - start for t in distinct])
     for i, (a, b) in enumerate(pairwise(distinct)):
         middle = (a + b) / 2
         variant = schedule.variants[schedule.variant[i]]
@@ -214,7 +214,7 @@ def test_events_and_what_holds_between_them(case: Any) -> None:
                 drawn = [item for item in here.noise if item.function is None]
                 only = naive.Phase(here.number, here.start, here.end, here.last, here.sampling, here.delay, drawn)
                 value = naive.noise_at(only, middle, None, seed, name, start)
-                found = channel.noise[phases.index(here)].held(np.array([float(middle)]))
+                found = channel.noise[phases.index(here)].held(np.array([float(middle - start)]))
                 assert found[0] == pytest.approx(value, abs=1e-12)
 
 
@@ -264,9 +264,9 @@ def test_of_two_samples_taken_at_the_same_time_the_later_one_is_used() -> None:
         shifted = block.model_copy(
             update={"phases": (block.phases[0].model_copy(update={"until": start + 0.3}), block.phases[1])}
         )
-        (channel,) = find_channels(resolve(shifted, ["y"], time), ("y",), time, 0, None)
+        (channel,) = find_channels(resolve(shifted, ["y"], time), ("y",), time.from_zero, 0, None)
         taken = np.round(channel.samples.taken, 9)
         newest = np.maximum.accumulate(np.concatenate([[-np.inf], taken[:-1]]))
         np.testing.assert_array_equal(channel.samples.used, taken >= newest)
-        assert np.count_nonzero(taken == round(start + 0.2, 9)) == 2
-        assert channel.samples.used[taken == round(start + 0.2, 9)].all()
+        assert np.count_nonzero(taken == 0.2) == 2
+        assert channel.samples.used[taken == 0.2].all()

@@ -413,7 +413,9 @@ def test_largest_theta_times_period_or_delay(measurement: dict[str, Any], limits
 # ---- divergence ----
 
 
-@pytest.mark.parametrize("solver", [{"step": 0.01}, {"method": "dopri5", "rtol": 1e-9, "atol": 1e-11}])
+@pytest.mark.parametrize(
+    "solver", [{"step": 0.01}, *({"method": name, "rtol": 1e-9, "atol": 1e-11} for name in ("dopri5", "rodas5p"))]
+)
 @pytest.mark.parametrize("name", ["sampled", "delayed"])
 def test_a_diverging_observer_is_flagged_and_masked(name: str, solver: dict[str, Any], tmp_path: Path) -> None:
     """theta T_e = 15, theta d = 10: far beyond what a filter of order 2 on a chain of two stands."""
@@ -447,7 +449,7 @@ def test_a_diverging_observer_is_flagged_and_masked(name: str, solver: dict[str,
     assert 10 < np.nanmax(np.abs(sooner.observers["lost"].xhat)) <= 100
 
 
-@pytest.mark.parametrize("solver", [{"step": 0.001}, {"method": "dopri5", "rtol": 1e-9, "atol": 1e-11}])
+@pytest.mark.parametrize("solver", [{"step": 0.001}, *({"method": name} for name in ("dopri5", "rodas5p"))])
 def test_a_diverging_plant_ends_the_run(solver: dict[str, Any], tmp_path: Path) -> None:
     """x' = x^2 from 1 is infinite at t = 1."""
     config = {

@@ -154,6 +154,23 @@ def test_dopri5_with_fixed_steps_is_of_order_five(measurement: dict[str, Any], t
     assert found == pytest.approx(dict.fromkeys(found, 5.0), abs=0.2)
 
 
+@pytest.mark.parametrize("measurement", [{"noise": SINE}, PERIODIC | LATE])
+@pytest.mark.parametrize("plant", [VAN_DER_POL, JUMPING], ids=["smooth", "jumping input"])
+def test_rodas5p_with_fixed_steps_is_of_order_five(
+    plant: dict[str, Any], measurement: dict[str, Any], tmp_path: Path
+) -> None:
+    """With an input that is a function of time: df/dt counts."""
+    found = orders(tmp_path, halved(0.05), measurement, "rodas5p", plant=plant)
+    assert found == pytest.approx(dict.fromkeys(found, 5.0), abs=0.25)
+
+
+@pytest.mark.parametrize("delay", [0.25, "0.5 + 0.05*sin(4*pi*t)"])
+def test_rodas5p_with_a_continuous_delay_has_the_order_of_the_cubic_history(delay: Any, tmp_path: Path) -> None:
+    found = orders(tmp_path, halved(0.025), {"delay": delay, "noise": SINE}, "rodas5p")
+    del found["plant"]
+    assert min(found.values()) > 3.9
+
+
 def test_dopri5_with_a_continuous_delay_has_the_order_of_the_cubic_history(tmp_path: Path) -> None:
     found = orders(tmp_path, halved(0.025), {"delay": 0.25, "noise": SINE}, "dopri5")
     del found["plant"]

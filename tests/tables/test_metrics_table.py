@@ -20,7 +20,7 @@ from hgorun.result.data import Integration
 from hgorun.result.metrics.base import all_metrics
 from hgorun.result.status import OK, Verdict
 from hgorun.tables import metrics as tables
-from hgorun.tables.typeset import columns
+from hgorun.tables.typeset import columns, latex_words
 
 NAMES = tuple(all_metrics())
 CONFIG: dict[str, Any] = {
@@ -327,3 +327,44 @@ def test_a_stored_result_gives_the_same_tables(result: Result, tmp_path: Path) -
     assert tables.text([again]) == tables.text([result])
     assert tables.csv([again]) == tables.csv([result])
     assert tables.as_json(again) == tables.as_json(result)
+
+
+def test_latex_names_who_diverged_and_shows_what_is_no_number(result: Result) -> None:
+    lost = with_metrics(result, good={"rmse": [1.0, math.nan]}, bad={"rmse": [math.inf, -math.inf]})
+    shown = tables.latex([lost])
+    assert r"bad & $\infty$ & $-\infty$ \\" in shown
+    assert " & -- " in shown
+    assert "\\midrule\n\\multicolumn{3}{l}{bad diverged at t=1.25 s} \\\\" in shown
+
+
+def test_latex_of_no_metrics_has_the_labels_alone(result: Result) -> None:
+    assert tables.latex([result], metrics=[]).splitlines() == [
+        r"\begin{tabular}{l}", r"\toprule", r"\midrule", r"SHGO \\", r"FHGO r=2 \\", r"\bottomrule", r"\end{tabular}",
+    ]  # fmt: skip
+
+
+def test_a_metric_that_a_file_does_not_have_is_a_dash(result: Result) -> None:
+    """An older file, beside one of today."""
+    older = replace(with_metrics(result, A={"rmse": [1.0, 2.0]}), name="older", integration=None)
+    assert " -- " in tables.latex([result, older])
+    row = next(line for line in tables.text([result, older]).split("\n") if line.startswith("older: A"))
+    assert row.split()[2:] == ["1.000", "2.000", *["-"] * (len(row.split()) - 4)]
+
+
+def test_remarks_stand_in_json(result: Result) -> None:
+    assert tables.as_json(replace(result, remarks=("one", "two")))["remarks"] == ["one", "two"]
+    assert "remarks" not in tables.as_json(result)
+
+
+@pytest.mark.parametrize(
+    ("text", "shown"),
+    [
+        ("\u03b8 = 2", r"$\theta$ = 2"),
+        ("\u039b", r"$\Lambda$"),
+        ("\u03bb", r"$\lambda$"),
+        ("\u03c2", "\u03c2"),
+        ("50 %", r"50 \%"),
+    ],
+)
+def test_greek_letters_are_commands_where_latex_has_them(text: str, shown: str) -> None:
+    assert latex_words(text) == shown

@@ -24,6 +24,7 @@ from hgorun.observers.levant import LevantObserver
 from hgorun.observers.shgo import StandardObserver
 from hgorun.symbolic.canonical import CanonicalForm, PlantCopy
 from hgorun.symbolic.matrices import hurwitz_gain
+from hgorun.symbolic.states import Symmetric
 from hgorun.symbolic.symbols import Symbols
 from hgorun.testing import ContractError, check_observer
 
@@ -228,6 +229,37 @@ class FloatState(StandardObserver):
         return {"w": 0.0}
 
 
+class ForgetfulDesign(StandardObserver):
+    """Its gains drift from one call to the next."""
+
+    calls: ClassVar[list[int]] = [0]
+
+    def design(self, form: CanonicalForm) -> dict[str, np.ndarray]:
+        self.calls[0] += 1
+        return {**super().design(form), "theta": np.array(self.theta + self.calls[0])}
+
+
+class StateFromInfinity(MissingDerivative):
+    def states(self, form: CanonicalForm) -> dict[str, np.ndarray]:
+        return {"w": np.full(1, np.inf)}
+
+
+class SkewMatrix(MissingDerivative):
+    def states(self, form: CanonicalForm) -> dict[str, Any]:
+        return {"S": Symmetric(np.array([[1.0, 2.0], [0.0, 1.0]]))}
+
+
+class RoleForgotten(MissingDerivative):
+    def roles(self, form: CanonicalForm) -> dict[str, Any]:
+        return {}
+
+
+class KeyWithoutAWord(StandardObserver):
+    """Documented, but for a key."""
+
+    leak: float = 0.0
+
+
 @pytest.mark.parametrize(
     ("cls", "law", "words"),
     [
@@ -254,6 +286,11 @@ class FloatState(StandardObserver):
         (CompiledNumber, "numbers are arguments", "equations that read self.theta, a number; expected k.theta"),
         (RaisingDesign, "takes a plant", "found design() raised IndexError: list index out of range; expected no"),
         (FloatState, "takes a plant", "found states(): w is a float; expected an array"),
+        (ForgetfulDesign, "repeatable", "the same design every time"),
+        (StateFromInfinity, "states", "w starting at [inf]; expected a finite number, vector or matrix"),
+        (SkewMatrix, "states", "S starting at [[1.0, 2.0], [0.0, 1.0]]; expected a symmetric matrix"),
+        (RoleForgotten, "states", "roles of []; expected one role each of ['w']"),
+        (KeyWithoutAWord, "documentation", "the key leak without description"),
     ],
 )
 def test_a_planted_fault_is_caught_by_name(cls: type[AnyObserver], law: str, words: str) -> None:
@@ -359,6 +396,16 @@ def test_observers_that_jump_and_that_do_both() -> None:
     chains = [{"type": "integrator_chain", "n": 2, "phi": "-x1", "initial": {"x1": 1, "x2": 0}}]
     assert "company" in check_observer(Holder, plants=chains).kept
     assert "fixed point" in check_observer(Predictor, plants=chains).kept
+
+
+class JumpToNowhere(Jumping):
+    def jump(self, plant: PlantCopy, before: PlantCopy, s: Symbols, sample: Sample, k: Symbols) -> dict[str, ca.SX]:
+        return {"xbar": s.xhat}
+
+
+def test_a_jump_may_leave_states_out_but_not_invent_them() -> None:
+    with pytest.raises(ContractError, match=r"values after a jump of \['xbar'\]; expected some of \['xhat'\]"):
+        check_observer(JumpToNowhere, plants=[PLANT])
 
 
 class NoCopy(ContinuousObserver):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import casadi as ca
 import pytest
 
@@ -74,9 +76,65 @@ class NoMeaning(VanDerPol):
     known_parameters = {name: Parameter(q.default, q.unit) for name, q in VanDerPol.known_parameters.items()}
 
 
+class TwoOfOneName(VanDerPol):
+    @property
+    def output_names(self) -> tuple[str, ...]:
+        return ("y", "y")
+
+    def equations(self, t: ca.SX, x: Symbols, u: Symbols, p: Symbols) -> tuple[Expressions, Expressions]:
+        return [x.x2, p.stiffness * x.x1 + p.mu * x.x2], [x.x1, x.x2]
+
+
+class Counting(VanDerPol):
+    """What it is depends on how often it has been built."""
+
+    count: ClassVar[list[int]] = [0]
+
+    def equations(self, t: ca.SX, x: Symbols, u: Symbols, p: Symbols) -> tuple[Expressions, Expressions]:
+        self.count[0] += 1
+        return [x.x2, p.stiffness * x.x1 + p.mu * self.count[0] * x.x2], [x.x1]
+
+
+class OutputIsNoCoordinate(Phytoplankton):
+    """Its map leads back, but the output is none of its coordinates."""
+
+    def to_triangular(self, x: Symbols, p: Symbols) -> Expressions:
+        return [1 / x.x1, x.x2, x.x3]
+
+    def from_triangular(self, z: ca.SX, p: Symbols) -> Expressions:
+        return [1 / z[0], z[1], z[2]]
+
+
+class UnusedInput(VanDerPol):
+    known_inputs = {"force": Input("N", "a push that moves nothing")}
+
+
+class NoDocstring(VanDerPol):
+    pass
+
+
+class NowhereValid(VanDerPol):
+    """Documented."""
+
+    valid = ""
+
+
+class KeyWithoutAWord(VanDerPol):
+    """Documented, but for a key."""
+
+    friction: float = 0.0
+
+
 @pytest.mark.parametrize(
     ("cls", "law", "words"),
     [
+        (TwoOfOneName, "names", "outputs ('y', 'y'); expected one name each"),
+        (Counting, "repeatable", "expected the same equations every time"),
+        (OutputIsNoCoordinate, "triangular coordinates", "a model that is not triangular in them: output x1 is not"),
+        (UnusedInput, "declarations", "the input force, which no equation holds"),
+        (NoDocstring, "documentation", "no docstring"),
+        (NowhereValid, "documentation", "an empty valid"),
+        (KeyWithoutAWord, "documentation", "the key friction without description"),
         (WrongInverse, "inverse", "expected x itself"),
         (WrongWayBack, "triangular coordinates", "from_triangular(to_triangular(x)) = "),
         (ByPlace, "order of parameters", "expected numbers that belong to names"),
@@ -121,3 +179,9 @@ def test_a_plant_of_ones_own() -> None:
     assert "slopes" in check_plant(Tank, {"initial": {"h": 2}, "inputs": {"q": "0.1*sin(t)"}}).kept
     with pytest.raises(ContractError, match="'finite'"):
         check_plant(Tank, {"initial": {"h": -2}})
+
+
+@pytest.mark.parametrize("thing", [VanDerPol(type="van_der_pol", initial={"x1": 1, "x2": 0}), Plant, int])
+def test_what_is_no_class_of_plants(thing: object) -> None:
+    with pytest.raises(TypeError, match="check_plant takes a concrete class of plants"):
+        check_plant(thing)  # type: ignore[arg-type]  # that is the test

@@ -189,7 +189,8 @@ def transient_of(subject: Subject) -> Transient:
     NoValue
         Where there are no coordinates of a theory.
     """
-    names, time, error = premises_of(subject).chart.names, subject.result.time, error_of(subject)
+    names, error = premises_of(subject).chart.names, error_of(subject)
+    time = subject.run.origin + subject.result.time
     bounded = outcome(lambda: bounded_transient_of(subject)).found
     if bounded is None:
         nothing = np.full_like(error, np.inf)

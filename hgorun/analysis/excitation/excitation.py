@@ -150,7 +150,7 @@ def excitation(run: PreparedRun, label: str, result: Result, horizon: float | No
     links = links_along(run, label, result.time, x)
     condition = f"(3.101), r = {r}" if r else "(3.86)" if filtered else "(2.43)"
     names = [f"eta{i + 1}" for i in range(r)] + names
-    return _look(links.behind_integrators(r), observer.theta, horizon, condition, names, r, found)
+    return _look(links.behind_integrators(r), observer.theta, horizon, condition, names, r, found, run.origin)
 
 
 def plant_excitation(run: PreparedRun, label: str, result: Result, horizon: float | None = None) -> Excitation:
@@ -160,7 +160,7 @@ def plant_excitation(run: PreparedRun, label: str, result: Result, horizon: floa
         raise NoValue(_UNIFORM)
     links = links_along(run, label, result.time, result.x)
     names = _names(run, label)
-    return _look(links, observer.theta, horizon, "(3.86)", names, 0, None)
+    return _look(links, observer.theta, horizon, "(3.86)", names, 0, None, run.origin)
 
 
 def links_along(run: PreparedRun, label: str, times: np.ndarray, x: np.ndarray) -> Links:
@@ -196,6 +196,7 @@ def _look(
     names: Sequence[str],
     filters: int,
     found: ObserverResult | None,
+    origin: float,
 ) -> Excitation:
     start, end = float(links.times[0]), float(links.times[-1])
     horizons = HORIZONS[HORIZONS / theta <= (end - start) / 3] if horizon is None else np.array([horizon])
@@ -216,16 +217,17 @@ def _look(
     unbroken = gramians(links.unbroken(), at[:1], theta, one)[0]
     reference = float(np.linalg.eigvalsh(unbroken[0])[0])
     ratios = (seen(W[best]) / seen(unbroken))[:, filters:]
-    weak = tuple(w for i, name in enumerate(names[filters:]) for w in _weak(at, ratios[:, i], name, T / theta))
+    told = origin + at
+    weak = tuple(w for i, name in enumerate(names[filters:]) for w in _weak(told, ratios[:, i], name, T / theta))
     state = max(names[filters:], key=lambda name: weights[name])
-    words = _words(weak, at, delta, reference, state, float(around[i]))
+    words = _words(weak, told, delta, reference, state, origin + float(around[i]))
     rho = float(np.exp(-T) * delta)
-    own = _eigenvalues(found, links.times, start + T / theta) if found is not None else None
+    own = _eigenvalues(found, origin + links.times, origin + start + T / theta) if found is not None else None
     return Excitation(
         condition=condition,
         horizon=T,
         delta=delta,
-        at=float(around[i]),
+        at=origin + float(around[i]),
         reference=reference,
         weights=weights,
         state=state,

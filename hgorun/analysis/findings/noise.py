@@ -16,14 +16,16 @@ from hgorun.analysis.reasons import NoValue, require_estimate
 from hgorun.analysis.subject import Context, Subject, once
 from hgorun.noise.base import Wave
 from hgorun.result.result import Result
-from hgorun.simulation.simulate import simulate
+from hgorun.simulation.outcome import since_start
+from hgorun.simulation.simulate import prepare, simulate_prepared
 
 
 @once
 def _noise_free(context: Context) -> Result:
     if not has_noise(context.run):
         raise NoValue("the measurement has no noise")
-    return simulate(without_noise(context.run.experiment))
+    run = prepare(without_noise(context.run.experiment))
+    return since_start(run, simulate_prepared(run))
 
 
 @finding(
@@ -63,7 +65,8 @@ def h2(observer: Subject) -> dict[str, float]:
 @finding("the largest amplification of a sinusoid, of the observer linearised as for `h2`", unit="state/output")
 def hinf(observer: Subject) -> Remarked:
     largest, _ = hinf_norm(linear_at_end(observer))
-    when = f"h2, hinf: linearised at t = {observer.result.time[-1]:.4g}, output continuous and not late"
+    end = observer.run.origin + observer.result.time[-1]
+    when = f"h2, hinf: linearised at t = {end:.4g}, output continuous and not late"
     return Remarked(observer.by_state(largest.max(axis=1)), (when,))
 
 

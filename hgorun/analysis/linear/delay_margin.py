@@ -71,9 +71,7 @@ def _constant_solutions(A0: np.ndarray, E: np.ndarray, H: np.ndarray, K0: np.nda
     q = E.shape[1]
     still = np.block([[A0, E], [H, -np.eye(q)]])
     late = np.block([[np.zeros_like(A0), np.zeros_like(E)], [K0, K]])
-    # det(still - d late) = 0; 1/d are the eigenvalues of still^-1 late
-    if abs(np.linalg.det(still)) == 0:
-        return []
+    # det(still - d late) = 0; 1/d are the eigenvalues of still^-1 late, and det(still) = +-det(A0 + E H) is not zero
     inverse = eigvals(np.linalg.solve(still, late))
     size = max(float(np.max(np.abs(inverse))), 1e-300)
     real = inverse[(np.abs(inverse.imag) < 1e-9 * size) & (inverse.real > 1e-9 * size)].real

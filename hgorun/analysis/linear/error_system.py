@@ -133,11 +133,11 @@ def error_system(run: PreparedRun, label: str, result: Result) -> ErrorSystem:
     linear = linearisation.systems(times, xi)
     A0, E, H, L, K0, K = linear.A0, linear.E, linear.H, linear.L, linear.K0, linear.K
     kept = _that_matter(linearisation, A0, H, L, K0)
-    where = f"along the run from t = {times[0]:.4g} to {times[-1]:.4g}"
+    where = f"along the run from t = {run.origin + times[0]:.4g} to {run.origin + times[-1]:.4g}"
     system = ErrorSystem(times, A0[:, kept][:, :, kept], E[:, kept], H[:, :, kept], K0[:, :, kept], K, where)
     if not np.all(np.isfinite(system.G)) or not np.all(np.isfinite(system.H)):
         raise NoValue("the observer's equations have no finite slopes along the run")
-    return _constant(system)
+    return _constant(system, run.origin)
 
 
 def at_end(run: PreparedRun, label: str, result: Result) -> ErrorSystem:
@@ -148,7 +148,7 @@ def at_end(run: PreparedRun, label: str, result: Result) -> ErrorSystem:
         time=result.time[last:],
         observers={name: _row(o, last) for name, o in result.observers.items()},
     )
-    return replace(error_system(run, label, short), where=f"at the point of t = {result.time[-1]:.4g}")
+    return replace(error_system(run, label, short), where=f"at the point of t = {run.origin + result.time[-1]:.4g}")
 
 
 def _row(result: ObserverResult, i: int) -> ObserverResult:
@@ -196,12 +196,12 @@ def _that_matter(
     return np.concatenate([at for name, at in places.items() if name in kept])
 
 
-def _constant(system: ErrorSystem) -> ErrorSystem:
+def _constant(system: ErrorSystem, origin: float) -> ErrorSystem:
     """One system, where they do not differ, or no longer do in the last tenth of the time."""
     for tail in (0, -max(system.times.size // 10, 2)):
         if all(_still(part[tail:]) for part in (system.G, system.H)):
             last = {name: getattr(system, name)[-1:] for name in ("A0", "E", "H", "K0", "K")}
-            where = system.where if tail == 0 else f"at rest, at t = {system.times[-1]:.4g}"
+            where = system.where if tail == 0 else f"at rest, at t = {origin + system.times[-1]:.4g}"
             return replace(system, times=system.times[-1:], where=where, **last)
     return system
 

@@ -13,6 +13,7 @@ from hgorun.observers.base import SampledObserver
 from hgorun.observers.capabilities import HighGain
 from hgorun.result.result import Result
 from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.outcome import since_start
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import prepare, simulate_prepared
 from hgorun.symbolic.forms import BlockForm, ChainForm, Form
@@ -115,6 +116,6 @@ def _simulated(experiment: Callable[[], Experiment], failure: str) -> tuple[Prep
     """The run of an experiment; ``failure`` introduces the reason where there is none."""
     try:
         run = prepare(experiment())
-        return run, simulate_prepared(run)
+        return run, since_start(run, simulate_prepared(run))
     except HgorunError as error:
         raise NoValue(f"{failure}: {error}") from error

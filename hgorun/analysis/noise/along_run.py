@@ -98,7 +98,8 @@ def noise_along(
         if not all(np.all(np.isfinite(value)) for value in vars(systems).values()):
             raise NoValue(NO_SLOPES)
         keep = relevant_states(systems)
-        moved, e, deviation = _followed(run, noise_free, result, edges, waves, times, restricted(systems, keep))
+        with np.errstate(all="ignore"):  # slopes that do not fit the noise lead to numbers that overflow
+            moved, e, deviation = _followed(run, noise_free, result, edges, waves, times, restricted(systems, keep))
         found = deviation.mean_square
         path = np.zeros_like(xi)
         path[:, keep] = moved
@@ -129,9 +130,8 @@ def _followed(
     )
     h = h[:, None, None]
     here = _at(times, at, edges.times)
-    with np.errstate(all="ignore"):
-        steps = exponentials(h / 2 * (G_1 + G_2) + np.sqrt(3) / 12 * h**2 * (G_2 @ G_1 - G_1 @ G_2))
-        psi = _propagated(edges, steps, here, _start(here, waves, edges.times[0]))
+    steps = exponentials(h / 2 * (G_1 + G_2) + np.sqrt(3) / 12 * h**2 * (G_2 @ G_1 - G_1 @ G_2))
+    psi = _propagated(edges, steps, here, _start(here, waves, edges.times[0]))
     N, q = here.E.shape[1:]
     path = np.column_stack([np.interp(times, edges.times, column) for column in psi[:, :N].T])
     place = np.clip(np.searchsorted(edges.times, times, side="right") - 1, 0, len(psi) - 1)

@@ -97,6 +97,8 @@ class Metric:
         What an axis calls it, ``{}`` being the error's symbol.
     ideal : float
         The best value, 0 or a ratio.
+    moment : bool
+        It is a time that the clock shows, not a duration.
     place : int
         Where it stands among the others; those with the same place are sorted by their names.
     setting, told : str and callable
@@ -111,6 +113,7 @@ class Metric:
     window: Window = "steady"
     phrase: str = ""
     ideal: float = 0.0
+    moment: bool = False
     place: int = 100
     setting: Literal["average", "settling"] | None = None
     told: Callable[[float, str], str] = lambda value, unit: f"{value:g} {unit}".rstrip()

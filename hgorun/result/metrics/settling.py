@@ -23,6 +23,7 @@ SETTLING = metric(
         name="settling",
         meaning="last time at which the error exceeds a part of its transient peak",
         unit="time",
+        moment=True,
         measure=_settling,
         window="run",
         phrase="settling time of ${}$",

@@ -1,0 +1,68 @@
+"""One step of an explicit Runge-Kutta method, as native code."""
+
+from __future__ import annotations
+
+from hgorun.engine.emit import Emitted
+from hgorun.engine.history import History
+from hgorun.engine.methods import Method, Row
+from hgorun.engine.parts import Module
+from hgorun.engine.stepper import Stepper, weighted
+from hgorun.native.ir import Function, hexadecimal
+
+
+def combine(f: Function, row: Row, h: str, z: str, slopes: list[str], target: str, size: int) -> None:
+    """target = z + h scale sum_j weights[j] slopes[j], unrolled over the state."""
+    factor = f.splat(h if row.scale == 1.0 else f.scalar("fmul", h, hexadecimal(row.scale)))
+    for i in range(size):
+        place = i * f.lanes
+        step = f.mul(factor, weighted(f, row.weights, slopes, place))
+        f.store(f.add(f.load(f.at(z, place), f.real), step), f.at(target, place), f.real)
+
+
+class RungeKutta(Stepper):
+    """Stages one after the other, each of them a slope.
+
+    Attributes
+    ----------
+    k : list of str
+        The slopes of the stages.
+    """
+
+    def __init__(
+        self, m: Module, method: Method, history: History | None, regime: int, flow: Emitted, name: str
+    ) -> None:
+        super().__init__(m, method.c, history, regime, flow, name)
+        self.method, self.order = method, method.order
+        self.k = [self.slope_before, *(self.f.slot("double", self.size * m.lanes) for _ in method.stages)]
+
+    def stages(self, t: str, h: str, t_end: str) -> None:
+        f, method = self.f, self.method
+        ticked = {0.0}
+        for c, row, target in zip(method.c[1:], method.stages, self.k[1:], strict=True):
+            t_stage = t_end if c == 1.0 else f.scalar("fadd", t, f.scalar("fmul", h, hexadecimal(c)))
+            if c not in ticked:
+                self.tick(t_stage, self.clock[c])
+                ticked.add(c)
+            combine(f, row, h, self.before, self.k, self.stage, self.size)
+            self.flow_at(t_stage, self.clock[c], self.stage, target)
+        combine(f, method.result, h, self.before, self.k, self.z, self.size)
+        if 1.0 not in ticked:
+            self.tick(t_end, self.clock[1.0])
+
+    def _embedded(self, weights: tuple[float, ...], h: str, i: int) -> str:
+        """h sum_j weights[j] k_j of state i, the last k being the slope at the end of the step."""
+        f = self.f
+        return f.mul(f.splat(h), weighted(f, weights, [*self.k, self.slope], i * f.lanes))
+
+    def errors(self, h: str) -> list[str]:
+        if not self.method.error:
+            return []
+        return [self._embedded(self.method.error, h, i) for i in range(self.size)]
+
+    def interpolant(self, h: str) -> tuple[str, str, str]:
+        f, quintic = self.f, "null"
+        if self.method.dense:
+            quintic = f.slot("double", self.size * f.lanes)
+            for i in range(self.size):
+                f.store(self._embedded(self.method.dense, h, i), f.at(quintic, i * f.lanes), f.real)
+        return self.slope_before, self.slope, quintic

@@ -1,0 +1,131 @@
+"""What options of the commands choose, and which of them exclude each other."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from shell import Shell
+
+import hgorun
+from hgorun.commands.run import warn
+from hgorun.errors import HgorunError
+from hgorun.version import __version__
+
+BASE = """
+time: {end: 1, output_step: 0.1, unit: s}
+plant: {type: van_der_pol, initial: {x1: 1, x2: 0}}
+observers: {SHGO: {type: shgo, theta: 2}}
+solver: {step: 0.01}
+"""
+RUNS = BASE + "runs: {a: {}, b: {observers: {SHGO: {theta: 3}}}}\n"
+FIGURES = BASE + "figures: {first: {panels: [{state: x1}]}}\n"
+ENSEMBLE = BASE + "runs: {many: {seeds: 2}}\nfigures: {}\n"
+
+
+@pytest.fixture
+def shell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Shell:
+    for name, text in (("base", BASE), ("runs", RUNS), ("figures", FIGURES), ("ensemble", ENSEMBLE)):
+        (tmp_path / f"{name}.yaml").write_text(text)
+    (tmp_path / "hours.yaml").write_text(BASE.replace("unit: s", "unit: h"))
+    return Shell(tmp_path, monkeypatch, capsys)
+
+
+def test_the_version_is_the_packages(shell: Shell) -> None:
+    assert shell("--version") == (0, f"{__version__}\n", "")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("compare", "base.yaml", "hours.yaml"), "the sources count time in different units: h, s"),
+        (("compare", "base.yaml", "--format", "html"), "expected one of text, csv, latex, found 'html'"),
+        (("compare", "base.yaml", "--analyze", "--format", "latex"), "the LaTeX table has metrics only"),
+        (("simulate", "runs.yaml", "-o", "all.h5"), "all.h5 is one file, but there are 2 runs in runs.yaml"),
+        (("simulate", "base.yaml", "hours.yaml", "-o", "all.h5"), "there are 2 configurations; name a folder"),
+        (("simulate", "ensemble.yaml"), "all runs are ensembles: many; --run NAME runs the first member of one"),
+        (("simulate", "base.yaml", "-o", "there.png"), "expected a file .h5, .hdf5, .nc or a folder"),
+        (("analyze", "base.yaml", "-o", "base.yaml"), "base.yaml"),
+        (("show", "rmsee"), "nothing is called 'rmsee'. Did you mean `rmse`?"),
+    ],
+)
+def test_choices_that_are_refused(arguments: tuple[str, ...], words: str, shell: Shell) -> None:
+    code, out, err = shell(*arguments)
+    assert (code, out) == (2, "")
+    assert words in err
+    assert not (shell.folder / "results").exists()
+
+
+def test_a_result_file_cannot_be_changed(shell: Shell) -> None:
+    assert shell("simulate", "base.yaml", "-q", "-o", "base.h5") == (0, "", "")
+    for change in (("--seed", "3"), ("--set", "time.end=2")):
+        code, out, err = shell("compare", "base.h5", "--no-plots", *change)
+        assert (code, out) == (2, "")
+        assert "a result file stays as it is" in err
+
+
+@pytest.mark.parametrize("suffix", ["png", "pdf"])
+def test_a_comparison_is_drawn_where_it_is_asked_for(suffix: str, shell: Shell) -> None:
+    assert shell("compare", "base.yaml", "-q", "-o", f"there/mine.{suffix}") == (0, "", "")
+    assert {p.name for p in (shell.folder / "there").iterdir()} == {"mine.png", "mine.pdf"}
+
+
+def test_a_table_for_a_program_has_no_further_line(shell: Shell) -> None:
+    code, out, _ = shell("compare", "base.yaml", "--format", "csv")
+    assert code == 0
+    assert "written" not in out
+    assert (shell.folder / "results/base-comparison.png").exists()
+
+
+def test_one_member_of_an_ensemble_by_name(shell: Shell) -> None:
+    code, out, _ = shell("simulate", "ensemble.yaml", "--run", "many", "--json")
+    assert (code, json.loads(out)["name"]) == (0, "many")
+
+
+def test_metrics_and_findings_are_shown_like_the_rest(shell: Shell) -> None:
+    for name in ("rmse", "theta_bound"):
+        code, out, _ = shell("show", name)
+        assert code == 0
+        described = json.loads(shell("show", name, "--json")[1])
+        assert described["name"] == name
+        assert out == "\n".join(f"{key}: {value}" for key, value in described.items()) + "\n"
+
+
+def test_a_report_of_ones_own_figures(shell: Shell) -> None:
+    code, out, _ = shell("figures", "figures.yaml", "--report", "-o", "drawn")
+    assert code == 0
+    written = [line.removeprefix("written: ") for line in out.splitlines() if line.startswith("written: ")]
+    assert len(written) == 1
+    assert "figures/first.png" in (shell.folder / written[0]).read_text()
+    assert shell("figures", "figures.yaml", "-q", "-o", "drawn") == (0, "", "")
+
+
+def test_remarks_are_said_and_are_no_errors(capsys: pytest.CaptureFixture[str], shell: Shell) -> None:
+    result = replace(hgorun.simulate(hgorun.load(shell.folder / "base.yaml")), remarks=("one thing", "another"))
+    warn(result)
+    assert capsys.readouterr().err == "hgorun: base: one thing\nhgorun: base: another\n"
+
+
+@pytest.mark.parametrize(
+    ("raised", "code", "words"),
+    [
+        (KeyboardInterrupt(), 130, "hgorun: interrupted; no file is left half-written\n"),
+        (SystemExit(143), 143, "hgorun: terminated; no file is left half-written\n"),
+        (MemoryError(), 1, "hgorun: out of memory; a longer time.output_step"),
+        (OSError(28, "No space left on device"), 1, "hgorun: No space left on device: what was to be printed"),
+        (HgorunError("it cannot be"), 1, "hgorun: it cannot be\n"),
+    ],
+)
+def test_whatever_ends_a_command_is_one_line(
+    raised: BaseException, code: int, words: str, shell: Shell, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails(*_: object, **__: object) -> None:
+        raise raised
+
+    monkeypatch.setattr("hgorun.commands.run.simulate_prepared", fails)
+    found, out, err = shell("simulate", "base.yaml")
+    assert (found, out) == (code, "")
+    assert err.startswith(words)
+    assert err.count("\n") == 1

@@ -1,0 +1,97 @@
+"""Parts of figures alone: truths that are one, measurements, panels of what a run does not have."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from examples import chain, inline, simulated
+from matplotlib.figure import Figure
+
+from hgorun import Result
+from hgorun.figures.bode import bode_figure
+from hgorun.figures.drawing import comparison
+from hgorun.figures.panels import _dense
+from hgorun.figures.peaking import peaking
+from hgorun.figures.style import TRUTH
+from hgorun.figures.truths import truth_looks
+from hgorun.result.theory import Bode, Transient
+
+
+@pytest.fixture(scope="module")
+def result() -> Result:
+    return simulated(chain(2, "-x1"), {"A": {"type": "shgo", "theta": 2}, "B": {"type": "shgo", "theta": 3}})
+
+
+def moved(result: Result, by: float) -> Result:
+    return replace(result, x=result.x + by)
+
+
+def test_runs_of_one_truth_share_its_line(result: Result) -> None:
+    assert truth_looks([["a", "b"]], {"a": result, "b": result}) == {"a": TRUTH, "b": TRUTH}
+    near = truth_looks([["a", "b"]], {"a": result, "b": moved(result, 1e-5)})
+    assert near == {"a": TRUTH, "b": TRUTH}
+
+
+def test_truths_that_can_be_told_apart_have_names(result: Result) -> None:
+    found = truth_looks([["a", "b"]], {"a": result, "b": moved(result, 0.5)})
+    assert [look["label"] for look in found.values()] == ["a: true", "b: true"]
+    assert truth_looks([["a"], ["b"]], {"a": result, "b": moved(result, 0.5)}) == {"a": TRUTH, "b": TRUTH}
+
+
+def test_truths_of_other_states_or_other_times_are_others(result: Result) -> None:
+    renamed = replace(result, states=("p", "q"))
+    later = replace(result, time=result.time + 100)
+    for other in (renamed, later):
+        assert len({look["label"] for look in truth_looks([["a", "b"]], {"a": result, "b": other}).values()}) == 2
+
+
+def test_states_of_runs_that_have_others(result: Result) -> None:
+    """A panel shows the observers of the runs that have its state."""
+    other = replace(simulated(inline({"z": "-z"}, "z"), {"C": {"type": "shgo", "theta": 2}}), name="other")
+    figure = comparison([replace(result, name="one"), other])
+    labels = [{text for line in ax.lines if not (text := str(line.get_label())).startswith("_")} for ax in figure.axes]
+    of_x = [shown for ax, shown in zip(figure.axes, labels, strict=True) if "x_" in ax.get_ylabel()]
+    of_z = [shown for ax, shown in zip(figure.axes, labels, strict=True) if "z" in ax.get_ylabel()]
+    assert of_x
+    assert of_z
+    assert not any("C" in name for shown in of_x for name in shown)
+    assert all(any("C" in name for name in shown) for shown in of_z)
+
+
+@pytest.mark.parametrize(
+    ("t", "grid", "dense"),
+    [
+        ([], [0, 1], []),
+        ([0.5], [0, 1], [False]),
+        ([0, 1, 2], [0], [False] * 3),
+        ([0, 1, 2], [0, 1, 2], [True] * 3),
+        ([0, 3, 4, 9], [0, 1, 2], [False, True, True, False]),
+    ],
+)
+def test_samples_that_are_as_dense_as_the_grid_are_a_line(t: list[float], grid: list[float], dense: list[bool]) -> None:
+    assert _dense(np.array(t, dtype=float), np.array(grid, dtype=float)).tolist() == dense
+
+
+def bounded(names: tuple[str, ...], time: np.ndarray) -> Transient:
+    error = np.exp(-np.outer(time, np.ones(len(names))))
+    return Transient(names, time, error, 3 * error, 2 * error, True)
+
+
+def test_peaking_of_observers_in_different_coordinates(result: Result) -> None:
+    """A row for every coordinate, and in it the observers that have it."""
+    transients = {"A": bounded(("x1", "x2"), result.time), "B": bounded(("z1",), result.time)}
+    figure = peaking(result, transients)
+    drawn = [[line.get_label() for line in ax.lines] for ax in figure.axes]
+    assert drawn == [["A", "A: bound"], ["A", "A: bound"], ["B", "B: bound"]]
+
+
+def test_a_response_that_is_zero_has_no_limits_of_its_own(result: Result) -> None:
+    omega = np.logspace(-1, 1, 5)
+    none = np.column_stack([np.ones(5), np.zeros(5)])
+    figure = bode_figure(Bode(omega, {"A": none}, result.states, np.zeros(0), {}), result)
+    assert isinstance(figure, Figure)
+    low, high = figure.axes[0].get_ylim()
+    assert low < 1 < high == 2
+    assert figure.axes[1].get_xlim() == pytest.approx((0.1, 10))
