@@ -27,6 +27,7 @@ from hgorun.simulation.error_estimate import differences
 from hgorun.simulation.measured import Measured, measured
 from hgorun.simulation.passes import Pass, fixed_steps, integrate, part_of_error
 from hgorun.simulation.prepared import PreparedRun
+from hgorun.simulation.tables import uneven_steps
 
 Progress = Callable[[float], None] | None
 
@@ -113,7 +114,7 @@ class _Search:
     best : _Attempt or None
         The last that could be finished.
     failure : SimulationError or None
-        Why the last could not.
+        Why controlled steps could not.
     """
 
     run: PreparedRun
@@ -135,8 +136,7 @@ class _Search:
         before: tuple[int, float] | None = None
         while True:
             step = self.run.span / 2.0**k
-            count = _count(self.run, step)
-            if count > limit or count * (1 + UNEVEN) > self.budget.steps(method) or k > finest_rung(self.run):
+            if not self._affordable(method, step, limit) or k > finest_rung(self.run):
                 return False
             how = Pass(method=method, step=step)
             error = self._compared(how, replace(how, uneven=UNEVEN))
@@ -148,6 +148,21 @@ class _Search:
             before = (k, error) if error < np.inf else None
             k += _down(error / self.accuracy, order)
 
+    def _affordable(self, method: Method, step: float, limit: float = np.inf) -> bool:
+        count, other = _counts(self.run, step)
+        return count <= limit and count + other <= self.budget.steps(method)
+
+    def something(self, method: Method) -> bool:
+        """Where nothing was affordable: the shortest fixed steps that are; whether that was enough."""
+        k = rung(self.run)
+        while self.best is None and k > 0:
+            k -= 1
+            step = self.run.span / 2.0**k
+            if self._affordable(method, step):
+                how = Pass(method=method, step=step)
+                self._compared(how, replace(how, uneven=UNEVEN))
+        return self.enough()
+
     def _certain(self, method: Method) -> bool:
         """Whether no observer is lost: explicit steps that are too long lose one as well."""
         assert self.best is not None
@@ -158,8 +173,7 @@ class _Search:
         try:
             raw, found = self.budget.carry_out(how)
             _, beside = self.budget.carry_out(other)
-        except SimulationError as error:
-            self.failure = error
+        except SimulationError:
             return np.inf
         part = part_of_error(self.run, other)
         errors = {label: part * gap for label, gap in differences(self.run, found, beside).items()}
@@ -240,6 +254,8 @@ def controlled(run: PreparedRun, progress: Progress = None) -> Controlled:
     ------
     SimulationError
         When no pass could be finished: with controlled steps, too, the plant diverges.
+    Problem
+        When there are not enough evaluations for a single pass.
     """
     search = _Search(run=run, budget=_Budget(run=run, progress=progress, left=run.solver.max_evaluations))
     for stage in _stages(search):
@@ -247,9 +263,10 @@ def controlled(run: PreparedRun, progress: Progress = None) -> Controlled:
             break
     found = search.best
     if found is None:
-        raise search.failure or SimulationError(
-            f"the run takes more than {run.solver.max_evaluations:g} evaluations of the right-hand side: "
-            "raise solver.max_evaluations or solver.accuracy"
+        raise search.failure or Problem(
+            ("solver", "max_evaluations"),
+            f"{run.solver.max_evaluations:g} evaluations of the right-hand side are not enough to follow this run with "
+            "any step",
         )
     tolerance = found.how.tolerance
     integration = Integration(
@@ -287,12 +304,14 @@ def _stages(search: _Search) -> Iterator[Callable[[], bool]]:
         yield lambda: search.fixed(method, limit)
         yield lambda: search.controlled(("dopri5", "rodas5p"))
         yield lambda: search.fixed(method, np.inf)
+        yield lambda: search.something(method)
     elif METHODS[solver.method].error:
         chosen = solver.method
         yield lambda: search.controlled((chosen,))
     else:
         given = solver.method
         yield lambda: search.fixed(given, np.inf)
+        yield lambda: search.something(given)
 
 
 def rung(run: PreparedRun) -> int:
@@ -313,9 +332,10 @@ def _down(excess: float, order: float) -> int:
     return int(np.clip(np.ceil(np.log2(max(excess, 1.0) * 2) / order), 1, _STEEP))
 
 
-def _count(run: PreparedRun, step: float) -> float:
-    """Fixed steps of a run; infinite where there are too many to be counted."""
+def _counts(run: PreparedRun, step: float) -> tuple[float, float]:
+    """Fixed steps of a run, and those of the pass beside it; infinite where there are too many to be counted."""
     try:
-        return float(np.sum(fixed_steps(run, step)))
+        steps = fixed_steps(run, step)
     except Problem:
-        return np.inf
+        return np.inf, np.inf
+    return float(np.sum(steps)), float(np.sum(uneven_steps(steps, UNEVEN)))
