@@ -83,6 +83,13 @@ def _simulate(chosen: options.Simulate) -> int:
     return simulate(chosen)
 
 
+@_command("rerun", options.Rerun)
+def _rerun(chosen: options.Rerun) -> int:
+    from hgorun.commands.rerun import rerun
+
+    return rerun(chosen)
+
+
 @_command("compare", options.Compare)
 def _compare(chosen: options.Compare) -> int:
     from hgorun.commands.run import compare

@@ -222,6 +222,7 @@ class Interpreter:
     def adaptive(self, tolerance: Tolerance) -> Run:
         """With the step that the error asks for: 0.9 error^(-1/5), between a fifth and five times."""
         s, wanted, self.controlled = self.s, tolerance.first_step, True
+        assert tolerance.atol is not None
         for regime, (start, end, start_eval, end_eval), _ in self.segments():
             t = start
             while t < end:

@@ -50,6 +50,19 @@ class Simulate(Configured):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Rerun(Printing):
+    """Make a result again from what its file says of how it was made, and compare them bit for bit.
+
+    The new one is written beside FILE as NAME.rerun.h5.
+    """
+
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A result file.")]
+    check: Annotated[
+        bool, typer.Option("--check", help="Write nothing; exit with code 3 if a number is not the same.")
+    ] = False
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Compare(Configured):
     """Show metrics side by side, and draw comparison plots."""
 

@@ -26,7 +26,7 @@ from hgorun.tables import metrics as tables
 RESULTS = Path("results")
 NOT_OK = 3
 _COARSE, _FINE = 1e-2, 1e-3  # errors of given steps that are told, and that would do
-_RESULT_SUFFIXES = {".h5", ".hdf5", ".nc"}
+RESULT_SUFFIXES = {".h5", ".hdf5", ".nc"}
 _DRAWING_SUFFIXES = {".png", ".pdf"}
 _OF_OTHERS = {".csv", ".json", ".mat", ".npz", ".svg", ".tex", ".txt", ".yaml", ".yml"}
 
@@ -40,7 +40,7 @@ _STYLES: dict[str, Style] = {
 
 def simulate(options: Simulate) -> int:
     """Run configurations and write their results; everything is checked before anything runs."""
-    refuse_other_kinds(options.output, _RESULT_SUFFIXES)
+    refuse_other_kinds(options.output, RESULT_SUFFIXES)
     runs, targets = _prepared(options)
     for folder in {target.parent for target in targets}:
         remove_leftovers(folder)
@@ -104,7 +104,7 @@ def refuse_other_kinds(output: Path | None, suffixes: Collection[str]) -> None:
     if output is None or output.is_dir():
         return
     suffix = output.suffix.lower()
-    known = _RESULT_SUFFIXES | _DRAWING_SUFFIXES | _OF_OTHERS
+    known = RESULT_SUFFIXES | _DRAWING_SUFFIXES | _OF_OTHERS
     if suffix in suffixes or (suffix not in known and not output.is_file()):
         return
     kinds = f"a file {', '.join(sorted(suffixes))} or a folder" if suffixes else "a folder"
@@ -123,7 +123,7 @@ def require_file(path: Path) -> None:
 
 
 def _is_result(path: Path) -> bool:
-    return path.suffix.lower() in _RESULT_SUFFIXES
+    return path.suffix.lower() in RESULT_SUFFIXES
 
 
 def _draw(results: Sequence[Result], options: Compare) -> list[Path]:

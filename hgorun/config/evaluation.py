@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import operator
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from decimal import Decimal
 from functools import reduce
 from numbers import Real
 from typing import Any
@@ -26,10 +27,12 @@ _OPERATORS: dict[str, Callable[..., Any]] = {  # of floats and of symbols alike
     **{"<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge},
     **{"==": operator.eq, "!=": operator.ne, "neg": operator.neg},
 }
+_EXACT = {"sqrt", "floor", "ceil"}  # one right result, which every machine gives
 _OF_FLOATS: dict[str, Callable[..., Any]] = {
     **{name: getattr(math, name) for name in FUNCTIONS if hasattr(math, name)},
     **{"abs": abs, "min": min, "max": max, "not": operator.not_, "sign": lambda x: (x > 0) - (x < 0)},
 }
+_ELEMENTARY = {"**": "pow"} | {name: name for name in FUNCTIONS if name not in _EXACT and hasattr(math, name)}
 _IN_CASADI = {"abs": "fabs", "min": "fmin", "max": "fmax", "where": "if_else"}
 _IN_CASADI |= {"and": "logic_and", "or": "logic_or", "not": "logic_not"}
 
@@ -93,11 +96,20 @@ def _apply(operation: str, *values: Any) -> Any:
     return reduce(function, values) if folds else function(*values)
 
 
+def _own(operation: str, *values: float) -> float:
+    """An elementary function as the compiled equations have it: the C library's last bits depend on the machine."""
+    if operation == "log10":
+        return float(Decimal(values[0]).log10())  # rounded correctly: 3 for 1000
+    from hgorun.native.elementary import apply
+
+    return float(apply(_ELEMENTARY[operation], *values))
+
+
 def _on_floats(operation: str, *values: float) -> float:
     try:
         result = (_OPERATORS.get(operation) or _OF_FLOATS[operation])(*values)
         if not isinstance(result, complex) and math.isfinite(result):
-            return float(result)
+            return _own(operation, *values) if operation in _ELEMENTARY else float(result)
         trouble = "is not a real number" if isinstance(result, complex) else "is too large for a number"
     except ZeroDivisionError:
         trouble = "divides by zero"

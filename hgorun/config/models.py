@@ -74,7 +74,7 @@ class Solver(Block):
         default=1e8, description="automatic step: evaluations of the right-hand side that are allowed"
     )
     rtol: Positive | None = Field(default=None, description="relative tolerance: adaptive steps of dopri5 or rodas5p")
-    atol: Positive | None = Field(default=None, description="absolute tolerance: adaptive steps of dopri5 or rodas5p")
+    atol: Positive | None = Field(default=None, description="absolute tolerance (default: from each state's size)")
     max_step: Positive | None = Field(default=None, description="longest adaptive step")
     divergence: Positive | None = Field(
         default=None, description="an observer has diverged beyond it (default 1e6 (1 + max |x|))"
@@ -94,6 +94,11 @@ class Solver(Block):
     def given_method(self) -> Method:
         """The method of a run whose step or whose tolerances are given."""
         return "rk4" if self.method == "auto" else self.method
+
+    @property
+    def alone_stiff(self) -> bool:
+        """Whether a plant alone is followed by the method for stiff equations, whose errors are controlled."""
+        return self.method == "rodas5p" or self.controlled
 
     @model_validator(mode="after")
     def _adaptive_needs_an_estimate(self) -> Solver:

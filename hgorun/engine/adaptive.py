@@ -1,13 +1,14 @@
 """The native time loop of an embedded method with error control.
 
-A step is accepted when for every state |error| <= atol + rtol max(|z|, |z_new|); steps land on events. An observer
-for which no step is small enough is masked like one that has diverged; so is the one that asks for the smallest steps
-when a million of them have not brought the run on by a thousandth (``hopeless`` is then the step that it must not ask
-for).
+A step is accepted when no state has a larger error than :mod:`hgorun.engine.allowance` allows; steps land on events.
+An observer for which no step is small enough is masked like one that has diverged; so is the one that asks for the
+smallest steps when a million of them have not brought the run on by a thousandth (``hopeless`` is then the step that
+it must not ask for).
 """
 
 from __future__ import annotations
 
+from hgorun.engine.allowance import note_sizes, rounding, tolerances
 from hgorun.engine.layout import (
     DONE,
     HISTORY_TOO_SHORT,
@@ -22,7 +23,7 @@ from hgorun.native import functions
 from hgorun.native.ir import Function, hexadecimal
 
 _SAFETY, _SHRINK, _GROW = 0.9, 0.2, 5.0
-_SMALLEST = 1e-13  # of the larger |t| of the segment's ends: below it a step changes t no more
+_SMALLEST, _SMALLEST_PART = 1e-13, 1e-30  # of |t|: below it a step changes t no more; of a segment, where t is zero
 
 
 def _maximum(f: Function, values: list[str]) -> str:
@@ -37,15 +38,13 @@ def _maximum(f: Function, values: list[str]) -> str:
     return worst
 
 
-def _block_errors(s: Stepper, errors: list[str]) -> list[str]:
+def _block_errors(s: Stepper, errors: list[str], allowed: list[str]) -> list[str]:
     """The largest error over its tolerance of the plant and of each observer that has not diverged."""
     f = s.f
-    rtol, atol = (f.splat(f.word("%ctx", WORD[name], "double")) for name in ("rtol", "atol"))
     ratios = []
-    for i, error in enumerate(errors):
-        old, new = (f.intrinsic("fabs", f.load(f.at(a, i * f.lanes), f.real)) for a in (s.before, s.z))
-        scale = f.select(f.compare("ogt", new, old), new, old)
-        ratios.append(f.div(f.intrinsic("fabs", error), f.add(atol, f.mul(rtol, scale))))
+    for error, tolerance in zip(errors, allowed, strict=True):
+        size, zero = f.intrinsic("fabs", error), f.constant(0.0)
+        ratios.append(f.select(f.compare("oeq", size, zero), zero, f.div(size, tolerance)))
     system = s.m.system
     worst = [_maximum(f, ratios[: system.plant_states])]
     diverged = f.word("%ctx", WORD["diverged"], "ptr")
@@ -53,6 +52,21 @@ def _block_errors(s: Stepper, errors: list[str]) -> list[str]:
         alive = f.compare("oeq", f.load(f.at(diverged, j * f.lanes), f.real), f.constant(float("inf")))
         worst.append(_maximum(f, [f.select(alive, r, f.constant(0.0)) for r in ratios[start:end]]))
     return worst
+
+
+def _over_tolerance(s: Stepper, h: str, errors: list[str]) -> list[str]:
+    """:func:`_block_errors`; rounding is looked at where a step would be rejected without."""
+    f, allowed = s.f, tolerances(s)
+    found = _block_errors(s, errors, allowed)
+    places = [f.slot("double") for _ in found]
+    for place, error in zip(places, found, strict=True):
+        f.store(error, place)
+    own = f.test("ogt", f.word("%ctx", WORD["small"], "double"), hexadecimal(0.0))
+    with f.when(f.let(f"and i1 {own}, {f.test('ogt', _maximum_scalar(f, found), hexadecimal(1.0))}")):
+        allowed = [f.add(one, more) for one, more in zip(allowed, rounding(s, h, errors), strict=True)]
+        for place, error in zip(places, _block_errors(s, errors, allowed), strict=True):
+            f.store(error, place)
+    return [f.load(place) for place in places]
 
 
 def add_adaptive(s: Stepper) -> None:
@@ -83,7 +97,7 @@ def add_adaptive(s: Stepper) -> None:
         if s.delayed:
             f.leave_if(f.test("sge", f.load(s.flags, "i64"), "2"), short)
         errors = s.errors(h)
-        blocks = _block_errors(s, errors)
+        blocks = _over_tolerance(s, h, errors)
         worst = _maximum_scalar(f, blocks)
         accept, reject, next_step = f.label(), f.label(), f.label()
         hopeless = f.test("olt", wanted, f.word("%ctx", WORD["hopeless"], "double"))
@@ -95,6 +109,7 @@ def add_adaptive(s: Stepper) -> None:
         if s.history:
             s.keep(t, t_new, h)
         s.note_error(errors)
+        note_sizes(s)
         f.store(t_new, real["now"])
         grown = f.scalar("fmul", h, _factor(s, worst, hexadecimal(_GROW)))
         truncated = f.test("olt", h, wanted)
@@ -110,8 +125,7 @@ def add_adaptive(s: Stepper) -> None:
         move(f, s.slope_before, s.slope, s.size)
         move(f, s.trace_before, s.trace, 2 * s.width // m.lanes)
         f.store(f.scalar("fmul", h, _factor(s, worst, hexadecimal(1.0))), real["step"])
-        sizes = [s.absolute(s.start), s.absolute(s.end)]
-        smallest = f.scalar("fmul", _maximum_scalar(f, sizes), hexadecimal(_SMALLEST))
+        smallest = _smallest(s, t)
         with f.when(f.let(f"or i1 {hopeless}, {f.test('ole', h, smallest)}")):
             # what fails: everything beyond its tolerance, or, of steps that are met but hopeless, the worst
             hardest = _maximum_scalar(f, blocks[1:]) if blocks[1:] else hexadecimal(0.0)
@@ -133,6 +147,16 @@ def add_adaptive(s: Stepper) -> None:
     move(f, s.z, s.home, s.size)
     f.do(f"ret i64 {PAUSED}")
     m.finish(f)
+
+
+def _smallest(s: Stepper, t: str) -> str:
+    """The step from t that is too short."""
+    f = s.f
+    limits = [
+        f.scalar("fmul", s.absolute(t), hexadecimal(_SMALLEST)),
+        f.scalar("fmul", f.scalar("fsub", s.end, s.start), hexadecimal(_SMALLEST_PART)),
+    ]
+    return _maximum_scalar(f, limits)
 
 
 def _fit(f: Function, wanted: str, longest: str, left: str) -> tuple[str, str]:

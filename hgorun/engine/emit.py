@@ -19,6 +19,7 @@ from hgorun.errors import HgorunError
 from hgorun.native import functions
 from hgorun.native.ir import Block, Function
 from hgorun.symbolic.instructions import CLOCK, MAIN, SETUP, Instruction, read, rounds
+from hgorun.symbolic.interpreter import CALLS
 
 _TOGETHER = 4  # calls of one function in one vector; 8 gained nothing with AVX-512
 
@@ -56,30 +57,6 @@ _UNARY: dict[int, Callable[[Block, str], str]] = {
         b.constant(1.0),
         b.select(b.compare("olt", x, b.constant(0.0)), b.constant(-1.0), x),
     ),
-}
-
-_CALLS = {
-    ca.OP_SIN: "sin",
-    ca.OP_COS: "cos",
-    ca.OP_TAN: "tan",
-    ca.OP_ASIN: "asin",
-    ca.OP_ACOS: "acos",
-    ca.OP_ATAN: "atan",
-    ca.OP_ATAN2: "atan2",
-    ca.OP_EXP: "exp",
-    ca.OP_EXPM1: "expm1",
-    ca.OP_SINH: "sinh",
-    ca.OP_COSH: "cosh",
-    ca.OP_TANH: "tanh",
-    ca.OP_LOG: "log",
-    ca.OP_LOG1P: "log1p",
-    ca.OP_ASINH: "asinh",
-    ca.OP_ACOSH: "acosh",
-    ca.OP_ATANH: "atanh",
-    ca.OP_POW: "pow",
-    ca.OP_CONSTPOW: "pow",
-    ca.OP_HYPOT: "hypot",
-    ca.OP_FMOD: "fmod",
 }
 
 
@@ -212,8 +189,8 @@ class _Emitter:
         part = max(self.level[a] for a in calls[0].arguments)
         f = self.parts[part]
         size = _TOGETHER if self.lanes == 1 else 1
-        for name in {_CALLS[call.op]: None for call in calls}:
-            alike = [call for call in calls if _CALLS[call.op] == name]
+        for name in {CALLS[call.op]: None for call in calls}:
+            alike = [call for call in calls if CALLS[call.op] == name]
             for i in range(0, len(alike), size):
                 some = alike[i : i + size]
                 arguments = [[self.use(a, part) for a in call.arguments] for call in some]
@@ -244,8 +221,8 @@ def emit(function: ca.Function, name: str, lanes: int, declarations: set[str], *
     """
     emitter = _Emitter(name, lanes, declarations, inlined=inlined)
     instructions = read(function)
-    for some in rounds(instructions, calls=_CALLS):
-        if some[0].op in _CALLS:
+    for some in rounds(instructions, calls=CALLS):
+        if some[0].op in CALLS:
             emitter.calls(some)
             continue
         for i in some:

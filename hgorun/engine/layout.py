@@ -9,8 +9,8 @@ import casadi as ca
 # Words of the context, the one argument of the native functions: addresses of arrays, then scalars.
 CONTEXT = (
     "p", "c", "z", "w", "channels", "spans", "counts", "actions", "grid", "rows", "slots", "gain", "bias",
-    "measured", "holds", "alpha", "blocks", "diverged", "largest", "ring", "initial", "hints", "error",
-    "row", "ring_count", "ring_mask", "bound_offset", "bound_factor", "t_start", "rtol", "atol", "max_step",
+    "measured", "holds", "alpha", "blocks", "diverged", "largest", "ring", "initial", "hints", "error", "size",
+    "row", "ring_count", "ring_mask", "bound_offset", "bound_factor", "t_start", "rtol", "atol", "small", "max_step",
     "step", "now", "budget", "segment", "paused", "hopeless",
 )  # fmt: skip
 WORD = {name: index for index, name in enumerate(CONTEXT)}

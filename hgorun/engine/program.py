@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hgorun.engine.adaptive import add_adaptive
+from hgorun.engine.allowance import SMALL
 from hgorun.engine.fixed import add_fixed
 from hgorun.engine.history import History, piece_words
 from hgorun.engine.layout import (
@@ -39,10 +40,20 @@ _ADAPTIVE_HISTORY = 1 << 16  # pieces kept where the number of steps is not know
 
 @dataclass(frozen=True)
 class Tolerance:
-    """Control of an adaptive method: relative and absolute tolerance, longest and first step."""
+    """Control of an adaptive method.
+
+    Attributes
+    ----------
+    rtol : float
+        Of a state's size, per step.
+    atol : float or None
+        What is allowed besides; None: it follows from each state's own size, see :mod:`hgorun.engine.allowance`.
+    max_step, first_step : float
+        The longest step, and the one that is tried first.
+    """
 
     rtol: float
-    atol: float
+    atol: float | None
     max_step: float
     first_step: float
 
@@ -76,6 +87,8 @@ class Raw:
         Time of divergence, infinity where there was none.
     error : ndarray, shape (states, lanes)
         Largest local error estimate of an embedded method, zeros otherwise.
+    held : ndarray, shape (held numbers, lanes)
+        The vector w at the end.
     tries : int
         Steps made, and, where they are controlled, those that were rejected.
     """
@@ -84,6 +97,7 @@ class Raw:
     measured: Floats
     diverged: Floats
     error: Floats
+    held: Floats
     tries: int = 0
 
 
@@ -205,23 +219,21 @@ class Program:
             before = time.perf_counter()
             stop = max(stop + 1, int(np.searchsorted(work, done + chunk, side="right")))
             done = int(work[stop - 1])
-            memory["budget"] = _BUDGET
+            granted = memory["budget"] = _granted(limit - tries)
             verdict = self._run(memory.address, stop)
             pauses, reached = 0, memory.real("now")
             while verdict == PAUSED:
-                tries += _BUDGET
-                if tries > limit:
+                tries += granted
+                if tries >= limit:
                     raise TooManySteps(tries, memory.real("now"))
                 pauses += 1
                 if pauses * _BUDGET >= _PATIENCE:
                     if memory.real("now") - reached < _PROGRESS * (plan.spans[-1, 1] - plan.spans[0, 0]):
                         memory.set_real("hopeless", 2 * memory.real("step"))
                     pauses, reached = 0, memory.real("now")
-                memory["budget"] = _BUDGET
+                granted = memory["budget"] = _granted(limit - tries)
                 verdict = self._run(memory.address, stop)
-            tries += _BUDGET - memory["budget"]
-            if tries > limit:
-                raise TooManySteps(tries, memory.real("now"))
+            tries += granted - memory["budget"]
             if verdict != DONE:
                 stiff = isinstance(self.method, Rosenbrock)
                 raise SimulationError(_explain(verdict, plan.origin + memory.real("now"), stiff=stiff))
@@ -230,6 +242,11 @@ class Program:
             if progress:
                 progress(done / int(work[-1]))
         return memory.result(tries if tolerance else plan.steps)
+
+
+def _granted(left: float) -> int:
+    """Adaptive steps until the next look at what has become of them."""
+    return int(min(_BUDGET, max(left, 1)))
 
 
 def _explain(verdict: int, t: float, *, stiff: bool) -> str:
@@ -309,6 +326,7 @@ class _Memory:
             "initial": np.zeros(max(channels, 1) * lanes),
             "hints": np.zeros(max(s.outputs, 1), dtype=np.int64),
             "error": np.zeros((s.states, lanes)),
+            "size": np.nan_to_num(np.abs(np.asarray(start.z, dtype=float)), nan=0.0, posinf=0.0),
         }
         self.context = np.zeros(len(CONTEXT), dtype=np.int64)
         for name, array in self.arrays.items():
@@ -320,7 +338,8 @@ class _Memory:
         if tolerance:
             for word, value in (
                 ("rtol", tolerance.rtol),
-                ("atol", tolerance.atol),
+                ("atol", tolerance.atol or 0.0),
+                ("small", SMALL if tolerance.atol is None else 0.0),
                 ("max_step", tolerance.max_step),
                 ("step", tolerance.first_step),
             ):
@@ -353,6 +372,7 @@ class _Memory:
             self.arrays["measured"][: self.slots],
             self.arrays["diverged"][: self.observers],
             self.arrays["error"],
+            self.arrays["w"].reshape(-1, self.shape[2]),
             tries,
         )
 

@@ -11,7 +11,7 @@ from hgorun.engine.history import History
 from hgorun.engine.layout import WORD
 from hgorun.engine.linearised import linearised
 from hgorun.engine.methods import Rosenbrock
-from hgorun.engine.parts import Module
+from hgorun.engine.parts import Module, move
 from hgorun.engine.stepper import Stepper, weighted
 from hgorun.native.ir import hexadecimal
 
@@ -32,6 +32,8 @@ class LinearlyImplicit(Stepper):
     begun : str
         When the step began.
     """
+
+    roundings = 512.0  # its coefficients are large
 
     def __init__(
         self, m: Module, method: Rosenbrock, history: History | None, regime: int, flow: Emitted, name: str
@@ -161,6 +163,12 @@ class LinearlyImplicit(Stepper):
             inside = f.intrinsic("fabs", f.load(f.at(self.rate, i * lanes), f.real))
             found.append(f.select(f.compare("ugt", inside, embedded), inside, embedded))
         return found
+
+    def step_of(self, rate: str, h: str) -> list[str]:
+        f = self.f
+        move(f, rate, self.right, self.size)
+        self._solve_into(self.rate)
+        return [f.load(f.at(self.rate, i * f.lanes), f.real) for i in range(self.size)]
 
     def interpolant(self, h: str) -> tuple[str, str, str]:
         f = self.f

@@ -28,6 +28,8 @@ class RungeKutta(Stepper):
         The slopes of the stages.
     """
 
+    roundings = 4.0
+
     def __init__(
         self, m: Module, method: Method, history: History | None, regime: int, flow: Emitted, name: str
     ) -> None:
@@ -58,6 +60,10 @@ class RungeKutta(Stepper):
         if not self.method.error:
             return []
         return [self._embedded(self.method.error, h, i) for i in range(self.size)]
+
+    def step_of(self, rate: str, h: str) -> list[str]:
+        f = self.f
+        return [f.mul(f.splat(h), f.load(f.at(rate, i * f.lanes), f.real)) for i in range(self.size)]
 
     def interpolant(self, h: str) -> tuple[str, str, str]:
         f, quintic = self.f, "null"

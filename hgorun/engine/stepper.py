@@ -65,6 +65,7 @@ class Stepper(ABC):
 
     room = 0  # places behind the state at the start, for what a method adds to it
     order: int
+    roundings: float  # of z' and of the method's own sums, in units of 2^-52
 
     def __init__(
         self, m: Module, c: tuple[float, ...], history: History | None, regime: int, flow: Emitted, name: str
@@ -95,6 +96,10 @@ class Stepper(ABC):
     @abstractmethod
     def interpolant(self, h: str) -> tuple[str, str, str]:
         """Slopes at the start and at the end of the step, and q, that give values inside; see ``add_rows``."""
+
+    @abstractmethod
+    def step_of(self, rate: str, h: str) -> list[str]:
+        """What a disturbance of z' makes of every state in a step."""
 
     def absolute(self, scalar: str) -> str:
         """|x| of a scalar."""

@@ -32,7 +32,7 @@ class NativeModule:
     def __init__(self, ir: str, exported: tuple[str, ...]) -> None:
         machine = _target_machine()
         key = hashlib.sha256(
-            "\0".join((_FORMAT, llvmlite.__version__, machine.triple, *_processor(), ir)).encode()
+            "\0".join((_FORMAT, llvmlite.__version__, machine.triple, *processor(), ir)).encode()
         ).hexdigest()
         image = _read_cache(key)
         if image is not None:
@@ -58,7 +58,7 @@ def _needs_jit_link() -> bool:
     return sys.platform == "linux" and os.uname().machine == "aarch64"
 
 
-def _processor() -> tuple[str, str]:
+def processor() -> tuple[str, str]:
     """Name and features of the processor to compile for."""
     if chosen := os.environ.get("HGORUN_CPU"):
         return chosen, ""
@@ -68,7 +68,7 @@ def _processor() -> tuple[str, str]:
 def _target_machine() -> Any:
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
-    cpu, features = _processor()
+    cpu, features = processor()
     return llvm.Target.from_default_triple().create_target_machine(
         cpu=cpu, features=features, opt=2, reloc="pic", jit=False
     )

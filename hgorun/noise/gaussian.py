@@ -8,7 +8,9 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from hgorun.config.types import NonNegative, Number
+from hgorun.native.elementary import apply
 from hgorun.noise.base import Draws, RandomNoise, Spectrum, noise
+from hgorun.noise.normal import standard_normal
 
 
 @noise("gaussian")
@@ -36,11 +38,11 @@ class GaussianNoise(RandomNoise):
     def absolute(self, mean_square: float) -> GaussianNoise:
         if self.snr_db is None:
             return self
-        std = float(np.sqrt(mean_square / 10 ** (self.snr_db / 10)))
+        std = float(np.sqrt(mean_square / apply("pow", 10.0, self.snr_db / 10)))
         return self.model_copy(update={"std": std, "snr_db": None})
 
     def draw(self, random: np.random.Generator, count: int) -> np.ndarray:
-        return random.normal(0.0, 1.0, count) * self._deviation
+        return standard_normal(random, count) * self._deviation
 
     def spectrum(self) -> Spectrum:
         return Spectrum(draws=(Draws(0.0, self._deviation**2, self.hold),))

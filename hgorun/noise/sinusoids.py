@@ -10,6 +10,7 @@ import numpy as np
 from pydantic import Field
 
 from hgorun.config.types import Block, NonEmpty, Number
+from hgorun.native.elementary import apply
 from hgorun.noise.base import Spectrum, TimeFunction, Wave, noise
 
 
@@ -41,7 +42,7 @@ class Sinusoids(TimeFunction):
 
     def at(self, times: np.ndarray, k: np.ndarray) -> np.ndarray:
         zero = np.zeros(times.size)
-        return sum((term.amplitude * np.sin(term.omega * times + term.phase) for term in self.terms), zero)
+        return sum((term.amplitude * apply("sin", term.omega * times + term.phase) for term in self.terms), zero)
 
     def fastest(self, start: float, end: float) -> float:
         return max(abs(term.omega) for term in self.terms)

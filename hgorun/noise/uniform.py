@@ -29,7 +29,7 @@ class UniformNoise(RandomNoise):
         return self
 
     def draw(self, random: np.random.Generator, count: int) -> np.ndarray:
-        return random.uniform(self.low, self.high, count)
+        return self.low + (self.high - self.low) * random.random(count)  # NumPy's own formula may be fused elsewhere
 
     def spectrum(self) -> Spectrum:
         mean, variance = 0.5 * (self.low + self.high), (self.high - self.low) ** 2 / 12

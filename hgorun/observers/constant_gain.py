@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from hgorun.config.types import Block, Number, Poles, Positive
 from hgorun.errors import Problem
@@ -31,6 +32,11 @@ class PlacedGain(Block):
         if self.gains is not None and "poles" in self.model_fields_set:
             raise ValueError("give either poles or gains, not both")
         return self
+
+    @model_serializer(mode="wrap")
+    def _one_of_them(self, values: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Without poles where gains are given, so that what is written can be read."""
+        return {key: value for key, value in values(self).items() if key != "poles" or self.gains is None}
 
     def gain(self, order: int) -> np.ndarray:
         """The gain of a chain of this order, shape (order,)."""

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from hgorun.config.types import Number, Poles
 from hgorun.errors import Problem
@@ -39,6 +39,11 @@ class OutputInjection(ContinuousObserver[LowerTriangularForm, LowerTriangularCop
         if self.l is not None and "poles" in self.model_fields_set:
             raise ValueError("give either poles or l, not both")
         return self
+
+    @model_serializer(mode="wrap")
+    def _one_of_them(self, values: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Without poles where l is given, so that what is written can be read."""
+        return {key: value for key, value in values(self).items() if key != "poles" or self.l is None}
 
     def injection(self, form: LowerTriangularForm) -> np.ndarray:
         """l, shape (n,)."""

@@ -35,6 +35,28 @@ class Measurements:
         return replace(self, time=self.time - origin, taken=self.taken - origin)
 
 
+@dataclass(frozen=True)
+class DesignNumbers:
+    """The numbers that a run was carried out with, as far as they follow from its configuration.
+
+    Some of them, such as gains and the automatic step, are computed by libraries whose last bits depend on the machine.
+    A run with these has the same bits everywhere.
+
+    Attributes
+    ----------
+    parameters : ndarray, shape (p,)
+        Of the plant, of signals and of the observers' designs, in the order of the equations.
+    start : ndarray, shape (states,)
+        All states at the start.
+    step : float
+        The nominal step.
+    """
+
+    parameters: np.ndarray
+    start: np.ndarray
+    step: float
+
+
 PLANT = "plant"  # beside the labels of observers, which are called otherwise
 MapName = Literal["chain", "derivatives"]
 MAPS: tuple[MapName, ...] = ("chain", "derivatives")
@@ -180,6 +202,8 @@ class ResultData:
         What should be known of the run, such as functions of time whose kinks may have been missed.
     verdict : Verdict
         Whether the plant's numbers can be trusted, and why not.
+    design : DesignNumbers, optional
+        None in files of older versions.
     """
 
     name: str
@@ -202,6 +226,7 @@ class ResultData:
     measures: Mapping[str, str] | None = None
     remarks: tuple[str, ...] = ()
     verdict: Verdict = OK
+    design: DesignNumbers | None = None
 
     def outputs_of(self, state: str) -> tuple[str, ...]:
         """The outputs that measure a state: those that are it, whatever their names."""

@@ -27,6 +27,19 @@ def of_names(names: Sequence[str]) -> str:
     return sha256("\n".join(names).encode()).hexdigest()
 
 
+def of_file(file: h5py.File) -> dict[str, str]:
+    """The digests that stand at the data sets of a file, by their paths; those without are left out."""
+    found: dict[str, str] = {}
+
+    def add(path: str, thing: h5py.Group | h5py.Dataset) -> None:
+        digest = thing.attrs.get(ATTRIBUTE)
+        if isinstance(thing, h5py.Dataset) and isinstance(digest, str):
+            found[path] = digest
+
+    file.visititems(add)  # follows no links that could lead elsewhere
+    return found
+
+
 def of_attributes(file: h5py.File) -> str:
     """The digest of all attributes of a file and its groups, but for itself and the time."""
     found = sha256()

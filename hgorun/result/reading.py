@@ -7,18 +7,20 @@ import math
 import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import h5py
 import numpy as np
 
 from hgorun.errors import ConfigError, printable
 from hgorun.result import digests
-from hgorun.result.data import MAPS, Coordinates, Integration, Measurements, ObserverResult
+from hgorun.result.data import MAPS, Coordinates, DesignNumbers, Integration, Measurements, ObserverResult
 from hgorun.result.guarded import Failed, guarded
 from hgorun.result.result import Result
 from hgorun.result.status import OK, STATUSES, Verdict
 from hgorun.result.writing import FORMAT
+
+T = TypeVar("T")
 
 _LARGEST = 2**30  # bytes that the numbers may take; compressed or sparse data sets could claim any size
 _SECONDS = 60.0  # that reading may take: a GiB takes two
@@ -47,16 +49,26 @@ def read(path: str | Path, *, max_memory: float = _LARGEST) -> Result:
     if not os.path.isfile(path):
         raise ConfigError("not a regular file" if os.path.exists(path) else "no such file", file=str(path))
     budget = int(max_memory)
+    return _opened(path, budget, lambda file: _Reader(file, path, budget).result())
+
+
+def stored_digests(path: Path) -> dict[str, str]:
+    """The digest of every data set as it stands in a file that :func:`read` takes; those without are left out."""
+    return _opened(path, _LARGEST, digests.of_file)
+
+
+def _opened(path: Path, budget: int, work: Callable[[h5py.File], T]) -> T:
+    """What a function finds in a file, in a process of its own."""
     try:
-        return guarded(lambda: _read(path, budget), seconds=_SECONDS, memory=4 * budget + 2**28)
+        return guarded(lambda: _found(path, budget, work), seconds=_SECONDS, memory=4 * budget + 2**28)
     except Failed as error:
         raise ConfigError(f"not a sound result file of hgorun: {error}", file=str(path)) from None
 
 
-def _read(path: Path, budget: int) -> Result:
+def _found(path: Path, budget: int, work: Callable[[h5py.File], T]) -> T:
     try:
         with h5py.File(path, "r") as file:
-            return _Reader(file, path, budget).result()
+            return work(file)
     except BlockingIOError:
         raise ConfigError("another program has it open for writing", file=str(path)) from None
     except MemoryError:
@@ -217,6 +229,7 @@ class _Reader:
             measures=self.measures(states, outputs),
             remarks=self.remarks(),
             verdict=self.verdict("plant", plant) if "status" in plant.attrs else OK,
+            design=self.design(),
         )
         self.check_attributes()
         return found
@@ -228,6 +241,15 @@ class _Reader:
         error = self.entries("integration_error", lambda _, value: _is_number(value), "a number")
         told = self.entries("integration", _is_told, "a name or a number") if "integration" in self.file.attrs else {}
         return Integration(error=error, **{name: told.get(name) for name in ("method", "step", "rtol", "evaluations")})
+
+    def design(self) -> DesignNumbers | None:
+        """The numbers that it was made with; files of older versions do not say."""
+        if "design" not in self.file:
+            return None
+        step = self.group("design").attrs.get("step")
+        if not _is_finite(step) or step <= 0:
+            raise self.error(f"design: attribute step must be a positive number, found {step!r:.50}")
+        return DesignNumbers(self.numbers("design/parameters", None), self.numbers("design/start", None), float(step))
 
     def check_attributes(self) -> None:
         """What is said of the run must be what was written."""

@@ -19,7 +19,7 @@ import numpy as np
 
 from hgorun.files import written_whole
 from hgorun.result import digests
-from hgorun.result.data import PLANT, ObserverResult, ResultData
+from hgorun.result.data import PLANT, DesignNumbers, ObserverResult, ResultData
 from hgorun.result.metrics.base import all_metrics
 from hgorun.result.status import OK, Verdict
 
@@ -54,6 +54,13 @@ def save(result: ResultData, path: Path) -> Path:
         if sink.failed is not None:
             raise sink.failed
     return path
+
+
+def digests_of(result: ResultData) -> dict[str, str]:
+    """The digests of all data sets that :func:`save` would write, by their paths."""
+    with h5py.File("digests", "w", driver="core", backing_store=False, track_order=True) as file:
+        _write(result, file)
+        return digests.of_file(file)
 
 
 class _Sink(io.FileIO):
@@ -110,6 +117,13 @@ class _Writer:
     def scale(self, path: str, values: Any, **attributes: Any) -> None:
         data = self.data(path, values, **attributes)
         data.make_scale(path.rpartition("/")[2])
+
+    def index(self, size: int) -> h5py.Dataset:
+        """A dimension without coordinates: netCDF wants every axis to have one, and those of one length share it."""
+        dimension = f"index_{size}"
+        if dimension not in self.file:
+            self.scale(dimension, np.arange(1, size + 1))
+        return self.file[dimension]
 
     def names(self, path: str, names: tuple[str, ...]) -> None:
         """A dimension whose coordinate is a list of names."""
@@ -188,6 +202,8 @@ def _write(result: ResultData, file: h5py.File) -> None:
         labels=_labels(result.outputs),
         long_name="measurement that the observers got",
     )
+    if result.design is not None:
+        _write_design(w, result.design)
     w.group("observers")
     w.group("metrics")
     for label, o in result.observers.items():
@@ -197,6 +213,17 @@ def _write(result: ResultData, file: h5py.File) -> None:
         group = file["plant"] if label == PLANT else file["observers"][label]
         group.attrs["integration_error"] = error
     file.attrs[digests.ATTRIBUTE] = digests.of_attributes(file)
+
+
+def _write_design(w: _Writer, design: DesignNumbers) -> None:
+    for name, values, meaning in (
+        ("parameters", design.parameters, "parameters of the plant, of signals and of observers"),
+        ("start", design.start, "states of the plant and of the observers at the start"),
+    ):
+        data = w.data(f"design/{name}", values, long_name=meaning)
+        if values.size:  # netCDF wants every axis to have a dimension
+            data.dims[0].attach_scale(w.index(values.size))
+    w.file["design"].attrs["step"] = design.step
 
 
 def _write_observer(w: _Writer, result: ResultData, label: str, o: ObserverResult, units: str | None) -> None:
@@ -214,11 +241,7 @@ def _write_observer(w: _Writer, result: ResultData, label: str, o: ObserverResul
         data = w.data(f"{base}/state/{name}", values)
         data.dims[0].attach_scale(w.file["time"])
         for axis, size in enumerate(values.shape[1:], start=1):
-            # netCDF wants every axis to have a dimension; those of one length share it
-            dimension = f"index_{size}"
-            if dimension not in w.file:
-                w.scale(dimension, np.arange(1, size + 1))
-            data.dims[axis].attach_scale(w.file[dimension])
+            data.dims[axis].attach_scale(w.index(size))
     attributes = w.file[base].attrs
     attributes["type"] = o.type
     attributes["gains"] = json.dumps(o.gains)
@@ -251,7 +274,8 @@ def _root_attributes(result: ResultData) -> dict[str, Any]:
     import casadi
     import llvmlite
 
-    from hgorun.version import __version__
+    from hgorun.native.compiler import processor
+    from hgorun.version import __version__, source_revision
 
     found = {
         "format": FORMAT,
@@ -263,11 +287,15 @@ def _root_attributes(result: ResultData) -> dict[str, Any]:
         "config_sha256": hashlib.sha256(result.config_resolved.encode()).hexdigest(),
         "seed": result.seed,
         "hgorun_version": __version__,
+        "source_revision": source_revision(),
         "python_version": platform.python_version(),
         "numpy_version": np.__version__,
         "casadi_version": casadi.__version__,
         "llvmlite_version": llvmlite.__version__,
+        "h5py_version": h5py.__version__,
+        "hdf5_version": h5py.version.hdf5_version,
         "platform": platform.platform(),
+        "processor": f"{platform.machine()} {processor()[0]}",
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
         "status": result.status,
         "units": json.dumps(dict(result.units)),

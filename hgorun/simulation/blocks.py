@@ -20,6 +20,7 @@ from hgorun.plants.base import PLANTS, Plant
 from hgorun.plants.inline import InlinePlant
 from hgorun.registry import Registry
 from hgorun.result.data import Coordinates
+from hgorun.symbolic.observability import CanonicalForms
 
 T = TypeVar("T")
 
@@ -110,7 +111,8 @@ def resolved(checked: Checked, coordinates: Mapping[str, Coordinates]) -> dict[s
     values["plant"] = checked.plant.model_dump(mode="json", exclude_none=True)
     values["observers"] = {label: plain(o.model_dump(exclude_none=True)) for label, o in checked.observers.items()}
     for label, block in values["observers"].items():
-        taken = coordinates.get(label)
+        has_keys = isinstance(checked.observers[label].form, CanonicalForms)
+        taken = coordinates.get(label) if has_keys else None
         block |= {"map": taken.map, "chains": dict(taken.chains)} if taken else {}
         if not taken:
             del block["map"], block["chains"]

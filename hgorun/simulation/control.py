@@ -23,9 +23,10 @@ from hgorun.errors import Problem, SimulationError
 from hgorun.result.data import Integration
 from hgorun.result.status import Verdict
 from hgorun.simulation.checks import longest_step
+from hgorun.simulation.confirmation import ended
 from hgorun.simulation.error_estimate import differences
 from hgorun.simulation.measured import Measured, measured
-from hgorun.simulation.passes import Pass, fixed_steps, integrate, part_of_error
+from hgorun.simulation.passes import Again, Pass, fixed_steps, integrate, part_of_error
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.tables import uneven_steps
 
@@ -40,7 +41,6 @@ _TOLERANCE = 1e-3  # of the accuracy, to begin with
 _TIGHTEST = 1e-13
 _FINEST = 200  # doubles: no step is shorter
 _PART, _OTHER_PART = 1 / 100, 1 / 137  # of the run: the longest controlled steps of two passes
-_SMALL = 1e-6  # of the relative tolerance: the absolute one
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -52,14 +52,14 @@ class Controlled:
     raw, measured
         Of the most accurate pass.
     integration : Integration
-    doubts : mapping of str to Verdict
-        What is not as accurate as it should be: ``plant`` or observers.
+    verdicts : mapping of str to Verdict
+        What is to be said of ``plant`` and observers that are not ok: lost, or not as accurate as they should be.
     """
 
     raw: Raw
     measured: Measured
     integration: Integration
-    doubts: Mapping[str, Verdict]
+    verdicts: Mapping[str, Verdict]
 
 
 class _Exhausted(Exception):
@@ -77,9 +77,9 @@ class _Budget:
 
     def steps(self, method: Method) -> float:
         """How many steps they are enough for."""
-        return (self.left - self.spent) / Pass(method=method, step=1.0).evaluations_of_a_step
+        return float(np.floor((self.left - self.spent) / Pass(method=method, step=1.0).evaluations_of_a_step))
 
-    def carry_out(self, how: Pass) -> tuple[Raw, Measured]:
+    def carry_out(self, how: Pass) -> _Finished:
         """A pass, paid for."""
         try:
             raw = integrate(self.run, how, self.progress)
@@ -87,16 +87,25 @@ class _Budget:
             self.spent += int(error.args[0]) * how.evaluations_of_a_step
             raise
         self.spent += raw.tries * how.evaluations_of_a_step
-        return raw, measured(self.run, raw)
+        raw, verdicts = ended(self.run, raw)
+        return _Finished(how, raw, verdicts, measured(self.run, raw, verdicts))
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Attempt:
-    """Two passes, and how far they are apart."""
+@dataclass(frozen=True, eq=False)
+class _Finished:
+    """What a pass has given: its numbers, and the observers that are lost in it."""
 
     how: Pass
     raw: Raw
+    verdicts: Mapping[str, Verdict]
     measured: Measured
+
+
+@dataclass(frozen=True, eq=False)
+class _Attempt:
+    """A pass, and how far it may be from the exact solution."""
+
+    finished: _Finished
     error: Mapping[str, float]
 
     @property
@@ -138,10 +147,10 @@ class _Search:
             step = self.run.span / 2.0**k
             if not self._affordable(method, step, limit) or k > finest_rung(self.run):
                 return False
-            how = Pass(method=method, step=step)
+            how = Pass(method=method, step=step, bounded=False)
             error = self._compared(how, replace(how, uneven=UNEVEN))
             if self.enough():
-                return self._certain(method)
+                return self._certain()
             order = float(METHODS[method].order)
             if before is not None and 0 < error < np.inf:
                 order = float(np.clip(np.log2(before[1] / error) / (k - before[0]), 0.5, order))
@@ -159,25 +168,25 @@ class _Search:
             k -= 1
             step = self.run.span / 2.0**k
             if self._affordable(method, step):
-                how = Pass(method=method, step=step)
+                how = Pass(method=method, step=step, bounded=False)
                 self._compared(how, replace(how, uneven=UNEVEN))
         return self.enough()
 
-    def _certain(self, method: Method) -> bool:
+    def _certain(self) -> bool:
         """Whether no observer is lost: explicit steps that are too long lose one as well."""
         assert self.best is not None
-        return method != "rk4" or self.run.solver.method != "auto" or not np.any(np.isfinite(self.best.raw.diverged))
+        return self.run.solver.method != "auto" or not self.best.finished.verdicts
 
     def _compared(self, how: Pass, other: Pass) -> float:
         """Carry out two passes; the largest error of the first."""
         try:
-            raw, found = self.budget.carry_out(how)
-            _, beside = self.budget.carry_out(other)
+            finished = self.budget.carry_out(how)
+            beside = self.budget.carry_out(other)
         except SimulationError:
             return np.inf
         part = part_of_error(self.run, other)
-        errors = {label: part * gap for label, gap in differences(self.run, found, beside).items()}
-        self.best = _Attempt(how=how, raw=raw, measured=found, error=errors)
+        errors = {label: part * gap for label, gap in differences(self.run, finished.measured, beside.measured).items()}
+        self.best = _Attempt(finished, errors)
         return self.best.worst
 
     def controlled(self, methods: tuple[Method, ...]) -> bool:
@@ -190,12 +199,11 @@ class _Search:
         while True:
             tolerance = tolerance / 10
             try:
-                raw, found = self.budget.carry_out(self._to_tolerance(method, tolerance, self.budget.steps(method)))
+                finer = self.budget.carry_out(self._to_tolerance(method, tolerance, self.budget.steps(method)))
             except (SimulationError, TooManySteps):
                 return False
-            how = self._to_tolerance(method, tolerance, np.inf)
-            errors = differences(self.run, found, before)
-            self.best, before = _Attempt(how=how, raw=raw, measured=found, error=errors), found
+            self.best = _Attempt(finer, differences(self.run, finer.measured, before.measured))
+            before = finer
             if self.enough():
                 return True
             if tolerance < 10 * _TIGHTEST:
@@ -204,7 +212,7 @@ class _Search:
                 excess = np.floor(np.log10(self.best.worst / self.accuracy))
                 tolerance = max(tolerance / 10.0 ** float(np.clip(excess - 1, 0, 3)), 10 * _TIGHTEST)
 
-    def _cheapest(self, methods: tuple[Method, ...], tolerance: float) -> tuple[Method, Measured] | None:
+    def _cheapest(self, methods: tuple[Method, ...], tolerance: float) -> tuple[Method, _Finished] | None:
         """The method that finishes a pass with the fewest steps, so far as that can be told in advance.
 
         They take turns, each time with more steps than before.
@@ -216,14 +224,14 @@ class _Search:
                 if allowed < 1:
                     return None
                 try:
-                    _, found = self.budget.carry_out(self._to_tolerance(method, tolerance, allowed))
+                    finished = self.budget.carry_out(self._to_tolerance(method, tolerance, allowed))
                 except TooManySteps:
                     continue
                 except SimulationError as error:
                     self.failure = error
                     left.remove(method)
                     continue
-                return method, found
+                return method, finished
             tries *= _MORE
         return None
 
@@ -231,8 +239,8 @@ class _Search:
         """A pass with controlled steps; two tolerances do not share their longest steps."""
         part = _OTHER_PART if round(np.log10(tolerance)) % 2 else _PART
         longest = min(part * self.run.span, longest_step(self.run, self.run.step, adaptive=True))
-        control = Tolerance(tolerance, _SMALL * tolerance, longest, min(longest, self.run.step))
-        return Pass(method=method, step=self.run.step, tolerance=control, limit=limit)
+        control = Tolerance(tolerance, None, longest, min(longest, self.run.step))
+        return Pass(method=method, step=self.run.step, tolerance=control, limit=limit, bounded=False)
 
 
 def controlled(run: PreparedRun, progress: Progress = None) -> Controlled:
@@ -268,20 +276,30 @@ def controlled(run: PreparedRun, progress: Progress = None) -> Controlled:
             f"{run.solver.max_evaluations:g} evaluations of the right-hand side are not enough to follow this run with "
             "any step",
         )
-    tolerance = found.how.tolerance
+    how, tolerance = found.finished.how, found.finished.how.tolerance
     integration = Integration(
-        method=found.how.method,
-        step=None if tolerance else found.how.step,
+        method=how.method,
+        step=None if tolerance else how.step,
         rtol=tolerance.rtol if tolerance else None,
         evaluations=search.budget.spent,
-        error=found.error,
+        error={label: error for label, error in found.error.items() if label not in found.finished.verdicts},
     )
-    doubts = {
-        label: _doubt(error, run, search.budget.spent)
-        for label, error in found.error.items()
-        if not error <= run.solver.accuracy
-    }
-    return Controlled(raw=found.raw, measured=found.measured, integration=integration, doubts=doubts)
+    late = {label: error for label, error in found.error.items() if not error <= run.solver.accuracy}
+    verdicts = {label: _doubt(error, run, search.budget.spent) for label, error in late.items()}
+    return Controlled(
+        raw=found.finished.raw,
+        measured=found.finished.measured,
+        integration=integration,
+        verdicts={**verdicts, **_lost(run, found.finished, progress)},
+    )
+
+
+def _lost(run: PreparedRun, found: _Finished, progress: Progress) -> Mapping[str, Verdict]:
+    """Why observers are lost, as far as fixed steps can tell."""
+    if not found.verdicts or found.how.tolerance:
+        return found.verdicts
+    raw = integrate(run, found.how, progress)
+    return ended(run, raw, Again(run, found.how, progress))[1]
 
 
 def _doubt(error: float, run: PreparedRun, spent: int) -> Verdict:

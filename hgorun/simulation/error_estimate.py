@@ -59,7 +59,7 @@ def _same_end(run: PreparedRun, a: float, b: float) -> bool:
     """Whether two passes lose an observer at the same time, or neither does."""
     if not (np.isfinite(a) and np.isfinite(b)):
         return bool(a == b)
-    return abs(a - b) <= _SAME_TIME * (min(a, b) - run.time.start)
+    return bool(abs(a - b) <= max(_SAME_TIME * (min(a, b) - run.time.start), run.grid[1] - run.grid[0]))
 
 
 def _metrics(run: PreparedRun, found: Measured, label: str, other: Mapping[str, np.ndarray], size: np.ndarray) -> float:

@@ -12,6 +12,7 @@ from hgorun.errors import SimulationError
 from hgorun.observers.base import ContinuousObserver
 from hgorun.observers.capabilities import SlidingMode
 from hgorun.result.data import PLANT
+from hgorun.simulation.confirmation import ended
 from hgorun.simulation.error_estimate import differences
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.measured import Measured, measured
@@ -27,7 +28,7 @@ _LOOSER = 10.0  # times the tolerances
 
 @dataclass(frozen=True, eq=False)
 class LaterEstimate:
-    """The errors of a run, estimated when called.
+    """The errors of a run, estimated when called: of the plant, and of the observers that are not lost.
 
     Attributes
     ----------
@@ -53,16 +54,16 @@ class LaterEstimate:
     def __call__(self) -> Mapping[str, float]:
         run = prepare(self.run) if isinstance(self.run, Experiment) else self.run
         how = as_given(run)
-        labels = [PLANT, *(b.label for b in run.observers if not isinstance(b.observer, SlidingMode))]
         if not _integrates(run):
-            return dict.fromkeys(labels, 0.0)
-        errors = self._adaptive(run, how) if how.tolerance else self._fixed(run, how)
-        return {label: errors[label] for label in labels}
+            return dict.fromkeys(self._labels(run), 0.0)
+        how = replace(how, bounded=False)  # the others come back from wherever they are
+        return self._adaptive(run, how) if how.tolerance else self._fixed(run, how)
 
     def _adaptive(self, run: PreparedRun, how: Pass) -> Mapping[str, float]:
         assert how.tolerance is not None
         factor = 1 / _LOOSER if self.finer else _LOOSER
-        control = replace(how.tolerance, rtol=factor * how.tolerance.rtol, atol=factor * how.tolerance.atol)
+        given = how.tolerance
+        control = replace(given, rtol=factor * given.rtol, atol=None if given.atol is None else factor * given.atol)
         return self._error(run, replace(how, tolerance=control))
 
     def _fixed(self, run: PreparedRun, how: Pass) -> Mapping[str, float]:
@@ -80,11 +81,18 @@ class LaterEstimate:
     def _error(self, run: PreparedRun, other: Pass) -> Mapping[str, float]:
         """From the second pass; infinite where it cannot be finished."""
         try:
-            beside = measured(run, integrate(run, other))
+            beside = measured(run, *ended(run, integrate(run, other)))
         except SimulationError:
-            return dict.fromkeys([PLANT, *self.found.estimates], np.inf)
+            return dict.fromkeys(self._labels(run), np.inf)
         part = 1.0 if other.tolerance else part_of_error(run, other)
-        return {label: part * gap for label, gap in differences(run, self.found, beside).items()}
+        gaps = differences(run, self.found, beside)
+        return {label: part * gaps[label] for label in self._labels(run)}
+
+    def _labels(self, run: PreparedRun) -> list[str]:
+        """Of what there are errors: of the plant, and of observers that have numbers and a limit."""
+        limitless = {b.label for b in run.observers if isinstance(b.observer, SlidingMode)}
+        sound = [label for label, xhat in self.found.estimates.items() if np.all(np.isfinite(xhat))]
+        return [PLANT, *(label for label in sound if label not in limitless)]
 
 
 def _integrates(run: PreparedRun) -> bool:

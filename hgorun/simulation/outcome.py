@@ -13,7 +13,7 @@ from hgorun.measurement.events import merge
 from hgorun.measurement.schedule import nearest_event
 from hgorun.measurement.signals import noise_at
 from hgorun.memo import Memo
-from hgorun.result.data import PLANT, Integration, Measurements, ObserverResult
+from hgorun.result.data import PLANT, DesignNumbers, Integration, Measurements, ObserverResult
 from hgorun.result.measure import from_origin
 from hgorun.result.result import Result
 from hgorun.result.status import OK, Verdict
@@ -25,7 +25,7 @@ _INPUTS: Memo[np.ndarray] = Memo(8, lambda u: u.size < 1_000_000)
 
 
 def record(
-    run: PreparedRun, raw: Raw, found: Measured, integration: Integration, doubts: Mapping[str, Verdict] | None = None
+    run: PreparedRun, raw: Raw, found: Measured, integration: Integration, verdicts: Mapping[str, Verdict]
 ) -> Result:
     """Trajectories in the plant's coordinates, on the output grid, with metrics from the metric grid.
 
@@ -33,10 +33,9 @@ def record(
     ----------
     run, raw, found, integration
         The run, what it has given, and how.
-    doubts : mapping of str to Verdict, optional
-        What is inaccurate: for ``plant`` and observers.
+    verdicts : mapping of str to Verdict
+        Of the plant and of the observers that are not plainly ok, with times since the run's origin.
     """
-    doubts = doubts or {}
     structure, numbers, blocks, model = run.structure, run.numbers, run.experiment.blocks, run.plant.model
     shown, origin = slice(None, None, run.experiment.grid[1]), run.origin
     rows = raw.rows[:, :, 0]
@@ -50,15 +49,18 @@ def record(
         raise Problem(("plant",), f"output {model.outputs[column]} is not a finite number at t = {when:g}")
     observers = {}
     for b in numbers.observers:
-        lost_at = found.lost[b.label]
+        verdict = verdicts.get(b.label, found.undefined.get(b.label, OK))
+        numbers_of = from_origin(found.metrics[b.label], origin) if origin else found.metrics[b.label]
+        if verdict.lost:  # the metrics' own grid may have missed it
+            numbers_of = {name: np.full(model.n, np.inf) for name in numbers_of}
         observers[b.label] = ObserverResult(
             type=b.observer.type,
             xhat=found.estimates[b.label],
             internal={name: st.shaped(rows[shown]) for name, st in b.states.items() if name != "xhat" and st.size},
             gains={name: np.asarray(value).tolist() for name, value in b.design.items()},
             dimension=sum(st.size for name, st in b.states.items() if name != "alpha"),
-            verdict=Verdict("diverged", origin + lost_at) if np.isfinite(lost_at) else doubts.get(b.label, OK),
-            metrics=from_origin(found.metrics[b.label], origin) if origin else found.metrics[b.label],
+            verdict=verdict if verdict.at is None else replace(verdict, at=origin + verdict.at),
+            metrics=numbers_of,
             coordinates=run.experiment.coordinates.get(b.label),
         )
     return Result(
@@ -79,9 +81,10 @@ def record(
         seed=blocks.seed,
         windows=asdict(found.settings),
         integration=integration,
-        verdict=doubts.get(PLANT, OK),
+        verdict=verdicts.get(PLANT, OK),
         measures=model.measures,
         remarks=run.remarks,
+        design=DesignNumbers(numbers.p, numbers.z0, run.step),
     )
 
 

@@ -12,10 +12,11 @@ from hgorun.engine.methods import METHODS, Rosenbrock
 from hgorun.engine.plan import Plan
 from hgorun.engine.program import Raw, Start, Tolerance
 from hgorun.simulation.checks import check_steps, longest_step
+from hgorun.simulation.loss import UNBOUNDED
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.tables import build_plan, count_steps, part_of_difference
 
-_DEFAULT_RTOL, _DEFAULT_ATOL = 1e-8, 1e-10
+_DEFAULT_RTOL = 1e-8
 _FIRST = 1e-4  # of the run: the first step where errors control them and none is given
 _SURE_ORDER = 2
 _BOUND = (1e6, 1e6)  # an observer has diverged beyond 1e6 (1 + max |x|)
@@ -36,6 +37,9 @@ class Pass:
         Where an error estimate controls every step.
     limit : float
         So many steps may be tried then.
+    bounded : bool
+        Whether an observer is given up beyond the usual bound, and not followed until its numbers overflow; one
+        that is given (``solver.divergence``) holds anyway.
     """
 
     method: Method
@@ -43,6 +47,7 @@ class Pass:
     uneven: float | None = None
     tolerance: Tolerance | None = None
     limit: float = np.inf
+    bounded: bool = True
 
     @property
     def evaluations_of_a_step(self) -> int:
@@ -58,13 +63,19 @@ def as_given(run: PreparedRun) -> Pass:
         return Pass(method=solver.given_method, step=run.step)
     limit = min(solver.max_step or span, longest_step(run, run.step, adaptive=True))
     first = min(_FIRST * span if solver.step == "auto" else solver.step, limit)
-    tolerance = Tolerance(solver.rtol or _DEFAULT_RTOL, solver.atol or _DEFAULT_ATOL, limit, first)
+    tolerance = Tolerance(solver.rtol or _DEFAULT_RTOL, solver.atol, limit, first)
     return Pass(method=solver.given_method, step=run.step, tolerance=tolerance)
 
 
 def integrate(run: PreparedRun, how: Pass, progress: Callable[[float], None] | None = None) -> Raw:
     """One pass, as the engine gives it."""
-    plan, start = plan_of(run, how)
+    return carry_out(run, how, *plan_of(run, how), progress)
+
+
+def carry_out(
+    run: PreparedRun, how: Pass, plan: Plan, start: Start, progress: Callable[[float], None] | None = None
+) -> Raw:
+    """One pass, from its tables."""
     program = run.structure.program(how.method, adaptive=how.tolerance is not None)
     return program.run(plan, start, how.tolerance, progress, limit=how.limit)
 
@@ -115,5 +126,24 @@ def plan_of(run: PreparedRun, how: Pass) -> tuple[Plan, Start]:
         uneven=how.uneven,
     )
     divergence = run.solver.divergence
-    bound = _BOUND if divergence is None else (divergence, 0.0)
+    bound = (_BOUND if how.bounded else UNBOUNDED) if divergence is None else (divergence, 0.0)
     return plan, Start(run.numbers.z0[:, None], run.numbers.p[:, None], bound)
+
+
+@dataclass(frozen=True)
+class Again:
+    """The same pass once more, see :class:`hgorun.simulation.loss.Again`."""
+
+    run: PreparedRun
+    how: Pass
+    progress: Callable[[float], None] | None = None
+
+    def plan(self, shorter: int = 1) -> Plan:
+        """The tables, with steps so many times shorter, all of them."""
+        longest = min(self.how.step, float(np.max(np.diff(self.run.schedule.events))))
+        return plan_of(self.run, self.how if shorter == 1 else replace(self.how, step=longest / shorter))[0]
+
+    def integrate(self, plan: Plan) -> Raw:
+        """What they give where observers are followed until their numbers overflow."""
+        start = replace(plan_of(self.run, self.how)[1], bound=UNBOUNDED)
+        return carry_out(self.run, self.how, plan, start, self.progress)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
@@ -11,7 +11,7 @@ import numpy as np
 from hgorun.config.models import Time
 from hgorun.engine.layout import Held, HybridSystem, Regime
 from hgorun.engine.plan import Plan
-from hgorun.engine.program import Program, Start
+from hgorun.engine.program import Program, Start, Tolerance
 from hgorun.errors import KeyPath, Problem
 from hgorun.measurement.events import Irregular, Kinks, extremes, infinite, merge, not_followed, too_many
 from hgorun.measurement.sampling import SAMPLE_BYTES
@@ -24,6 +24,8 @@ from hgorun.symbolic.evaluate import evaluate
 _KINKS: Memo[Kinks] = Memo(64)
 _SLOPES: Memo[Kinks] = Memo(64)
 _PROGRAMS: Memo[tuple[Program, ca.Function]] = Memo(16)
+_STIFF: Tolerance = Tolerance(rtol=1e-9, atol=None, max_step=np.inf, first_step=np.inf)
+_FIRST = 1e-4  # of the run: the first step that is tried
 
 
 def plant_kinks(plant: BuiltPlant, time: Time, origin: float) -> Irregular:
@@ -93,29 +95,37 @@ def _each(plant: BuiltPlant, time: Time) -> Iterator[tuple[KeyPath, Irregular]]:
 
 @dataclass(frozen=True)
 class PlantRun:
-    """x(t) and the integral of y^2, by RK4 with steps that land on the kinks.
+    """x(t) and the integral of y^2, with steps that land on the kinks.
 
     Attributes
     ----------
     time : Time
         Counted from the start of the run.
     step : float
+        Of RK4.
     origin : float
         That start on the configuration's clock.
+    stiff : bool
+        The method for stiff equations takes the place of RK4, with steps of its own.
     """
 
     plant: BuiltPlant
     time: Time
     step: float
     origin: float = 0.0
+    stiff: bool = False
 
     def at(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Outputs (len(times), q) and the integral of their squares (q,) to the end; times increase."""
-        program, output = _PROGRAMS.get(self.plant.symbolic, lambda: _compiled(self.plant.symbolic))
+        symbolic = self.plant.symbolic
+        program, output = _PROGRAMS.get((symbolic, self.stiff), lambda: _compiled(symbolic, stiff=self.stiff))
         start, end = self.time.start, self.time.end
-        kinks = merge(plant_kinks(self.plant, self.time, self.origin).times, 16 * np.spacing(max(abs(start), abs(end))))
+        times_of_change = plant_kinks(self.plant, self.time, self.origin).times
+        if self.stiff:  # no controlled step may pass over a pulse
+            times_of_change = np.concatenate([times_of_change, plant_extremes(self.plant, self.time)])
+        kinks = merge(times_of_change, 16 * np.spacing(max(abs(start), abs(end))))
         ends = np.concatenate([[start], kinks[(kinks > start) & (kinks < end)], [end]])
-        steps = count_steps(np.diff(ends), self.step)
+        steps = count_steps(np.diff(ends), np.inf if self.stiff else self.step)
         zero = np.zeros_like(steps)
         spans = np.column_stack([ends[:-1], ends[1:]] * 2)
         inward = 4 * np.spacing(np.maximum(np.abs(ends), self.step))
@@ -129,7 +139,8 @@ class PlantRun:
         )  # fmt: skip
         n, parameters = self.plant.model.n, self.plant.everything
         z0 = np.concatenate([self.plant.initial, np.zeros(len(self.plant.model.outputs))])
-        rows = program.run(plan, Start(z0[:, None], parameters[:, None])).rows[:, :, 0]
+        tolerance = replace(_STIFF, first_step=_FIRST * (end - start)) if self.stiff else None
+        rows = program.run(plan, Start(z0[:, None], parameters[:, None]), tolerance).rows[:, :, 0]
         (y,) = evaluate(output, plan.grid[:, None], parameters, rows)
         return y[:-1], rows[-1, n:].copy()
 
@@ -138,7 +149,7 @@ class PlantRun:
         return self.at(np.zeros(0))[1] / (self.time.end - self.time.start)
 
 
-def _compiled(plant: SymbolicPlant) -> tuple[Program, ca.Function]:
+def _compiled(plant: SymbolicPlant, *, stiff: bool) -> tuple[Program, ca.Function]:
     """The plant's states with the integrals of y^2 behind them; and y from (t, p, z)."""
     model, held = plant.model, Held(0, 0)
     size = model.n + len(model.outputs)
@@ -151,4 +162,5 @@ def _compiled(plant: SymbolicPlant) -> tuple[Program, ca.Function]:
     flow = ca.Function("flow", arguments, [ca.densify(ca.cse(ca.vertcat(dx, y * y)))])
     nothing = ca.Function("nothing", arguments, [ca.SX(0, 1)])
     system = HybridSystem(size, model.n, p.numel(), held, (), (), (Regime(flow),), nothing, nothing)
-    return Program(system, "rk4"), ca.Function("y", [model.t, p, z], [ca.densify(y)])
+    program = Program(system, "rodas5p", adaptive=True) if stiff else Program(system, "rk4")
+    return program, ca.Function("y", [model.t, p, z], [ca.densify(y)])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Hashable
+from dataclasses import replace
 
 import casadi as ca
 import numpy as np
@@ -14,6 +15,7 @@ from hgorun.measurement.signals import extremes_of, kinks_of, signal_remarks
 from hgorun.memo import Memo, Same
 from hgorun.observers.capabilities import SlidingMode
 from hgorun.plants.build import BuiltPlant, SymbolicPlant
+from hgorun.result.data import DesignNumbers
 from hgorun.simulation.checks import check_run
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.observer_block import Design
@@ -30,10 +32,16 @@ _SLOPES: Memo[ca.Function] = Memo(64)
 _TRUTHS: Memo[SimulatedPlant] = Memo(64)
 
 
-def prepare(experiment: Experiment) -> PreparedRun:
+def prepare(experiment: Experiment, design: DesignNumbers | None = None) -> PreparedRun:
     """Check all that can be checked without running: models, schedules, observers.
 
     What depends on the structure alone is built once for all experiments of that structure.
+
+    Parameters
+    ----------
+    experiment : Experiment
+    design : DesignNumbers, optional
+        Of a result of the same experiment, in place of those that follow from it on this machine.
 
     Raises
     ------
@@ -41,7 +49,7 @@ def prepare(experiment: Experiment) -> PreparedRun:
     """
     with experiment.located():
         _check_limits(experiment)
-        run = _prepared(experiment)
+        run = _prepared(experiment, design)
         check_run(run)
     return run
 
@@ -59,25 +67,26 @@ def _check_limits(experiment: Experiment) -> None:
             )
 
 
-def _prepared(experiment: Experiment) -> PreparedRun:
+def _prepared(experiment: Experiment, design: DesignNumbers | None) -> PreparedRun:
     plant, time, stretches = experiment.plant, experiment.time, experiment.stretches
     _ = experiment.grid, experiment.forms  # what is wrong with them is said first
-    sizes = _mean_squares(experiment)
+    step = nominal_step(experiment) if design is None else design.step
+    sizes = _mean_squares(experiment, step)
     key = Same(stretches), experiment.blocks.seed, None if sizes is None else tuple(sizes)
     channels = _CHANNELS.get(
         key, lambda: find_channels(stretches, plant.model.outputs, time, experiment.blocks.seed, sizes)
     )
     smallest_delay, reach = check_delays(channels)
-    step = nominal_step(experiment)
     schedule = _schedule(experiment, channels, step)
     designs = list(experiment.designs.values())
     stepped = plant.block.discretise == "euler"
     truth = _TRUTHS.get((plant.symbolic, stepped), lambda: SimulatedPlant(plant.symbolic, stepped))
     structure = structure_of([truth], [designs], stretches, schedule.variants, plant.everything)
+    numbers = numbers_of(structure, plant, experiment, designs)
     return PreparedRun(
         experiment=experiment,
         structure=structure,
-        numbers=numbers_of(structure, plant, experiment, designs),
+        numbers=numbers if design is None else _replaced(numbers, design),
         step=step,
         channels=channels,
         schedule=schedule,
@@ -99,13 +108,21 @@ def numbers_of(structure: Structure, plant: BuiltPlant, experiment: Experiment, 
     )
 
 
-def _mean_squares(experiment: Experiment) -> np.ndarray | None:
+def _replaced(numbers: Numbers, design: DesignNumbers) -> Numbers:
+    """Those of a result in place of the numbers that were computed here."""
+    if design.parameters.shape != numbers.p.shape or design.start.shape != numbers.z0.shape:
+        raise Problem((), "the design's numbers that are stored with it are not as many as it has")
+    return replace(numbers, p=design.parameters, z0=design.start)
+
+
+def _mean_squares(experiment: Experiment, step: float) -> np.ndarray | None:
     """Of the noise-free outputs, where the size of some noise is relative to them."""
     if not any(is_relative(stretch) for one in experiment.stretches for stretch in one):
         return None
     if experiment.plant.block.discretise:
         raise Problem(("plant", "discretise"), "snr_db needs a plant in continuous time; give std")
-    alone = PlantRun(experiment.plant, experiment.time, nominal_step(experiment), experiment.origin)
+    stiff = experiment.blocks.solver.alone_stiff
+    alone = PlantRun(experiment.plant, experiment.time, step, experiment.origin, stiff=stiff)
     return alone.mean_squares()
 
 

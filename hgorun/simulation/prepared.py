@@ -109,4 +109,4 @@ class PreparedRun:
     @cached_property
     def plant_alone(self) -> PlantRun:
         """The plant without observers, at other times than those of the grid."""
-        return PlantRun(self.plant, self.time, self.step, self.origin)
+        return PlantRun(self.plant, self.time, self.step, self.origin, stiff=self.solver.alone_stiff)

@@ -8,12 +8,13 @@ from contextlib import contextmanager
 from hgorun.errors import SimulationError
 from hgorun.result.data import Integration
 from hgorun.result.result import Result
+from hgorun.simulation.confirmation import confirmed
 from hgorun.simulation.control import controlled
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.given import LaterEstimate
 from hgorun.simulation.measured import measured
 from hgorun.simulation.outcome import record
-from hgorun.simulation.passes import as_given, integrate
+from hgorun.simulation.passes import Again, as_given, integrate
 from hgorun.simulation.preparation import prepare
 from hgorun.simulation.prepared import PreparedRun
 
@@ -54,10 +55,10 @@ def simulate_prepared(
     with _located(run), run.experiment.located():
         if run.solver.controlled:
             best = controlled(run, progress)
-            return record(run, best.raw, best.measured, best.integration, best.doubts)
+            return record(run, best.raw, best.measured, best.integration, best.verdicts)
         how = as_given(run)
-        raw = integrate(run, how, progress)
-        found = measured(run, raw)
+        raw, verdicts = confirmed(run, integrate(run, how, progress), Again(run, how, progress))
+        found = measured(run, raw, verdicts)
         integration = Integration(
             method=how.method,
             step=None if how.tolerance else how.step,
@@ -65,7 +66,7 @@ def simulate_prepared(
             evaluations=raw.tries * how.evaluations_of_a_step,
             error=LaterEstimate(run, found, finer=check_step),
         )
-        return record(run, raw, found, integration)
+        return record(run, raw, found, integration, verdicts)
 
 
 @contextmanager

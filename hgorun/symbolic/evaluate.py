@@ -2,6 +2,9 @@
 
 CasADi takes and gives matrices of its own, which become arrays through Python lists; that takes ten times as
 long as the evaluation itself. Here a function reads NumPy's memory and writes into it.
+
+CasADi's sin, exp and the like are those of the C library, whose last bits depend on the processor. A function that
+calls one of them is carried out here, with the engine's own.
 """
 
 from __future__ import annotations
@@ -15,6 +18,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from hgorun.config.expressions import parse
 from hgorun.memo import Memo, Same
+from hgorun.symbolic.instructions import Instruction
+from hgorun.symbolic.interpreter import carry_out, interpreted
 
 Floats = NDArray[np.float64]
 
@@ -41,7 +46,10 @@ def evaluate(function: ca.Function, *arguments: ArrayLike) -> list[Floats]:
         if array.size != function.nnz_in(i) * (points if array.ndim == 2 else 1):
             raise ValueError(f"argument {i} of {function}: {array.shape} does not fit")
     results = [np.zeros((points, function.nnz_out(i))) for i in range(function.n_out())]
-    if points == 1:
+    instructions = _INTERPRETED.get(Same(function), lambda: interpreted(function))
+    if instructions:
+        carry_out(instructions, arrays, results)
+    elif points == 1:
         _call(function, arrays, results)
     else:
         _in_pieces(function, arrays, results, points)
@@ -50,6 +58,7 @@ def evaluate(function: ca.Function, *arguments: ArrayLike) -> list[Floats]:
 
 _PIECE = 128  # points that are evaluated in one call: CasADi takes microseconds a point to prepare one
 _MAPPED: Memo[ca.Function] = Memo(64)
+_INTERPRETED: Memo[list[Instruction]] = Memo(256)
 
 
 def _call(function: ca.Function, arrays: Sequence[Floats], results: Sequence[Floats]) -> None:

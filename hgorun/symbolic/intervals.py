@@ -1,8 +1,9 @@
 """Interval arithmetic over CasADi's expressions: where a function's values must lie, for all arguments in a box.
 
 Every operation is rounded outwards: by one unit in the last place where IEEE 754 rounds correctly (sums,
-products, quotients, roots), by four for library functions, which numpy computes to within that. An operation
-that is not known gives the whole line, so that what comes out is never too narrow.
+products, quotients, roots), by four for elementary functions, which are right to within that. An operation
+that is not known gives the whole line, so that what comes out is never too narrow. The functions are our own, so
+that the bounds, and the events that are found with them, are the same on every machine.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from hgorun.native.elementary import apply
 from hgorun.symbolic.instructions import read
 
 Bounds = tuple[np.ndarray, np.ndarray]
@@ -61,12 +63,12 @@ def _absolute(a: Bounds) -> Bounds:
     return np.where(across, 0.0, np.minimum(np.abs(a[0]), np.abs(a[1]))), np.maximum(np.abs(a[0]), np.abs(a[1]))
 
 
-def _increasing(function: Callable[[np.ndarray], np.ndarray], low: float = -np.inf, high: float = np.inf) -> Operation:
+def _increasing(name: str, low: float = -np.inf, high: float = np.inf) -> Operation:
     """An increasing function with values in [low, high]; nothing is known where it is not defined."""
 
     def bounds(a: Bounds) -> Bounds:
         with np.errstate(all="ignore"):
-            found = _outward(function(a[0]), function(a[1]), 4)
+            found = _outward(apply(name, a[0]), apply(name, a[1]), 4)
         return np.maximum(found[0], low), np.minimum(found[1], high)
 
     return bounds
@@ -75,7 +77,7 @@ def _increasing(function: Callable[[np.ndarray], np.ndarray], low: float = -np.i
 def _cosh(a: Bounds) -> Bounds:
     size = _absolute(a)
     with np.errstate(over="ignore"):
-        low, high = _outward(np.cosh(size[0]), np.cosh(size[1]), 4)
+        low, high = _outward(apply("cosh", size[0]), apply("cosh", size[1]), 4)
     return np.maximum(low, 1.0), high
 
 
@@ -91,7 +93,7 @@ def _sine(a: Bounds) -> Bounds:
         first = np.ceil((low - phase) / (2 * np.pi) - touch)
         return np.asarray(wide | (first <= (high - phase) / (2 * np.pi) + touch))
 
-    ends = np.sin(low), np.sin(high)
+    ends = apply("sin", low), apply("sin", high)
     smallest, largest = _outward(np.minimum(*ends), np.maximum(*ends), 4)
     return (
         np.where(holds(-np.pi / 2), -1.0, np.maximum(smallest, -1.0)),
@@ -106,7 +108,7 @@ def _cosine(a: Bounds) -> Bounds:
 def _tangent(a: Bounds) -> Bounds:
     pole = np.floor(a[0] / np.pi - 0.5 - _TOUCH) != np.floor(a[1] / np.pi - 0.5 + _TOUCH)
     with np.errstate(all="ignore"):
-        low, high = _outward(np.tan(a[0]), np.tan(a[1]), 4)
+        low, high = _outward(apply("tan", a[0]), apply("tan", a[1]), 4)
     return np.where(pole, -np.inf, low), np.where(pole, np.inf, high)
 
 
@@ -125,7 +127,7 @@ def _power(a: Bounds, b: Bounds) -> Bounds:
 def _angle(y: Bounds, x: Bounds) -> Bounds:
     """atan2: the extremes lie in the corners of a box that the half line of the jump, y = 0 and x <= 0, misses."""
     jump = (y[0] <= 0) & (y[1] >= 0) & (x[0] <= 0)
-    corners = [np.arctan2(p, q) for p in y for q in x]
+    corners = [apply("atan2", p, q) for p in y for q in x]
     low, high = _outward(np.minimum.reduce(corners), np.maximum.reduce(corners), 4)
     return np.where(jump, -4.0, low), np.where(jump, 4.0, high)
 
@@ -185,20 +187,20 @@ _LIBRARY: dict[int, Operation] = {
     ca.OP_TWICE: lambda a: (2 * a[0], 2 * a[1]),
     ca.OP_SQ: _square,
     ca.OP_SQRT: _root,
-    ca.OP_EXP: _increasing(np.exp, 0.0),
-    ca.OP_LOG: _increasing(np.log),
-    ca.OP_EXPM1: _increasing(np.expm1, -1.0),
-    ca.OP_LOG1P: _increasing(np.log1p),
+    ca.OP_EXP: _increasing("exp", 0.0),
+    ca.OP_LOG: _increasing("log"),
+    ca.OP_EXPM1: _increasing("expm1", -1.0),
+    ca.OP_LOG1P: _increasing("log1p"),
     ca.OP_SIN: _sine,
     ca.OP_COS: _cosine,
     ca.OP_TAN: _tangent,
-    ca.OP_ASIN: _increasing(np.arcsin),
+    ca.OP_ASIN: _increasing("asin"),
     ca.OP_ACOS: lambda a: _add((np.full_like(a[0], np.pi / 2),) * 2, _negative(_LIBRARY[ca.OP_ASIN](a))),
-    ca.OP_ATAN: _increasing(np.arctan),
+    ca.OP_ATAN: _increasing("atan"),
     ca.OP_ATAN2: _angle,
-    ca.OP_SINH: _increasing(np.sinh),
+    ca.OP_SINH: _increasing("sinh"),
     ca.OP_COSH: _cosh,
-    ca.OP_TANH: _increasing(np.tanh, -1.0, 1.0),
+    ca.OP_TANH: _increasing("tanh", -1.0, 1.0),
     ca.OP_POW: _power,
     ca.OP_CONSTPOW: _power,
     ca.OP_FABS: _absolute,

@@ -66,7 +66,7 @@ def test_json_has_the_documented_shape(shell: Shell) -> None:
 
 
 def test_a_diverged_observer_is_a_result(shell: Shell) -> None:
-    arguments = ("simulate", "small.yaml", "--json", "--set", "observers.SHGO.theta=500")
+    arguments = ("simulate", "small.yaml", "--json", "--set", "observers.SHGO.gains=[-99, 1]")
     code, out, err = shell(*arguments)
     found = json.loads(out)
     assert code == 0

@@ -26,6 +26,8 @@ from hypothesis import strategies as st
 from hgorun.engine.emit import emit
 from hgorun.errors import HgorunError
 from hgorun.native.compiler import NativeModule, _target_machine
+from hgorun.symbolic.instructions import read
+from hgorun.symbolic.interpreter import carry_out
 
 Array = npt.NDArray[np.float64]
 LANES = (1, 2, 4, 8, 16)
@@ -194,6 +196,14 @@ class Native:
         return found
 
 
+def interpreted(inputs: Sequence[ca.SX], outputs: Sequence[ca.SX], at: dict[str, Array]) -> Array:
+    """The outputs at all points, shape (outputs, points), as what is computed outside the compiled code has them."""
+    found = np.empty((POINTS, len(outputs)))
+    instructions = read(ca.Function("f", [*inputs], [ca.densify(ca.vertcat(*outputs))]))
+    carry_out(instructions, [at["t"], *(np.ascontiguousarray(at[name].T) for name in ("p", "z", "w"))], [found])
+    return found.T
+
+
 def places_apart(a: Array, b: Array) -> Array:
     """How many doubles lie between a and b; 0 for two NaN, infinity for one, and for zeros of two signs one."""
     bits = [x.view(np.int64) for x in (np.ascontiguousarray(a), np.ascontiguousarray(b))]
@@ -237,6 +247,7 @@ def test_every_operation_is_numpys_in_every_lane(graph: Graph, at: dict[str, Arr
     values = Native(inputs, nodes, 1)(at)
     check_nodes(graph, at, values)
     same_bits(Native(inputs, nodes, lanes)(at), values)
+    same_bits(interpreted(inputs, nodes, at), values)
     # nor does a value depend on what else is computed
     same_bits(Native(inputs, nodes[-1:], 1)(at), values[-1:])
 
@@ -257,7 +268,9 @@ def test_every_operation_on_all_pairs_of_special_values(lanes: int) -> None:
             at = {"t": np.array([x]), "p": np.full((2, POINTS), x), "z": np.full((3, POINTS), x)}
             at["w"] = np.full((2, POINTS), 0.25)
             at[second][-1 if first == second else 0] = SPECIAL
-            check_nodes(graph, at, native(at))
+            values = native(at)
+            check_nodes(graph, at, values)
+            same_bits(interpreted(inputs, nodes, at), values)
 
 
 @pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="names processors of this family")

@@ -233,17 +233,25 @@ def test_rates_beyond_2_over_T_diverge() -> None:
     assert last(9).diverged_at is None
 
 
-def test_what_has_diverged_stays_so() -> None:
-    """At t = 1 g vanishes, and Psi is huge; the deadbeat observer would know nothing of it afterwards."""
+@pytest.mark.parametrize("divergence", [1e6, None])
+def test_the_deadbeat_observer_comes_back_unless_a_bound_is_given(divergence: float | None) -> None:
+    """At t = 1 g vanishes, and Psi is huge; the deadbeat observer knows nothing of it afterwards."""
     plant = {
         "states": ["x", "z"],
         "dynamics": {"x": "cos(pi*t/2)*z", "z": "-x"},
         "output": "x",
         "initial": {"x": 1, "z": 1},
     }
-    r = simulate(plant, {"d": {"type": "deadbeat"}}, 0.25, 3)
+    solver = {"step": 0.005} | ({} if divergence is None else {"divergence": divergence})
+    r = simulate(plant, {"d": {"type": "deadbeat"}}, 0.25, 3, solver=solver)
     o = r.observers["d"]
+    if divergence is None:
+        assert o.status == "ok"
+        assert np.max(np.abs(o.xhat)) > 1e12
+        np.testing.assert_allclose(o.xhat[-1], r.x[-1], rtol=0.5)
+        return
     assert o.diverged_at is not None
+    assert o.reason == "a state is beyond solver.divergence = 1e+06, or not a number"
     assert 1.25 <= o.diverged_at <= 1.26
     assert np.isfinite(o.xhat[r.time < 1.25]).all()
     assert np.isnan(o.xhat[r.time > 1.26]).all()

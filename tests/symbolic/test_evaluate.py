@@ -6,16 +6,18 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from hgorun.native.elementary import apply
 from hgorun.symbolic.evaluate import along, at, compiled, evaluate
+from hgorun.symbolic.interpreter import interpreted
 
 T, P, Z = ca.SX.sym("t"), ca.SX.sym("p", 2), ca.SX.sym("z", 5)
-F = ca.Function("f", [T, P, Z], [ca.sin(P[0] * T) * Z[:2], ca.horzcat(Z[2:4], P), ca.diag(Z[:3]), ca.SX(2, 1)])
+F = ca.Function("f", [T, P, Z], [ca.sqrt(P[0] ** 2 + T) * Z[:2], ca.horzcat(Z[2:4], P), ca.diag(Z[:3]), ca.SX(2, 1)])
 
 
 @pytest.mark.parametrize("points", [1, 2, 127, 128, 129, 300])
 def test_every_number_of_points(points: int) -> None:
     random = np.random.default_rng(points)
-    t, p, z = random.normal(size=(points, 1)), random.normal(size=2), random.normal(size=(points, 5))
+    t, p, z = random.uniform(size=(points, 1)), random.normal(size=2), random.normal(size=(points, 5))
     vector, matrix, sparse, zero = evaluate(F, t, p, z)
     for i in range(points):
         expected = [np.asarray(v.full()) for v in F(t[i, 0], p, z[i])]
@@ -23,6 +25,17 @@ def test_every_number_of_points(points: int) -> None:
         assert np.array_equal(matrix[i], expected[1])
         assert np.array_equal(sparse[i], expected[2])
         assert np.array_equal(zero[i], [0, 0])
+
+
+def test_a_function_without_elementary_functions_is_left_to_casadi() -> None:
+    assert not interpreted(F)
+    assert interpreted(compiled("sin(x) + y", "x", "y"))
+
+
+def test_many_instructions_are_carried_out_in_pieces() -> None:
+    x = np.random.default_rng(0).uniform(size=10_000)
+    found = along(compiled("exp(x) + 1", "x"), x)
+    assert np.array_equal(found, apply("exp", x) + 1)
 
 
 def test_no_points_and_one_point() -> None:

@@ -1,0 +1,67 @@
+"""``rerun``: a result made again from its own file."""
+
+from __future__ import annotations
+
+import json as json_text
+from dataclasses import replace
+from pathlib import Path
+
+from hgorun.commands.options import Rerun
+from hgorun.commands.run import RESULT_SUFFIXES, refuse_other_kinds, run_with_progress, warn
+from hgorun.config.yaml_source import parse
+from hgorun.errors import ConfigError
+from hgorun.files import remove_leftovers
+from hgorun.result.reading import read, stored_digests
+from hgorun.result.result import Result
+from hgorun.result.writing import digests_of
+from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.simulate import prepare
+
+DIFFERENT = 3
+
+
+def rerun(options: Rerun) -> int:
+    """Make a result again, and say which of its data sets are the same."""
+    refuse_other_kinds(options.output, RESULT_SUFFIXES)
+    before = read(options.file)
+    stored = stored_digests(options.file)
+    if not stored:
+        raise ConfigError(
+            "its data sets have no attribute sha256: it was made by an older version", file=str(options.file)
+        )
+    target = None if options.check else _target(options)
+    result = _made_again(before, options)
+    warn(result)
+    found = digests_of(result)
+    rows = [{"path": path, "stored": stored.get(path), "found": found.get(path)} for path in {**stored, **found}]
+    different = [row["path"] for row in rows if row["stored"] != row["found"]]
+    if target is not None:
+        remove_leftovers(target.parent)
+        result.save(target)
+    if options.json:
+        print(json_text.dumps({"same": not different, "datasets": rows}, indent=2))
+    elif options.text:
+        print(f"different: {', '.join(map(str, different))}" if different else f"the same: {len(rows)} data sets")
+        if target is not None:
+            print(f"written: {target}")
+    return DIFFERENT if options.check and different else 0
+
+
+def _made_again(before: Result, options: Rerun) -> Result:
+    """The run of a file's own configuration, with the numbers of its design."""
+    source = parse(before.config_resolved, f"{options.file}: config_resolved")
+    experiment = Experiment(source, name=before.name, text=before.config)
+    after = run_with_progress(prepare(experiment, before.design), show=options.text)
+    observers = {
+        label: replace(o, gains=before.observers[label].gains) if label in before.observers else o
+        for label, o in after.observers.items()
+    }
+    return replace(after, title=before.title, observers=observers)
+
+
+def _target(options: Rerun) -> Path:
+    """Where the new result goes."""
+    name = f"{options.file.stem}.rerun.h5"
+    if options.output is None:
+        return options.file.with_name(name)
+    return options.output if options.output.suffix.lower() in RESULT_SUFFIXES else options.output / name

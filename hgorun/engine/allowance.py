@@ -1,0 +1,93 @@
+"""How large an error a step may have: for every state, in its own unit.
+
+With an absolute tolerance given, |error| <= atol + rtol max(|z|, |z_new|). Without one,
+
+    |error| <= rtol max(|z|, |z_new|, 1e-6 (the largest |z| so far)) + rounding
+
+where the rounding is that of the terms which z' is the sum of: an error of its size is not made smaller by a shorter
+step. A state that has been zero so far and rises like a power of t has a relative error that does not depend on
+the step; there a very short first step is made whatever the error. Everything scales with each state's unit: powers
+of two change no bit.
+"""
+
+from __future__ import annotations
+
+from hgorun.engine.layout import WORD, Held
+from hgorun.engine.stepper import Stepper
+from hgorun.native.ir import hexadecimal
+
+SMALL = 1e-6  # of the largest |z| so far: what a state has to be known to when it is smaller
+_NUDGE = 2.0**-26  # relative changes of z and w that show the size of the terms in z'
+_SHORT, _SHORTEST = 1e-8, 1e-11  # of a segment, and of t
+
+
+def tolerances(s: Stepper) -> list[str]:
+    """What is allowed for every state, but for rounding."""
+    f = s.f
+    rtol, atol, small = (f.splat(f.word("%ctx", WORD[name], "double")) for name in ("rtol", "atol", "small"))
+    sizes = f.word("%ctx", WORD["size"], "ptr")
+    found = []
+    for i in range(s.size):
+        scale = f.mul(small, f.load(f.at(sizes, i * f.lanes), f.real))
+        for array in (s.before, s.z):
+            one = f.intrinsic("fabs", f.load(f.at(array, i * f.lanes), f.real))
+            scale = f.select(f.compare("ogt", one, scale), one, scale)
+        found.append(f.add(atol, f.mul(rtol, scale)))
+    return found
+
+
+def note_sizes(s: Stepper) -> None:
+    """Keep the largest |z| of every state."""
+    f = s.f
+    sizes = f.word("%ctx", WORD["size"], "ptr")
+    for i in range(s.size):
+        place = f.at(sizes, i * f.lanes)
+        old, new = f.load(place, f.real), f.intrinsic("fabs", f.load(f.at(s.z, i * f.lanes), f.real))
+        f.store(f.select(f.compare("ogt", new, old), new, old), place, f.real)
+
+
+def rounding(s: Stepper, h: str, errors: list[str]) -> list[str]:
+    """What is allowed besides where no absolute tolerance is given."""
+    f, zero = s.f, s.f.constant(0.0)
+    change = _change(s)
+    waived = f.splat(_waived(s, h))
+    sizes = f.word("%ctx", WORD["size"], "ptr")
+    found = []
+    for i, (error, one) in enumerate(zip(errors, s.step_of(change, h), strict=True)):
+        noise = f.mul(f.constant(s.roundings * 2.0**-52 / _NUDGE), f.intrinsic("fabs", one))
+        noise = f.select(f.compare("ord", noise, noise), noise, zero)
+        new = f.compare("oeq", f.load(f.at(sizes, i * f.lanes), f.real), zero)
+        missed = f.intrinsic("fabs", error)
+        free = f.select(f.compare("olt", missed, waived), missed, zero)  # finite, and waived
+        found.append(f.add(noise, f.select(new, free, zero)))
+    return found
+
+
+def _waived(s: Stepper, h: str) -> str:
+    """Errors below it are allowed to states that have been zero: infinity for a very short step, 0 for others."""
+    f = s.f
+    limits = [f.scalar("fmul", f.scalar("fsub", s.end, s.start), hexadecimal(_SHORT))]
+    limits.append(f.scalar("fmul", s.absolute(s.start), hexadecimal(_SHORTEST)))
+    short = f.let(f"or i1 {f.test('ole', h, limits[0])}, {f.test('ole', h, limits[1])}")
+    return f.let(f"select i1 {short}, double {hexadecimal(float('inf'))}, double {hexadecimal(0.0)}")
+
+
+def _change(s: Stepper) -> str:
+    """How z' at the end of the step changes with every state and every held value, each a little and differently."""
+    f, m, lanes = s.f, s.m, s.f.lanes
+    z, w, target = (f.slot("double", size * lanes) for size in (s.size, m.system.held.size, s.size))
+    starts = [0] * m.system.plant_states
+    starts += [start for start, _, end in m.system.blocks for _ in range(start, end)]
+    starts += [0] * (s.size - len(starts))
+    for i, start in enumerate(starts):  # what is measured and what it is compared with change in opposite ways
+        nudge = (1 + (i - start) / (1 + s.size)) * (_NUDGE if start == 0 else -_NUDGE)
+        f.store(f.mul(f.load(f.at(s.z, i * lanes), f.real), f.constant(1 + nudge)), f.at(z, i * lanes), f.real)
+    held = m.system.held
+    for k in range(held.size):
+        nudge = -_NUDGE if k < held.outputs * held.width and k % held.width >= Held.S else _NUDGE
+        f.store(f.mul(f.load(f.at(s.w, k * lanes), f.real), f.constant(1 + nudge)), f.at(w, k * lanes), f.real)
+    s.flow.main(f, s.p, s.c, s.clock[1.0], z, w, target)
+    for i in range(s.size):
+        place = f.at(target, i * lanes)
+        f.store(f.sub(f.load(place, f.real), f.load(f.at(s.slope, i * lanes), f.real)), place, f.real)
+    return target

@@ -1,0 +1,189 @@
+"""Whether an observer that seems to have diverged has: runs without a bound and with shorter steps decide.
+
+The engine stops following an observer once one of its states is beyond a bound, which a high gain may reach on its
+way to the truth. That is a suspicion. It is confirmed by the rule of :mod:`hgorun.simulation.verdict` on the same run
+without that bound, and on runs with shorter steps. A run without suspicion costs nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from hgorun.engine.program import Raw
+from hgorun.errors import Problem, SimulationError
+from hgorun.result.status import OK, Verdict
+from hgorun.simulation.loss import Again, of_estimate, why_lost
+from hgorun.simulation.prepared import PreparedRun
+from hgorun.simulation.verdict import left_for_good, may_have_left
+from hgorun.symbolic.evaluate import Floats
+
+_SHORTER = (4, 16)
+_CHEAP = 2e6  # steps
+
+
+def confirmed(run: PreparedRun, raw: Raw, again: Again) -> tuple[Raw, dict[str, Verdict]]:
+    """What is to be said of the observers of a run, and its numbers where that changes them.
+
+    An observer that comes back from beyond the bound has the numbers of the run without bound. One that is lost with
+    these steps, but not with shorter ones, is inaccurate. Of the others nothing is left from their end on.
+
+    Parameters
+    ----------
+    run : PreparedRun
+    raw : Raw
+        What the run has given with the engine's bound.
+    again : Again
+
+    Returns
+    -------
+    Raw
+        The same where no observer is suspect.
+    dict of str to Verdict
+        Of those that are not ok.
+    """
+    suspects = [j for j in range(len(run.observers)) if _is_suspect(run, raw, j)]
+    if not suspects:
+        return raw, {}
+    if run.solver.divergence is not None:
+        left = [j for j in suspects if np.isfinite(raw.diverged[j, 0])]
+        return raw, {run.observers[j].label: _beyond_given(run, raw, j) for j in left}
+    bounded = any(np.isfinite(raw.diverged[j, 0]) for j in suspects)
+    free = again.integrate(again.plan()) if bounded else raw
+    said = {j: judged(run, free, j, again) for j in suspects}
+    back = [j for j, verdict in said.items() if verdict == OK]
+    enough = _enough(run, again, [j for j in suspects if j not in back])
+    for j, verdict in said.items():
+        at = float(raw.diverged[j, 0])
+        if verdict.status == "diverged" and np.isfinite(at):
+            verdict = replace(verdict, at=at)  # there its numbers end
+        said[j] = _inaccurate(run, verdict, enough[j]) if j in enough else verdict
+    raw = _with_blocks(run, raw, free, back)
+    raw = _ended(run, raw, {j: verdict for j, verdict in said.items() if verdict.lost or j in enough})
+    return raw, {run.observers[j].label: verdict for j, verdict in said.items() if verdict != OK}
+
+
+def ended(run: PreparedRun, raw: Raw, again: Again | None = None) -> tuple[Raw, dict[str, Verdict]]:
+    """What is to be said of the observers of a run without bound, and its numbers up to where they are lost.
+
+    Parameters
+    ----------
+    again : Again, optional
+        The run once more, which tells why an observer is lost.
+
+    Returns
+    -------
+    Raw
+        The same where no observer is lost.
+    dict of str to Verdict
+        Of those that are.
+    """
+    suspects = [j for j in range(len(run.observers)) if _is_suspect(run, raw, j)]
+    if run.solver.divergence is not None:
+        left = [j for j in suspects if np.isfinite(raw.diverged[j, 0])]
+        return raw, {run.observers[j].label: _beyond_given(run, raw, j) for j in left}
+    said = {j: judged(run, raw, j, again) for j in suspects}
+    lost = {j: verdict for j, verdict in said.items() if verdict.lost}
+    if not lost:
+        return raw, {}
+    diverged = raw.diverged.copy()
+    diverged[list(lost)] = np.inf  # numbers end where the estimate has left, not where they overflow
+    rows = _ended(run, replace(raw, diverged=diverged), lost).rows
+    return replace(raw, rows=rows), {run.observers[j].label: verdict for j, verdict in lost.items()}
+
+
+def judged(run: PreparedRun, raw: Raw, j: int, again: Again | None = None) -> Verdict:
+    """What is to be said of an observer of a run without bound.
+
+    It is undefined if some operation was undefined for its arguments before the estimate had left for good; what
+    operation that was is found by carrying out the run ``again``, where that is given.
+    """
+    x, xhat = _estimate(run, raw, j, slice(None))
+    left = left_for_good(x, xhat)
+    overflow = float(raw.diverged[j, 0])
+    if left is None and not np.isfinite(overflow):
+        return of_estimate(run, raw, j, xhat)
+    missing = np.flatnonzero(~np.all(np.isfinite(xhat), axis=1))
+    if left is not None and (not missing.size or left < missing[0]):
+        return Verdict("diverged", float(run.grid[left]))
+    if not np.isfinite(overflow):
+        return of_estimate(run, raw, j, xhat)
+    reason = None if again is None or run.adaptive else why_lost(run, again, j, overflow)
+    return Verdict("diverged" if reason is None else "undefined", overflow, reason)
+
+
+def _is_suspect(run: PreparedRun, raw: Raw, j: int) -> bool:
+    return bool(np.isfinite(raw.diverged[j, 0])) or may_have_left(*_estimate(run, raw, j, [0, -1]))
+
+
+def _estimate(run: PreparedRun, raw: Raw, j: int, points: slice | list[int]) -> tuple[Floats, Floats]:
+    """Truth and estimate at some points of the grid."""
+    rows = raw.rows[points, :, 0]
+    xhat = run.structure.estimates[j].along(run.grid[points], run.numbers.p, rows)
+    return rows[:, : run.plant.model.n], xhat
+
+
+def _beyond_given(run: PreparedRun, raw: Raw, j: int) -> Verdict:
+    bound = f"a state is beyond solver.divergence = {run.solver.divergence:g}, or not a number"
+    return Verdict("diverged", float(raw.diverged[j, 0]), bound)
+
+
+def _enough(run: PreparedRun, again: Again, lost: list[int]) -> dict[int, int]:
+    """With how many times shorter steps each of the observers is not lost; those are left out that always are."""
+    enough: dict[int, int] = {}
+    if run.adaptive or not lost:
+        return enough
+    rates = [run.observers[j].observer.fastest_rate(run.observers[j].form) for j in lost]
+    for shorter in _attempts(run, max(rates)):
+        try:
+            other = again.integrate(again.plan(shorter))
+        except (Problem, SimulationError):  # there is no time or no memory for so many steps
+            break
+        enough |= {j: shorter for j in lost if j not in enough and judged(run, other, j) == OK}
+        if len(enough) == len(lost):
+            break
+    return enough
+
+
+def _attempts(run: PreparedRun, rate: float) -> Iterator[int]:
+    """How many times shorter the steps are that are tried: more often where the rate needs it and it is cheap."""
+    yield from _SHORTER
+    shorter, steps = _SHORTER[-1], (run.time.end - run.time.start) / longest(run)
+    while rate * longest(run) > shorter and 4 * shorter * steps < _CHEAP:
+        shorter *= 4
+        yield shorter
+
+
+def longest(run: PreparedRun) -> float:
+    """The longest of its steps."""
+    return min(run.step, float(np.max(np.diff(run.schedule.events))))
+
+
+def _inaccurate(run: PreparedRun, verdict: Verdict, shorter: int) -> Verdict:
+    step = longest(run)
+    what = "diverges" if verdict.status == "diverged" else "is not a number"
+    reason = f"{what} with steps of {step:.3g}, not with shorter ones: give a step of at most {step / shorter:.3g}"
+    return Verdict("inaccurate", verdict.at, reason)
+
+
+def _with_blocks(run: PreparedRun, raw: Raw, other: Raw, which: Iterable[int]) -> Raw:
+    """A run with the numbers of some observers from another one."""
+    rows, diverged = raw.rows.copy(), raw.diverged.copy()
+    for j in which:
+        block = run.observers[j]
+        rows[:, block.start : block.end] = other.rows[:, block.start : block.end]
+        diverged[j] = other.diverged[j]
+    return replace(raw, rows=rows, diverged=diverged)
+
+
+def _ended(run: PreparedRun, raw: Raw, verdicts: dict[int, Verdict]) -> Raw:
+    """A run in which some observers have no numbers from a time on, as those have none that the engine gave up."""
+    rows = raw.rows.copy()
+    for j, verdict in verdicts.items():
+        if np.isfinite(raw.diverged[j, 0]):
+            continue
+        block = run.observers[j]
+        rows[run.grid >= verdict.at, block.start : block.end] = np.nan
+    return replace(raw, rows=rows)

@@ -1,0 +1,150 @@
+"""Why an estimate is not a number: the first operation that is not defined for its arguments."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Protocol
+
+import casadi as ca
+import numpy as np
+
+from hgorun.engine.plan import Plan
+from hgorun.engine.program import Raw
+from hgorun.result.status import OK, Verdict
+from hgorun.simulation.observer_block import ObserverBlock
+from hgorun.simulation.prepared import PreparedRun
+from hgorun.symbolic.domains import first_undefined
+from hgorun.symbolic.evaluate import Floats, at
+
+UNBOUNDED = (1e300, 0.0)  # an observer is followed until its numbers overflow
+_BEFORE = 1e-3  # of a step: so long before an event its jump has not happened yet
+_EXPLODED = 1e9  # times the size of a state
+_STAGES = (0.0, 0.5, 0.5, 1.0)  # of a step, each from the slope of the one before
+
+
+class Again(Protocol):
+    """The same run once more."""
+
+    def plan(self, shorter: int = 1) -> Plan:
+        """Its plan, with steps so many times shorter, all of them."""
+        ...
+
+    def integrate(self, plan: Plan) -> Raw:
+        """What a plan gives when observers are followed until their numbers overflow, see :data:`UNBOUNDED`."""
+        ...
+
+
+def of_estimate(run: PreparedRun, raw: Raw, j: int, xhat: Floats) -> Verdict:
+    """``undefined`` from the first point on where the estimate is not a number.
+
+    Parameters
+    ----------
+    xhat : ndarray, shape (N, n)
+        The estimate of observer j on the run's grid.
+    """
+    with np.errstate(over="ignore", invalid="ignore"):
+        if np.isfinite(xhat.sum()):
+            return OK
+    missing = np.flatnonzero(~np.all(np.isfinite(xhat), axis=1))
+    if not missing.size:
+        return OK
+    row = int(missing[0])
+    t = float(run.grid[row])
+    function = run.structure.estimates[j].function
+    z, w = raw.rows[row, :, 0], np.zeros(run.structure.system.held.size)
+    return Verdict(
+        "undefined", t, _said(_where(run, run.observers[j], function, (t, run.numbers.p, z, w)), run.origin + t)
+    )
+
+
+def why_lost(run: PreparedRun, again: Again, j: int, lost: float) -> str | None:
+    """What is not defined in the equations of an observer in the step in which it was lost.
+
+    Parameters
+    ----------
+    lost : float
+        The end of that step.
+
+    Returns
+    -------
+    str or None
+        None where everything is defined: the numbers have become too large.
+    """
+    plan, begin, step = _up_to(again.plan(), lost)
+    raw = again.integrate(plan)
+    block, system = run.observers[j], run.structure.system
+    own = slice(block.start, block.end)
+    before, z, w = raw.rows[0, :, 0], raw.rows[-1, :, 0], raw.held[:, 0]
+    if not np.all(np.isfinite(z[own])):  # by a jump with which the step begins
+        jumps = [function for start, _, function in system.jumps if start == block.start]
+        found = [_where(run, block, jump, (begin, run.numbers.p, before, w)) for jump in jumps]
+        return _said(next(filter(None, found), None), run.origin + begin)
+    flow = system.regimes[int(plan.counts[-1, 3])].flow
+    for t, stage in _stages(flow, begin, step, run.numbers.p, z, w):
+        if _exploded(run, block, stage):
+            return None
+        what = _where(run, block, flow, (t, run.numbers.p, stage, w), own)
+        if what is not None:
+            return _said(what, run.origin + t)
+    return None
+
+
+def _exploded(run: PreparedRun, block: ObserverBlock, z: Floats) -> bool:
+    """Whether an estimate has become too large before anything in it was undefined."""
+    xhat, n = block.states["xhat"], run.plant.model.n
+    own = slice(xhat.start, xhat.start + xhat.size)
+    size = np.abs(run.numbers.z0[own])
+    if xhat.size == n:  # most observers compute in the plant's coordinates, the others in larger ones
+        size = np.maximum(size, np.abs(z[:n]))
+    return not bool(np.all(np.abs(z[own]) <= _EXPLODED * np.where(size > 0, size, np.max(size, initial=0.0))))
+
+
+def _up_to(plan: Plan, lost: float) -> tuple[Plan, float, float]:
+    """The plan up to the step that ends at a time, with two rows; the start of that step, and its length.
+
+    The rows are at its start and shortly before, where a jump with which it begins has not happened yet.
+    """
+    last = max(int(np.searchsorted(plan.spans[:, 0], lost, side="left")) - 1, 0)
+    start, end = plan.spans[last, :2]
+    step = float(end - start) / float(plan.counts[last, 0])
+    begin = max(lost - step, float(plan.spans[0, 0]))
+    counts = plan.counts[: last + 1].copy()
+    counts[:, 6] = 1  # rows may lie anywhere
+    grid = np.unique([max(begin - _BEFORE * step, plan.spans[0, 0]), begin])
+    return replace(plan, spans=plan.spans[: last + 1], counts=counts, grid=grid), begin, step
+
+
+def _stages(
+    flow: ca.Function, t: float, step: float, p: Floats, z: Floats, w: Floats
+) -> Iterator[tuple[float, Floats]]:
+    """Where the right-hand side is evaluated in a step of the classical Runge-Kutta method, and at its end."""
+    slopes: list[Floats] = []
+    with np.errstate(over="ignore", invalid="ignore"):
+        for c in _STAGES:
+            stage = z + c * step * (slopes[-1] if slopes else 0.0)
+            yield t + c * step, stage
+            slopes.append(at(flow, t + c * step, p, stage, w)[0])
+        yield t + step, z + step / 6 * (slopes[0] + 2 * slopes[1] + 2 * slopes[2] + slopes[3])
+
+
+def _where(
+    run: PreparedRun,
+    block: ObserverBlock,
+    function: ca.Function,
+    numbers: tuple[float, Floats, Floats, Floats],
+    rows: slice = slice(None),
+) -> str | None:
+    """What is not defined in some rows of a function of (t, p, z, w)."""
+    symbols = [ca.SX.sym("s", function.size1_in(i)) for i in range(4)]
+    z = symbols[2]
+    model = run.plant.model
+    names = [(z[i], name) for i, name in enumerate(model.states)]
+    xhat, own = block.states["xhat"], block.form.saturable(block.canonical)
+    if len(own) == xhat.size:
+        names += [(z[xhat.start + i], name) for i, name in enumerate(own)]
+    return first_undefined(function(*symbols)[rows], symbols, [np.ravel(number) for number in numbers], names)
+
+
+def _said(what: str | None, t: float) -> str | None:
+    return None if what is None else f"{what} at t = {t:.6g}"

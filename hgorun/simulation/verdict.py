@@ -1,0 +1,64 @@
+"""Whether an estimate has left the truth for good: a rule that does not depend on units.
+
+The estimate of a state is lost when at the end of the run it is still a million times further from the truth than the
+state is large, or than the estimate was at the start. Where that is no more than rounding (a state that rests at zero,
+an output with noise) the error must also be a thousand times what it is in the quietest tenth of the run. An estimate
+that peaks and comes back is not lost.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hgorun.symbolic.evaluate import Floats
+
+_FAR = 1e6  # times the size of the state
+_GROWN = 1e3  # times the smallest errors of the run
+_SMALLEST = 0.1  # of the points: those with the smallest errors
+
+
+def left_for_good(x: Floats, xhat: Floats) -> int | None:
+    """The first of the points from which on the estimate stays beyond the bound.
+
+    Parameters
+    ----------
+    x, xhat : ndarray, shape (N, n)
+        Truth and estimate at times that increase. What is not finite is beyond every bound.
+
+    Returns
+    -------
+    int or None
+        None where the last estimate is within the bound.
+    """
+    gap = _gap(x, xhat)
+    near = np.flatnonzero(np.all(gap <= _bounds(x, gap), axis=1))
+    if near.size and near[-1] == len(x) - 1:
+        return None
+    return int(near[-1]) + 1 if near.size else 0
+
+
+def may_have_left(x: Floats, xhat: Floats) -> bool:
+    """Whether an estimate may have left for good, from the first and the last point alone, shapes (2, n)."""
+    first, last = _gap(x, xhat)
+    size = np.maximum(np.max(np.abs(x), axis=0), np.where(np.isfinite(first), first, 0.0))
+    return not bool(np.all(last <= _FAR * size))
+
+
+def _gap(x: Floats, xhat: Floats) -> Floats:
+    with np.errstate(invalid="ignore", over="ignore"):
+        return np.abs(xhat - x)
+
+
+def _bounds(x: Floats, gap: Floats) -> Floats:
+    """How far from the truth the estimate of each state may be, shape (n,)."""
+    first = np.where(np.isfinite(gap[0]), gap[0], 0.0)
+    size = np.maximum(np.max(np.abs(x), axis=0), first)
+    quiet = np.array([_quiet(column) for column in gap.T])
+    bounds = np.maximum(_FAR * np.where(size > 0, size, quiet), _GROWN * quiet)
+    return np.where(bounds > 0, bounds, np.inf)  # of a state and an error that are zero nothing can be said
+
+
+def _quiet(errors: Floats) -> float:
+    """The error that a tenth of the points does not exceed; zero where none is finite."""
+    finite = errors[np.isfinite(errors)]
+    return float(np.quantile(finite, _SMALLEST)) if finite.size else 0.0

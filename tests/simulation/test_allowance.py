@@ -1,0 +1,77 @@
+"""Error control without an absolute tolerance: the same in all units, and no state is too small for it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from examples import run
+
+METHODS = ("dopri5", "rodas5p")
+
+
+def reaction(a: float, b: float, c: float, time: float) -> dict[str, Any]:
+    """Robertson's reaction, slower so that an explicit method follows it, counted in other units."""
+
+    def k(rate: float, product: float, *factors: float) -> str:
+        return repr(rate * time * product / float(np.prod(factors)))
+
+    fall, rise = f"{k(0.04, a, a)}*a", f"{k(0.04, b, a)}*a"
+    dynamics = {
+        "a": f"-{fall} + {k(10, a, b, c)}*b*c",
+        "b": f"{rise} - {k(10, b, b, c)}*b*c - {k(3e3, b, b, b)}*b*b",
+        "c": f"{k(3e3, c, b, b)}*b*b",
+    }
+    return {
+        "time": {"end": 40 / time, "output_step": 1 / time},
+        "plant": {"states": ["a", "b", "c"], "dynamics": dynamics, "output": "a", "initial": {"a": a, "b": 0, "c": 0}},
+        "observers": {},
+    }
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_units_that_are_powers_of_two_change_no_bit(method: str, tmp_path: Path) -> None:
+    solver = {"method": method, "rtol": 1e-6}
+    plain = run(tmp_path, reaction(1, 1, 1, 1) | {"solver": solver})
+    units = (2.0**40, 2.0**-37, 2.0**11)
+    other = run(tmp_path, reaction(*units, 2.0**-9) | {"solver": solver})
+    np.testing.assert_array_equal(other.x / units, plain.x)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_wave_that_comes_to_states_at_zero(method: str, tmp_path: Path) -> None:
+    """The tenth cell of a rod rises like t^11: its relative error does not depend on a first step."""
+    cells = range(1, 11)
+    dynamics = {f"T{i}": f"100*(T{i - 1} - 2*T{i} + T{i + 1})" for i in cells}
+    dynamics |= {"T1": "100*(sin(t) - 2*T1 + T2)", "T10": "100*(T9 - 2*T10)"}
+    config = {
+        "time": {"end": 5, "output_step": 0.1},
+        "plant": {"states": [*dynamics], "dynamics": dynamics, "output": "T1", "initial": dict.fromkeys(dynamics, 0)},
+        "observers": {},
+    }
+    found = run(tmp_path, config | {"solver": {"method": method, "rtol": 1e-8}}).x
+    exact = run(tmp_path, config | {"solver": {"method": "rk4", "step": 0.0005}}).x
+    np.testing.assert_allclose(found, exact, rtol=1e-6, atol=1e-10)
+
+
+@pytest.mark.parametrize("measurement", [{}, {"sampling": {"period": 0.13}}, {"delay": 0.1}], ids=str)
+@pytest.mark.parametrize("method", METHODS)
+def test_a_filter_that_holds_nothing_but_rounding(method: str, measurement: dict[str, Any], tmp_path: Path) -> None:
+    """An observer that starts at the truth: its filter is noise of 1e-17, which no step resolves."""
+    config = {
+        "time": {"end": 10, "output_step": 0.1},
+        "plant": {
+            "states": ["x1", "x2"],
+            "dynamics": {"x1": "x2", "x2": "(1 - x1**2)*x2 - x1 + 0.3*sin(2*t)"},
+            "output": "x1",
+            "initial": {"x1": 1, "x2": 0.5},
+        },
+        "measurement": measurement,
+        "observers": {"F": {"type": "fhgo2", "r": 2, "theta": 3, "initial": {"x1": 1, "x2": 0.5}}},
+        "solver": {"method": method, "rtol": 1e-8},
+    }
+    result = run(tmp_path, config)
+    assert result.observers["F"].diverged_at is None
+    np.testing.assert_allclose(result.observers["F"].xhat, result.x, atol=1e-6)
