@@ -68,6 +68,10 @@ class SimulationError(HgorunError):
     """The run could not be finished, for instance because the plant itself diverged."""
 
 
+class PlantDiverged(SimulationError):
+    """The state of the plant is infinite or not a number, with the steps that were made."""
+
+
 class PluginError(HgorunError):
     """A class or function that was found by its name raised what it should not have, or returned something wrong.
 

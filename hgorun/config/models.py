@@ -77,7 +77,7 @@ class Solver(Block):
     atol: Positive | None = Field(default=None, description="absolute tolerance (default: from each state's size)")
     max_step: Positive | None = Field(default=None, description="longest adaptive step")
     divergence: Positive | None = Field(
-        default=None, description="an observer has diverged beyond it (default 1e6 (1 + max |x|))"
+        default=None, description="an observer has diverged once a state is beyond it; without, that is confirmed"
     )
 
     @property

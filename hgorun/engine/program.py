@@ -29,7 +29,7 @@ from hgorun.engine.plan import Floats, Integers, Plan
 from hgorun.engine.rosenbrock import LinearlyImplicit
 from hgorun.engine.runge_kutta import RungeKutta
 from hgorun.engine.stepper import Stepper
-from hgorun.errors import SimulationError
+from hgorun.errors import PlantDiverged, SimulationError
 from hgorun.native.compiler import NativeModule
 
 _SLICE = 0.05  # seconds of native code between two checks for Ctrl-C
@@ -236,7 +236,8 @@ class Program:
             tries += granted - memory["budget"]
             if verdict != DONE:
                 stiff = isinstance(self.method, Rosenbrock)
-                raise SimulationError(_explain(verdict, plan.origin + memory.real("now"), stiff=stiff))
+                kind = PlantDiverged if verdict == PLANT_DIVERGED else SimulationError
+                raise kind(_explain(verdict, plan.origin + memory.real("now"), stiff=stiff))
             spent = max(time.perf_counter() - before, 1e-6)
             chunk = max(1, int(chunk * min(_SLICE / spent, 8.0)))
             if progress:

@@ -6,6 +6,8 @@ z_i = z + sum_j a_ij u_j. A delayed channel is a function of time here: its slop
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from hgorun.engine.emit import Emitted
 from hgorun.engine.history import History
 from hgorun.engine.layout import WORD
@@ -15,6 +17,7 @@ from hgorun.engine.parts import Module, move
 from hgorun.engine.stepper import Stepper, weighted
 from hgorun.native.ir import hexadecimal
 
+_TOGETHER, _UNROLLED = 4, 8  # states in a vector; vectors that are not in a loop
 _AHEAD, _ROUNDING = 1e-9, 1e-15  # of a step and of t: slopes of the past are read just after the start of a step
 
 
@@ -48,14 +51,39 @@ class LinearlyImplicit(Stepper):
             )
         )
         self.room = 1 + len(m.system.regimes[regime].delayed) * m.system.width  # 1/(h gamma), slopes of the past
+        # where one run has many states, a vector holds several of them
+        self.together = _TOGETHER if m.lanes == 1 and m.system.states > _UNROLLED else m.lanes
         super().__init__(m, (*method.c, 0.5), history, regime, flow, name)
         self.method, self.order = method, method.order
-        f, size = self.f, self.size * m.lanes
-        self.u = [f.slot("double", size) for _ in method.c]
-        self.rate, self.drift, self.first, self.last, self.quartic = (f.slot("double", size) for _ in range(5))
-        self.known = f.slot("double", self.linear.entries * m.lanes + size)
+        f = self.f
+        self.u = [self.array() for _ in method.c]
+        self.rate, self.drift, self.first, self.last, self.quartic = (self.array() for _ in range(5))
+        self.known = f.slot("double", self.linear.entries * m.lanes + self.words)
         self.begun = f.slot("double")
         self.right = f.at(self.known, self.linear.entries * m.lanes)
+        for array in (self.z, self.slope, self.slope_before, self.stage, self.before, self.right):
+            self._clear(array)
+        for array in (*self.u, self.rate, self.drift, self.first, self.last, self.quartic):
+            self._clear(array)
+
+    @property
+    def words(self) -> int:
+        """Of an array: room for whole vectors."""
+        return -(-self.size * self.m.lanes // self.together) * self.together
+
+    def _clear(self, array: str) -> None:
+        self.each(lambda i: self.f.store(self.f.constant(0.0), self.f.at(array, i), self.f.real))
+
+    def each(self, body: Callable[[str | int], None]) -> None:
+        """Do the same to all states: a vector of them after the other, at the place that ``body`` is told."""
+        f, count = self.f, self.words // self.together
+        with f.wide(self.together):
+            if count <= _UNROLLED:
+                for number in range(count):
+                    body(number * self.together)
+            else:
+                with f.count(0, count) as k:
+                    body(f.scalar("mul", k, str(self.together)))
 
     def stages(self, t: str, h: str, t_end: str) -> None:
         f, method = self.f, self.method
@@ -106,24 +134,28 @@ class LinearlyImplicit(Stepper):
             base, weights, stages = self.stage, row[-1:], self.u[len(row) - 1 : len(row)]
         else:
             base, weights, stages = self.before, row, self.u
-        for i in range(self.size):
-            place = i * f.lanes
+
+        def advance(place: str | int) -> None:
             value = f.add(f.load(f.at(base, place), f.real), weighted(f, weights, stages, place))
             f.store(value, f.at(target, place), f.real)
+
+        self.each(advance)
 
     def _solve(self, i: int, rate: str, h: str, inverse: str) -> None:
         """u_i, from f at its stage."""
         f, method = self.f, self.method
-        coupled, drift = f.splat(inverse), f.splat(f.scalar("fmul", h, hexadecimal(method.drift[i])))
-        for n in range(self.size):
-            place = n * f.lanes
+        ahead = f.scalar("fmul", h, hexadecimal(method.drift[i]))
+
+        def right(place: str | int) -> None:
             value = f.load(f.at(rate, place), f.real)
             if i:
                 coupling = weighted(f, method.coupling[i - 1], self.u, place)
-                value = f.add(value, f.mul(coupled, coupling))
-            if method.drift[i] and n in self.linear.drifting:
-                value = f.add(value, f.mul(drift, f.load(f.at(self.drift, place), f.real)))
+                value = f.add(value, f.mul(f.splat(inverse), coupling))
+            if method.drift[i] and self.linear.drifting:
+                value = f.add(value, f.mul(f.splat(ahead), f.load(f.at(self.drift, place), f.real)))
             f.store(value, f.at(self.right, place), f.real)
+
+        self.each(right)
         self._solve_into(self.u[i])
 
     def _solve_into(self, target: str) -> None:
@@ -138,31 +170,37 @@ class LinearlyImplicit(Stepper):
         once are right at every stage, and only the interpolant tells that a step is too long for them. Its defect
         there, f - z', is a rate; W^-1 makes an error of it.
         """
-        f, lanes = self.f, self.m.lanes
+        f = self.f
         half = f.scalar("fmul", h, hexadecimal(0.5))
-        inverse = f.splat(f.scalar("fdiv", hexadecimal(1.0), h))
+        inverse = f.scalar("fdiv", hexadecimal(1.0), h)
         d1, d2, d3 = self.method.dense
         bend = tuple(0.25 * (a + 0.5 * b + 0.25 * c) for a, b, c in zip(d1, d2, d3, strict=True))
         turn = tuple(0.25 * (b + c) for b, c in zip(d2, d3, strict=True))
-        for i in range(self.size):
-            old, new = (f.load(f.at(array, i * lanes), f.real) for array in (self.before, self.z))
+
+        def middle_of(place: str | int) -> None:
+            old, new = (f.load(f.at(array, place), f.real) for array in (self.before, self.z))
             mean = f.mul(f.constant(0.5), f.add(old, new))
-            f.store(f.add(mean, weighted(f, bend, self.u, i * lanes)), f.at(self.stage, i * lanes), f.real)
-            slope = f.mul(inverse, f.add(f.sub(new, old), weighted(f, turn, self.u, i * lanes)))
-            f.store(slope, f.at(self.first, i * lanes), f.real)
+            f.store(f.add(mean, weighted(f, bend, self.u, place)), f.at(self.stage, place), f.real)
+            slope = f.mul(f.splat(inverse), f.add(f.sub(new, old), weighted(f, turn, self.u, place)))
+            f.store(slope, f.at(self.first, place), f.real)
+
+        def defect(place: str | int) -> None:
+            rate, slope = (f.load(f.at(array, place), f.real) for array in (self.rate, self.first))
+            f.store(f.sub(rate, slope), f.at(self.right, place), f.real)
+
+        def larger(place: str | int) -> None:
+            embedded = f.intrinsic("fabs", weighted(f, self.method.error, self.u, place))
+            inside = f.intrinsic("fabs", f.load(f.at(self.rate, place), f.real))
+            f.store(f.select(f.compare("ugt", inside, embedded), inside, embedded), f.at(self.first, place), f.real)
+
+        self.each(middle_of)
         middle, clock = f.scalar("fadd", f.load(self.begun), half), self.clock[0.5]
         self.tick(middle, clock)
         self.flow_at(middle, clock, self.stage, self.rate)
-        for i in range(self.size):
-            rate, slope = (f.load(f.at(array, i * lanes), f.real) for array in (self.rate, self.first))
-            f.store(f.sub(rate, slope), f.at(self.right, i * lanes), f.real)
+        self.each(defect)
         self._solve_into(self.rate)
-        found = []
-        for i in range(self.size):
-            embedded = f.intrinsic("fabs", weighted(f, self.method.error, self.u, i * lanes))
-            inside = f.intrinsic("fabs", f.load(f.at(self.rate, i * lanes), f.real))
-            found.append(f.select(f.compare("ugt", inside, embedded), inside, embedded))
-        return found
+        self.each(larger)
+        return [f.load(f.at(self.first, i * f.lanes), f.real) for i in range(self.size)]
 
     def step_of(self, rate: str, h: str) -> list[str]:
         f = self.f
@@ -172,15 +210,17 @@ class LinearlyImplicit(Stepper):
 
     def interpolant(self, h: str) -> tuple[str, str, str]:
         f = self.f
-        inverse = f.splat(f.scalar("fdiv", hexadecimal(1.0), h))
-        for i in range(self.size):
-            place = i * f.lanes
+        inverse = f.scalar("fdiv", hexadecimal(1.0), h)
+
+        def ends(place: str | int) -> None:
             d1, d2, d3 = (weighted(f, row, self.u, place) for row in self.method.dense)
             rise = f.sub(f.load(f.at(self.z, place), f.real), f.load(f.at(self.before, place), f.real))
             total = f.add(d1, f.add(d2, d3))
-            f.store(f.mul(inverse, f.add(rise, d1)), f.at(self.first, place), f.real)
-            f.store(f.mul(inverse, f.sub(rise, total)), f.at(self.last, place), f.real)
+            f.store(f.mul(f.splat(inverse), f.add(rise, d1)), f.at(self.first, place), f.real)
+            f.store(f.mul(f.splat(inverse), f.sub(rise, total)), f.at(self.last, place), f.real)
             f.store(f.neg(d3), f.at(self.quartic, place), f.real)
+
+        self.each(ends)
         return self.first, self.last, self.quartic
 
     def keep(self, t: str, t_end: str, h: str) -> None:

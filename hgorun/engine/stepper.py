@@ -11,7 +11,7 @@ from hgorun.engine.parts import Module, span
 from hgorun.native.ir import Function, hexadecimal
 
 
-def weighted(f: Function, weights: tuple[float, ...], slopes: list[str], place: int) -> str:
+def weighted(f: Function, weights: tuple[float, ...], slopes: list[str], place: str | int) -> str:
     """sum_j weights[j] slopes[j] of one state; weights of one cost no multiplication."""
     total = ""
     for weight, slope in zip(weights, slopes, strict=False):
@@ -77,13 +77,22 @@ class Stepper(ABC):
         self.start, self.end, self.start_eval, self.end_eval = span(f, "%segment")
         self.p, self.w, self.home = (f.word("%ctx", WORD[name], "ptr") for name in ("p", "w", "z"))
         self.c = m.constants_of(f, flow)
-        self.z, self.slope, self.slope_before, self.stage = (f.slot("double", self.size * lanes) for _ in range(4))
-        self.before = f.slot("double", (self.size + self.room) * lanes)
+        self.z, self.slope, self.slope_before, self.stage = (self.array() for _ in range(4))
+        self.before = f.slot("double", self.words + self.room * lanes)
         self.clock = {at: f.slot("double", flow.clocked * lanes) for at in sorted({0.0, 1.0, *c})}
         self.width = history.width if history else 0
         self.trace, self.trace_before = (f.slot("double", 2 * self.width) for _ in range(2))
         self.flags, self.passes = f.slot("i64"), f.slot("i64")
         f.store("0", self.flags, "i64")
+
+    @property
+    def words(self) -> int:
+        """Of an array of one value a state."""
+        return self.size * self.m.lanes
+
+    def array(self) -> str:
+        """Memory for a value a state."""
+        return self.f.slot("double", self.words)
 
     @abstractmethod
     def stages(self, t: str, h: str, t_end: str) -> None:

@@ -8,6 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hgorun.figures.style import LARGEST_NUMBER
+
 MAX_POINTS = 8_000  # two for every half a pixel of the widest panel
 # How far, in units of the truth's range, an estimate widens a panel: alone, beside others, diverged.
 _ALONE, _BESIDE, _DIVERGED = 3.0, 1.5, 0.25
@@ -22,10 +24,12 @@ class Curve(NamedTuple):
 
 
 def finite(t: np.ndarray, v: np.ndarray) -> Curve:
-    """The stretch before the first number that is not finite."""
-    bad = np.flatnonzero(~np.isfinite(v))
-    end = bad[0] if bad.size else len(v)
-    return Curve(t[:end], v[:end])
+    """The first stretch of numbers that axes can show."""
+    known = np.abs(v) <= LARGEST_NUMBER
+    start = int(np.argmax(known)) if known.any() else len(v)
+    bad = np.flatnonzero(~known[start:])
+    end = start + int(bad[0]) if bad.size else len(v)
+    return Curve(t[start:end], v[start:end])
 
 
 def inside(curve: Curve, window: tuple[float, float] | None) -> Curve:

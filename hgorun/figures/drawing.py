@@ -145,12 +145,11 @@ def _several(results: ResultData | Sequence[ResultData]) -> list[ResultData]:
 
 
 def _require_drawable(result: ResultData) -> None:
-    """Axes can be divided up to some size of numbers only; NaN stands for an estimate that was lost."""
+    """Axes can be divided up to some size of numbers only; of an estimate that is lost only the rest is drawn."""
     shown = {"time": result.time, "the truth": result.x, "the outputs": result.y}
-    estimates = {f"the estimate of {label}": observer.xhat for label, observer in result.observers.items()}
-    for what, values in (shown | estimates).items():
-        lost = np.isnan(values) if what in estimates else np.zeros(values.shape, dtype=bool)
-        if not np.all((np.abs(values) <= LARGEST_NUMBER) | lost):
+    shown |= {f"the estimate of {label}": o.xhat for label, o in result.observers.items() if not o.lost}
+    for what, values in shown.items():
+        if not np.all(np.abs(values) <= LARGEST_NUMBER):
             raise ConfigError(
                 f"{printable(result.name)}: {what} cannot be drawn: numbers beyond {LARGEST_NUMBER:g}, or none"
             )

@@ -12,6 +12,8 @@ import struct
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
+_OF_LANES = ("lanes", "real", "integer", "mask", "_suffix")  # attributes of a block that say on how many lanes it is
+
 
 def hexadecimal(value: float) -> str:
     """The exact LLVM spelling of a double."""
@@ -142,6 +144,14 @@ class Block:
         other.lines, other._count = self.lines, self._count
         yield other
         self._count = other._count
+
+    @contextmanager
+    def wide(self, lanes: int) -> Iterator[None]:
+        """Instructions of this block on another number of lanes, meanwhile."""
+        kept = {name: value for name, value in vars(self).items() if name in _OF_LANES}
+        vars(self).update({name: value for name, value in vars(Block(lanes, set())).items() if name in _OF_LANES})
+        yield
+        vars(self).update(kept)
 
     def gather(self, scalars: Sequence[str]) -> str:
         """Scalars in the first lanes, the last of them in the others, too."""

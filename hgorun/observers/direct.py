@@ -7,6 +7,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from hgorun.config.types import NonNegative, Positive
+from hgorun.errors import Problem
 from hgorun.observers.base import Flow, Role, observer
 from hgorun.observers.capabilities import HighGain
 from hgorun.observers.levant import levant_flow, levant_gains
@@ -28,7 +29,8 @@ class DirectObserver(HighGain, OutputInjection):
     which is there soon but noisy; near it the high-gain observer (3) takes over. Phi is derived from the
     plant. With sampled or late outputs yhat - y is the innovation.
 
-    theta > 0 must be so large that (3) converges for this l (or poles, at theta = 1). mu >= 0 is the
+    theta > 0 must be so large that (3) converges for this l (or poles, at theta = 1, of a plant with slopes
+    dx_i'/dx_(i+1) and dh/dx_1 of 1; where other slopes make the error grow poles are refused). mu >= 0 is the
     sharpness of the blend: 1/sqrt(mu) is an error of the output that counts as large; mu = 0 is (3) alone,
     without differentiator. phi/2 > 0 is the rate at which the estimate goes to x^d. G > 0 is the
     differentiator's gain, a bound on |y^(n)|. The differentiator is discontinuous: take ``method: euler``
@@ -55,6 +57,8 @@ class DirectObserver(HighGain, OutputInjection):
         return Blend(self.mu, self.phi) if self.mu > 0 and self.phi is not None else None
 
     def design(self, form: LowerTriangularForm) -> dict[str, np.ndarray]:
+        if self.l is None:
+            self._require_stable(form)
         numbers = {"theta": np.array(self.theta), "l": self.injection(form)}
         if self.mu > 0 and self.phi is not None and self.G is not None:
             numbers |= {
@@ -63,6 +67,27 @@ class DirectObserver(HighGain, OutputInjection):
                 "gains": levant_gains(form.n, self.G),
             }
         return numbers
+
+    def _require_stable(self, form: LowerTriangularForm) -> None:
+        """Refuse poles, which are meant for slopes of 1, where the plant's own slopes make the error grow.
+
+        With y = c x_1 and x_i' = s_i x_(i+1) + ... the eigenvalues of (3) at theta = 1 are the roots of
+        s^n + l_1 c s^(n-1) + l_2 c s_1 s^(n-2) + ...: with l_i over c s_1 ... s_(i-1) they are the poles.
+        """
+        l, factors = self.injection(form), np.cumprod(form.links, axis=1)  # noqa: E741  # the paper's letter
+        usable = factors[np.all(np.isfinite(factors) & (factors != 0), axis=1)]
+        largest = [float(np.max(np.roots([1.0, *(l * row)]).real)) for row in usable]
+        if not largest or min(largest) < 0:
+            return
+        row = usable[int(np.argmin(largest))]
+        slopes = ", ".join(f"{value:.4g}" for value in row / np.concatenate([[1.0], row[:-1]]))
+        right = ", ".join(f"{value:.4g}" for value in l / row)
+        raise Problem(
+            ("poles",) if "poles" in self.model_fields_set else ("type",),
+            f"poles are those of a plant with slopes of 1; here the slopes of y in x_1, x_1' in x_2, ... are {slopes} "
+            f"near the start, and the error of the gain l = [{', '.join(f'{v:.4g}' for v in l)}] grows: give l, "
+            f"for these slopes [{right}]",
+        )
 
     def states(self, form: LowerTriangularForm) -> dict[str, np.ndarray | Symmetric]:
         return {"z": np.zeros(form.n)} if self.mu > 0 else {}

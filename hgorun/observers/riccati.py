@@ -31,7 +31,7 @@ def lyapunov(S: ca.SX, F: ca.SX, C: ca.SX) -> ca.SX:
 
 
 def gain_of(S: ca.SX, C: ca.SX) -> ca.SX:
-    """S^-1 C^T by Cholesky's factors: not a number, so that the observer counts as diverged, once rounding
+    """S^-1 C^T by Cholesky's factors: not a number, so that the observer is undefined, once rounding
     has made S indefinite."""
     R = ca.chol(S)
     return ca.solve(R, ca.solve(R.T, C.T))

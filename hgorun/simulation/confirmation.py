@@ -13,11 +13,12 @@ from dataclasses import replace
 import numpy as np
 
 from hgorun.engine.program import Raw
-from hgorun.errors import Problem, SimulationError
+from hgorun.errors import PlantDiverged, Problem, SimulationError
 from hgorun.result.status import OK, Verdict
 from hgorun.simulation.loss import Again, of_estimate, why_lost
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.verdict import left_for_good, may_have_left
+from hgorun.simulation.why_diverged import singular, why_diverged
 from hgorun.symbolic.evaluate import Floats
 
 _SHORTER = (4, 16)
@@ -59,7 +60,9 @@ def confirmed(run: PreparedRun, raw: Raw, again: Again) -> tuple[Raw, dict[str, 
         at = float(raw.diverged[j, 0])
         if verdict.status == "diverged" and np.isfinite(at):
             verdict = replace(verdict, at=at)  # there its numbers end
-        said[j] = _inaccurate(run, verdict, enough[j]) if j in enough else verdict
+        if verdict.status == "diverged" and j not in enough:
+            verdict = replace(verdict, reason=why_diverged(run, free, j))
+        said[j] = _inaccurate(run, free, j, verdict, enough[j]) if j in enough else verdict
     raw = _with_blocks(run, raw, free, back)
     raw = _ended(run, raw, {j: verdict for j, verdict in said.items() if verdict.lost or j in enough})
     return raw, {run.observers[j].label: verdict for j, verdict in said.items() if verdict != OK}
@@ -92,6 +95,23 @@ def ended(run: PreparedRun, raw: Raw, again: Again | None = None) -> tuple[Raw, 
     diverged[list(lost)] = np.inf  # numbers end where the estimate has left, not where they overflow
     rows = _ended(run, replace(raw, diverged=diverged), lost).rows
     return replace(raw, rows=rows), {run.observers[j].label: verdict for j, verdict in lost.items()}
+
+
+def plant_lost(run: PreparedRun, error: PlantDiverged, again: Again) -> SimulationError:
+    """What is to be said of a plant that could not be followed: whether shorter steps can."""
+    if run.adaptive or run.plant.block.discretise:
+        return error
+    for shorter in _attempts(run, np.inf):
+        try:
+            again.integrate(again.plan(shorter))
+        except (Problem, SimulationError):
+            continue
+        step = longest(run)
+        return SimulationError(
+            f"it diverges with steps of {step:.3g}, but not with shorter ones: give a step of at most "
+            f"{step / shorter:.3g}, or solver: {{method: rodas5p}} if its equations are stiff"
+        )
+    return error
 
 
 def judged(run: PreparedRun, raw: Raw, j: int, again: Again | None = None) -> Verdict:
@@ -135,7 +155,7 @@ def _enough(run: PreparedRun, again: Again, lost: list[int]) -> dict[int, int]:
     enough: dict[int, int] = {}
     if run.adaptive or not lost:
         return enough
-    rates = [run.observers[j].observer.fastest_rate(run.observers[j].form) for j in lost]
+    rates = [run.observers[j].observer.fastest_rate(run.observers[j].form) or 0.0 for j in lost]  # 0: not known
     for shorter in _attempts(run, max(rates)):
         try:
             other = again.integrate(again.plan(shorter))
@@ -161,11 +181,12 @@ def longest(run: PreparedRun) -> float:
     return min(run.step, float(np.max(np.diff(run.schedule.events))))
 
 
-def _inaccurate(run: PreparedRun, verdict: Verdict, shorter: int) -> Verdict:
+def _inaccurate(run: PreparedRun, free: Raw, j: int, verdict: Verdict, shorter: int) -> Verdict:
     step = longest(run)
     what = "diverges" if verdict.status == "diverged" else "is not a number"
     reason = f"{what} with steps of {step:.3g}, not with shorter ones: give a step of at most {step / shorter:.3g}"
-    return Verdict("inaccurate", verdict.at, reason)
+    cause = singular(run, free, run.observers[j])
+    return Verdict("inaccurate", verdict.at, reason if cause is None else f"{reason}; {cause}")
 
 
 def _with_blocks(run: PreparedRun, raw: Raw, other: Raw, which: Iterable[int]) -> Raw:

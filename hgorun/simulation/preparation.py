@@ -165,9 +165,10 @@ def nominal_step(experiment: Experiment) -> float:
     for label, observer in experiment.observers.items():
         try:
             with called("observer", observer.type, "fastest_rate"):
-                rates.append(float(observer.fastest_rate(experiment.forms[label])))
+                rates.append(float(observer.fastest_rate(experiment.forms[label]) or 0.0))
         except Problem as problem:
             raise Problem(("observers", label, *problem.path), problem.message) from problem
+    rates = [rate for rate in rates if np.isfinite(rate)]  # others are not known
     plant = experiment.plant
     slopes = _SLOPES.get(plant.symbolic, lambda: _slopes(plant.symbolic))
     (at_start,) = at(slopes, time.start, plant.initial, plant.everything)

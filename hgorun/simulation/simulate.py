@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from hgorun.errors import SimulationError
+from hgorun.errors import PlantDiverged, SimulationError
 from hgorun.result.data import Integration
 from hgorun.result.result import Result
-from hgorun.simulation.confirmation import confirmed
+from hgorun.simulation.confirmation import confirmed, plant_lost
 from hgorun.simulation.control import controlled
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.given import LaterEstimate
@@ -57,7 +57,12 @@ def simulate_prepared(
             best = controlled(run, progress)
             return record(run, best.raw, best.measured, best.integration, best.verdicts)
         how = as_given(run)
-        raw, verdicts = confirmed(run, integrate(run, how, progress), Again(run, how, progress))
+        again = Again(run, how, progress)
+        try:
+            raw = integrate(run, how, progress)
+        except PlantDiverged as error:
+            raise plant_lost(run, error, again) from error
+        raw, verdicts = confirmed(run, raw, again)
         found = measured(run, raw, verdicts)
         integration = Integration(
             method=how.method,

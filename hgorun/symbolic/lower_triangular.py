@@ -70,6 +70,11 @@ class LowerTriangularForm(TriangularForm):
             form.__dict__["_reconstruction"] = known
         return form
 
+    @cached_property
+    def links(self) -> np.ndarray:
+        """Slopes of the output in x_1 and of x_i' in x_(i+1) at typical states, shape (N, n); maybe not finite."""
+        return np.array(_values(_links(self), self.model, self.points, self.parameters))
+
     @property
     def guesses(self) -> bool:
         """Whether Phi starts Newton's method somewhere."""
@@ -233,10 +238,7 @@ def state_affine_form(plant: PlantModel, at: np.ndarray, parameters: np.ndarray)
     NotObservableForm
     """
     form = lower_triangular_form(plant, at, parameters)
-    model, order = form.model, form.order
-    rows = [model.output[0], *(model.dynamics[i] for i in order[:-1])]
-    slopes = ca.vertcat(*[ca.jacobian(row, model.x[j]) for row, j in zip(rows, order, strict=True)])
-    function = _function(model, slopes)
+    model, order, function = form.model, form.order, _links(form)
 
     def of_slope_one(values: np.ndarray) -> np.ndarray:
         return np.asarray(~np.isfinite(values) | (np.abs(values - 1) <= 1e-9))
@@ -254,6 +256,14 @@ def state_affine_form(plant: PlantModel, at: np.ndarray, parameters: np.ndarray)
         return all(np.all(of_slope_one(values)) for values in _values(function, model, points, parameters))
 
     return replace(form, holds=(*form.holds, holds))
+
+
+def _links(form: LowerTriangularForm) -> ca.Function:
+    """Slopes of the output in x_1 and of x_i' in x_(i+1), from (t, x, u, p)."""
+    model, order = form.model, form.order
+    rows = [model.output[0], *(model.dynamics[i] for i in order[:-1])]
+    slopes = [ca.jacobian(row, model.x[j]) for row, j in zip(rows, order, strict=True)]
+    return _function(model, ca.vertcat(*slopes))
 
 
 def derivative_form(plant: PlantModel, at: np.ndarray, parameters: np.ndarray) -> DerivativeForm:

@@ -346,6 +346,16 @@ def test_a_diverged_observer_is_drawn_until_then_and_crushes_nothing(result: Res
         assert lines(b)["lost (diverged)"].get_xdata()[-1] < 3
 
 
+def test_an_estimate_that_is_undefined_at_first_is_drawn_from_where_it_is_a_number(result: Result) -> None:
+    late = result.x + 0.1
+    late[:5] = np.inf
+    observer = ObserverResult(
+        type="levant", xhat=late, internal={}, gains={}, dimension=2, verdict=Verdict("undefined", 0.0)
+    )
+    drawn = lines(draw(replace(result, observers={"late": observer}), block({"state": "x1"})).axes[0])
+    assert drawn["late (undefined)"].get_xdata()[0] == result.time[5]
+
+
 def test_one_wild_estimate_does_not_hide_the_rest(result: Result) -> None:
     noise = np.sin(40 * result.time)[:, None]
     wild = with_observers(result, good=result.x + 0.01 * noise, wild=result.x + 1e5 * noise)

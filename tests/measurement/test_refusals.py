@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import pytest
-from examples import chain, experiment, simulated
+from examples import chain, experiment, inline, simulated
 
-from hgorun.errors import ConfigError
+from hgorun.errors import ConfigError, PluginError
+from hgorun.measurement.blocks import Measurement, Periodic, noise_blocks
+from hgorun.noise.base import NOISE
+from hgorun.noise.uniform import UniformNoise
 from hgorun.simulation.simulate import prepare
 
 OBSERVERS = {"o": {"type": "shgo", "theta": 2}}
@@ -85,3 +89,70 @@ def test_an_output_that_the_plant_has_not(measurement: dict[str, Any], key: str)
     with pytest.raises(ConfigError, match="x1") as error:
         prepare(experiment(chain(2), OBSERVERS, step=0.01, measurement=measurement))
     assert error.value.key == key
+
+
+@pytest.mark.parametrize(
+    ("measurement", "key", "words"),
+    [
+        ({"sampling": {"steps": "1.0e-7"}}, "measurement.sampling.steps", r"\d+ samples, which take about \S+ GiB"),
+        ({"sampling": {"period": 1e-7}}, "measurement.sampling.period", "samples"),
+        (
+            {"noise": [{"type": "uniform", "low": -1, "high": 1, "hold": 1e-7}]},
+            "measurement.noise.0.hold",
+            r"1e\+07 draws take about \S+ GiB; time.max_memory leaves",
+        ),
+    ],
+)
+def test_more_than_the_memory_holds(measurement: dict[str, Any], key: str, words: str) -> None:
+    time = {"end": 1, "output_step": 0.1, "max_memory": 1e8}
+    with pytest.raises(ConfigError, match=words) as error:
+        prepare(experiment(chain(2), OBSERVERS, step=0.01, measurement=measurement, time=time))
+    assert error.value.key == key
+
+
+def test_samples_that_come_back_after_a_delay_again_and_again() -> None:
+    """One output is sampled, the other late: what happens at a sample returns a delay later, five times."""
+    plant = inline({"x1": "x2", "x2": "-x1"}, ["x1", "x2"])
+    outputs = {"x1": {"sampling": {"period": 1e-3}}, "x2": {"delay": 0.1234567}}
+    time = {"end": 1, "output_step": 0.1, "max_memory": 2e6}
+    with pytest.raises(ConfigError, match=r"come back after the delay make \d+ events, about") as error:
+        prepare(experiment(plant, OBSERVERS, step=0.05, measurement={"outputs": outputs}, time=time))
+    assert error.value.key == "measurement.outputs.x2.delay"
+
+
+def test_a_noise_of_the_wrong_shape_is_told() -> None:
+    class Twice(UniformNoise):
+        def draw(self, random: np.random.Generator, count: int) -> np.ndarray:
+            return random.uniform(size=2 * count)
+
+    with NOISE.replaced("twice", Twice):
+        noise = [{"type": "twice", "low": -1, "high": 1}]
+        measurement = {"sampling": {"period": 0.25}, "noise": noise}
+        with pytest.raises(
+            PluginError, match=r"noise 'twice': draw returned an array of shape \(10,\), expected \(5,\)"
+        ):
+            simulated(chain(2), OBSERVERS, step=0.01, measurement=measurement)
+
+
+def test_noise_and_sampling_that_are_blocks_already_are_taken() -> None:
+    item = UniformNoise(type="uniform", low=-1, high=1)
+    made = Measurement.model_validate({"sampling": Periodic(period=0.5), "noise": [item]})
+    assert made.noise == (item,)
+    assert made.sampling == Periodic(period=0.5)
+
+
+def test_every_place_where_noise_is_given() -> None:
+    noise = [{"type": "uniform", "low": -1, "high": 1}]
+    made = Measurement.model_validate(
+        {
+            "noise": noise,
+            "outputs": {"a": {"noise": noise}, "b": {"delay": 0.1}},
+            "phases": [{"until": 1}, {"until": 2, "noise": noise, "outputs": {"c": {"noise": []}, "d": {}}}],
+        }
+    )
+    assert [path for path, _ in noise_blocks(made)] == [
+        "measurement.noise",
+        "measurement.outputs.a.noise",
+        "measurement.phases.1.noise",
+        "measurement.phases.1.outputs.c.noise",
+    ]

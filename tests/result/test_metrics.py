@@ -17,9 +17,9 @@ from outside import code_of, installed
 from hgorun import Result
 from hgorun.commands.catalogue import list_all, show
 from hgorun.commands.options import List, Show
-from hgorun.errors import HgorunError
+from hgorun.errors import HgorunError, PluginError
 from hgorun.result.measure import measure
-from hgorun.result.metrics.base import METRICS, all_metrics, largest
+from hgorun.result.metrics.base import METRICS, Metric, all_metrics, largest
 from hgorun.result.reading import read
 from hgorun.result.windows import MetricSettings, points_in
 from hgorun.study.quantities import measure_quantity, read_sentence
@@ -177,3 +177,23 @@ def test_a_metric_that_cannot_be_loaded_is_told(tmp_path: Path, monkeypatch: pyt
         pytest.raises(HgorunError, match=r"the metric 'bias' must be a record hgorun\.result\.metrics\.base\.Metric"),
     ):
         small()
+
+
+def test_windows_without_points_have_no_numbers() -> None:
+    """Of the moving mean, too: it needs all of its points."""
+    t = 0.1 * np.arange(20)
+    x = np.random.default_rng(2).normal(size=(20, 2))
+    found = measure(t, x, {"": x + 1}, MetricSettings((5.0, 6.0), (-2.0, -1.0), 0.3, 0.05))[""]
+    for name in ("rmse", "sup", "hf", "tv", "peak"):
+        assert np.all(np.isnan(found[name])), name
+    assert found["settling"].tolist() == [0.0, 0.0]  # without a peak it has settled from the start
+    long_mean = measure(t, x, {"": x + 1}, MetricSettings((0.0, 1.9), (0.0, 1.0), 5.0, 0.05))[""]
+    assert np.all(np.isnan(long_mean["hf"]))
+    assert np.all(np.isfinite(long_mean["rmse"]))
+
+
+def test_a_metric_of_the_wrong_shape_is_told() -> None:
+    one = Metric(name="one", meaning="a single number", unit="1", measure=lambda estimates: np.array(1.0))
+    t, x = np.arange(3.0), np.zeros((3, 2))
+    with pytest.raises(PluginError, match=r"metric 'one': measure returned an array of shape \(\), expected \(1, 2\)"):
+        measure(t, x, {"": x}, MetricSettings((0.0, 2.0), (0.0, 1.0), 1.0, 0.05), [one])

@@ -10,6 +10,7 @@ import pytest
 from examples import run
 from scipy.integrate import solve_ivp
 
+import hgorun
 from hgorun.simulation.verdict import left_for_good, may_have_left
 
 T = np.linspace(0, 10, 1001)
@@ -113,6 +114,33 @@ def test_a_far_first_estimate_converges(step: float, tmp_path: Path) -> None:
     else:
         assert observer.status == "ok"
         assert observer.metrics["peak"][1] == pytest.approx(1.183, abs=2e-3)
+
+
+@pytest.mark.parametrize("stiff", [True, False])
+def test_a_stiff_plant_is_told_from_one_that_diverges(stiff: bool, tmp_path: Path) -> None:
+    """Robertson's reaction stays in [0, 1]; steps of 0.01 are 20 times too long for it. x' = x^2 has a pole at 1."""
+    robertson = {
+        "states": ["a", "b", "c"],
+        "dynamics": {"a": "-0.04*a + 1e4*b*c", "b": "0.04*a - 1e4*b*c - 3e7*b**2", "c": "3e7*b**2"},
+        "output": "a",
+        "initial": {"a": 1, "b": 0, "c": 0},
+    }
+    pole = {"states": ["x"], "dynamics": {"x": "x**2"}, "output": "x", "initial": {"x": 1}}
+    config = {
+        "time": {"end": 2, "output_step": 0.1},
+        "plant": robertson if stiff else pole,
+        "observers": {},
+        "solver": {"method": "rk4", "step": 0.01},
+    }
+    with pytest.raises(hgorun.SimulationError) as error:
+        run(tmp_path, config)
+    if stiff:
+        assert "it diverges with steps of 0.01, but not with shorter ones: give a step of at most" in str(error.value)
+        given = float(str(error.value).split("at most ")[1].split(",")[0])
+        x = run(tmp_path, config | {"solver": {"step": given}}).x
+        assert np.all((x >= -1e-9) & (x <= 1 + 1e-9))
+    else:
+        assert "the plant itself diverged at t = 1" in str(error.value)
 
 
 @pytest.mark.parametrize("unit", [1e-9, 1.0, 1e9])

@@ -1,5 +1,6 @@
 """Quantities of claims against the same computed from the trajectories with plain numpy."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ from hgorun.config.expressions import ExpressionError
 from hgorun.config.models import Claim
 from hgorun.errors import Problem
 from hgorun.study.check import check
-from hgorun.study.measured import values_of
+from hgorun.study.measured import asked_of, values_of
 from hgorun.study.quantities import exponent, measure_quantity, read_sentence
 from hgorun.study.theory import theory_of
 from hgorun.study.verdict import judge
@@ -173,3 +174,70 @@ def test_numbers_of_the_analysis(tmp_path: Path) -> None:
     (tau,) = read_sentence("analysis('noisy/A', tau_bound)", ("noisy", "quiet")).quantities
     with pytest.raises(Problem, match="fhgo1"):
         look_up(tau)
+
+
+def test_a_value_of_what_is_no_number_or_too_large() -> None:
+    sentence = read_sentence("rmse('A', x1)/rmse('B', x1)", ("only",))
+    one, other = (str(q) for q in sentence.quantities)
+    assert np.isnan(sentence.value({one: float("nan"), other: 1.0}))
+    assert np.isnan(sentence.value({one: 1.0, other: 0.0}))
+    assert sentence.value({one: float("inf"), other: 2.0}) == np.inf
+    assert sentence.value({one: -float("inf"), other: 2.0}) == -np.inf
+    assert sentence.value({one: 3.0, other: 2.0}) == 1.5
+
+
+def test_a_number_of_the_analysis_needs_its_key() -> None:
+    with pytest.raises(ExpressionError, match="analysis needs a key after the name in quotes"):
+        read_sentence("analysis('A')", ("only",))
+    (quantity,) = read_sentence("analysis('A', noise_rms_predicted, x2)", ("only",)).quantities
+    assert (quantity.key, quantity.state) == ("noise_rms_predicted", "x2")
+    assert str(quantity) == "analysis('only/A', noise_rms_predicted, x2)"
+
+
+def test_a_difference_of_runs_with_other_grids_is_none(results: dict[str, hgorun.Result]) -> None:
+    (quantity,) = read_sentence("difference('noisy/A', 'quiet/A', x2)", ("noisy", "quiet")).quantities
+    noisy, quiet = results["noisy"], results["quiet"]
+    later = replace(quiet, time=quiet.time + 1)
+    with pytest.raises(ExpressionError, match="the runs have different output grids"):
+        measure_quantity(quantity, {"noisy": noisy, "quiet": later})
+
+
+@pytest.mark.parametrize(
+    ("value", "words"),
+    [
+        ("difference('many/A', 'noisy/A', x1)", "members of different ensembles cannot be compared"),
+        ("rmse('noisy/A', x1, 3, 9)", "run noisy lasts from 0 to 6"),
+        ("rmse('noisy/A', x1, 3.001, 3.002)", "no output point of run noisy lies in this window"),
+        ("exponent('many/A', x1)", "an exponent needs a run with vary, and many has none"),
+        ("exponent('eps/A', x1, 5, 6)", "an exponent needs at least two different values > 0 of eps"),
+    ],
+)
+def test_claims_that_cannot_be_measured(tmp_path: Path, value: str, words: str) -> None:
+    path = tmp_path / "file.yaml"
+    text = CONFIG + "  many: {seeds: 3}\n  eps: {vary: {name: eps, values: [1, 2], set: {observers.A.theta: 1/eps}}}\n"
+    path.write_text(text + f'claims:\n  - {{id: a, claim: so, value: "{value}", below: 9}}\n')
+    with pytest.raises(hgorun.ConfigError) as caught:
+        check(hgorun.load_study(path))
+    assert words in str(caught.value)
+    assert caught.value.key == "claims.0.value"
+
+
+def test_two_claims_of_one_name(tmp_path: Path) -> None:
+    path = tmp_path / "file.yaml"
+    claims = "".join(f"  - {{id: a, claim: so, value: \"rmse('noisy/A', x1)\", below: {i}}}\n" for i in (1, 2))
+    path.write_text(CONFIG + "claims:\n" + claims)
+    with pytest.raises(hgorun.ConfigError, match=r"file.yaml:10: claims\.1\.id: two claims are called 'a'"):
+        hgorun.load_study(path)
+
+
+def test_the_slope_of_an_ensemble_of_amplitudes(tmp_path: Path) -> None:
+    """Amplitudes 5 eps^2, measured on the members; the claim is about their slope."""
+    path = tmp_path / "file.yaml"
+    text = CONFIG + "  eps: {vary: {name: eps, values: [0.1, 0.2, 0.4], set: {observers.A.theta: 1/eps}}}\n"
+    path.write_text(text + "claims:\n  - {id: a, claim: so, value: \"exponent('eps/A', x1)\", between: [1.9, 2.1]}\n")
+    study = hgorun.load_study(path)
+    check(study)
+    (asked,) = asked_of(study, "eps", [0], [])
+    assert str(asked) == "amplitude('eps/A', x1)"
+    members = [{str(asked): 5 * eps**2} for eps in (0.1, 0.2, 0.4)]
+    assert values_of(study, 0, {}, {"eps": members}, lambda quantity: 0.0) == pytest.approx([2.0])

@@ -106,6 +106,11 @@ def _systems(run: PreparedRun, label: str, noise_free: Result, inside: np.ndarra
     return Linearisation(run, label), points
 
 
+def _require_slopes(systems: Linear) -> None:
+    if not all(np.all(np.isfinite(value)) for value in vars(systems).values()):
+        raise NoValue(NO_SLOPES)
+
+
 def _one(systems: Linear, omega: np.ndarray, delay: float = 0.0) -> Linear:
     """The mean of systems whose responses at these frequencies are the same.
 
@@ -114,8 +119,7 @@ def _one(systems: Linear, omega: np.ndarray, delay: float = 0.0) -> Linear:
     NoValue
         When they differ.
     """
-    if not all(np.all(np.isfinite(value)) for value in vars(systems).values()):
-        raise NoValue(NO_SLOPES)
+    _require_slopes(systems)
     mean = Linear(*[value.mean(axis=0) for value in vars(systems).values()])
     require_hurwitz(relevant(mean))
     expected = response(mean, omega, delay)
@@ -171,6 +175,7 @@ def _late(run: PreparedRun, label: str, noise_free: Result, inside: np.ndarray) 
     delay = _delay(run)
     observer, points = _systems(run, label, noise_free, inside)
     systems = observer.trajectory(noise_free.observers[label], points, noise_free.time[points])
+    _require_slopes(systems)
     rates = np.abs(np.linalg.eigvals(relevant(Linear(*[v[0] for v in vars(systems).values()])).A))
     linear = _one(systems, np.array([0.0, *rates]), delay)
     at = noise_free.time[inside]

@@ -1,0 +1,68 @@
+"""Plants written out in a file: what they may look like, and what is refused."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from examples import VAN_DER_POL, experiment
+
+from hgorun.errors import ConfigError
+from hgorun.plants.base import PLANTS, Parameter
+from hgorun.plants.van_der_pol import VanDerPol
+from hgorun.simulation.simulate import prepare
+
+PLANT: dict[str, Any] = {
+    "states": ["x1", "x2"],
+    "dynamics": {"x1": "x2", "x2": "-x1"},
+    "output": "x1",
+    "initial": {"x1": 1, "x2": 0},
+}
+
+
+@pytest.mark.parametrize(
+    ("output", "names"),
+    [
+        ("x1", ("x1",)),
+        (["x1", "x1 + x2"], ("x1", "y2")),
+        ("x1**2", ("y1",)),
+        ({"angle": {"value": "x1", "period": 6.28}, "speed": "x2"}, ("angle", "speed")),
+    ],
+)
+def test_an_output_has_the_name_that_it_is_given(output: Any, names: tuple[str, ...]) -> None:
+    assert experiment(PLANT | {"output": output}, {}).plant.model.outputs == names
+
+
+@pytest.mark.parametrize(
+    ("changes", "key", "words"),
+    [
+        ({"output": True}, "plant.output", "expected an expression, a list or name: expression, found True"),
+        ({"output": []}, "plant.output", "at least one output is needed"),
+        ({"output": ["x1", "x1"]}, "plant.output", "outputs must differ, found x1, x1"),
+        ({"output": "1 + 1"}, "plant.output.y1", "1 + 1 is a number; an output is a state or an expression of states"),
+        ({"output": {"a": {"value": "2", "period": 1}}}, "plant.output.a.value", "2 is a number"),
+        ({"states": ["x1", "x1"]}, "plant", "a name stands twice"),
+        ({"dynamics": {"x1": "x2"}}, "plant", "the right-hand side of x2 is missing"),
+        ({"dynamics": {"x1": "x2", "x2": "-x1", "x3": "1"}}, "plant.dynamics.x3", "unknown name 'x3'; known here: x1"),
+        ({"units": {"x3": "m"}}, "plant.units.x3", "unknown name 'x3'"),
+        ({"parameters": {"a": "b", "b": "a"}}, "plant.parameters.a", "a, b are defined through each other"),
+        ({"parameters": {"a": "log(-1)"}}, "plant.parameters.a", "log"),
+    ],
+)
+def test_what_is_no_plant(changes: dict[str, Any], key: str, words: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        prepare(experiment(PLANT | changes, {}))
+    assert words in str(caught.value)
+    assert caught.value.key == key
+
+
+def test_a_parameter_without_a_default_has_to_be_given() -> None:
+    class Oscillator(VanDerPol):
+        known_parameters = {**VanDerPol.known_parameters, "mu": Parameter(None, "1/s", "damping")}
+
+    with PLANTS.replaced("oscillator", Oscillator):
+        plant = VAN_DER_POL | {"type": "oscillator"}
+        with pytest.raises(ConfigError, match="the value of mu is missing") as caught:
+            _ = experiment(plant, {}).plant
+        assert caught.value.key == "plant.parameters"
+        assert experiment(plant | {"parameters": {"mu": 2}}, {}).plant.parameters.size == 2

@@ -1,0 +1,49 @@
+"""Why observers diverge, in words."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from examples import simulated
+
+DECAY: dict[str, Any] = {"states": ["x"], "dynamics": {"x": "-x"}, "output": "x", "initial": {"x": 1}}
+HUMP: dict[str, Any] = {  # J = diag(1, (1 - b^2)/(1 + b^2)^2) is singular at b = 1
+    "states": ["a", "b"],
+    "dynamics": {"a": "b/(1 + b**2)", "b": "-0.1*b"},
+    "output": "a",
+    "initial": {"a": 0, "b": 0.5},
+}
+
+
+@pytest.mark.parametrize("measurement", [{}, {"sampling": {"period": 0.1}}])
+def test_an_unstable_gain_is_named_with_its_rate(measurement: dict[str, Any]) -> None:
+    """e' = (-1 + 12) e."""
+    observers = {"S": {"type": "shgo", "theta": 1, "gains": [-12]}}
+    result = simulated(DECAY, observers, end=4, step=0.01, measurement=measurement)
+    observer = result.observers["S"]
+    assert observer.status == "diverged"
+    assert observer.reason == "the gain is unstable on this plant: small errors grow like exp(11 t)"
+
+
+def test_a_stable_gain_is_not_blamed() -> None:
+    """Samples too far apart for this filter: its gain is stable."""
+    plant = {"type": "integrator_chain", "phi": "cos(3*t) - x1", "initial": {"x1": 0.5, "x2": 0.4}}
+    observers = {"F": {"type": "fhgo2", "r": 2, "theta": 60, "initial": {"x1": 0.2}}}
+    result = simulated(plant, observers, end=20, step=0.01, measurement={"sampling": {"period": 0.25}})
+    assert result.observers["F"].status == "diverged"
+    assert result.observers["F"].reason is None
+
+
+def test_a_singular_jacobian_is_named() -> None:
+    observers = {"S": {"type": "shgo", "theta": 3, "map": "derivatives", "initial": {"a": -0.8, "b": 0.8}}}
+    observer = simulated(HUMP, observers, end=4, output_step=0.001, step=0.001).observers["S"]
+    assert observer.status != "ok"
+    assert observer.reason is not None
+    before, _, at = observer.reason.rpartition("J became singular at t = ")
+    assert before
+    b = observer.xhat[:, 1]
+    crossed = np.flatnonzero(b[np.isfinite(b)] > 1)
+    assert crossed.size
+    assert float(at) == pytest.approx(0.001 * crossed[0], abs=1e-9)
