@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
@@ -23,6 +24,8 @@ observers: {"HGO θ": {type: shgo, theta: 2}}
 solver: {step: 0.01}
 """
 HGORUN = [sys.executable, "-m", "hgorun"]
+# A process that is stopped at any time, or may write no more, cannot write either what coverage measures in it.
+UNMEASURED = {name: value for name, value in os.environ.items() if not name.startswith("COVERAGE_")}
 
 
 @pytest.fixture
@@ -31,12 +34,12 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def shell(folder: Path, command: str, **environment: str) -> subprocess.CompletedProcess[str]:
+def shell(
+    folder: Path, command: str, base: Mapping[str, str] = os.environ, **environment: str
+) -> subprocess.CompletedProcess[str]:
     """Run a line of the shell, in which $HGORUN is the command."""
     line = command.replace("$HGORUN", " ".join(HGORUN))
-    return subprocess.run(
-        ["bash", "-c", line], cwd=folder, capture_output=True, text=True, env={**os.environ, **environment}
-    )
+    return subprocess.run(["bash", "-c", line], cwd=folder, capture_output=True, text=True, env={**base, **environment})
 
 
 @pytest.mark.parametrize("command", ["simulate c.yaml --json", "list plants", "--help"])
@@ -80,7 +83,7 @@ def test_a_notebooks_backend_does_not_hinder(folder: Path) -> None:
 
 @pytest.mark.parametrize("blocks", [1, 4, 16])
 def test_a_limit_of_file_sizes_leaves_nothing(blocks: int, folder: Path) -> None:
-    done = shell(folder, f"ulimit -f {blocks}; $HGORUN simulate c.yaml -q", PYTHONDONTWRITEBYTECODE="1")
+    done = shell(folder, f"ulimit -f {blocks}; $HGORUN simulate c.yaml -q", UNMEASURED, PYTHONDONTWRITEBYTECODE="1")
     assert done.returncode == 1
     assert done.stderr == "hgorun: results/c.h5: cannot be written: File too large\n"
     assert list((folder / "results").iterdir()) == []
@@ -91,7 +94,8 @@ def test_a_limit_of_file_sizes_leaves_nothing(blocks: int, folder: Path) -> None
 def test_a_signal_at_any_time_is_answered_at_once(number: signal.Signals, delay: float, folder: Path) -> None:
     longer = CONFIG.replace("end: 1,", "end: 500000,").replace("output_step: 0.01", "output_step: 10")
     (folder / "c.yaml").write_text(longer.replace("period: 0.25", "period: 50").replace("step: 0.01}", "step: 0.001}"))
-    process = subprocess.Popen([*HGORUN, "simulate", "c.yaml"], cwd=folder, stderr=subprocess.PIPE)
+    command = [*HGORUN, "simulate", "c.yaml"]
+    process = subprocess.Popen(command, cwd=folder, stderr=subprocess.PIPE, env=UNMEASURED)
     time.sleep(delay)
     process.send_signal(number)
     started = time.perf_counter()
@@ -133,7 +137,7 @@ def test_memory_that_is_limited_is_one_line(folder: Path) -> None:
         resource.setrlimit(resource.RLIMIT_AS, (2**31, 2**31))
 
     command = [*HGORUN, "simulate", "c.yaml", "--set", "time.output_step=1e-8", "--set", "time.max_memory=1e11"]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, preexec_fn=limit)
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, preexec_fn=limit, env=UNMEASURED)
     assert done.returncode == 1
     assert done.stderr.startswith("hgorun: out of memory; a longer time.output_step")
     assert done.stderr.count("\n") == 1
