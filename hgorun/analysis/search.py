@@ -1,4 +1,4 @@
-"""The smallest theta with which an observer finds the state in simulation, found by trying."""
+"""Where the range of theta with which an observer finds the state ends below, found by simulating again and again."""
 
 from __future__ import annotations
 
@@ -19,12 +19,13 @@ _PRECISION = 0.02  # relatively
 
 
 def critical_theta(experiment: Experiment, label: str, theta: float) -> float:
-    """The smallest theta with which an observer works, near the configured one.
+    """The largest theta that fails below an observer's working range, to 2 %: one that works, a theta 2 % less fails.
 
     Without noise and disturbance, in the configured run: an observer works when its error in the last tenth of
-    the run is at most 1 % of that at the start, in every state. The search halves theta until that fails, or
-    doubles it until it succeeds, and then bisects to 2 %: it finds a border, not necessarily the only one. Where
-    outputs are sampled or late, too large a theta fails, too.
+    the run is at most 1 % of that at the start, in every state. Its working range holds the configured theta, or is
+    the next one above. The search halves theta until that fails, or doubles it until it succeeds, and then bisects.
+    It is a border, not necessarily the only one: a smaller theta may work again, a gap of less than a factor of
+    2 can be missed, and where outputs are sampled or late too large a theta fails, too.
 
     Raises
     ------

@@ -13,7 +13,7 @@ from hgorun.reproduce import pool
 from hgorun.reproduce.choice import choose
 from hgorun.reproduce.job import Folders
 from hgorun.reproduce.verdicts import verdicts_of
-from hgorun.study.verdict import Verdict, number_text
+from hgorun.study.verdict import VERDICTS, Verdict
 
 UNEXPECTED = 3
 _WIDTH = 100
@@ -43,12 +43,14 @@ def _text(found: Sequence[tuple[str, str, Verdict]]) -> str:
         if group != last:
             lines += ["", group] if last else [group]
             last = group
-        surprise = "" if verdict.as_expected else f"  (expected: {verdict.claim.expect})"
-        lines.append(f"  {verdict.claim.id:>4}  {verdict.verdict:<9}  {number_text(verdict)}{surprise}")
-        lines += textwrap.wrap(
-            verdict.claim.claim, _WIDTH, initial_indent=" " * 8, subsequent_indent=" " * 8, break_on_hyphens=False
-        )
-    counts = {kind: sum(v.verdict == kind for _, _, v in found) for kind in ("confirmed", "refuted", "undecided")}
+        surprise = "" if verdict.as_expected else f"  (expected: {verdict.claim.expected})"
+        first, *others = verdict.texts
+        lines.append(f"  {verdict.claim.id:>4}  {verdict.verdict:<11}  {first}{surprise}")
+        for words in (verdict.claim.claim, *others, verdict.claim.undecidable):
+            lines += textwrap.wrap(
+                words, _WIDTH, initial_indent=" " * 8, subsequent_indent=" " * 8, break_on_hyphens=False
+            )
+    counts = {kind: sum(v.verdict == kind for _, _, v in found) for kind in VERDICTS}
     unexpected = sum(not v.as_expected for _, _, v in found)
     summary = ", ".join(f"{count} {kind}" for kind, count in counts.items() if count)
     lines += ["", f"{len(found)} claims: {summary}" + (f"; {unexpected} not as expected" if unexpected else "")]

@@ -80,7 +80,8 @@ class Analyze(Configured):
     config: Annotated[Path, typer.Argument(metavar="CONFIG", help="A YAML configuration.")]
     plots: Annotated[bool, typer.Option("--plots/--no-plots", help="Draw errors and their bounds (PNG, PDF).")] = True
     search: Annotated[
-        bool, typer.Option("--search", help="Search for the smallest theta that works, by simulation.")
+        bool,
+        typer.Option("--search", help="Search for the largest theta that fails below the working range."),
     ] = False
 
 
@@ -111,12 +112,13 @@ class Figures(Reproduction):
 class Claims(Reproduction):
     """Measure what the publications claim.
 
-    Each claim is confirmed or refuted, with the number.
+    Each claim is confirmed or refuted, with the number; undecided where chance leaves it open; depends where the
+    publication leaves open what decides; undecidable where no finite run can tell.
     """
 
-    strict: Annotated[bool, typer.Option("--strict", help="Exit with code 3 if a verdict is not the expected one.")] = (
-        False
-    )
+    strict: Annotated[
+        bool, typer.Option("--strict", help="Exit with code 3 if a verdict is not the one that its file expects.")
+    ] = False
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)

@@ -199,25 +199,70 @@ class Figure(Block):
     height: Positive | None = Field(default=None, description="inches (default: 2.2 a row of panels)")
 
 
-class Claim(Block):
+class Inequality(Block):
+    """An expression of quantities, and between what its value has to lie."""
+
+    value: str = Field(description="an expression of metrics of the runs, such as hf('FHGO', x1)/hf('SHGO', x1)")
+    below: Number | None = Field(default=None, description="it holds if the value is below")
+    above: Number | None = Field(default=None, description="it holds if the value is above")
+    between: Window | None = Field(default=None, description="it holds if the value lies in [low, high]")
+
+    @model_validator(mode="after")
+    def _one_threshold(self) -> Inequality:
+        if self.thresholds != 1:
+            raise ValueError("give exactly one of below, above and between")
+        return self
+
+    @property
+    def thresholds(self) -> int:
+        """How many are given."""
+        return sum(getattr(self, key) is not None for key in ("below", "above", "between"))
+
+
+class Alternative(Inequality):
+    """What decides a claim if something that the publication leaves open is chosen in another way."""
+
+    note: str = Field(default="", description="the other choice")
+
+
+class Claim(Inequality):
     """A sentence of a publication and the inequality that decides it."""
 
     id: str = Field(description="a short name, unique in the file")
     claim: str = Field(description="the sentence, paraphrased")
     source: str = Field(default="", description="where it stands: section, page")
     figure: str | None = Field(default=None, description="the figure it refers to")
-    value: str = Field(description="an expression of metrics of the runs, such as hf('FHGO', x1)/hf('SHGO', x1)")
-    below: Number | None = Field(default=None, description="the claim holds if the value is below")
-    above: Number | None = Field(default=None, description="the claim holds if the value is above")
-    between: Window | None = Field(default=None, description="the claim holds if the value lies in [low, high]")
-    expect: Literal["confirmed", "refuted"] = Field(default="confirmed", description="the verdict known so far")
+    value: str = Field(
+        default="", description="an expression of metrics of the runs, such as hf('FHGO', x1)/hf('SHGO', x1)"
+    )
+    alternatives: tuple[Alternative, ...] = Field(
+        default=(), description="other choices of what is open: where they differ, the verdict is `depends`"
+    )
+    undecidable: str = Field(default="", description="why no finite run decides it; the value is shown beside that")
+    expect: Literal["confirmed", "refuted", "undecided", "undecidable", "depends"] = Field(
+        default="confirmed", description="the verdict known so far; of what is undecidable just that"
+    )
     note: str = Field(default="", description="what a reader should know beside the number")
 
     @model_validator(mode="after")
     def _one_threshold(self) -> Claim:
-        if sum(getattr(self, key) is not None for key in ("below", "above", "between")) != 1:
-            raise ValueError("give exactly one of below, above and between")
+        if not self.value and not self.undecidable:
+            raise ValueError("give a value, or say under undecidable why there is none")
+        if self.thresholds != (1 if self.value else 0):
+            raise ValueError("give exactly one of below, above and between" + ("" if self.value else " with a value"))
+        if self.alternatives and (not self.value or self.undecidable):
+            raise ValueError("alternatives go with a value that decides")
         return self
+
+    @property
+    def inequalities(self) -> tuple[Inequality, ...]:
+        """Its own, if it has one, and the alternatives."""
+        return (self, *self.alternatives) if self.value else ()
+
+    @property
+    def expected(self) -> str:
+        """The verdict known so far."""
+        return "undecidable" if self.undecidable else self.expect
 
 
 class Vary(Block):

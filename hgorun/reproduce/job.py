@@ -79,8 +79,8 @@ class Outcome:
         Files of each figure.
     small : dict of str to str
         A small picture of each, for the report.
-    values : dict of str to list of float
-        Of each claim, by its id: one value, or one for each member of an ensemble.
+    values : dict of str to list of list of float
+        Of each claim, by its id, and of each of its inequalities: one value, or one for each member of an ensemble.
     errors : dict of str to float or None
         Integration error of each single run, None where the method's step defines the run.
     troubles : dict of str to list of str
@@ -91,7 +91,7 @@ class Outcome:
 
     figures: dict[str, list[str]] = field(default_factory=dict)
     small: dict[str, str] = field(default_factory=dict)
-    values: dict[str, list[float]] = field(default_factory=dict)
+    values: dict[str, list[list[float]]] = field(default_factory=dict)
     errors: dict[str, float | None] = field(default_factory=dict)
     troubles: dict[str, list[str]] = field(default_factory=dict)
     refused: dict[str, list[str]] = field(default_factory=dict)
@@ -152,7 +152,7 @@ class Work:
 
     def _runs(self, figures: Iterable[str], claims: Iterable[int]) -> list[Run]:
         names = [run for figure in figures for run in self.study.runs_of(figure)]
-        names += [run for i in claims for q in self.study.sentences[i].quantities for run, _ in q.of]
+        names += [run for i in claims for q in self.study.quantities(i) for run, _ in q.of]
         return [self.study.runs[name] for name in dict.fromkeys(names)]
 
     def run(self, report: Report = lambda part, what: None) -> Outcome:
@@ -187,7 +187,8 @@ class Work:
         for i in self.stale_claims:
             with self.study.located():
                 values = values_of(self.study, i, results, ensembles, theory)
-            self.state.note("claims", self.study.claims[i].id, of_claim(self.study, i), values=list(values))
+            claim = self.study.claims[i].id
+            self.state.note("claims", claim, of_claim(self.study, i), values=[list(part) for part in values])
         self.__dict__.pop("stale_figures", None)
         self.__dict__.pop("stale_claims", None)
         return self.outcome()

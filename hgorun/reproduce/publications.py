@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Literal
 
 from pydantic import Field
 
@@ -12,12 +13,16 @@ from hgorun.config.validation import validate
 
 
 class Erratum(Block):
-    """One error in a publication."""
+    """One place of a publication that is wrong, or where it cannot be told what is right."""
 
     place: str = Field(description="equation, figure or page")
     printed: str
     right: str
     evidence: str = ""
+    kind: Literal["error", "undecided", "kept"] = Field(
+        default="error",
+        description="error: the print is wrong. undecided: it is open what is right. kept: used as printed",
+    )
 
 
 class Publication(Block):
@@ -26,6 +31,16 @@ class Publication(Block):
     short: str = Field(description="authors and year")
     title: str = Field(description="full reference")
     errata: tuple[Erratum, ...] = ()
+
+    @property
+    def errors(self) -> list[Erratum]:
+        """What is wrong in print."""
+        return [erratum for erratum in self.errata if erratum.kind == "error"]
+
+    @property
+    def doubts(self) -> list[Erratum]:
+        """What is undecided, or kept as printed."""
+        return [erratum for erratum in self.errata if erratum.kind != "error"]
 
 
 def publication(folder: Path) -> Publication:

@@ -13,7 +13,7 @@ from hgorun.reproduce.job import Folders, Outcome, Work
 from hgorun.reproduce.publications import Publication, publication
 from hgorun.reproduce.shipped import folder as shipped_folder
 from hgorun.reproduce.verdicts import verdicts_of
-from hgorun.study.verdict import Verdict, number_text
+from hgorun.study.verdict import VERDICTS, Verdict
 from hgorun.version import __version__
 
 _PACKAGES = ("numpy", "scipy", "casadi", "llvmlite", "matplotlib", "h5py")
@@ -27,6 +27,9 @@ their print. Made by `make figures`, which runs
 The parameters of each figure, and what the publications leave open, are in the experiment named under it. A claim
 is confirmed or refuted by an inequality on numbers that the runs give. Where the runs are random the number is the
 mean over so many seeds, with its 95 % confidence interval; a claim whose interval holds the threshold is undecided.
+Where a publication leaves open what decides, such as a horizon, a claim has alternatives, after "or": if some confirm
+it and others refute it, the verdict is depends. A sentence about a limit, which no finite run decides, is undecidable.
+Errata count what is wrong in print; what is undecided, or kept as printed, stands apart and is not counted.
 """
 
 
@@ -64,13 +67,14 @@ def _verdicts(made: Sequence[tuple[Work, Outcome]]) -> list[Verdict]:
 
 
 def _summary(groups: dict[str, list[tuple[Work, Outcome]]], known: dict[str, Publication]) -> Iterator[str]:
-    yield "| publication | figures | claims | confirmed | refuted | undecided | errata |"
-    yield "|---|---|---|---|---|---|---|"
+    yield f"| publication | figures | claims | {' | '.join(VERDICTS)} | errata | undecided or kept |"
+    yield "|" + "---|" * (5 + len(VERDICTS))
     for group, made in groups.items():
         verdicts = _verdicts(made)
-        counts = [sum(v.verdict == kind for v in verdicts) for kind in ("confirmed", "refuted", "undecided")]
+        counts = [sum(v.verdict == kind for v in verdicts) for kind in VERDICTS]
         figures = sum(len(outcome.figures) for _, outcome in made)
-        cells = [known[group].short, figures, len(verdicts), *counts, len(known[group].errata)]
+        errata = [len(known[group].errors), len(known[group].doubts)]
+        cells = [known[group].short, figures, len(verdicts), *counts, *errata]
         yield "| " + " | ".join(map(str, cells)) + " |"
 
 
@@ -80,9 +84,10 @@ def _claims(made: Sequence[tuple[Work, Outcome]]) -> Iterator[str]:
         return
     yield from ("", "### Claims", "", "| | claim | stated in | measured | verdict |", "|---|---|---|---|---|")
     for v in verdicts:
-        note = f" *{v.claim.note}*" if v.claim.note else ""
-        number = f"{number_text(v)} `{v.claim.value}`"
-        verdict = f"**{v.verdict}**" + ("" if v.as_expected else f" (expected: {v.claim.expect})")
+        note = "".join(f" *{words.strip()}*" for words in (v.claim.undecidable, v.claim.note) if words)
+        expressions = [f" `{one.inequality.value}`" for one in v.measured] or [""]
+        number = "; ".join(text + expression for text, expression in zip(v.texts, expressions, strict=True))
+        verdict = f"**{v.verdict}**" + ("" if v.as_expected else f" (expected: {v.claim.expected})")
         yield _row(v.claim.id, f"{v.claim.claim}{note}", v.claim.source, number, verdict)
 
 
@@ -93,6 +98,7 @@ def _row(*cells: str) -> str:
 def _figures(group: str, made: Sequence[tuple[Work, Outcome]], folders: Folders) -> Iterator[str]:
     if any(outcome.figures for _, outcome in made):
         yield from ("", "### Figures")
+    verdicts = _verdicts(made)  # of all files: a figure's claims may need runs that are not in it
     for work, outcome in made:
         for name in outcome.figures:
             small = folders.report / "report" / group / f"{name}.png"
@@ -102,15 +108,19 @@ def _figures(group: str, made: Sequence[tuple[Work, Outcome]], folders: Folders)
             known = [e for e in errors if e is not None]
             error = f", integration error {max(known):.0e}" if known else ""
             yield from ("", f"**{name}** {title}", "", f"![{name}]({small.relative_to(folders.report).as_posix()})")
-            told = [f"{v.claim.id} {v.verdict}" for v in verdicts_of(work, outcome) if v.claim.figure == name]
+            told = [f"{v.claim.id} {v.verdict}" for v in verdicts if v.claim.figure == name]
             claims = f"; claims: {', '.join(told)}" if told else ""
             yield from ("", f"`{work.job.place}`{error}{claims}")
 
 
 def _errata(known: Publication) -> Iterator[str]:
-    if known.errata:
+    if known.errors:
         yield from ("", "### Errata", "", "| place | printed | right | evidence |", "|---|---|---|---|")
-        yield from (_row(e.place, e.printed, e.right, e.evidence) for e in known.errata)
+        yield from (_row(e.place, e.printed, e.right, e.evidence) for e in known.errors)
+    if known.doubts:
+        yield from ("", "### Undecided, or kept as printed", "")
+        yield from ("| | place | printed | what is used | why |", "|---|---|---|---|---|")
+        yield from (_row(e.kind, e.place, e.printed, e.right, e.evidence) for e in known.doubts)
 
 
 def _versions() -> Iterator[str]:

@@ -80,17 +80,17 @@ def of_figure(study: Study, name: str) -> Ingredients:
 
 
 def of_claim(study: Study, number: int) -> Ingredients:
-    """Of a claim's number: its expression, its runs, and the code that measures it.
+    """Of a claim's numbers: its expressions, its runs, and the code that measures them.
 
-    The threshold is compared anew each time.
+    The thresholds are compared anew each time.
     """
-    quantities = study.sentences[number].quantities
+    quantities = study.quantities(number)
     runs = [study.runs[name] for name in dict.fromkeys(run for q in quantities for run, _ in q.of)]
     groups, theirs = [RUN, QUANTITY], dict[str, str]()
     if any(quantity.function == "analysis" for quantity in quantities):
         groups.append(THEORY)
         theirs = code_of(finding.of for finding in all_findings())
-    value = {"the claim's value": _hash(study.claims[number].value)}
+    value = {"the claim's value": _hash(*(one.value for one in study.claims[number].inequalities))}
     return _code(*groups) | theirs | _runs(runs) | value
 
 
@@ -147,9 +147,9 @@ class State:
         """The files of an entry, as seen from the folder."""
         return [str(file) for file in _list(self.data[kind][name].get("files"))]
 
-    def values(self, kind: str, name: str) -> list[float]:
-        """The numbers of an entry."""
-        return [number(value) for value in _list(self.data[kind][name].get("values"))]
+    def values(self, kind: str, name: str) -> list[list[float]]:
+        """The numbers of an entry, a list for each of its parts."""
+        return [[number(value) for value in _list(part)] for part in _list(self.data[kind][name].get("values"))]
 
     def note(self, kind: str, name: str, made_of: Ingredients, **entry: Json) -> None:
         """Record what was made, whole or not at all."""

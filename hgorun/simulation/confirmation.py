@@ -52,7 +52,7 @@ def confirmed(run: PreparedRun, raw: Raw, again: Again) -> tuple[Raw, dict[str, 
         left = [j for j in suspects if np.isfinite(raw.diverged[j, 0])]
         return raw, {run.observers[j].label: _beyond_given(run, raw, j) for j in left}
     bounded = any(np.isfinite(raw.diverged[j, 0]) for j in suspects)
-    free = again.integrate(again.plan()) if bounded else raw
+    free = (_free(again) if bounded else None) or raw
     said = {j: judged(run, free, j, again) for j in suspects}
     back = [j for j, verdict in said.items() if verdict == OK]
     enough = _enough(run, again, [j for j in suspects if j not in back])
@@ -60,12 +60,20 @@ def confirmed(run: PreparedRun, raw: Raw, again: Again) -> tuple[Raw, dict[str, 
         at = float(raw.diverged[j, 0])
         if verdict.status == "diverged" and np.isfinite(at):
             verdict = replace(verdict, at=at)  # there its numbers end
-        if verdict.status == "diverged" and j not in enough:
+        if verdict.status == "diverged" and verdict.reason is None and j not in enough:
             verdict = replace(verdict, reason=why_diverged(run, free, j))
         said[j] = _inaccurate(run, free, j, verdict, enough[j]) if j in enough else verdict
     raw = _with_blocks(run, raw, free, back)
     raw = _ended(run, raw, {j: verdict for j, verdict in said.items() if verdict.lost or j in enough})
     return raw, {run.observers[j].label: verdict for j, verdict in said.items() if verdict != OK}
+
+
+def _free(again: Again) -> Raw | None:
+    """The run without a bound, where it can be finished: adaptive steps may become too small for that."""
+    try:
+        return again.integrate(again.plan())
+    except SimulationError:
+        return None
 
 
 def ended(run: PreparedRun, raw: Raw, again: Again | None = None) -> tuple[Raw, dict[str, Verdict]]:
@@ -74,7 +82,7 @@ def ended(run: PreparedRun, raw: Raw, again: Again | None = None) -> tuple[Raw, 
     Parameters
     ----------
     again : Again, optional
-        The run once more, which tells why an observer is lost.
+        The run once more, which tells what is undefined where an observer is lost.
 
     Returns
     -------
@@ -130,7 +138,10 @@ def judged(run: PreparedRun, raw: Raw, j: int, again: Again | None = None) -> Ve
         return Verdict("diverged", float(run.grid[left]))
     if not np.isfinite(overflow):
         return of_estimate(run, raw, j, xhat)
-    reason = None if again is None or run.adaptive else why_lost(run, again, j, overflow)
+    if run.adaptive:
+        no_step = f"no step is small enough at t = {run.origin + overflow:.6g}: its equations are singular there"
+        return Verdict("diverged", overflow, f"{no_step}, or the tolerance is out of reach")
+    reason = None if again is None else why_lost(run, again, j, overflow)
     return Verdict("diverged" if reason is None else "undefined", overflow, reason)
 
 

@@ -29,6 +29,7 @@ from hgorun.simulation.measured import Measured, measured
 from hgorun.simulation.passes import Again, Pass, fixed_steps, integrate, part_of_error
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.tables import uneven_steps
+from hgorun.simulation.why_diverged import why_diverged
 
 Progress = Callable[[float], None] | None
 
@@ -295,11 +296,17 @@ def controlled(run: PreparedRun, progress: Progress = None) -> Controlled:
 
 
 def _lost(run: PreparedRun, found: _Finished, progress: Progress) -> Mapping[str, Verdict]:
-    """Why observers are lost, as far as fixed steps can tell."""
-    if not found.verdicts or found.how.tolerance:
+    """The observers that are lost, with reasons as far as they can be told."""
+    if not found.verdicts or run.solver.divergence is not None:
         return found.verdicts
     raw = integrate(run, found.how, progress)
-    return ended(run, raw, Again(run, found.how, progress))[1]
+    again = None if found.how.tolerance else Again(run, found.how, progress)
+    _, verdicts = ended(run, raw, again)
+    for j, block in enumerate(run.observers):
+        verdict = verdicts.get(block.label)
+        if verdict is not None and verdict.status == "diverged" and verdict.reason is None:
+            verdicts[block.label] = replace(verdict, reason=why_diverged(run, raw, j))
+    return verdicts
 
 
 def _doubt(error: float, run: PreparedRun, spent: int) -> Verdict:

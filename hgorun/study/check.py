@@ -12,7 +12,7 @@ from hgorun.errors import KeyPath, Problem
 from hgorun.result.windows import points_in
 from hgorun.simulation.experiment import Experiment
 from hgorun.study.quantities import Quantity, inside
-from hgorun.study.study import Run, Study
+from hgorun.study.study import Run, Study, places_of
 
 
 def check(study: Study) -> None:
@@ -28,9 +28,10 @@ def check(study: Study) -> None:
             for _ in run.members():  # what one of its values makes wrong is said before the first runs
                 pass
     with study.located():
-        for i, sentence in enumerate(study.sentences):
-            for quantity in sentence.quantities:
-                _check_quantity(study, quantity, ("claims", i, "value"))
+        for i, claim in enumerate(study.claims):
+            for sentence, place in zip(study.sentences[i], places_of(i, claim), strict=True):
+                for quantity in sentence.quantities:
+                    _check_quantity(study, quantity, place)
 
 
 def check_figures(study: Study) -> None:

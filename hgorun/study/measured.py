@@ -6,20 +6,20 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 from hgorun.result.result import Result
-from hgorun.study.quantities import Quantity, exponent, measure_quantity
+from hgorun.study.quantities import Quantity, Sentence, exponent, measure_quantity
 from hgorun.study.study import Run, Study
 
 
-def asked_of(study: Study, run: str, sentences: Sequence[int], figures: Sequence[str]) -> list[Quantity]:
+def asked_of(study: Study, run: str, claims: Sequence[int], figures: Sequence[str]) -> list[Quantity]:
     """The quantities to be measured on every member of an ensemble, without doubles.
 
     Parameters
     ----------
-    sentences : sequence of int
+    claims : sequence of int
         Numbers of the claims.
     figures : sequence of str
     """
-    told = [q for i in sentences for q in study.sentences[i].quantities if q.function != "analysis"]
+    told = [q for i in claims for q in study.quantities(i) if q.function != "analysis"]
     wanted = [q for q in told if q.of[0][0] == run]
     for name in figures:
         for scaled_run, quantities in study.scaled(name).values():
@@ -69,18 +69,18 @@ def measure_members(
 
 def values_of(
     study: Study,
-    sentence: int,
+    claim: int,
     results: Mapping[str, Result],
     ensembles: Mapping[str, list[dict[str, float]]],
     theory: Callable[[Quantity], float],
-) -> list[float]:
-    """A claim's value: one number, or one for each seed of the ensembles it refers to.
+) -> list[list[float]]:
+    """The value of each inequality of a claim: one number, or one for each seed of the ensembles it refers to.
 
     Parameters
     ----------
     study : Study
-    sentence : int
-        Number of the claim.
+    claim : int
+        Its number.
     results : mapping of str to Result
         Of the single runs.
     ensembles : mapping of str to list of dict
@@ -88,10 +88,19 @@ def values_of(
     theory : callable
         Gives a number of the analysis.
     """
-    quantities = study.sentences[sentence].quantities
+    return [_values(study, sentence, results, ensembles, theory) for sentence in study.sentences[claim]]
+
+
+def _values(
+    study: Study,
+    sentence: Sentence,
+    results: Mapping[str, Result],
+    ensembles: Mapping[str, list[dict[str, float]]],
+    theory: Callable[[Quantity], float],
+) -> list[float]:
     fixed: dict[str, float] = {}
     lists: dict[str, list[float]] = {}
-    for q in quantities:
+    for q in sentence.quantities:
         run = study.runs[q.of[0][0]]
         if q.function == "analysis":
             fixed[str(q)] = theory(q)
@@ -103,7 +112,4 @@ def values_of(
         else:
             lists[str(q)] = [member[str(q)] for member in ensembles[run.name]]
     members = min((len(values) for values in lists.values()), default=1)
-    return [
-        study.sentences[sentence].value(fixed | {text: values[i] for text, values in lists.items()})
-        for i in range(members)
-    ]
+    return [sentence.value(fixed | {text: values[i] for text, values in lists.items()}) for i in range(members)]

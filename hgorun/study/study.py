@@ -12,7 +12,7 @@ from hgorun.config.expressions import ExpressionError, parse
 from hgorun.config.models import Claim, Ensemble, Figure, StudyBlocks
 from hgorun.config.validation import validate
 from hgorun.config.yaml_source import Place, Source
-from hgorun.errors import ConfigError
+from hgorun.errors import ConfigError, Problem
 from hgorun.simulation.experiment import Experiment
 from hgorun.study.quantities import Quantity, Sentence, read_sentence
 from hgorun.study.split import OF_THE_FILE, split
@@ -113,8 +113,8 @@ class Study:
         A file without ``runs:`` is one run called by its stem.
     figures : mapping of str to Figure
     claims : tuple of Claim
-    sentences : tuple of Sentence
-        What decides each claim.
+    sentences : tuple of tuple of Sentence
+        What decides each claim: its own value, if it has one, and those of the alternatives.
     """
 
     name: str
@@ -124,7 +124,11 @@ class Study:
     runs: Mapping[str, Run]
     figures: Mapping[str, Figure]
     claims: tuple[Claim, ...]
-    sentences: tuple[Sentence, ...]
+    sentences: tuple[tuple[Sentence, ...], ...]
+
+    def quantities(self, claim: int) -> tuple[Quantity, ...]:
+        """All that has to be measured for a claim, without doubles."""
+        return tuple(dict.fromkeys(q for sentence in self.sentences[claim] for q in sentence.quantities))
 
     def runs_of(self, figure: str) -> list[str]:
         """Names of the runs that a figure shows."""
@@ -174,17 +178,28 @@ def study_of(source: Source, name: str, text: str) -> Study:
             runs[run] = Run(run, own, text, block, places)
     else:
         runs = {name: Run(name, source, text)}
-    sentences = []
-    for i, claim in enumerate(blocks.claims):
-        try:
-            sentences.append(read_sentence(claim.value, tuple(runs)))
-        except ExpressionError as error:
-            file, line = source.where(("claims", i, "value"))
-            raise ConfigError(str(error), file=file, line=line, key=f"claims.{i}.value") from error
+    with source.located():
+        sentences = tuple(_sentences(i, claim, tuple(runs)) for i, claim in enumerate(blocks.claims))
     seen: set[str] = set()
     for i, claim in enumerate(blocks.claims):
         if claim.id in seen:
             file, line = source.where(("claims", i, "id"))
             raise ConfigError(f"two claims are called {claim.id!r}", file=file, line=line, key=f"claims.{i}.id")
         seen.add(claim.id)
-    return Study(name, source, blocks.title, blocks.reference, runs, blocks.figures, blocks.claims, tuple(sentences))
+    return Study(name, source, blocks.title, blocks.reference, runs, blocks.figures, blocks.claims, sentences)
+
+
+def places_of(number: int, claim: Claim) -> list[tuple[str | int, ...]]:
+    """Where the values of a claim stand in the file, in the order of its inequalities."""
+    others = [("claims", number, "alternatives", k, "value") for k in range(len(claim.alternatives))]
+    return [("claims", number, "value"), *others] if claim.value else []
+
+
+def _sentences(number: int, claim: Claim, runs: tuple[str, ...]) -> tuple[Sentence, ...]:
+    found = []
+    for one, place in zip(claim.inequalities, places_of(number, claim), strict=True):
+        try:
+            found.append(read_sentence(one.value, runs))
+        except ExpressionError as error:
+            raise Problem(place, str(error)) from error
+    return tuple(found)

@@ -1,4 +1,4 @@
-"""Whether a claim holds, by its number and the uncertainty of that number."""
+"""Whether a claim holds, by its numbers and their uncertainty."""
 
 from __future__ import annotations
 
@@ -9,19 +9,26 @@ from typing import Any
 
 import numpy as np
 
-from hgorun.config.models import Claim
+from hgorun.config.models import Claim, Inequality
 from hgorun.files import json_value
 
-CONFIRMED, REFUTED, UNDECIDED = "confirmed", "refuted", "undecided"
+CONFIRMED, REFUTED, UNDECIDED, UNDECIDABLE, DEPENDS = VERDICTS = (
+    "confirmed",
+    "refuted",
+    "undecided",
+    "undecidable",
+    "depends",
+)
 CONFIDENCE = 0.95
 
 
 @dataclass(frozen=True)
-class Verdict:
-    """A claim with its number.
+class Measured:
+    """An inequality with its number.
 
     Attributes
     ----------
+    inequality : Inequality
     verdict : str
         confirmed, refuted, or undecided where the interval holds the threshold.
     value : float
@@ -32,74 +39,150 @@ class Verdict:
         How many values the mean is of.
     """
 
-    claim: Claim
+    inequality: Inequality
     verdict: str
     value: float
     interval: tuple[float, float] | None
     members: int
 
     @property
-    def as_expected(self) -> bool:
-        """Whether it is the verdict that the file states."""
-        return self.verdict == self.claim.expect
-
-    @property
     def threshold(self) -> tuple[str, float | list[float]]:
         """The relation and its threshold."""
-        claim = self.claim
-        if claim.between is not None:
-            return "between", list(claim.between)
-        return ("<", claim.below) if claim.below is not None else (">", claim.above or 0.0)
+        one = self.inequality
+        if one.between is not None:
+            return "between", list(one.between)
+        return ("<", one.below) if one.below is not None else (">", one.above or 0.0)
+
+    @property
+    def text(self) -> str:
+        """The number and its threshold: ``0.0123 (< 0.2 is claimed)``, with the interval where there is one."""
+        relation, threshold = self.threshold
+        value = f"{self.value:.4g}"
+        if self.interval is not None:
+            low, high = self.interval
+            value += f" [{low:.4g}, {high:.4g}] of {self.members}"
+        if isinstance(threshold, list):
+            return f"{value} ({threshold[0]:g} to {threshold[1]:g} is claimed)"
+        return f"{value} ({relation} {threshold:g} is claimed)"
 
     def as_json(self) -> dict[str, Any]:
         """As JSON holds it; numbers that are not finite are text."""
         relation, threshold = self.threshold
+        return {
+            "value": json_value(self.value),
+            "interval": json_value(self.interval),
+            "relation": relation,
+            "threshold": threshold,
+            "expression": self.inequality.value,
+            "members": self.members,
+        }
+
+
+_NOTHING = dict.fromkeys(("value", "interval", "relation", "threshold", "expression", "members"))
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """A claim with its numbers.
+
+    Attributes
+    ----------
+    claim : Claim
+    verdict : str
+        confirmed, refuted or undecided by the claim's own inequality and all alternatives; depends, where some of
+        them confirm it and others refute it; undecidable, where no finite run decides.
+    measured : tuple of Measured
+        The claim's own inequality, then the alternatives; nothing where it has no value.
+    """
+
+    claim: Claim
+    verdict: str
+    measured: tuple[Measured, ...]
+
+    @property
+    def as_expected(self) -> bool:
+        """Whether it is the verdict that the file states."""
+        return self.verdict == self.claim.expected
+
+    @property
+    def texts(self) -> list[str]:
+        """A line for every number; of alternatives with their own verdicts and what they choose."""
+        if not self.measured:
+            return ["not measured"]
+        first, *others = self.measured
+        lines = [first.text]
+        for one, alternative in zip(others, self.claim.alternatives, strict=True):
+            note = f": {alternative.note}" if alternative.note else ""
+            lines.append(f"or {one.text}, {one.verdict}{note}")
+        return lines
+
+    def as_json(self) -> dict[str, Any]:
+        """As JSON holds it; numbers that are not finite are text."""
+        first, *others = [one.as_json() for one in self.measured] or [_NOTHING]
+        alternatives = [
+            {**values, "verdict": one.verdict, "note": alternative.note}
+            for values, one, alternative in zip(others, self.measured[1:], self.claim.alternatives, strict=True)
+        ]
         return {
             "id": self.claim.id,
             "claim": self.claim.claim,
             "source": self.claim.source,
             "figure": self.claim.figure,
             "verdict": self.verdict,
-            "value": json_value(self.value),
-            "interval": json_value(self.interval),
-            "relation": relation,
-            "threshold": threshold,
-            "expression": self.claim.value,
-            "members": self.members,
-            "expected": self.claim.expect,
+            **first,
+            "alternatives": alternatives,
+            "undecidable": self.claim.undecidable or None,
+            "expected": self.claim.expected,
             "note": self.claim.note,
         }
 
 
-def judge(claim: Claim, values: Sequence[float]) -> Verdict:
-    """The verdict on a claim from one value, or from those of the members of an ensemble."""
+def judge(claim: Claim, values: Sequence[Sequence[float]]) -> Verdict:
+    """The verdict on a claim.
+
+    Parameters
+    ----------
+    claim : Claim
+    values : sequence of sequence of float
+        Of its own inequality, then of the alternatives: one value each, or those of the members of an ensemble.
+    """
+    measured = tuple(measure(one, numbers) for one, numbers in zip(claim.inequalities, values, strict=True))
+    return Verdict(claim, UNDECIDABLE if claim.undecidable else _together({m.verdict for m in measured}), measured)
+
+
+def _together(verdicts: set[str]) -> str:
+    if {CONFIRMED, REFUTED} <= verdicts:
+        return DEPENDS
+    return UNDECIDED if UNDECIDED in verdicts else verdicts.pop()
+
+
+def measure(inequality: Inequality, values: Sequence[float]) -> Measured:
+    """Whether an inequality holds, by one value or by those of the members of an ensemble."""
     value = float(np.mean(values))
     if len(values) == 1:
-        holds = _holds(claim, value)
+        holds = _holds(inequality, value)
         verdict = UNDECIDED if math.isnan(value) else CONFIRMED if holds else REFUTED
-        return Verdict(claim, verdict, value, None, 1)
+        return Measured(inequality, verdict, value, None, 1)
     interval = _interval(np.asarray(values))
-    inside = [_holds(claim, end) for end in interval]
+    inside = [_holds(inequality, end) for end in interval]
     if any(map(math.isnan, interval)):
         verdict = UNDECIDED
     elif all(inside):
         verdict = CONFIRMED
     else:
-        verdict = UNDECIDED if _touches(claim, interval) else REFUTED
-    return Verdict(claim, verdict, value, interval, len(values))
+        verdict = UNDECIDED if _touches(inequality, interval) else REFUTED
+    return Measured(inequality, verdict, value, interval, len(values))
 
 
-def _holds(claim: Claim, value: float) -> bool:
-    if claim.between is not None:
-        return claim.between[0] <= value <= claim.between[1]
-    return value < claim.below if claim.below is not None else value > (claim.above or 0.0)
+def _holds(one: Inequality, value: float) -> bool:
+    if one.between is not None:
+        return one.between[0] <= value <= one.between[1]
+    return value < one.below if one.below is not None else value > (one.above or 0.0)
 
 
-def _touches(claim: Claim, interval: tuple[float, float]) -> bool:
+def _touches(one: Inequality, interval: tuple[float, float]) -> bool:
     """Whether some of the interval satisfies the inequality."""
-    low, high = claim.between or (
-        (-math.inf, claim.below) if claim.below is not None else (claim.above or 0.0, math.inf)
-    )
+    low, high = one.between or ((-math.inf, one.below) if one.below is not None else (one.above or 0.0, math.inf))
     return interval[0] < high and interval[1] > low
 
 
@@ -109,15 +192,3 @@ def _interval(values: np.ndarray) -> tuple[float, float]:
     mean, n = float(np.mean(values)), values.size
     half = float(stdtrit(n - 1, (1 + CONFIDENCE) / 2) * np.std(values, ddof=1) / math.sqrt(n))
     return mean - half, mean + half
-
-
-def number_text(verdict: Verdict) -> str:
-    """The number and its threshold: ``0.0123 (< 0.2 is claimed)``, with the interval where there is one."""
-    relation, threshold = verdict.threshold
-    value = f"{verdict.value:.4g}"
-    if verdict.interval is not None:
-        low, high = verdict.interval
-        value += f" [{low:.4g}, {high:.4g}] of {verdict.members}"
-    if isinstance(threshold, list):
-        return f"{value} ({threshold[0]:g} to {threshold[1]:g} is claimed)"
-    return f"{value} ({relation} {threshold:g} is claimed)"

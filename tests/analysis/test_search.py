@@ -8,6 +8,7 @@ from examples import chain, experiment
 from hypothesis import given
 from hypothesis import strategies as st
 
+from hgorun.analysis.finding import FINDINGS
 from hgorun.analysis.reasons import NoValue
 from hgorun.analysis.search import critical_theta, smallest, works
 
@@ -27,6 +28,19 @@ def test_the_border_of_a_step_function(border: float, start: float) -> None:
     found = smallest(holds, theta)
     assert edge <= found <= 1.02 * edge * (1 + 1e-12)
     assert len(tried) < 22
+
+
+def test_the_border_is_that_of_the_range_around_the_start() -> None:
+    """What works below the gap is not looked for: the name says below which range the theta is that fails."""
+
+    def holds(value: float) -> bool:
+        return 0.1 <= value <= 0.3 or value >= 2
+
+    found = smallest(holds, 6.0)
+    assert holds(found)
+    assert not holds(found / 1.02)
+    assert 2 <= found <= 2.04 * (1 + 1e-12)
+    assert "largest theta that fails below the working range" in FINDINGS.find("theta_critical").meaning
 
 
 @pytest.mark.parametrize(("answer", "words"), [(True, "down to 0.0009766"), (False, "up to 1024")])

@@ -18,6 +18,10 @@ claims:
   - {id: "2", claim: "The error is as large as the truth itself, which takes more than one line to say in a terminal.",
      value: "rmse('A', x1)", above: 10, expect: EXPECTED}
 """
+MORE = """  - {id: "3", claim: It is small., value: "sup('A', x1)", below: 1.0e-9, expect: depends,
+     alternatives: [{value: "sup('A', x1, 2.9, 3)", below: 10, note: at the end}]}
+  - {id: "4", claim: It vanishes., undecidable: It is about a limit.}
+"""
 
 
 @pytest.fixture
@@ -33,12 +37,12 @@ def test_verdicts_are_printed_with_their_numbers(study: Path, capsys: pytest.Cap
     out, err = capsys.readouterr()
     lines = out.splitlines()
     assert lines[0] == "study"
-    assert lines[1].startswith("     1  confirmed  0.")
+    assert lines[1].startswith("     1  confirmed    0.")
     assert lines[2] == "        The error is small."
-    assert lines[3].startswith("     2  refuted    0.")
+    assert lines[3].startswith("     2  refuted      0.")
     assert lines[-1] == "2 claims: 1 confirmed, 1 refuted"
     assert max(map(len, lines)) <= 100
-    assert err.startswith("hgorun: study: study: observer B diverged at t=")
+    assert err.startswith("hgorun: study: study: observer B inaccurate at t=")
 
 
 def test_a_surprise_is_marked_and_strict_refuses_it(study: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -57,3 +61,22 @@ def test_json_has_one_record_a_claim_and_quiet_prints_nothing(study: Path, capsy
     assert (first["id"], first["verdict"], second["verdict"]) == ("1", "confirmed", "refuted")
     assert claims(Claims(names=[str(study)], quiet=True)) == 0
     assert capsys.readouterr().out == ""
+
+
+def test_what_depends_and_what_cannot_be_decided(study: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    study.write_text(STUDY.replace("EXPECTED", "refuted") + MORE)
+    assert claims(Claims(names=[str(study)], strict=True)) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[6].startswith("     3  depends      ")
+    assert lines[8].startswith("        or ")
+    assert lines[8].endswith("(< 10 is claimed), confirmed: at the end")
+    assert lines[9:12] == [
+        "     4  undecidable  not measured",
+        "        It vanishes.",
+        "        It is about a limit.",
+    ]
+    assert lines[-1] == "4 claims: 1 confirmed, 1 refuted, 1 undecidable, 1 depends"
+    assert claims(Claims(names=[str(study)], json=True)) == 0
+    *_, third, fourth = json.loads(capsys.readouterr().out)
+    assert (third["verdict"], third["alternatives"][0]["verdict"]) == ("depends", "confirmed")
+    assert (fourth["verdict"], fourth["value"], fourth["undecidable"]) == ("undecidable", None, "It is about a limit.")

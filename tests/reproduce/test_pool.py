@@ -59,7 +59,7 @@ def test_a_worker_reports_what_it_does(tmp_path: Path, monkeypatch: pytest.Monke
 def test_all_jobs_are_finished_before_the_first_error_is_raised() -> None:
     futures = {
         finished(error=ConfigError("the first")): 0,
-        finished(Outcome(values={"1": [1.0]})): 1,
+        finished(Outcome(values={"1": [[1.0]]})): 1,
     }
     told: list[tuple[int, float, str]] = []
     found: list[tuple[int, Outcome]] = []

@@ -11,6 +11,7 @@ from hgorun.reproduce.shipped import experiments, folder
 from hgorun.study.check import check
 from hgorun.study.loading import load_study
 from hgorun.study.study import Study
+from hgorun.study.verdict import VERDICTS
 
 ROOT = Path(__file__).parents[2]
 STUDIES = experiments()
@@ -45,6 +46,10 @@ def test_every_claim_of_the_texts_is_there() -> None:
     assert len(set(ids)) == len(ids)
 
 
+def escaped(text: str) -> str:
+    return " ".join(text.split()).replace("|", r"\|")
+
+
 @pytest.mark.parametrize("group", sorted({path.split("/")[0] for path in STUDIES}))
 def test_the_committed_report_has_the_verdicts_that_the_files_expect(group: str) -> None:
     known = publication(folder() / group)
@@ -53,10 +58,20 @@ def test_the_committed_report_has_the_verdicts_that_the_files_expect(group: str)
     rows = {line.split(" | ")[0].removeprefix("| "): line for line in section.splitlines() if line.startswith("| ")}
     claims: list[Claim] = [claim for study in studies(group) for claim in study.claims]
     for claim in claims:
-        assert f"**{claim.expect}** |" in rows[claim.id], claim.id
+        assert f"**{claim.expected}** |" in rows[claim.id], claim.id
     for study in studies(group):
         for name in study.figures:
             assert f"](report/{group}/{name}.png)" in section
             assert (ROOT / "results" / "report" / group / f"{name}.png").is_file()
     for erratum in known.errata:
-        assert " ".join(erratum.printed.split()).replace("|", r"\|") in section
+        (row,) = [
+            line
+            for line in section.splitlines()
+            if f"| {escaped(erratum.place)} | {escaped(erratum.printed)} |" in line
+        ]
+        assert row.startswith(f"| {erratum.kind} |") == (erratum.kind != "error")
+    (summary,) = [line for line in report.splitlines() if line.startswith(f"| {known.short} |")]
+    cells = [cell.strip() for cell in summary.strip("|").split("|")]
+    verdicts = [sum(claim.expected == word for claim in claims) for word in VERDICTS]
+    errors = sum(erratum.kind == "error" for erratum in known.errata)
+    assert list(map(int, cells[2:])) == [len(claims), *verdicts, errors, len(known.errata) - errors]

@@ -111,27 +111,27 @@ def claim(**threshold: object) -> Claim:
 
 
 def test_verdicts_of_one_number() -> None:
-    assert judge(claim(below=1), [0.5]).verdict == "confirmed"
-    assert judge(claim(below=1), [1.5]).verdict == "refuted"
-    assert judge(claim(above=1), [1.5]).verdict == "confirmed"
-    assert judge(claim(between=[1, 2]), [1.5]).verdict == "confirmed"
-    assert judge(claim(between=[1, 2]), [2.5]).verdict == "refuted"
-    assert judge(claim(below=1), [float("nan")]).verdict == "undecided"
-    assert judge(claim(above=1), [float("inf")]).verdict == "confirmed"
+    assert judge(claim(below=1), [[0.5]]).verdict == "confirmed"
+    assert judge(claim(below=1), [[1.5]]).verdict == "refuted"
+    assert judge(claim(above=1), [[1.5]]).verdict == "confirmed"
+    assert judge(claim(between=[1, 2]), [[1.5]]).verdict == "confirmed"
+    assert judge(claim(between=[1, 2]), [[2.5]]).verdict == "refuted"
+    assert judge(claim(below=1), [[float("nan")]]).verdict == "undecided"
+    assert judge(claim(above=1), [[float("inf")]]).verdict == "confirmed"
 
 
 def test_interval_is_students() -> None:
     from scipy import stats
 
     values = np.random.default_rng(3).normal(2, 0.5, 12)
-    found = judge(claim(below=3), list(values))
+    found = judge(claim(below=3), [list(values)])
     expected = stats.t.interval(0.95, 11, loc=values.mean(), scale=stats.sem(values))
-    assert found.interval == pytest.approx(expected)
+    assert found.measured[0].interval == pytest.approx(expected)
     assert found.verdict == "confirmed"
     low, high = expected
-    assert judge(claim(below=(low + high) / 2), list(values)).verdict == "undecided"
-    assert judge(claim(above=high + 1), list(values)).verdict == "refuted"
-    assert judge(claim(between=[low - 1, (low + high) / 2]), list(values)).verdict == "undecided"
+    assert judge(claim(below=(low + high) / 2), [list(values)]).verdict == "undecided"
+    assert judge(claim(above=high + 1), [list(values)]).verdict == "refuted"
+    assert judge(claim(between=[low - 1, (low + high) / 2]), [list(values)]).verdict == "undecided"
 
 
 def test_a_claim_on_an_ensemble_has_a_value_a_seed(tmp_path: Path) -> None:
@@ -143,7 +143,7 @@ def test_a_claim_on_an_ensemble_has_a_value_a_seed(tmp_path: Path) -> None:
     check(study)
     noisy = hgorun.simulate(hgorun.load(path, run="noisy"))
     members = [{"sup('many/A', x1)": v} for v in (1.0, 2.0, 3.0)]
-    values = values_of(study, 0, {"noisy": noisy}, {"many": members}, lambda quantity: 0.0)
+    (values,) = values_of(study, 0, {"noisy": noisy}, {"many": members}, lambda quantity: 0.0)
     assert values == pytest.approx([v / noisy.metrics()["A"]["sup"]["x1"] for v in (1, 2, 3)])
 
 
@@ -240,4 +240,5 @@ def test_the_slope_of_an_ensemble_of_amplitudes(tmp_path: Path) -> None:
     (asked,) = asked_of(study, "eps", [0], [])
     assert str(asked) == "amplitude('eps/A', x1)"
     members = [{str(asked): 5 * eps**2} for eps in (0.1, 0.2, 0.4)]
-    assert values_of(study, 0, {}, {"eps": members}, lambda quantity: 0.0) == pytest.approx([2.0])
+    ((slope,),) = values_of(study, 0, {}, {"eps": members}, lambda quantity: 0.0)
+    assert slope == pytest.approx(2.0)

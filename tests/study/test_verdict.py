@@ -10,7 +10,7 @@ import pytest
 from scipy.stats import t as student
 
 from hgorun.config.models import Claim
-from hgorun.study.verdict import CONFIDENCE, judge, number_text
+from hgorun.study.verdict import CONFIDENCE, judge
 
 
 def claim(**relation: Any) -> Claim:
@@ -32,8 +32,9 @@ def claim(**relation: Any) -> Claim:
     ],
 )
 def test_of_one_number(relation: dict[str, Any], value: float, verdict: str) -> None:
-    found = judge(claim(**relation), [value])
-    assert (found.verdict, found.interval, found.members) == (verdict, None, 1)
+    found = judge(claim(**relation), [[value]])
+    assert [(found.verdict, None, 1)] == [(one.verdict, one.interval, one.members) for one in found.measured]
+    assert found.verdict == verdict
     assert found.as_expected == (verdict == "confirmed")
 
 
@@ -58,26 +59,81 @@ LOW, HIGH = student.interval(CONFIDENCE, 19, VALUES.mean(), VALUES.std(ddof=1) /
     ],
 )
 def test_of_an_ensemble_by_its_confidence_interval(relation: dict[str, Any], verdict: str) -> None:
-    found = judge(claim(**relation), VALUES.tolist())
-    assert found.interval == pytest.approx((LOW, HIGH), rel=1e-12)
-    assert (found.verdict, found.members) == (verdict, 20)
+    found = judge(claim(**relation), [VALUES.tolist()])
+    assert found.measured[0].interval == pytest.approx((LOW, HIGH), rel=1e-12)
+    assert (found.verdict, found.measured[0].members) == (verdict, 20)
 
 
 def test_an_ensemble_with_one_that_diverged_decides_nothing() -> None:
     with np.errstate(invalid="ignore"):
-        assert judge(claim(below=1), [0.1, 0.2, math.nan]).verdict == "undecided"
+        assert judge(claim(below=1), [[0.1, 0.2, math.nan]]).verdict == "undecided"
 
 
 def test_in_words() -> None:
-    assert number_text(judge(claim(below=0.2), [0.0123])) == "0.0123 (< 0.2 is claimed)"
-    assert number_text(judge(claim(above=2), [3])) == "3 (> 2 is claimed)"
-    text = number_text(judge(claim(between=[1, 2]), [1.0, 1.2, 1.4]))
+    assert judge(claim(below=0.2), [[0.0123]]).texts[0] == "0.0123 (< 0.2 is claimed)"
+    assert judge(claim(above=2), [[3]]).texts[0] == "3 (> 2 is claimed)"
+    text = judge(claim(between=[1, 2]), [[1.0, 1.2, 1.4]]).texts[0]
     assert text.startswith("1.2 [")
     assert text.endswith("] of 3 (1 to 2 is claimed)")
 
 
 def test_as_json_holds_it() -> None:
-    found = judge(claim(below=1), [math.inf]).as_json()
+    found = judge(claim(below=1), [[math.inf]]).as_json()
     assert (found["value"], found["relation"], found["threshold"]) == ("inf", "<", 1)
-    assert judge(claim(between=[1, 2]), [1.5]).as_json()["threshold"] == [1, 2]
-    assert judge(claim(above=1), [1.5]).as_json()["relation"] == ">"
+    assert judge(claim(between=[1, 2]), [[1.5]]).as_json()["threshold"] == [1, 2]
+    assert judge(claim(above=1), [[1.5]]).as_json()["relation"] == ">"
+
+
+OTHER = {"value": "rmse('a/b', x1, 0, 9)", "below": 1, "note": "on [0, 9]"}
+
+
+@pytest.mark.parametrize(
+    ("values", "verdict"),
+    [
+        ([[0.5], [0.5], [0.7]], "confirmed"),
+        ([[1.5], [1.5], [1.7]], "refuted"),
+        ([[0.5], [1.5], [0.7]], "depends"),
+        ([[1.5], [0.5], [0.7]], "depends"),
+        ([[0.5], [math.nan], [0.7]], "undecided"),
+        ([[0.5], [math.nan], [1.7]], "depends"),
+    ],
+)
+def test_with_alternatives_by_whether_they_agree(values: list[list[float]], verdict: str) -> None:
+    found = judge(claim(below=1, alternatives=[OTHER, OTHER], expect="depends"), values)
+    assert found.verdict == verdict
+    assert found.as_expected == (verdict == "depends")
+    told = found.as_json()
+    assert (told["value"], told["expression"]) == (pytest.approx(values[0][0], nan_ok=True), "rmse('a/b', x1)")
+    assert [one["verdict"] for one in told["alternatives"]] == [one.verdict for one in found.measured[1:]]
+    assert told["alternatives"][0]["expression"] == OTHER["value"]
+    assert told["alternatives"][0]["note"] == "on [0, 9]"
+    assert found.texts[1].startswith("or ")
+    assert found.texts[1].endswith(f", {found.measured[1].verdict}: on [0, 9]")
+
+
+def test_what_no_finite_run_decides() -> None:
+    found = judge(claim(below=1, undecidable="It is about a limit."), [[3]])
+    assert (found.verdict, found.as_expected) == ("undecidable", True)
+    assert (found.as_json()["value"], found.as_json()["expected"]) == (3, "undecidable")
+    without = Claim.model_validate({"id": "1", "claim": "In the end.", "undecidable": "It is about a limit."})
+    found = judge(without, [])
+    assert (found.verdict, found.texts) == ("undecidable", ["not measured"])
+    told = found.as_json()
+    assert [told[key] for key in ("value", "threshold", "expression")] == [None, None, None]
+    assert told["undecidable"] == "It is about a limit."
+
+
+@pytest.mark.parametrize(
+    ("keys", "words"),
+    [
+        ({}, "exactly one of below, above and between"),
+        ({"below": 1, "above": 2}, "exactly one of below, above and between"),
+        ({"below": 1, "alternatives": [{"value": "rmse('a/b', x1)"}]}, "exactly one of below, above and between"),
+        ({"value": "", "below": 1}, "give a value, or say under undecidable"),
+        ({"value": "", "below": 1, "undecidable": "A limit."}, "with a value"),
+        ({"below": 1, "undecidable": "A limit.", "alternatives": [OTHER]}, "alternatives go with a value that decides"),
+    ],
+)
+def test_claims_that_cannot_be_judged_are_refused(keys: dict[str, Any], words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        claim(**keys)

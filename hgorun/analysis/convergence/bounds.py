@@ -40,8 +40,10 @@ class Halanay:
         return self.a / self.b if self.b > 0 else np.inf
 
     def rate(self, d: float) -> float:
-        """eta; not positive where d is too long."""
-        return float((self.a - self.b * d) * np.exp(-self.a * d)) if np.isfinite(d) else -np.inf
+        """eta; minus infinity where d is too long, or there is no decay without delay."""
+        if not self.a > 0 or not self.b * d < self.a:
+            return -np.inf
+        return float((self.a - self.b * d) * np.exp(-self.a * d))
 
 
 def smallest_theta(beta: float, constant: Callable[[float], float]) -> float:

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from hgorun.analysis.convergence import bounds
 from hgorun.analysis.convergence.bounds import Halanay
 from hgorun.analysis.convergence.envelope import Envelope
 from hgorun.analysis.convergence.lipschitz import Lipschitz
@@ -88,8 +89,8 @@ def largest_links(run: PreparedRun, form: BlockForm, result: Result, label: str)
 
 
 def smallest_theta(S: Gramian, lipschitz: Lipschitz) -> float:
-    """4 sqrt(chi) c_1, at least 1: with the S of this run, which changes with theta."""
-    return max(1.0, float(4 * np.sqrt(S.chi) * lipschitz.constant(1.0)))
+    """The smallest theta >= 1 with theta >= 4 sqrt(chi) c_1(theta); S is this run's, and changes with theta."""
+    return bounds.smallest_theta(float(1 / (4 * np.sqrt(S.chi))), lipschitz.constant)
 
 
 def delayed(S: Gramian, filtered: bool, first_link: float, lipschitz: Lipschitz, theta: float) -> Halanay:

@@ -78,7 +78,7 @@ def lipschitz_box(observer: Subject) -> dict[str, list[float]]:
 
 @finding(
     "the smallest theta that the proof asks for: beta theta >= c_1(theta), c_1 the norm of the matrix of slopes scaled "
-    "with theta; time-varying gains: 4 sqrt(chi_S) c_1",
+    "with theta; time-varying gains: theta >= 4 sqrt(chi_S) c_1(theta)",
     group="theta",
 )
 def theta_bound(observer: Subject) -> float | Remarked:

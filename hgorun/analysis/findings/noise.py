@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
+from hgorun.analysis.convergence.premises import theta_of
 from hgorun.analysis.finding import Remarked, finding
 from hgorun.analysis.linear.sinusoids import exponents
 from hgorun.analysis.linear.transfer import h2 as h2_norm
 from hgorun.analysis.linear.transfer import hinf as hinf_norm
 from hgorun.analysis.linear.transfer import response
 from hgorun.analysis.noise.prediction import has_noise, measured_noise, predicted_noise, without_noise
-from hgorun.analysis.noise.responses import linear_at_end
+from hgorun.analysis.noise.responses import linear_at_end, with_other_theta
 from hgorun.analysis.noise.terms import NoiseTerms
-from hgorun.analysis.reasons import NoValue, require_estimate
+from hgorun.analysis.reasons import NoValue, outcome, require_estimate
 from hgorun.analysis.subject import Context, Subject, once
 from hgorun.noise.base import Wave
 from hgorun.result.result import Result
@@ -97,7 +98,9 @@ def noise_amplitude(observer: Subject) -> dict[str, float]:
 @once
 def _exponents(observer: Subject) -> tuple[np.ndarray, np.ndarray]:
     fastest = float(np.abs([wave.omega for wave in _waves(observer)]).max())
-    return exponents(observer.run, observer.label, fastest, x=observer.result.x[-1])
+    theta = outcome(lambda: theta_of(observer)).found
+    other = None if theta is None else lambda factor: with_other_theta(observer, theta * factor)
+    return exponents(linear_at_end(observer), other, fastest)
 
 
 def _exponent(observer: Subject, slopes: np.ndarray) -> dict[str, float]:

@@ -10,7 +10,9 @@ from hgorun.analysis.subject import Subject
 
 
 @finding(
-    "with `--search`: the smallest theta with which the error of a run without noise and disturbance comes down to 1 %",
+    "with `--search`: to 2 % the largest theta that fails below the working range, the range of theta around or next "
+    "above the configured one where the error of a run without noise and disturbance comes down to 1 %. It is found by "
+    "halving or doubling: a gap of less than a factor of 2 can be missed, and smaller theta may work again",
     group="theta",
     unit="1/time",
 )

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 from hgorun.analysis.finding import Remarked, finding
 from hgorun.analysis.linear.error_system import ErrorSystem, error_system
 from hgorun.analysis.linear.nominal import nominal
-from hgorun.analysis.reasons import NoValue
+from hgorun.analysis.reasons import NoValue, first_of
 from hgorun.analysis.stability.critical import (
     Limit,
     Timing,
@@ -29,9 +30,15 @@ def _nominal(context: Context) -> Result:
     return nominal(context.run)
 
 
+def _nominal_of(observer: Subject) -> Result:
+    """The nominal run of all observers; one that cannot be carried out takes nothing from the others."""
+    together = partial(_nominal, observer.context)
+    return first_of(together, partial(nominal, observer.run, observer.label))
+
+
 @once
 def _along_run(observer: Subject) -> ErrorSystem:
-    return error_system(observer.run, observer.label, _nominal(observer.context))
+    return error_system(observer.run, observer.label, _nominal_of(observer))
 
 
 @once

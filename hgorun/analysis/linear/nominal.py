@@ -22,12 +22,18 @@ _POINTS = 2_000, 20_000  # fewest and most output points of a nominal run
 _MEMORY = 40.0  # of 1/(slowest rate): a chain's Riccati equation has come to rest
 
 
-def nominal(run: PreparedRun) -> Result:
+def nominal(run: PreparedRun, label: str | None = None) -> Result:
     """The configured run with continuous, undelayed and noise-free outputs, its estimates right from the start.
 
     What the observers' gains are when nothing disturbs them: the trajectory along which small errors are
     looked at, the same for every sampling period, delay and noise. The plant keeps its disturbance. Observers
     that jump at samples are left out.
+
+    Parameters
+    ----------
+    run : PreparedRun
+    label : str, optional
+        Of the only observer that is left; by default all of them run together.
 
     Raises
     ------
@@ -45,15 +51,15 @@ def nominal(run: PreparedRun) -> Result:
         "metrics": None,
     }
     initial = dict(zip(plant.model.states, map(float, plant.initial), strict=True))
-    for label, observer in experiment.observers.items():
-        if isinstance(observer, SampledObserver):
-            changes[f"observers.{label}"] = None
+    for name, observer in experiment.observers.items():
+        if isinstance(observer, SampledObserver) or label not in (None, name):
+            changes[f"observers.{name}"] = None
             continue
         try:  # the true state, unless the observer cannot start there
-            run.forms[label].start(plant.initial, plant.parameters, observer.coordinates != "original")
+            run.forms[name].start(plant.initial, plant.parameters, observer.coordinates != "original")
         except ValueError:
             continue
-        changes[f"observers.{label}.initial"] = initial
+        changes[f"observers.{name}.initial"] = initial
     failure = "without noise, sampling and delay there is no run"
     return _simulated(lambda: experiment.varied(changes, name="nominal"), failure)[1]
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from hgorun.analysis.linear.linear import Linear, Linearisation
 from hgorun.analysis.linear.transfer import response, steady_part
-from hgorun.observers.capabilities import HighGain
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import prepare
@@ -86,26 +87,34 @@ def _at_truth(run: PreparedRun, label: str, x: np.ndarray | None) -> Linear:
 
 
 def exponents(
-    run: PreparedRun | Experiment, label: str, omega: float, *, x: np.ndarray | None = None, output: int = 0
+    linear: Linear, of_theta: Callable[[float], Linear] | None, omega: float, output: int = 0
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Slopes of the log of the amplitudes against log eps = -log omega and against log theta, at this point.
+    """Slopes of the log of the amplitudes against log eps = -log omega and against log theta.
+
+    Parameters
+    ----------
+    linear : Linear
+    of_theta : callable or None
+        The same system with theta times a factor near 1; None where there is no theta.
+    omega : float
+        Of the noise sin(omega t).
+    output : int
+        Which output is noisy.
 
     Returns
     -------
     tuple of ndarray, shapes (n,)
-        In eps and in theta; NaN in theta for an observer without this key, and where noise does not reach a state.
+        In eps and in theta; NaN in theta without ``of_theta``, and where noise does not reach a state.
     """
-    run = prepare(run) if isinstance(run, Experiment) else run
-    less, more = amplitude(run, label, omega * np.exp([-_RATIO, _RATIO]), x=x, output=output)
-    observer = run.experiment.observers[label]
-    in_eps = _slope(more, less)
-    if not isinstance(observer, HighGain):
-        return in_eps, np.full(less.shape, np.nan)
-    low, high = (
-        amplitude(with_theta(run.experiment, label, observer.theta * np.exp(step)), label, omega, x=x, output=output)
-        for step in (-_RATIO, _RATIO)
-    )
-    return in_eps, _slope(low, high)
+
+    def size(system: Linear, factor: float = 1.0) -> np.ndarray:
+        return np.asarray(np.abs(response(system, np.array([omega * factor]))[0, :, output]))
+
+    less, more = np.exp([-_RATIO, _RATIO])
+    in_eps = _slope(size(linear, more), size(linear, less))
+    if of_theta is None:
+        return in_eps, np.full(in_eps.shape, np.nan)
+    return in_eps, _slope(size(of_theta(less)), size(of_theta(more)))
 
 
 def _slope(low: np.ndarray, high: np.ndarray) -> np.ndarray:

@@ -33,15 +33,15 @@ def restricted(linear: Linear, keep: np.ndarray) -> Linear:
 
 
 def relevant_states(linear: Linear) -> np.ndarray:
-    """Places of the states that :func:`relevant` keeps."""
+    """Places of the states that :func:`relevant` keeps; a slope that is not a number acts, too."""
     full = {name: np.abs(value).reshape(-1, *value.shape[-2:]).max(axis=0) for name, value in vars(linear).items()}
     states, outputs = full["E"].shape
     # who acts on whom, column on row, among the states and the innovations
     acts = np.zeros((states + outputs, states + outputs), dtype=bool)
-    acts[:states, :states], acts[:states, states:] = full["A0"] > 0, full["E"] > 0
-    acts[states:, :states], acts[states:, states:] = (full["H"] > 0) | (full["K0"] > 0), full["K"] > 0
+    acts[:states, :states], acts[:states, states:] = full["A0"] != 0, full["E"] != 0
+    acts[states:, :states], acts[states:, states:] = (full["H"] != 0) | (full["K0"] != 0), full["K"] != 0
     noise = np.arange(states + outputs) >= states
-    estimate = np.append(full["L"].max(axis=0) > 0, np.zeros(outputs, dtype=bool))
+    estimate = np.append((full["L"] != 0).any(axis=0), np.zeros(outputs, dtype=bool))
     return np.flatnonzero((_closure(acts, noise) & _closure(acts.T, estimate))[:states])
 
 

@@ -13,6 +13,7 @@ from hgorun.analysis.noise.terms import NoiseTerms, aliased, require_spectra
 from hgorun.analysis.reasons import NoValue
 
 _SHORT = 1e-9  # of a period
+_MOST_ON_THE_WAY = 200  # samples at a time
 
 
 class SampledLoop:
@@ -44,6 +45,8 @@ class SampledLoop:
 
         self.linear, self.period = relevant(linear), period
         (N, q), linear = self.linear.E.shape, self.linear
+        if delay > _MOST_ON_THE_WAY * period:
+            raise NoValue(f"more than {_MOST_ON_THE_WAY} samples are on their way at a time: {delay / period:.3g}")
         late = int(np.floor(delay / period + _SHORT))  # periods that a sample needs beside the rest
         rest = max(delay - late * period, 0.0)
         on_the_way = late + 1

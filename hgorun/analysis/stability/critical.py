@@ -49,11 +49,24 @@ class Limit:
 
 @dataclass(frozen=True)
 class Timing:
-    """What the measurement does at the end of a run: the period (None: continuous) and the delay."""
+    """What the measurement does at the end of a run.
+
+    Attributes
+    ----------
+    period : float or None
+        None: continuous.
+    delay : float
+    phase, regular, uneven, late : str
+        What was assumed, empty where it is what the run has: the last of several phases, samples as regular as they
+        are meant, a period for uneven ones, a constant delay for one that changes.
+    """
 
     period: float | None
     delay: float
-    remark: str
+    phase: str = ""
+    regular: str = ""
+    uneven: str = ""
+    late: str = ""
 
 
 def chain_system(run: PreparedRun, label: str) -> ErrorSystem:
@@ -84,13 +97,12 @@ def timing_of(run: PreparedRun) -> Timing:
     if any(d.period != described[0].period or d.delay != described[0].delay for d in described[1:]):
         raise NoValue("the outputs differ in their sampling or delay")
     if len(run.experiment.stretches[0]) > 1:
-        remark = "; ".join(r for r in (described[0].remark, "the last phase") if r)
-        return replace(described[0], remark=remark)
+        return replace(described[0], phase="the last phase")
     return described[0]
 
 
 def _describe(run: PreparedRun, i: int, stretch: Stretch) -> Timing:
-    remarks = []
+    regular = uneven = late = ""
     if stretch.continuous:
         period, times = None, np.linspace(stretch.start, stretch.end, 2001)
     else:
@@ -99,13 +111,13 @@ def _describe(run: PreparedRun, i: int, stretch: Stretch) -> Timing:
         period = stretch.period
         if period is None:
             period = float(np.max(np.diff(times), initial=0.0)) or None
-            remarks.append("the longest time between two samples taken for the period")
+            uneven = "the longest time between two samples taken for the period"
         elif stretch.regular is None:
-            remarks.append("without jitter and dropout")
+            regular = "without jitter and dropout"
     delay = float(np.max(stretch.delay_at(times), initial=0.0)) if times.size else 0.0
     if not stretch.delay_is_constant:
-        remarks.append(f"with the longest delay, {delay:.4g}, throughout")
-    return Timing(period, delay, "; ".join(remarks))
+        late = f"with the longest delay, {delay:.4g}, throughout"
+    return Timing(period, delay, regular=regular, uneven=uneven, late=late)
 
 
 def critical_period(timing: Timing, system: ErrorSystem) -> Limit:
@@ -128,13 +140,15 @@ def critical_period(timing: Timing, system: ErrorSystem) -> Limit:
     """
     _must_move(system)
     delay = timing.delay
-    where = "; ".join(w for w in (system.where, timing.remark if delay else "") if w)
+    where = _told(system.where, timing.phase if delay else "", timing.regular, timing.late)
     shortest = max(_SHORTEST / system.rate, delay / _MAX_WAITING)
     longest = _LONGEST / system.rate
     if not system.constant:
         span = system.times[-1] - system.times[0]
         shortest = max(shortest, 0.2 / system.rate, span / MAX_PERIODS)
         longest = min(longest, span / 4)
+    if shortest > longest:
+        raise NoValue(f"the delay of {delay:.4g} asks for periods beyond the longest that is tried, {longest:.3g}")
     return _search(system, lambda T: growth(system, T, delay), shortest, longest, where, "period")
 
 
@@ -144,7 +158,8 @@ def critical_delay(timing: Timing, system: ErrorSystem) -> Limit:
     Parameters and errors as for :func:`critical_period`.
     """
     _must_move(system)
-    where, period = system.where, timing.period
+    period = timing.period
+    where = _told(system.where, timing.phase if period else "", timing.regular, timing.uneven)
     if period is None and system.constant:
         return Limit(delay_margin(system.A0[0], system.E[0], system.H[0], system.K0[0], system.K[0]), where)
     shortest, longest = _SHORTEST / system.rate, _LONGEST / system.rate
@@ -161,6 +176,10 @@ def critical_delay(timing: Timing, system: ErrorSystem) -> Limit:
         raise NoValue(f"unstable at the period {period:.4g} already without delay")
     longest = min(longest, _MAX_WAITING * period)
     return _search(system, lambda d: growth(system, period, d), shortest, longest, where, "delay")
+
+
+def _told(*remarks: str) -> str:
+    return "; ".join(remark for remark in remarks if remark)
 
 
 def _must_move(system: ErrorSystem) -> None:

@@ -7,6 +7,7 @@ import pytest
 from examples import Block, chain, experiment, inline
 
 from hgorun.analysis.linear.error_system import error_system
+from hgorun.analysis.linear.linear import Linearisation
 from hgorun.analysis.linear.nominal import nominal
 from hgorun.analysis.linear.sinusoids import exponents
 from hgorun.analysis.reasons import JUMPS, SLIDING, NoValue
@@ -72,6 +73,7 @@ def test_a_root_at_rest_has_no_finite_slope() -> None:
 def test_an_observer_without_theta_has_no_exponent_in_it() -> None:
     gains = {"poles": -1, "a": 1.0, "b": 2.5, "q": 0.15, "gamma": "4"}
     run = prepare(experiment(chain(2, start=0.0), {"o": {"type": "dynamic_gain", **gains}}))
-    in_eps, in_theta = exponents(run, "o", 1e3)
+    observer = Linearisation(run, "o")
+    in_eps, in_theta = exponents(observer.at(0.0, observer.at_truth(np.zeros(2))), None, 1e3)
     assert np.all(np.isfinite(in_eps))
     assert np.all(np.isnan(in_theta))

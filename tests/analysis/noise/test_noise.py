@@ -84,7 +84,11 @@ def test_sylvester_is_the_frequency_response(block: dict[str, Any]) -> None:
 
 def test_exponents() -> None:
     for r in (1, 2):
-        in_eps, in_theta = exponents(chain(3, type="fhgo2", theta=2, r=r), "o", 1e3)
+
+        def of_theta(factor: float, r: int = r) -> Linear:
+            return linear(3, type="fhgo2", theta=2 * factor, r=r)
+
+        in_eps, in_theta = exponents(of_theta(1), of_theta, 1e3)
         np.testing.assert_allclose(in_eps, r + 1, rtol=1e-3)
         np.testing.assert_allclose(in_theta, r + np.arange(1, 4), rtol=1e-3)
 

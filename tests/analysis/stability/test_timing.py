@@ -39,8 +39,9 @@ def test_of_one_output(measurement: dict[str, Any], period: float | None, delay:
     found = timing_of(prepare(experiment(chain(2), OBSERVERS, step=0.01, measurement=measurement)))
     assert found.period == (None if period is None else pytest.approx(period))
     assert found.delay == pytest.approx(delay, abs=1e-4)
-    assert found.remark.startswith(remark)
-    assert bool(found.remark) == bool(remark)
+    said = found.phase + found.regular + found.uneven + found.late
+    assert said.startswith(remark)
+    assert bool(said) == bool(remark)
 
 
 @pytest.mark.parametrize("other", [{"sampling": {"period": 0.2}}, {"sampling": {"period": 0.1}, "delay": 0.01}])
