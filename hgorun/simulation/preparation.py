@@ -132,7 +132,8 @@ def _schedule(experiment: Experiment, channels: list[Channel], step: float) -> S
     found += [kinks_of(s, time.max_memory) for channel in channels for s in channel.stretches if s.continuous]
     kinks = np.concatenate([irregular.times for irregular in found])
     looked_at = _extremes(experiment, channels) if experiment.blocks.solver.controlled else np.zeros(0)
-    key: Hashable = tuple(channel.timing for channel in channels), time, kinks.tobytes(), looked_at.tobytes(), step
+    timings, changes = tuple(channel.timing for channel in channels), (kinks.tobytes(), looked_at.tobytes())
+    key: Hashable = timings, time, experiment.origin, changes, step  # delays depend on the clock
     return _SCHEDULES.get(key, lambda: build_schedule(channels, time, kinks, step, looked_at))
 
 
