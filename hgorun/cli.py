@@ -149,6 +149,7 @@ def _init(chosen: options.Init) -> int:
 def main() -> None:
     """Entry point: errors become one message and an exit code."""
     os.environ["MPLBACKEND"] = "agg"  # figures are files; a notebook's setting may name what is not installed here
+    os.environ["PYDANTIC_DISABLE_PLUGINS"] = "__all__"  # looking for them takes longer than checking a configuration
     try:
         app()
     except HgorunError as error:

@@ -12,11 +12,13 @@ Other packages name theirs in an entry point of the kind's group. Whoever owns a
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import lru_cache
 from importlib import import_module
+from importlib.machinery import PathFinder
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Generic, TypeGuard, TypeVar
@@ -24,7 +26,7 @@ from typing import TYPE_CHECKING, Generic, TypeGuard, TypeVar
 from hgorun.errors import HgorunError
 
 if TYPE_CHECKING:
-    from importlib.metadata import EntryPoint, EntryPoints
+    from importlib.metadata import EntryPoint
 
 T = TypeVar("T")
 Registered = TypeVar("Registered")
@@ -97,8 +99,9 @@ class Registry(Generic[T]):
         if name not in self._registered and name.isidentifier() and find_spec(f"{self._package}.{name}"):
             import_module(f"{self._package}.{name}")
         if name not in self._registered:
-            for entry in self._entry_points().select(name=name):
-                self._load(entry)
+            for entry in self._entry_points():
+                if entry.name == name:
+                    self._load(entry)
         if name not in self._registered:
             self._import_built_in()
         return self._registered[name]
@@ -151,7 +154,7 @@ class Registry(Generic[T]):
                 if not file.stem.startswith("_"):
                     import_module(f"{self._package}.{file.stem}")
 
-    def _entry_points(self) -> EntryPoints:
+    def _entry_points(self) -> tuple[EntryPoint, ...]:
         return _entry_points(self.group, tuple(sys.path))
 
     def _load(self, entry: EntryPoint) -> None:
@@ -166,11 +169,39 @@ class Registry(Generic[T]):
 
 
 @lru_cache
-def _entry_points(group: str, path: tuple[str, ...]) -> EntryPoints:
+def _entry_points(group: str, path: tuple[str, ...]) -> tuple[EntryPoint, ...]:
     """The entry points of a group in the folders of a path, which are read once: that takes milliseconds."""
-    from importlib.metadata import entry_points  # slow to import, and only needed for names that are not ours
+    if not _may_be_in(group, path):
+        return ()
+    from importlib.metadata import entry_points  # slow to import, and seldom needed
 
-    return entry_points(group=group)
+    return tuple(entry_points(group=group))
+
+
+def _may_be_in(group: str, path: tuple[str, ...]) -> bool:
+    """Whether a package on a path may have entry points of a group: False only where their files do not name it."""
+    if any(hasattr(finder, "find_distributions") for finder in sys.meta_path if finder is not PathFinder):
+        return True
+    for folder in path:
+        try:
+            names = os.listdir(folder or ".")
+        except NotADirectoryError:  # an archive
+            return True
+        except OSError:
+            continue
+        if any(name.endswith(".egg") for name in names):
+            return True
+        files = [Path(folder, name, "entry_points.txt") for name in names if name.endswith((".dist-info", ".egg-info"))]
+        if any(group.encode() in _content(file) for file in files):
+            return True
+    return False
+
+
+def _content(file: Path) -> bytes:
+    try:
+        return file.read_bytes()
+    except OSError:  # most packages have no such file
+        return b""
 
 
 def _described(thing: object) -> str:

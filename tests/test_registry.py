@@ -132,3 +132,35 @@ def test_an_observer_with_something_left_to_define_is_refused() -> None:
 
 def _is_class(thing: object) -> TypeGuard[type]:
     return isinstance(thing, type)
+
+
+def test_packages_are_asked_only_where_one_names_the_group(
+    tools: Registry[Tool], entry_point: Callable[[str, str, str, str], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[str] = []
+
+    def entry_points(*, group: str) -> tuple[()]:
+        asked.append(group)
+        return ()
+
+    monkeypatch.setattr("importlib.metadata.entry_points", entry_points)
+    entry_point("test.other_tools", "axe", "stranger_axe", "thing = 1")
+    assert tools.names() == ["file", "saw"]
+    assert not asked
+    entry_point("test.tools", "hammer", "stranger_hammer", "thing = 1")
+    monkeypatch.syspath_prepend(Path(__file__).parent / "simulation")  # another path is looked at again
+    tools.names()
+    assert asked == ["test.tools"]
+
+
+@pytest.mark.parametrize("kind", ["archive", "egg"])
+def test_packages_that_cannot_be_looked_into_are_asked(kind: str, tmp_path: Path) -> None:
+    from hgorun.registry import _may_be_in
+
+    assert not _may_be_in("test.tools", (str(tmp_path), str(tmp_path / "nowhere")))
+    if kind == "egg":
+        (tmp_path / "stranger.egg").mkdir()
+        assert _may_be_in("test.tools", (str(tmp_path),))
+    else:
+        (tmp_path / "stranger.zip").write_bytes(b"")
+        assert _may_be_in("test.tools", (str(tmp_path / "stranger.zip"),))

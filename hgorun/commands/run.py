@@ -6,7 +6,7 @@ import json as json_text
 import sys
 from collections.abc import Callable, Collection, Iterator, Sequence
 from pathlib import Path
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 from hgorun.commands.options import Compare, Configured, Simulate
 from hgorun.engine.methods import METHODS
@@ -14,14 +14,15 @@ from hgorun.errors import ConfigError
 from hgorun.files import remove_leftovers
 from hgorun.reproduce.shipped import experiments
 from hgorun.result.data import PLANT, Integration
-from hgorun.result.reading import read
 from hgorun.result.result import Result
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import prepare, simulate_prepared
 from hgorun.study.check import check_figures
 from hgorun.study.loading import load, load_study, refuse_twins
-from hgorun.tables import metrics as tables
+
+if TYPE_CHECKING:
+    from hgorun.tables.metrics import Predicted
 
 RESULTS = Path("results")
 NOT_OK = 3
@@ -30,12 +31,7 @@ RESULT_SUFFIXES = {".h5", ".hdf5", ".nc"}
 _DRAWING_SUFFIXES = {".png", ".pdf"}
 _OF_OTHERS = {".csv", ".json", ".mat", ".npz", ".svg", ".tex", ".txt", ".yaml", ".yml"}
 
-Style: TypeAlias = Callable[[Sequence[Result], Sequence[tables.Predicted]], str]
-_STYLES: dict[str, Style] = {
-    "text": tables.text,
-    "csv": tables.csv,
-    "latex": lambda results, _: tables.latex(results),
-}
+Style: TypeAlias = "Callable[[Sequence[Result], Sequence[Predicted]], str]"
 
 
 def simulate(options: Simulate) -> int:
@@ -51,7 +47,9 @@ def simulate(options: Simulate) -> int:
         results.append(result)
         warn(result)
         if options.text:
-            print(tables.text([result]))
+            from hgorun.tables.metrics import text  # only where it is printed: a run has to be quick
+
+            print(text([result]))
             print(f"written: {target}")
     if options.json:
         _print_json(results, files)
@@ -61,6 +59,8 @@ def simulate(options: Simulate) -> int:
 def compare(options: Compare) -> int:
     """Show metrics of configurations and result files side by side, and draw plots of them."""
     refuse_other_kinds(options.output, _DRAWING_SUFFIXES)
+    from hgorun.result.reading import read  # not for simulate, which has to be quick
+
     style = _style(options)
     loaded: list[Result | PreparedRun] = []
     files: list[str] = []
@@ -90,13 +90,20 @@ def compare(options: Compare) -> int:
 
 def _style(options: Compare) -> Style:
     """The table asked for, once it is sure that the options fit each other."""
-    if options.format not in _STYLES:
-        raise ConfigError(f"--format: expected one of {', '.join(_STYLES)}, found {options.format!r}")
+    from hgorun.tables import metrics as tables
+
+    styles: dict[str, Style] = {
+        "text": tables.text,
+        "csv": tables.csv,
+        "latex": lambda results, _: tables.latex(results),
+    }
+    if options.format not in styles:
+        raise ConfigError(f"--format: expected one of {', '.join(styles)}, found {options.format!r}")
     if options.analyze and options.format == "latex":
         raise ConfigError("--analyze adds columns to text, csv and JSON; the LaTeX table has metrics only")
     if (options.overrides or options.seed is not None) and all(map(_is_result, options.sources)):
         raise ConfigError("--set and --seed change configurations; a result file stays as it is")
-    return _STYLES[options.format]
+    return styles[options.format]
 
 
 def refuse_other_kinds(output: Path | None, suffixes: Collection[str]) -> None:
@@ -215,7 +222,7 @@ def _better(how: Integration, error: float) -> str:
     return f"give a step of {how.step / shorter:.1g}"
 
 
-def _predicted(sources: Sequence[PreparedRun | Result], results: Sequence[Result]) -> list[tables.Predicted]:
+def _predicted(sources: Sequence[PreparedRun | Result], results: Sequence[Result]) -> list[Predicted]:
     """What theory says of configurations; nothing of result files, which hold no equations."""
     from hgorun.analysis.report import analysis_of
 
@@ -225,8 +232,10 @@ def _predicted(sources: Sequence[PreparedRun | Result], results: Sequence[Result
     ]
 
 
-def _print_json(results: Sequence[Result], files: Sequence[str], predicted: Sequence[tables.Predicted] = ()) -> None:
+def _print_json(results: Sequence[Result], files: Sequence[str], predicted: Sequence[Predicted] = ()) -> None:
     """One object for one result, a list for several."""
     theory = list(predicted) or [{} for _ in results]
-    found = [tables.as_json(*each) for each in zip(results, files, theory, strict=True)]
+    from hgorun.tables.metrics import as_json
+
+    found = [as_json(*each) for each in zip(results, files, theory, strict=True)]
     print(json_text.dumps(found[0] if len(found) == 1 else found, indent=2, allow_nan=False))

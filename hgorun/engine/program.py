@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hgorun.engine.adaptive import add_adaptive
 from hgorun.engine.allowance import SMALL
+from hgorun.engine.emit import Emitted
 from hgorun.engine.fixed import add_fixed
 from hgorun.engine.history import History, piece_words
 from hgorun.engine.layout import (
@@ -23,16 +23,15 @@ from hgorun.engine.layout import (
     WORD,
     HybridSystem,
 )
-from hgorun.engine.methods import METHODS, Rosenbrock
+from hgorun.engine.methods import METHODS, Method, Rosenbrock
 from hgorun.engine.parts import Module, add_actions, add_channels, add_flag, add_rows, counts, span
 from hgorun.engine.plan import Floats, Integers, Plan
-from hgorun.engine.rosenbrock import LinearlyImplicit
-from hgorun.engine.runge_kutta import RungeKutta
 from hgorun.engine.stepper import Stepper
 from hgorun.errors import PlantDiverged, SimulationError
-from hgorun.native.compiler import NativeModule
+from hgorun.native.compiler import NativeModule, address_of
 
 _SLICE = 0.05  # seconds of native code between two checks for Ctrl-C
+_FIRST = 1000  # steps in the first slice, until it is known how long one takes
 _BUDGET = 20_000  # adaptive steps between two such looks
 _PATIENCE, _PROGRESS = 1_000_000, 1e-3  # adaptive steps, and the part of the run that they must bring
 _ADAPTIVE_HISTORY = 1 << 16  # pieces kept where the number of steps is not known before
@@ -117,15 +116,29 @@ def generate(system: HybridSystem, method: str, *, adaptive: bool = False, lanes
     history = History(m, slopes=implicit) if system.remembers else None
     for i, flow in enumerate(flows):
         name = f"advance{i}"
-        stepper: Stepper = (
-            LinearlyImplicit(m, chosen, history, i, flow, name)
-            if isinstance(chosen, Rosenbrock)
-            else RungeKutta(m, chosen, history, i, flow, name)
-        )
-        (add_adaptive if adaptive else add_fixed)(stepper)
+        stepper = _stepper(m, chosen, history, i, flow, name)
+        if adaptive:
+            from hgorun.engine.adaptive import add_adaptive
+
+            add_adaptive(stepper)
+        else:
+            add_fixed(stepper)
     _add_run(m, len(flows))
     m.setup()
     return m.text(), m.constants
+
+
+def _stepper(
+    m: Module, method: Method | Rosenbrock, history: History | None, regime: int, flow: Emitted, name: str
+) -> Stepper:
+    """What makes a step; only what is asked for is imported, for most runs are short."""
+    if isinstance(method, Rosenbrock):
+        from hgorun.engine.rosenbrock import LinearlyImplicit
+
+        return LinearlyImplicit(m, method, history, regime, flow, name)
+    from hgorun.engine.runge_kutta import RungeKutta
+
+    return RungeKutta(m, method, history, regime, flow, name)
 
 
 def _add_run(m: Module, regimes: int) -> None:
@@ -214,7 +227,12 @@ class Program:
         self._begin(memory.address)
         memory.keep_initial()
         work = np.cumsum(plan.counts[:, 2] - plan.counts[:, 1] + 1)  # a segment's steps, and what happens before
-        stop, done, chunk, tries = 0, 0, 1, 0
+        stop, done, tries, chunk = (
+            0,
+            0,
+            0,
+            1 if tolerance else _FIRST,
+        )  # an adaptive segment may take any number of steps
         while stop < work.size:
             before = time.perf_counter()
             stop = max(stop + 1, int(np.searchsorted(work, done + chunk, side="right")))
@@ -313,7 +331,7 @@ class _Memory:
             "counts": np.ascontiguousarray(plan.counts),
             "actions": np.ascontiguousarray(plan.actions) if plan.actions.size else np.zeros(5, dtype=np.int64),
             "grid": np.append(plan.grid, np.inf),
-            "rows": np.full(self.shape, np.nan),
+            "rows": np.empty(self.shape),  # every row is written, by the native code or at the end
             "slots": np.zeros(max(plan.slots, 1) * s.width * lanes),
             "gain": _spread(plan.gain, lanes),
             "bias": _spread(plan.bias, lanes),
@@ -331,7 +349,7 @@ class _Memory:
         }
         self.context = np.zeros(len(CONTEXT), dtype=np.int64)
         for name, array in self.arrays.items():
-            self.context[WORD[name]] = array.ctypes.data
+            self.context[WORD[name]] = address_of(array)
         self.context[WORD["ring_mask"]] = pieces - 1
         reals = self.context.view(float)
         reals[WORD["bound_offset"]], reals[WORD["bound_factor"]] = start.bound
@@ -345,7 +363,7 @@ class _Memory:
                 ("step", tolerance.first_step),
             ):
                 reals[WORD[word]] = value
-        self.address = self.context.ctypes.data
+        self.address = address_of(self.context)
         self.slots, self.observers = plan.slots, s.observers
 
     def __getitem__(self, word: str) -> int:

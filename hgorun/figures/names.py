@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from hgorun.config.expressions import nearest
 from hgorun.config.models import Figure, Inset, Panel
 from hgorun.errors import KeyPath, Problem
-from hgorun.figures.scaling import ScalingData, quantities
 from hgorun.figures.style import LARGEST, LARGEST_AREA, LARGEST_NUMBER, LOWEST, NARROWEST, PANEL
 from hgorun.result.data import ResultData
 from hgorun.result.run_names import run_names
+
+if TYPE_CHECKING:
+    from hgorun.figures.scaling import ScalingData
 
 
 @dataclass(frozen=True)
@@ -120,6 +122,8 @@ def _check_panel(panel: Panel, names: Names, path: KeyPath) -> None:
         raise Problem((*path, "observers"), "an empty list shows the truth of a run alone: name the run with run")
     if panel.scaling is not None:
         _require(panel.scaling.state, "state", states, (*path, "scaling", "state"), where)
+        from hgorun.figures.scaling import quantities  # it draws them, too: not for runs without such a panel
+
         _require(panel.scaling.of, "quantity", list(quantities()), (*path, "scaling", "of"))
     measured = _together(n.outputs if n.measured is None else n.measured for n in picked.values())
     _check_fit(panel, measured, path)

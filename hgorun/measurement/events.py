@@ -22,7 +22,7 @@ from hgorun.symbolic.clock import on_the_clock
 from hgorun.symbolic.crossings import Found, Search, TooMany
 from hgorun.symbolic.evaluate import Floats, evaluate
 from hgorun.symbolic.kinks import Kink, Pieces
-from hgorun.symbolic.levels import Levels, listed
+from hgorun.symbolic.levels import Levels, distinct, listed
 
 LEVELS = 4  # repetitions of an event that a fourth-order method can see
 _INSIDE = 0.382  # where a piece is looked at: not in the middle, where a symmetric function may touch a level
@@ -141,7 +141,7 @@ class _Span:
         return Irregular(times, lost, self._infinite(times))
 
     def _union(self, numbers: Iterable[int]) -> Floats:
-        return np.unique(np.concatenate([np.zeros(0), *(self.found[k].times for k in numbers)]))
+        return distinct(np.concatenate([np.zeros(0), *(self.found[k].times for k in numbers)]))
 
     def _edges(self, times: Floats) -> Floats:
         inner = times[(times > self.start) & (times < self.end)]
@@ -197,7 +197,7 @@ def repeated(events: Floats, delay: str, start: float, end: float, origin: float
         return Irregular(times[(times > start) & (times <= end)])
     pieces, nothing = _late(delay, origin), np.zeros(0)
     found = _Span(pieces, nothing, start, end, np.inf)
-    irregular = found.irregular(listed(np.unique(events), reached=False))
+    irregular = found.irregular(listed(distinct(events), reached=False))
     times = found.found[len(pieces.kinks) - 1].times
     return Irregular(times[times > start], irregular.lost)
 
@@ -212,7 +212,7 @@ def _late(delay: str, origin: float) -> Pieces:
 
 def merge(times: Floats, tolerance: float) -> Floats:
     """Sorted times, those closer than ``tolerance`` to their predecessor dropped."""
-    times = np.unique(times)
+    times = distinct(times)
     if times.size < 2:
         return times
     groups = np.concatenate([[True], np.diff(times) > tolerance])

@@ -15,6 +15,7 @@ import numpy as np
 from hgorun.errors import PluginError, called
 from hgorun.measurement.availability import Stretch
 from hgorun.noise.base import Noise, RandomNoise, TimeFunction
+from hgorun.symbolic.levels import distinct
 
 
 def generator(seed: int, *channel: object) -> np.random.Generator:
@@ -85,7 +86,7 @@ class StretchNoise:
     def change_times(self) -> np.ndarray:
         """When a held part changes."""
         times = [self.start + np.arange(first, first + draws.size) * hold for hold, first, draws in self._held]
-        return np.unique(np.concatenate(times)) if times else np.zeros(0)
+        return distinct(np.concatenate(times)) if times else np.zeros(0)
 
     def held(self, times: np.ndarray) -> np.ndarray:
         """The sum of the held parts at several times."""

@@ -18,6 +18,7 @@ from hgorun.measurement.sampling import SAMPLE_BYTES, Samples, find_samples
 from hgorun.measurement.signals import delay_range
 from hgorun.measurement.variants import CONTINUOUS, DELAYED, HELD, SILENT, Variant
 from hgorun.noise.base import RandomNoise
+from hgorun.symbolic.levels import distinct
 
 _SHORT = 1e-9  # events closer than this part of a step are one
 _DRAW_BYTES = 16  # of memory that a draw takes until those that a stretch needs are left
@@ -257,8 +258,8 @@ def _distinct(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Distinct rows of small numbers in lexical order, and which of them each row is."""
     sizes = rows.max(axis=0) + 1
     if np.prod(sizes.astype(float)) > len(rows) + 1000:
-        distinct, which = np.unique(rows, axis=0, return_inverse=True)
-        return distinct, which.ravel()
+        present, which = np.unique(rows, axis=0, return_inverse=True)
+        return present, which.ravel()
     codes = np.ravel_multi_index(tuple(rows.T), tuple(sizes))  # sorting takes longer than all the rest
     present = np.flatnonzero(np.bincount(codes))
     return np.stack(np.unravel_index(present, tuple(sizes)), axis=1), np.searchsorted(present, codes)
@@ -268,7 +269,7 @@ def _pulses(kinks: np.ndarray, tolerance: float, rounding: float) -> np.ndarray:
     """Kinks closer to each other than other events may be, but not by rounding: a pulse can be that short."""
     ordered = merge(kinks, rounding)
     short = np.flatnonzero(np.diff(ordered) <= tolerance)
-    return ordered[np.union1d(short, short + 1)]
+    return np.asarray(ordered[distinct(np.concatenate([short, short + 1]))])
 
 
 def _clipped(times: np.ndarray, time: Time, tolerance: float) -> np.ndarray:

@@ -20,6 +20,7 @@ from hgorun.noise.base import TimeFunction
 from hgorun.symbolic.clock import on_the_clock
 from hgorun.symbolic.crossings import TooMany
 from hgorun.symbolic.evaluate import Floats, along
+from hgorun.symbolic.levels import distinct
 from hgorun.symbolic.parameters import Parameters, flat
 
 _POINTS = 4_000  # at which a delay is looked at beside its kinks and extremes
@@ -98,7 +99,7 @@ def kinks_of(stretch: Stretch, max_memory: float) -> Irregular:
         if when is not None:
             raise Problem(stretch.paths[key], infinite(stretch.origin + when))
     noise, delay = found
-    return Irregular(np.union1d(noise.times, delay.times), noise.lost + delay.lost)
+    return Irregular(distinct(np.concatenate([noise.times, delay.times])), noise.lost + delay.lost)
 
 
 def extremes_of(stretch: Stretch) -> Floats:
@@ -130,7 +131,7 @@ def delay_range(stretch: Stretch) -> tuple[float, float]:
     found = _extremes(stretch.delay, stretch.origin).between(np.zeros(0), stretch.start, stretch.end).times
     beside = found + 4 * np.spacing(found) * np.array([[-1.0], [0.0], [1.0]])
     inside = np.clip(beside, stretch.start, stretch.end).ravel()
-    times = np.unique(np.concatenate([np.linspace(stretch.start, stretch.end, _POINTS), inside]))
+    times = distinct(np.concatenate([np.linspace(stretch.start, stretch.end, _POINTS), inside]))
     delays = stretch.delay_at(times)
     if not np.all(np.isfinite(delays)) or np.any(delays < 0):
         where = times[np.argmin(np.where(np.isfinite(delays), delays, -np.inf))]

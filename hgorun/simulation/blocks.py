@@ -17,7 +17,6 @@ from hgorun.errors import ConfigError, KeyPath
 from hgorun.measurement.blocks import Measurement
 from hgorun.observers.base import OBSERVERS, AnyObserver
 from hgorun.plants.base import PLANTS, Plant
-from hgorun.plants.inline import InlinePlant
 from hgorun.registry import Registry
 from hgorun.result.data import Coordinates
 from hgorun.symbolic.observability import CanonicalForms
@@ -144,6 +143,8 @@ def _plant(blocks: ExperimentBlocks, source: Source) -> Plant:
                 line=line,
                 key="plant",
             )
+        from hgorun.plants.inline import InlinePlant  # one plant is needed, not two
+
         return validate(InlinePlant, block, source, ("plant",))
     cls = _find(PLANTS, block["type"], source, ("plant", "type"))
     return validate(cls, block, source, ("plant",))

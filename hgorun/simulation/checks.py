@@ -11,7 +11,7 @@ from hgorun.measurement.signals import delay_range
 from hgorun.observers.base import SampledObserver, SampleSchedule
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.tables import count_steps
-from hgorun.symbolic.evaluate import at
+from hgorun.symbolic.evaluate import roughly_at
 
 _COARSE = 0.01  # of a step: so far apart neighbouring numbers may be
 _OVERLAP = 0.05  # of a step: delays shorter than that are followed inside the step
@@ -146,7 +146,7 @@ def _held_at_start(run: PreparedRun) -> np.ndarray:
     """The vector w as if every output had just been measured."""
     system = run.structure.system
     held, layout = np.zeros(system.held.size), system.held
-    (channels,) = at(system.channels, run.time.start, run.numbers.p, run.numbers.z0, held)
+    (channels,) = roughly_at(system.channels, run.time.start, run.numbers.p, run.numbers.z0, held)
     for i, output in enumerate(channels.reshape(system.outputs, system.width)):
         held[layout.previous(i)] = output[0]
         held[layout.output(i) : layout.output(i) + output.size] = output
@@ -157,7 +157,7 @@ def _held_at_start(run: PreparedRun) -> np.ndarray:
 def _check_start(run: PreparedRun) -> None:
     """The right-hand sides must be numbers at the start."""
     system, numbers = run.structure.system, run.numbers
-    (rates,) = at(system.regimes[0].flow, run.time.start, numbers.p, numbers.z0, _held_at_start(run))
+    (rates,) = roughly_at(system.regimes[0].flow, run.time.start, numbers.p, numbers.z0, _held_at_start(run))
     bad = np.flatnonzero(~np.isfinite(rates[: system.plant_states]))
     if bad.size:
         name = run.plant.model.states[int(bad[0])]

@@ -20,8 +20,8 @@ from hgorun.config.models import Method
 from hgorun.engine.methods import METHODS
 from hgorun.engine.program import Raw, Tolerance, TooManySteps
 from hgorun.errors import Problem, SimulationError
-from hgorun.result.data import Integration
-from hgorun.result.status import Verdict
+from hgorun.result.data import PLANT, Integration
+from hgorun.result.status import OK, Verdict
 from hgorun.simulation.checks import longest_step
 from hgorun.simulation.confirmation import ended
 from hgorun.simulation.error_estimate import differences
@@ -53,14 +53,14 @@ class Controlled:
     raw, measured
         Of the most accurate pass.
     integration : Integration
-    verdicts : mapping of str to Verdict
-        What is to be said of ``plant`` and observers that are not ok: lost, or not as accurate as they should be.
+    of_plant : Verdict
+        Whether the plant is as accurate as it should be.
     """
 
     raw: Raw
     measured: Measured
     integration: Integration
-    verdicts: Mapping[str, Verdict]
+    of_plant: Verdict
 
 
 class _Exhausted(Exception):
@@ -98,7 +98,7 @@ class _Finished:
 
     how: Pass
     raw: Raw
-    verdicts: Mapping[str, Verdict]
+    verdicts: dict[str, Verdict]
     measured: Measured
 
 
@@ -277,7 +277,7 @@ def controlled(run: PreparedRun, progress: Progress = None) -> Controlled:
             f"{run.solver.max_evaluations:g} evaluations of the right-hand side are not enough to follow this run with "
             "any step",
         )
-    how, tolerance = found.finished.how, found.finished.how.tolerance
+    how, known, tolerance = found.finished.how, found.finished.measured, found.finished.how.tolerance
     integration = Integration(
         method=how.method,
         step=None if tolerance else how.step,
@@ -287,15 +287,17 @@ def controlled(run: PreparedRun, progress: Progress = None) -> Controlled:
     )
     late = {label: error for label, error in found.error.items() if not error <= run.solver.accuracy}
     verdicts = {label: _doubt(error, run, search.budget.spent) for label, error in late.items()}
+    verdicts |= _lost(run, found.finished, progress)
+    observers = tuple(verdicts.get(b.label, v) for b, v in zip(run.observers, known.verdicts, strict=True))
     return Controlled(
         raw=found.finished.raw,
-        measured=found.finished.measured,
+        measured=replace(known, verdicts=observers),
         integration=integration,
-        verdicts={**verdicts, **_lost(run, found.finished, progress)},
+        of_plant=verdicts.get(PLANT, OK),
     )
 
 
-def _lost(run: PreparedRun, found: _Finished, progress: Progress) -> Mapping[str, Verdict]:
+def _lost(run: PreparedRun, found: _Finished, progress: Progress) -> dict[str, Verdict]:
     """The observers that are lost, with reasons as far as they can be told."""
     if not found.verdicts or run.solver.divergence is not None:
         return found.verdicts

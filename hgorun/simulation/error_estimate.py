@@ -8,8 +8,6 @@ of an estimate over that of a state that rests.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from hgorun.result.data import PLANT
@@ -26,15 +24,14 @@ def differences(run: PreparedRun, fine: Measured, coarse: Measured) -> dict[str,
     """The relative difference of two passes, for the plant and for every observer; infinite where one alone is lost."""
     size = np.max(np.abs(fine.x), axis=0, initial=0.0)
     found = {PLANT: _largest(_gap(fine.x, coarse.x), size)}
-    for label, xhat in fine.estimates.items():
-        other = coarse.estimates[label]
-        if not _same_end(run, fine.lost[label], coarse.lost[label]):
-            found[label] = np.inf
+    for j, block in enumerate(run.observers):
+        xhat, other = fine.estimates.of(j), coarse.estimates.of(j)
+        if not _same_end(run, fine.lost(j), coarse.lost(j)):
+            found[block.label] = np.inf
             continue
         own = np.maximum(size, _FLOOR * _reach(xhat))
         apart = _largest(_gap(xhat, other), np.maximum(own, _reach(xhat)))
-        of_metrics = _metrics(run, fine, label, coarse.metrics[label], own)
-        found[label] = max(apart, of_metrics)
+        found[block.label] = max(apart, _metrics(run, fine, coarse, j, own))
     return found
 
 
@@ -62,12 +59,13 @@ def _same_end(run: PreparedRun, a: float, b: float) -> bool:
     return bool(abs(a - b) <= max(_SAME_TIME * (min(a, b) - run.time.start), run.grid[1] - run.grid[0]))
 
 
-def _metrics(run: PreparedRun, found: Measured, label: str, other: Mapping[str, np.ndarray], size: np.ndarray) -> float:
+def _metrics(run: PreparedRun, fine: Measured, coarse: Measured, observer: int, size: np.ndarray) -> float:
     """The largest relative difference of the metrics of an observer."""
-    own, known, time, worst = found.metrics[label], all_metrics(), run.time, 0.0
-    settled = found.settings.settling * own[PEAK.name] > run.solver.accuracy * _FLOOR * size
-    for name, a in own.items():
-        b, unit, counts = other[name], known[name].unit, np.ones(a.shape, dtype=bool)
+    known, time, worst = all_metrics(), run.time, 0.0
+    settled = fine.settings.settling * fine.metrics[PEAK.name][observer] > run.solver.accuracy * _FLOOR * size
+    for name, values in fine.metrics.items():
+        a, b = values[observer], coarse.metrics[name][observer]
+        unit, counts = known[name].unit, np.ones(a.shape, dtype=bool)
         with np.errstate(invalid="ignore", divide="ignore"):
             gap, value, floor = np.abs(a - b), np.abs(a), _FLOOR * size
             if unit == "time":
@@ -75,7 +73,7 @@ def _metrics(run: PreparedRun, found: Measured, label: str, other: Mapping[str, 
                 value, floor = np.abs(a - time.start), np.full(a.shape, _FLOOR * (time.end - time.start))
                 counts = settled
             elif unit == "1":  # a ratio to how much the state moves
-                counts, floor = found.moved > floor, floor / found.moved
+                counts, floor = fine.moved > floor, floor / fine.moved
         if np.any(np.isfinite(a[counts]) != np.isfinite(b[counts])):
             return float("inf")
         counts = counts & np.isfinite(a)

@@ -90,9 +90,8 @@ class LaterEstimate:
 
     def _labels(self, run: PreparedRun) -> list[str]:
         """Of what there are errors: of the plant, and of observers that have numbers and a limit."""
-        limitless = {b.label for b in run.observers if isinstance(b.observer, SlidingMode)}
-        sound = [label for label, xhat in self.found.estimates.items() if np.all(np.isfinite(xhat))]
-        return [PLANT, *(label for label in sound if label not in limitless)]
+        limited = [(j, b.label) for j, b in enumerate(run.observers) if not isinstance(b.observer, SlidingMode)]
+        return [PLANT, *(label for j, label in limited if np.all(np.isfinite(self.found.estimates.of(j))))]
 
 
 def _integrates(run: PreparedRun) -> bool:

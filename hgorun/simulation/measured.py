@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from hgorun.engine.program import Raw
-from hgorun.result.measure import measure
+from hgorun.result.estimated import Estimated
+from hgorun.result.measure import measure_together
 from hgorun.result.status import OK, Verdict
 from hgorun.result.windows import MetricSettings, points_in
 from hgorun.simulation.loss import of_estimate
@@ -17,57 +18,65 @@ from hgorun.simulation.prepared import PreparedRun
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Measured:
-    """Trajectories in the plant's coordinates, and their metrics.
+    """Trajectories, and the metrics of the estimates.
 
     Attributes
     ----------
+    rows : ndarray, shape (Nt, states)
+        All states on the output grid, those of the plant first.
     x : ndarray, shape (Nt, n)
-        On the output grid.
-    estimates : mapping of str to ndarray, shape (Nt, n)
-        By observer.
-    lost : mapping of str to float
-        When each observer is lost; infinite where it is not.
-    metrics : mapping
-        {observer: {metric: values (n,)}}; moments are counted from the start of the run.
+        The plant's.
+    estimates : Estimated
+        In the plant's coordinates, of the m observers on the output grid.
+    verdicts : tuple of Verdict
+        What is said of every observer, with times since the run's origin.
+    metrics : mapping of str to ndarray, shape (m, n)
+        Moments are counted from the run's origin, too.
     settings : MetricSettings
-        Where the metrics look.
+        Where the metrics look, on the clock of the configuration.
     moved : ndarray, shape (n,)
         Total variation of the truth in the steady window.
-    undefined : mapping of str to Verdict
-        Observers whose estimate is not a number from some time on.
     """
 
+    rows: np.ndarray
     x: np.ndarray
-    estimates: Mapping[str, np.ndarray]
-    lost: Mapping[str, float]
-    metrics: Mapping[str, Mapping[str, np.ndarray]]
+    estimates: Estimated
+    verdicts: tuple[Verdict, ...]
+    metrics: Mapping[str, np.ndarray]
     settings: MetricSettings
     moved: np.ndarray
-    undefined: Mapping[str, Verdict]
+
+    def lost(self, observer: int) -> float:
+        """When an observer is lost; infinite where it is not."""
+        verdict = self.verdicts[observer]
+        return verdict.at if verdict.lost and verdict.at is not None else np.inf
 
 
-def measured(run: PreparedRun, raw: Raw, verdicts: Mapping[str, Verdict]) -> Measured:
-    """From the engine's arrays, and what is said of the observers that are not plainly ok."""
-    rows, labels = raw.rows[:, :, 0], [b.label for b in run.observers]
+def measured(run: PreparedRun, raw: Raw, known: Mapping[str, Verdict]) -> Measured:
+    """From the engine's arrays, and what is known of observers that are not plainly ok."""
+    rows, n = raw.rows[:, :, 0], run.plant.model.n
     _, every_output, every_metric = run.experiment.grid
     shown, points = slice(None, None, every_output), slice(None, None, every_metric)
-    x = rows[:, : run.plant.model.n]
-    found = [readout.along(run.grid, run.numbers.p, rows) for readout in run.structure.estimates]
+    kept = np.ascontiguousarray(rows[shown])  # the arrays of the result are parts of it
+    estimates = run.structure.estimates_along(run.grid, run.numbers.p, rows)
     settings = MetricSettings.of(run.experiment.blocks.metrics, run.experiment.blocks.time)
-    since = settings.since(run.origin)
-    on_points = {label: xhat[points] for label, xhat in zip(labels, found, strict=True)}
-    said = {label: of_estimate(run, raw, j, found[j]) for j, label in enumerate(labels)}
-    steady = x[points][points_in(run.grid[points], since.steady)]
+    since, x = settings.since(run.origin), rows[points, :n]
+    steady = x[points_in(run.grid[points], since.steady)]
     return Measured(
-        x=np.ascontiguousarray(x[shown]),
-        estimates={label: np.ascontiguousarray(xhat[shown]) for label, xhat in zip(labels, found, strict=True)},
-        lost={label: _lost(verdicts.get(label, said[label])) for label in labels},
-        metrics=measure(run.grid[points], x[points], on_points, since),
+        rows=kept,
+        x=kept[:, :n],
+        estimates=estimates.at(shown),
+        verdicts=_verdicts(run, raw, estimates, known),
+        metrics=measure_together(run.grid[points], x, estimates.at(points), since),
         settings=settings,
         moved=np.abs(np.diff(steady, axis=0)).sum(axis=0),
-        undefined={label: verdict for label, verdict in said.items() if verdict != OK},
     )
 
 
-def _lost(verdict: Verdict) -> float:
-    return verdict.at if verdict.lost and verdict.at is not None else np.inf
+def _verdicts(run: PreparedRun, raw: Raw, estimates: Estimated, known: Mapping[str, Verdict]) -> tuple[Verdict, ...]:
+    """What is said of every observer, with times since the run's origin."""
+    sound = estimates.finite()
+    return tuple(
+        known[b.label] if b.label in known else OK if sound else of_estimate(run, raw, j, estimates.of(j))
+        for j, b in enumerate(run.observers)
+    )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import asdict, replace
 
 import numpy as np
@@ -12,8 +11,8 @@ from hgorun.errors import Problem
 from hgorun.measurement.events import merge
 from hgorun.measurement.schedule import nearest_event
 from hgorun.measurement.signals import noise_at
-from hgorun.memo import Memo
-from hgorun.result.data import PLANT, DesignNumbers, Integration, Measurements, ObserverResult
+from hgorun.memo import Memo, Same
+from hgorun.result.data import DesignNumbers, Integration, Measurements, ObserverResult
 from hgorun.result.measure import from_origin
 from hgorun.result.result import Result
 from hgorun.result.status import OK, Verdict
@@ -21,71 +20,72 @@ from hgorun.result.windows import MetricSettings
 from hgorun.simulation.measured import Measured
 from hgorun.simulation.prepared import PreparedRun
 
-_INPUTS: Memo[np.ndarray] = Memo(8, lambda u: u.size < 1_000_000)
+_KEPT = 1_000_000  # numbers of an array that is kept in memory
+_INPUTS: Memo[np.ndarray] = Memo(8, lambda u: u.size < _KEPT)
+_ROWS: Memo[tuple[np.ndarray, list[np.ndarray]]] = Memo(8, lambda rows: rows[0].size * len(rows[1]) < _KEPT)
 
 
-def record(
-    run: PreparedRun, raw: Raw, found: Measured, integration: Integration, verdicts: Mapping[str, Verdict]
-) -> Result:
+def record(run: PreparedRun, raw: Raw, found: Measured, integration: Integration, of_plant: Verdict = OK) -> Result:
     """Trajectories in the plant's coordinates, on the output grid, with metrics from the metric grid.
 
     Parameters
     ----------
     run, raw, found, integration
         The run, what it has given, and how.
-    verdicts : mapping of str to Verdict
-        Of the plant and of the observers that are not plainly ok, with times since the run's origin.
+    of_plant : Verdict
+        What is said of the plant.
     """
     structure, numbers, blocks, model = run.structure, run.numbers, run.experiment.blocks, run.plant.model
-    shown, origin = slice(None, None, run.experiment.grid[1]), run.origin
-    rows = raw.rows[:, :, 0]
-    grid = run.grid[shown].copy()
+    grid, origin = run.grid[:: run.experiment.grid[1]].copy(), run.origin
     u = _inputs(run, grid)
-    y = structure.outputs.along(grid, numbers.p, rows[shown])
-    bad = np.argwhere(~np.isfinite(y))
-    if bad.size:
-        row, column = bad[0]
+    y = np.ascontiguousarray(structure.outputs.along(grid, numbers.p, found.rows))
+    if not np.all(np.isfinite(y)):
+        row, column = np.argwhere(~np.isfinite(y))[0]
         when = origin + grid[row]
         raise Problem(("plant",), f"output {model.outputs[column]} is not a finite number at t = {when:g}")
-    observers = {}
-    for b in numbers.observers:
-        verdict = verdicts.get(b.label, found.undefined.get(b.label, OK))
-        numbers_of = from_origin(found.metrics[b.label], origin) if origin else found.metrics[b.label]
-        if verdict.lost:  # the metrics' own grid may have missed it
-            numbers_of = {name: np.full(model.n, np.inf) for name in numbers_of}
-        observers[b.label] = ObserverResult(
-            type=b.observer.type,
-            xhat=found.estimates[b.label],
-            internal={name: st.shaped(rows[shown]) for name, st in b.states.items() if name != "xhat" and st.size},
-            gains={name: np.asarray(value).tolist() for name, value in b.design.items()},
-            dimension=sum(st.size for name, st in b.states.items() if name != "alpha"),
-            verdict=verdict if verdict.at is None else replace(verdict, at=origin + verdict.at),
-            metrics=numbers_of,
-            coordinates=run.experiment.coordinates.get(b.label),
-        )
     return Result(
         name=run.experiment.name,
         title=blocks.title,
         time=origin + grid,
         x=found.x,
         u=u.copy(),
-        y=np.ascontiguousarray(y),
+        y=y,
         states=model.states,
         inputs=model.inputs,
         outputs=model.outputs,
         units={"time": run.time.unit, **run.plant.units},
         measurements=_measurements(run, raw, grid, y),
-        observers=observers,
+        observers=_observers(run, found),
         config=run.experiment.text,
         resolved=run.experiment.resolved_later,
         seed=blocks.seed,
         windows=asdict(found.settings),
         integration=integration,
-        verdict=verdicts.get(PLANT, OK),
+        verdict=of_plant,
         measures=model.measures,
         remarks=run.remarks,
         design=DesignNumbers(numbers.p, numbers.z0, run.step),
     )
+
+
+def _observers(run: PreparedRun, measured: Measured) -> dict[str, ObserverResult]:
+    """Every observer's part of the result."""
+    metrics = from_origin(measured.metrics, run.origin) if run.origin else measured.metrics
+    found, coordinates = {}, run.experiment.coordinates
+    for j, (b, verdict) in enumerate(zip(run.observers, measured.verdicts, strict=True)):
+        # where an estimate is lost, the metrics' own grid may have missed it
+        own = {name: np.full_like(values[j], np.inf) if verdict.lost else values[j] for name, values in metrics.items()}
+        found[b.label] = ObserverResult(
+            type=b.observer.type,
+            xhat=measured.estimates.of(j),
+            internal={name: st.shaped(measured.rows) for name, st in b.states.items() if name != "xhat" and st.size},
+            gains={name: np.asarray(value).tolist() for name, value in b.design.items()},
+            dimension=sum(st.size for name, st in b.states.items() if name != "alpha"),
+            verdict=verdict if verdict.at is None else replace(verdict, at=run.origin + verdict.at),
+            metrics=own,
+            coordinates=coordinates.get(b.label),
+        )
+    return found
 
 
 def since_start(run: PreparedRun, result: Result) -> Result:
@@ -107,7 +107,7 @@ def since_start(run: PreparedRun, result: Result) -> Result:
 
 def _inputs(run: PreparedRun, times: np.ndarray) -> np.ndarray:
     """u(t), which does not depend on what the observers do."""
-    key = run.structure.groups[0].truth.plant, run.plant.everything.tobytes(), times.tobytes()
+    key = run.structure.groups[0].truth.plant, run.plant.everything.tobytes(), Same(run.grid), run.experiment.grid[1]
     nothing = np.zeros(run.structure.system.states)
     return _INPUTS.get(key, lambda: run.structure.inputs.along(times, run.numbers.p, nothing))
 
@@ -139,10 +139,20 @@ def _measurements(run: PreparedRun, raw: Raw, grid: np.ndarray, y: np.ndarray) -
             values.append(truth * (1 + v) if stretch.multiplicative else truth + v)
         measured = run.plant.model.wrapped(i, np.concatenate(values))
         parts.append((np.concatenate(times), np.concatenate(taken), measured))
-    # arrivals that are one event are one row, in spite of rounding
-    union = merge(np.concatenate([part[0] for part in parts]), 1e-9 * run.step)
+    key = Same(run.schedule), Same(run.grid)  # of which runs of one family have the same ones
+    union, places = _ROWS.get(key, lambda: _rows([part[0] for part in parts], 1e-9 * run.step))
     taken_all, y_all = (np.full((union.size, len(parts)), np.nan) for _ in range(2))
-    for i, part in enumerate(parts):
-        where = nearest_event(union, part[0]) if union.size > 1 else np.zeros(part[0].size, dtype=int)
+    for i, (part, where) in enumerate(zip(parts, places, strict=True)):
         taken_all[where, i], y_all[where, i] = part[1], part[2]
     return Measurements(time=run.origin + union, taken=run.origin + taken_all, y=y_all)
+
+
+def _rows(times: list[np.ndarray], tolerance: float) -> tuple[np.ndarray, list[np.ndarray]]:
+    """The times of all outputs' measurements, and where among them those of each are.
+
+    Arrivals that are one event are one row, in spite of rounding.
+    """
+    union = merge(np.concatenate(times), tolerance)
+    if union.size < 2:
+        return union, [np.zeros(one.size, dtype=int) for one in times]
+    return union, [nearest_event(union, one) for one in times]

@@ -55,7 +55,7 @@ def simulate_prepared(
     with _located(run), run.experiment.located():
         if run.solver.controlled:
             best = controlled(run, progress)
-            return record(run, best.raw, best.measured, best.integration, best.verdicts)
+            return record(run, best.raw, best.measured, best.integration, best.of_plant)
         how = as_given(run)
         again = Again(run, how, progress)
         try:
@@ -71,7 +71,7 @@ def simulate_prepared(
             evaluations=raw.tries * how.evaluations_of_a_step,
             error=LaterEstimate(run, found, finer=check_step),
         )
-        return record(run, raw, found, integration, verdicts)
+        return record(run, raw, found, integration)
 
 
 @contextmanager

@@ -21,6 +21,7 @@ from hgorun.measurement.signals import Signal, signal, signal_numbers, signal_st
 from hgorun.measurement.variants import Variant
 from hgorun.memo import Memo
 from hgorun.observers.base import AnyObserver
+from hgorun.result.estimated import Estimated, columns_of
 from hgorun.simulation.observer_block import Design, ObserverBlock
 from hgorun.simulation.system import Group, build_system, has_past
 from hgorun.simulation.truth import PlantNumbers, Truth
@@ -32,9 +33,9 @@ Stretches = Sequence[Sequence[Stretch]]  # of every output
 
 @dataclass(frozen=True, eq=False)
 class Readout:
-    """What is shown of a run: some of its states, or a function of (t, p, z, w)."""
+    """What is shown of a run: some of its states, or where these are None a function of (t, p, z, w)."""
 
-    places: slice | list[int] | None
+    places: list[int] | None
     function: ca.Function
 
     def along(self, times: Floats, p: Floats, z: Floats, w: Floats | None = None) -> Floats:
@@ -49,7 +50,7 @@ class Readout:
             Needed where inputs are recorded.
         """
         if self.places is not None:
-            return z[:, self.places]
+            return columns_of(z, self.places)
         held = np.zeros(self.function.size1_in(3)) if w is None else w
         return evaluate(self.function, times[:, None], p, z, held)[0]
 
@@ -84,6 +85,16 @@ class Structure:
     outputs: Readout
     estimates: tuple[Readout, ...]
     _programs: dict[Hashable, Program] = field(default_factory=dict, repr=False)
+
+    def estimates_along(self, times: Floats, p: Floats, z: Floats) -> Estimated:
+        """xhat of all observers along a run; arguments as of :class:`Readout`."""
+        known = [readout.places for readout in self.estimates]
+        places = [of for of in known if of]
+        if len(places) == len(known):
+            return Estimated(z, places)
+        n = self.groups[0].truth.plant.model.n
+        values = np.concatenate([readout.along(times, p, z) for readout in self.estimates], axis=1)
+        return Estimated(values, [list(range(j * n, (j + 1) * n)) for j in range(len(known))])
 
     @property
     def observers(self) -> tuple[ObserverBlock, ...]:
@@ -203,11 +214,8 @@ def _build(
     )
 
 
-def _states(expression: ca.SX, z: ca.SX, among: Sequence[int]) -> slice | list[int] | None:
+def _states(expression: ca.SX, z: ca.SX, among: Sequence[int]) -> list[int] | None:
     """Which states the entries of an expression are; None where one of them is something else."""
     found = [next((k for k in among if ca.is_equal(e, z[k])), None) for e in ca.vertsplit(expression)]
     places = [k for k in found if k is not None]
-    if len(places) < len(found) or not places:
-        return None
-    first, last = places[0], places[-1] + 1
-    return slice(first, last) if places == list(range(first, last)) else places
+    return places if places and len(places) == len(found) else None

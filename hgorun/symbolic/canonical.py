@@ -19,6 +19,7 @@ import casadi as ca
 import numpy as np
 
 from hgorun.errors import NotObservableForm
+from hgorun.memo import Memo, Same
 from hgorun.symbolic.chains import Chain
 from hgorun.symbolic.evaluate import at
 from hgorun.symbolic.forms import Bounds, saturate
@@ -28,6 +29,7 @@ from hgorun.symbolic.ranks import singular_value_ratio
 from hgorun.symbolic.triangular import blocks_of, superdiagonal
 
 _SINGULAR_START = 1e-12  # of J at the initial estimate
+_RATIOS: Memo[float] = Memo(64)  # of singular values: the runs of a family often start at the same estimate
 
 
 @dataclass(frozen=True)
@@ -159,7 +161,8 @@ class CanonicalForm:
         """The initial estimate in the observer's coordinates; ValueError where J is singular."""
         if canonical and self.no_inverse is not None:
             raise ValueError(self.no_inverse)
-        if not singular_value_ratio(self.jacobian_at(x, parameters)) > _SINGULAR_START:
+        key = Same(self), x.tobytes(), parameters.tobytes()
+        if not _RATIOS.get(key, lambda: singular_value_ratio(self.jacobian_at(x, parameters))) > _SINGULAR_START:
             where = ", ".join(f"{s} = {v:g}" for s, v in zip(self.plant.states, x, strict=True))
             raise ValueError(f"the Jacobian of the observability map is singular at the initial estimate ({where})")
         return at(self._phi, x, parameters)[0] if canonical else x

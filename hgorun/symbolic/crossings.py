@@ -17,7 +17,7 @@ import numpy as np
 
 from hgorun.symbolic.evaluate import Floats, evaluate
 from hgorun.symbolic.intervals import Bounds, enclose
-from hgorun.symbolic.levels import Levels
+from hgorun.symbolic.levels import Levels, distinct
 
 _CELLS = 1 << 15  # that are looked at together: bounds the memory
 _BUDGET = 4_000_000  # cells of one function
@@ -191,7 +191,7 @@ class Search:
         least = np.maximum(_WIDE * (high - low)[touched.piece], 1e6 * finest)
         wide = touched.where(known & loud & (touched.high - touched.low > least))
         lost = [(float(c.low.min()), float(c.high.max())) for c in (wide, unseen) if c.low.size]
-        return Found(np.unique(np.concatenate(times)), tuple(lost))
+        return Found(distinct(np.concatenate(times)), tuple(lost))
 
     def _sorted(self, cells: Cells, finest: float) -> tuple[Cells, Cells, Cells, Cells]:
         """The cells in which there may be a crossing, in four kinds.

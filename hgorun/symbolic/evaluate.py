@@ -10,6 +10,7 @@ calls one of them is carried out here, with the engine's own.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 
 import casadi as ca
@@ -42,10 +43,11 @@ def evaluate(function: ca.Function, *arguments: ArrayLike) -> list[Floats]:
     """
     arrays = [np.ascontiguousarray(argument, dtype=float) for argument in arguments]
     points = next((len(a) for a in arrays if a.ndim == 2), 1)
-    for i, array in enumerate(arrays):
-        if array.size != function.nnz_in(i) * (points if array.ndim == 2 else 1):
+    ports = _PORTS.get(Same(function), lambda: _Ports.of(function))
+    for i, (array, size) in enumerate(zip(arrays, ports.taken, strict=True)):
+        if array.size != size * (points if array.ndim == 2 else 1):
             raise ValueError(f"argument {i} of {function}: {array.shape} does not fit")
-    results = [np.zeros((points, function.nnz_out(i))) for i in range(function.n_out())]
+    results = [np.zeros((points, sparsity.nnz())) for sparsity in ports.given]
     instructions = _INTERPRETED.get(Same(function), lambda: interpreted(function))
     if instructions:
         carry_out(instructions, arrays, results)
@@ -53,7 +55,23 @@ def evaluate(function: ca.Function, *arguments: ArrayLike) -> list[Floats]:
         _call(function, arrays, results)
     else:
         _in_pieces(function, arrays, results, points)
-    return [_shaped(function.sparsity_out(i), array) for i, array in enumerate(results)]
+    return [_shaped(sparsity, array) for sparsity, array in zip(ports.given, results, strict=True)]
+
+
+@dataclass(frozen=True, eq=False)
+class _Ports:
+    """What a function takes and gives, asked for once: each question to CasADi takes a microsecond."""
+
+    taken: tuple[int, ...]
+    given: tuple[ca.Sparsity, ...]
+
+    @classmethod
+    def of(cls, function: ca.Function) -> _Ports:
+        taken = tuple(function.nnz_in(i) for i in range(function.n_in()))
+        return cls(taken, tuple(function.sparsity_out(i) for i in range(function.n_out())))
+
+
+_PORTS: Memo[_Ports] = Memo(256)
 
 
 _PIECE = 128  # points that are evaluated in one call: CasADi takes microseconds a point to prepare one
@@ -98,6 +116,15 @@ def _piece(array: Floats, start: int, rest: bool) -> Floats:
 def at(function: ca.Function, *arguments: ArrayLike) -> list[Floats]:
     """The outputs at one point: shapes (rows,), or (rows, columns)."""
     return [value[0] for value in evaluate(function, *map(np.ravel, arguments))]
+
+
+def roughly_at(function: ca.Function, *arguments: ArrayLike) -> list[Floats]:
+    """What :func:`at` gives but for last bits, which depend on the machine: for questions such as what is finite."""
+    arrays = [np.ascontiguousarray(np.ravel(argument), dtype=float) for argument in arguments]
+    ports = _PORTS.get(Same(function), lambda: _Ports.of(function))
+    results = [np.zeros((1, sparsity.nnz())) for sparsity in ports.given]
+    _call(function, arrays, results)
+    return [_shaped(sparsity, array)[0] for sparsity, array in zip(ports.given, results, strict=True)]
 
 
 def along(function: ca.Function, times: ArrayLike, *constants: ArrayLike) -> Floats:

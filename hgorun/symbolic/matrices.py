@@ -8,6 +8,7 @@ diag(1, 1/theta, ..., 1/theta^(k-1)) (Robles Magdaleno 2023, (3.1)-(3.4)).
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import casadi as ca
 import numpy as np
@@ -51,4 +52,10 @@ def hurwitz_gain(k: int, poles: complex | Sequence[complex]) -> np.ndarray:
     ndarray, shape (k,)
     """
     roots = np.full(k, poles) if np.ndim(poles) == 0 else np.asarray(poles)
-    return np.real(np.poly(roots))[1:] if k else np.zeros(0)
+    return _characteristic(roots.tobytes(), roots.dtype.str)[1:].copy() if k else np.zeros(0)
+
+
+@lru_cache(maxsize=256)
+def _characteristic(roots: bytes, kind: str) -> np.ndarray:
+    """The polynomial with these roots; runs of a family have the same ones again and again."""
+    return np.asarray(np.real(np.poly(np.frombuffer(roots, kind))))

@@ -55,7 +55,7 @@ class PlantModel:
         """Number of states."""
         return len(self.states)
 
-    @property
+    @cached_property
     def measures(self) -> dict[str, str]:
         """The outputs that are states, with the states that they are."""
         pairs = [(i, k) for i in range(len(self.outputs)) for k in range(self.n)]

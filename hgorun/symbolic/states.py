@@ -67,7 +67,7 @@ class StateBlock:
         return values[np.triu_indices(self.shape[0])] if self.symmetric else values.ravel()
 
     def shaped(self, rows: np.ndarray) -> np.ndarray:
-        """(Nt, *shape) from all rows of the state vector, a last axis of one column dropped."""
+        """(Nt, *shape) from all rows of the state vector, where they are if possible; a last axis of one is dropped."""
         part = rows[:, self.start : self.start + self.size]
         if self.symmetric:
             full = np.empty((len(part), *self.shape))
@@ -75,7 +75,7 @@ class StateBlock:
             full[:, i, j] = full[:, j, i] = part
             return full
         shape = self.shape[:-1] if len(self.shape) > 1 and self.shape[-1] == 1 else self.shape
-        return np.ascontiguousarray(part).reshape(len(part), *shape)
+        return part.reshape(len(part), *shape)
 
     def flattened(self, values: np.ndarray) -> np.ndarray:
         """What is integrated, shape (Nt, size), from what :meth:`shaped` gave."""

@@ -156,3 +156,13 @@ def test_every_place_where_noise_is_given() -> None:
         "measurement.phases.1.noise",
         "measurement.phases.1.outputs.c.noise",
     ]
+
+
+def test_a_long_run_holds_its_draws_from_their_own_times_on() -> None:
+    """At k hold the k-th draw begins, whatever the rounding of many thousand holds."""
+    noise = [{"type": "uniform", "low": -1, "high": 1, "hold": 1e-3}]
+    run = prepare(experiment(chain(2), OBSERVERS, end=50, output_step=1, step=0.01, measurement={"noise": noise}))
+    held = run.channels[0].noise[0]
+    times = 1e-3 * np.arange(50_000)
+    np.testing.assert_array_equal(held.held(times), held.held(times + 5e-4))
+    assert np.all(np.diff(held.held(times)) != 0)

@@ -251,6 +251,14 @@ def test_steps_that_fit_are_taken(b: str) -> None:
     simulate(SA | {"alpha": ALPHA, "b": b}, 0.001, {"steps": f"0.04*0.01*({b})"})
 
 
+def test_steps_that_rise_once_are_refused() -> None:
+    """Below the first step, and above the one before."""
+    steps = "0.5*eps*(1/(k + 1) + where(k == 3, 0.2, 0))".replace("eps", str(EPS))
+    with pytest.raises(ConfigError, match=r"the steps must not increase, found a\(2\) = .*, a\(3\) = ") as caught:
+        simulate(SA, 0.02, {"steps": steps})
+    assert caught.value.key == "measurement.sampling.steps"
+
+
 @pytest.mark.parametrize("gains", [[2, 2], [3, 1], [1, 4]])
 def test_the_longest_step_is_that_of_the_spectral_radius(gains: list[float]) -> None:
     """I + (a/eps) A_0 has an eigenvalue on the unit circle at a = eps min(-2 Re/|lambda|^2): there it is refused."""

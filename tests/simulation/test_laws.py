@@ -446,7 +446,8 @@ def test_a_diverging_observer_is_flagged_and_masked(name: str, solver: dict[str,
     first = sooner.observers["lost"].diverged_at
     assert first is not None
     assert first < at
-    assert 10 < np.nanmax(np.abs(sooner.observers["lost"].xhat)) <= 101  # points inside the step that leaves it
+    reached = 100 if "step" in solver else 110  # inside the step that leaves the bound there are output points
+    assert 10 < np.nanmax(np.abs(sooner.observers["lost"].xhat)) <= reached
 
 
 @pytest.mark.parametrize("solver", [{"step": 0.001}, *({"method": name} for name in ("dopri5", "rodas5p"))])

@@ -9,7 +9,7 @@ from hgorun.result.metrics.base import Estimates, Metric, metric
 
 def _high_frequency(estimates: Estimates) -> np.ndarray:
     """Standard deviation of e minus its centred mean, where the mean has all its points."""
-    e, points = estimates.error, _odd(estimates.settings.average, estimates.step)
+    e, points = estimates.error, odd_points(estimates.settings.average, estimates.step)
     if len(e) < points:
         return np.full(e.shape[1:], np.nan)
     if points == 1:  # the mean is the point itself
@@ -21,7 +21,7 @@ def _high_frequency(estimates: Estimates) -> np.ndarray:
     return np.asarray(np.std(e[half : len(e) - half] - mean, axis=0))
 
 
-def _odd(length: float, step: float) -> int:
+def odd_points(length: float, step: float) -> int:
     """The odd number of points that spans about a length."""
     return 2 * round(length / step / 2) + 1 if step > 0 else 1
 
