@@ -166,6 +166,10 @@ def main() -> None:
         sys.exit(INTERRUPTED)
     except OSError as error:
         silence(sys.stdout)
+        if error.errno is None:  # not the system's, but of a library's loader
+            why = "too little memory, or a broken installation"
+            say(f"hgorun: a library cannot be loaded: {why}: {printable(str(error))}")
+            sys.exit(1)
         say(f"hgorun: {printable(str(error.strerror or error))}: what was to be printed or written is incomplete")
         sys.exit(1)
     except MemoryError:

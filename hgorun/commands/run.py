@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json as json_text
+import os
 import sys
 from collections.abc import Callable, Collection, Iterator, Sequence
 from pathlib import Path
@@ -77,6 +78,8 @@ def compare(options: Compare) -> int:
         raise ConfigError(f"the sources count time in different units: {', '.join(sorted(units))}")
     for result in results:
         warn(result)
+    if options.plots:
+        remove_leftovers(_folder_of_plots(options))
     if options.json:
         _print_json(results, files, predicted)
     elif not options.quiet:
@@ -121,7 +124,7 @@ def refuse_other_kinds(output: Path | None, suffixes: Collection[str]) -> None:
 
 def require_file(path: Path) -> None:
     """Where a file is missing that has the name of an experiment of ours, say how to get that."""
-    if path.exists():
+    if os.path.exists(path):  # of a name that is too long, too, there is none
         return
     name = next((n for n in experiments() if str(path.with_suffix("")) in (n, Path(n).name)), None)
     if name is not None:
@@ -131,6 +134,11 @@ def require_file(path: Path) -> None:
 
 def _is_result(path: Path) -> bool:
     return path.suffix.lower() in RESULT_SUFFIXES
+
+
+def _folder_of_plots(options: Compare) -> Path:
+    output = options.output or RESULTS
+    return output.parent if output.suffix.lower() in _DRAWING_SUFFIXES else output
 
 
 def _draw(results: Sequence[Result], options: Compare) -> list[Path]:

@@ -272,3 +272,31 @@ def test_a_broken_package_harms_only_its_own_name(shell: Shell, monkeypatch: pyt
     code, _, err = shell("simulate", "small.yaml", "--set", "observers.SHGO.type=broken")
     assert code == 1
     assert "the observer 'broken' of no_such_module:Observer cannot be loaded" in err
+
+
+def test_compare_removes_what_a_killed_process_left(shell: Shell) -> None:
+    results = shell.folder / "results"
+    results.mkdir()
+    left = results / ".small-comparison.png-999999999-x.part"
+    left.write_text("half")
+    assert shell("compare", "small.yaml", "-q")[0] == 0
+    assert not left.exists()
+    assert (results / "small-comparison.png").exists()
+
+
+def test_a_name_that_is_too_long_for_a_file(shell: Shell) -> None:
+    code, out, err = shell("simulate", "x" * 5000)
+    assert (code, out, err.count("\n")) == (2, "", 1)
+
+
+def test_a_library_that_cannot_be_loaded(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As where memory is limited to less than the libraries need."""
+
+    def fail(*_: object) -> None:
+        raise OSError("Could not find/load shared object file")
+
+    monkeypatch.setattr("hgorun.commands.run.simulate", fail)
+    code, _, err = shell("simulate", "small.yaml")
+    assert code == 1
+    assert err.startswith("hgorun: a library cannot be loaded: too little memory, or a broken installation: Could not")
+    assert err.count("\n") == 1

@@ -427,3 +427,14 @@ def test_labels_of_a_stranger_do_not_steer_the_terminal(file: Path, tmp_path: Pa
     with pytest.raises(hgorun.ConfigError, match="cannot be shown") as caught:
         hgorun.read(damaged(file, tmp_path / "escape.h5", change))
     assert str(caught.value).isprintable()
+
+
+@pytest.mark.slow
+def test_many_observers_fit_into_a_file(config: Path, tmp_path: Path) -> None:
+    """In HDF5's oldest form 4,000 data sets of one dimension are too many."""
+    small = hgorun.simulate(hgorun.load(config))
+    observers = {f"S{i}": small.observers["SHGO"] for i in range(620)}
+    file = replace(small, observers=observers).save(tmp_path / "many.h5")
+    again = hgorun.read(file)
+    assert len(again.observers) == 620
+    assert np.array_equal(again.observers["S619"].xhat, small.observers["SHGO"].xhat)
