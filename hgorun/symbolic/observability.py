@@ -116,7 +116,7 @@ class _Search:
                 return form
         if self.wishes.map == "chain":
             raise NotObservableForm(
-                f"map: chain asks for x_i' = c_i x_(i+1) + phi_i(u, x_1..x_i) with constant c_i and outputs c_0 x_1"
+                f"map: chain requires x_i' = c_i x_(i+1) + phi_i(u, x_1..x_i) with constant c_i and outputs c_0 x_1"
                 f"{', with the lengths of the key chains' if links is not None else ''}; take map: derivatives"
             )
         near = around(at, self.plant.states)
