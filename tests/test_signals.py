@@ -29,6 +29,7 @@ class Ended(BaseException):
 def ended(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[int]]:
     """The codes that the process would have ended with."""
     codes: list[int] = []
+    process._said.clear()  # what other tests have made it say
 
     def end(code: int) -> NoReturn:
         codes.append(code)

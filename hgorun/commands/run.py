@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json as json_text
+import os
 import sys
 from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
@@ -71,9 +72,11 @@ def compare(options: Compare) -> int:
     predicted = _predicted(loaded, results) if options.analyze else []
     units = {result.units.get("time", "") for result in results}
     if len(units) > 1:
-        raise ConfigError(f"the sources count time in different units: {', '.join(sorted(units))}")
+        raise ConfigError(f"the sources use different units of time: {', '.join(sorted(units))}")
     for result in results:
         warn(result)
+    if options.plots:
+        remove_leftovers(_folder_of_plots(options))
     if options.json:
         _print_json(results, files, predicted)
     elif not options.quiet:
@@ -99,7 +102,7 @@ def _style(options: Compare) -> Style:
     if options.analyze and options.format == "latex":
         raise ConfigError("--analyze adds columns to text, csv and JSON; the LaTeX table has metrics only")
     if (options.overrides or options.seed is not None) and all(map(_is_result, options.sources)):
-        raise ConfigError("--set and --seed change configurations; a result file stays as it is")
+        raise ConfigError("--set and --seed apply to configurations, not to result files")
     return styles[options.format]
 
 
@@ -118,7 +121,7 @@ def refuse_other_kinds(output: Path | None, suffixes: Collection[str]) -> None:
 
 def require_file(path: Path) -> None:
     """Where a file is missing that has the name of an experiment of ours, say how to get that."""
-    if path.exists():
+    if os.path.exists(path):  # of a name that is too long, too, there is none
         return
     name = next((n for n in experiments() if str(path.with_suffix("")) in (n, Path(n).name)), None)
     if name is not None:
@@ -128,6 +131,11 @@ def require_file(path: Path) -> None:
 
 def _is_result(path: Path) -> bool:
     return path.suffix.lower() in RESULT_SUFFIXES
+
+
+def _folder_of_plots(options: Compare) -> Path:
+    output = options.output or RESULTS
+    return output.parent if output.suffix.lower() in _DRAWING_SUFFIXES else output
 
 
 def _draw(results: Sequence[Result], options: Compare) -> list[Path]:

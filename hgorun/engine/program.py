@@ -215,7 +215,7 @@ class Program:
         self._begin(memory.address)
         memory.keep_initial()
         work = np.cumsum(plan.counts[:, 2] - plan.counts[:, 1] + 1)  # a segment's steps, and what happens before
-        stop, done, chunk = 0, 0, 1 if tolerance else _FIRST  # an adaptive segment may take any number of steps
+        stop, done, chunk = 0, 0, 1 if tolerance or progress else _FIRST  # adaptive segments may be long
         while stop < work.size:
             before = time.perf_counter()
             stop = max(stop + 1, int(np.searchsorted(work, done + chunk, side="right")))

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 FORMAT = "hgorun-result-1"
 _CHUNK = 2**20
+_MANY = 100  # observers
 
 
 def save(result: ResultData, path: Path) -> Path:
@@ -49,7 +50,7 @@ def save(result: ResultData, path: Path) -> Path:
         When the file cannot be written.
     """
     with written_whole(path) as part, _Sink(part) as sink:
-        with h5py.File(sink, "w", track_order=True) as file:
+        with h5py.File(sink, "w", track_order=True, libver=_form(result)) as file:
             _write(result, file)
         if sink.failed is not None:
             raise sink.failed
@@ -58,9 +59,14 @@ def save(result: ResultData, path: Path) -> Path:
 
 def digests_of(result: ResultData) -> dict[str, str]:
     """The digests of all data sets that :func:`save` would write, by their paths."""
-    with h5py.File("digests", "w", driver="core", backing_store=False, track_order=True) as file:
+    with h5py.File("digests", "w", driver="core", backing_store=False, track_order=True, libver=_form(result)) as file:
         _write(result, file)
         return digests.of_file(file)
+
+
+def _form(result: ResultData) -> tuple[str, str] | None:
+    """The form of the file: in the oldest one a dimension cannot have more than some 4,000 data sets."""
+    return ("v108", "v108") if len(result.observers) > _MANY else None
 
 
 class _Sink(io.FileIO):

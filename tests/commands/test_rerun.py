@@ -7,6 +7,7 @@ import os
 import platform
 import subprocess
 import sys
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -145,6 +146,30 @@ def test_numbers_that_do_not_fit_are_refused(result: hgorun.Result, tmp_path: Pa
     file = replace(result, design=design).save(tmp_path / "short.h5")
     with pytest.raises(ConfigError, match="not as many"):
         rerun(Rerun(file=file))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda f: f["design"].attrs.modify("step", np.nan), "attribute step must be a positive number"),
+        (lambda f: f["design"].attrs.modify("step", -1.0), "attribute step must be a positive number"),
+        (lambda f: f["design"].attrs.__delitem__("step"), "attribute step must be a positive number"),
+        (lambda f: f.__delitem__("design/start"), "design/start is missing"),
+        (lambda f: (f.__delitem__("design"), f.__setitem__("design", 1.0)), "design is not a group"),
+        (lambda f: (f.__delitem__("design"), f.__setitem__("design", h5py.SoftLink("/design"))), "which is refused"),
+        (lambda f: f.attrs.modify("config_resolved", "extends: other.yaml"), "damaged"),
+        (
+            lambda f: (f.attrs.modify("config_resolved", "extends: a.yaml"), f.attrs.__delitem__("sha256")),
+            "config_resolved:1",
+        ),
+        (lambda f: (f.attrs.modify("config_resolved", "x: ["), f.attrs.__delitem__("sha256")), "config_resolved:1"),
+    ],
+)
+def test_files_that_are_not_sound_are_refused(change: Callable[[h5py.File], object], message: str, file: Path) -> None:
+    with h5py.File(file, "r+") as f:
+        change(f)
+    with pytest.raises(ConfigError, match=message):
+        rerun(Rerun(file=file, check=True, quiet=True))
 
 
 def test_a_file_without_digests_is_refused(file: Path) -> None:

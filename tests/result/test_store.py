@@ -239,7 +239,7 @@ NOT_A_RESULT: dict[str, tuple[Callable[[h5py.File], object], str]] = {
     "unit": (attribute("units", '{"time": 3}'), "units: time is 3"),
     "error": (attribute("integration_error", '{"plant": "q"}'), "integration_error: plant is 'q'"),
     "large error": (attribute("integration_error", json.dumps({"plant": 10**400})), "integration_error: plant"),
-    "labels twice": (attribute("labels", ["x1", "x1"], "plant/x"), "labels has a name twice"),
+    "labels twice": (attribute("labels", ["x1", "x1"], "plant/x"), "labels has a duplicate name"),
     "one label": (attribute("labels", "x1", "plant/x"), "labels must be a list"),
 }
 
@@ -427,3 +427,14 @@ def test_labels_of_a_stranger_do_not_steer_the_terminal(file: Path, tmp_path: Pa
     with pytest.raises(hgorun.ConfigError, match="cannot be shown") as caught:
         hgorun.read(damaged(file, tmp_path / "escape.h5", change))
     assert str(caught.value).isprintable()
+
+
+@pytest.mark.slow
+def test_many_observers_fit_into_a_file(config: Path, tmp_path: Path) -> None:
+    """In HDF5's oldest form 4,000 data sets of one dimension are too many."""
+    small = hgorun.simulate(hgorun.load(config))
+    observers = {f"S{i}": small.observers["SHGO"] for i in range(620)}
+    file = replace(small, observers=observers).save(tmp_path / "many.h5")
+    again = hgorun.read(file)
+    assert len(again.observers) == 620
+    assert np.array_equal(again.observers["S619"].xhat, small.observers["SHGO"].xhat)
