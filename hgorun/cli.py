@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import sys
+import warnings
 from collections.abc import Callable
 from dataclasses import MISSING, Field, fields
 from inspect import Parameter, Signature, getdoc
@@ -15,7 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 import typer
 
 from hgorun.commands import options
-from hgorun.errors import HgorunError, printable
+from hgorun.errors import HgorunError, PluginError, PluginWarning, printable
 from hgorun.process import CLOSED_PIPE, INTERRUPTED, INTERRUPTION_SAID, TERMINATED, TERMINATION_SAID, say, silence
 
 if TYPE_CHECKING:
@@ -27,7 +28,7 @@ _INTERRUPTED = 130
 
 app = typer.Typer(
     name="hgorun",
-    help="The bench for high-gain observers: simulate, compare and check them from one YAML file.",
+    help="A test bench for high-gain observers: simulate, compare and check them from one YAML file.",
     no_args_is_help=True,
     add_completion=False,
     rich_markup_mode=None,
@@ -148,6 +149,7 @@ def _init(chosen: options.Init) -> int:
 
 def main() -> None:
     """Entry point: errors become one message and an exit code."""
+    _show_warnings()
     os.environ["MPLBACKEND"] = "agg"  # figures are files; a notebook's setting may name what is not installed here
     os.environ["PYDANTIC_DISABLE_PLUGINS"] = "__all__"  # looking for them takes longer than checking a configuration
     try:
@@ -170,7 +172,7 @@ def main() -> None:
             why = "too little memory, or a broken installation"
             say(f"hgorun: a library cannot be loaded: {why}: {printable(str(error))}")
             sys.exit(1)
-        say(f"hgorun: {printable(str(error.strerror or error))}: what was to be printed or written is incomplete")
+        say(f"hgorun: {printable(str(error.strerror or error))}: the output is incomplete")
         sys.exit(1)
     except MemoryError:
         say(
@@ -178,6 +180,25 @@ def main() -> None:
             "shorter continuous delays (or a longer solver.step with them) or fewer observers need less"
         )
         sys.exit(1)
+    except Exception as error:
+        from hgorun.registry import foreign_code
+
+        where = foreign_code(error)
+        if where is None:
+            raise  # a fault of ours, which its traceback shows
+        say(f"hgorun: {where} raised {type(error).__name__}: {printable(str(error))}")
+        sys.exit(PluginError.exit_code)
+
+
+def _show_warnings() -> None:
+    """Warnings that are for the user are said as one line; those of libraries are not shown."""
+
+    def show(message: Warning | str, category: type[Warning], *where: object, **more: object) -> None:
+        if issubclass(category, PluginWarning):
+            say(f"hgorun: {printable(str(message))}")
+
+    warnings.simplefilter("always", PluginWarning)
+    warnings.showwarning = show
 
 
 if __name__ == "__main__":

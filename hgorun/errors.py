@@ -78,6 +78,12 @@ class PluginError(HgorunError):
     The exception that it raised is the cause.
     """
 
+    exit_code = 2
+
+
+class PluginWarning(UserWarning):
+    """Something of another package is not used; the message says what, and why."""
+
 
 class Problem(ValueError):
     """Something wrong at a key of the configuration; whoever knows the file adds file and line.

@@ -1,7 +1,9 @@
 """Things that are found by name: what hgorun brings itself, and what other packages add.
 
 A built-in thing lies in a package of its kind, one file each, and is registered when its file is imported.
-Other packages name theirs in an entry point of the kind's group. Whoever owns a kind makes one registry::
+Other packages name theirs in an entry point of the kind's group. A name belongs to the built-in thing, then to
+whoever comes first; another one is not used, and a :class:`PluginWarning` names both. Whoever owns a kind makes one
+registry::
 
     OBSERVERS: Registry[type[Observer]] = Registry(
         "observer", package="hgorun.observers", group="hgorun.observers",
@@ -14,6 +16,7 @@ from __future__ import annotations
 
 import os
 import sys
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import lru_cache
@@ -23,7 +26,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Generic, TypeGuard, TypeVar
 
-from hgorun.errors import HgorunError
+from hgorun.errors import HgorunError, PluginError, PluginWarning
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
@@ -57,6 +60,7 @@ class Registry(Generic[T]):
         self._package, self._accepts, self._expected = package, accepts, expected
         self._registered: dict[str, T] = {}
         self._complete = False  # whether all built-in ones have been imported
+        self._settled: set[tuple[str, str]] = set()  # names and values of entry points that were looked at
 
     def register(self, name: str) -> Callable[[Registered], Registered]:
         """A decorator that registers a thing under the name that YAML files use, and returns it unchanged.
@@ -99,16 +103,16 @@ class Registry(Generic[T]):
         if name not in self._registered and name.isidentifier() and find_spec(f"{self._package}.{name}"):
             import_module(f"{self._package}.{name}")
         if name not in self._registered:
-            for entry in self._entry_points():
-                if entry.name == name:
-                    self._load(entry)
-        if name not in self._registered:
             self._import_built_in()
+        for entry in self._entry_points():
+            if entry.name == name:
+                self._load(entry)
         return self._registered[name]
 
     def forget(self, name: str) -> None:
         """Take a name away again, if it is there; what a test has registered."""
         self._registered.pop(name, None)
+        self._settled = {settled for settled in self._settled if settled[0] != name}
 
     @contextmanager
     def replaced(self, name: str, thing: object) -> Iterator[T]:
@@ -158,19 +162,66 @@ class Registry(Generic[T]):
         return _entry_points(self.group, tuple(sys.path))
 
     def _load(self, entry: EntryPoint) -> None:
-        if entry.name in self._registered:
+        """Register what an entry point names, unless the name belongs to something else."""
+        if (entry.name, entry.value) in self._settled:
             return
+        known = self._registered.get(entry.name)
+        if known is None:
+            _FOREIGN.setdefault(_package(entry.module), f"{self.kind} {entry.name!r}")
+            self.add(entry.name, self._loaded(entry))
+        elif not self._names(entry, known):
+            warnings.warn(
+                PluginWarning(
+                    f"the {self.kind} {entry.name!r} of {entry.value} is not used, since the name belongs to "
+                    f"{_described(known)}: its entry point needs another name"
+                ),
+                stacklevel=2,
+            )
+        self._settled.add((entry.name, entry.value))
+
+    def _loaded(self, entry: EntryPoint) -> object:
         try:
-            thing = entry.load()
+            return entry.load()
         except Exception as error:  # whatever a stranger's module raises while it is imported
             reason = f"{type(error).__name__}: {error}"
-            raise HgorunError(f"the {self.kind} {entry.name!r} of {entry.value} cannot be loaded: {reason}") from error
-        self.add(entry.name, thing)
+            raise PluginError(f"the {self.kind} {entry.name!r} of {entry.value} cannot be loaded: {reason}") from error
+
+    def _names(self, entry: EntryPoint, known: T) -> bool:
+        """Whether an entry point names what is registered already: a decorator may have come first."""
+        try:
+            return entry.load() is known
+        except Exception:  # of a thing that is not used
+            return False
+
+
+_FOREIGN: dict[str, str] = {}  # packages that entry points named, and what for
+
+
+def foreign_code(error: BaseException) -> str | None:
+    """Where in another package's code an exception was raised, in words; None for one of ours.
+
+    Parameters
+    ----------
+    error : exception
+        With its traceback.
+    """
+    found, trace = None, error.__traceback__
+    while trace is not None:
+        frame, line = trace.tb_frame, trace.tb_lineno
+        owner = _FOREIGN.get(_package(frame.f_globals.get("__name__", "")))
+        if owner is not None:
+            found = f"{owner}: {frame.f_code.co_name} ({Path(frame.f_code.co_filename).name}, line {line})"
+        trace = trace.tb_next
+    return found
+
+
+def _package(module: str) -> str:
+    return module.partition(".")[0]
 
 
 @lru_cache
 def _entry_points(group: str, path: tuple[str, ...]) -> tuple[EntryPoint, ...]:
-    """The entry points of a group in the folders of a path, which are read once: that takes milliseconds."""
+    """The entry points of a group in the folders of a path."""
     if not _may_be_in(group, path):
         return ()
     from importlib.metadata import entry_points  # slow to import, and seldom needed
@@ -180,21 +231,28 @@ def _entry_points(group: str, path: tuple[str, ...]) -> tuple[EntryPoint, ...]:
 
 def _may_be_in(group: str, path: tuple[str, ...]) -> bool:
     """Whether a package on a path may have entry points of a group: False only where their files do not name it."""
+    declared = _declared(path)
+    return declared is None or group.encode() in declared
+
+
+@lru_cache
+def _declared(path: tuple[str, ...]) -> bytes | None:
+    """The texts of all files with entry points on a path; None where packages may be found in other ways."""
     if any(hasattr(finder, "find_distributions") for finder in sys.meta_path if finder is not PathFinder):
-        return True
+        return None
+    texts = []
     for folder in path:
         try:
             names = os.listdir(folder or ".")
         except NotADirectoryError:  # an archive
-            return True
+            return None
         except OSError:
             continue
         if any(name.endswith(".egg") for name in names):
-            return True
-        files = [Path(folder, name, "entry_points.txt") for name in names if name.endswith((".dist-info", ".egg-info"))]
-        if any(group.encode() in _content(file) for file in files):
-            return True
-    return False
+            return None
+        infos = (name for name in names if name.endswith((".dist-info", ".egg-info")))
+        texts += [_content(Path(folder, name, "entry_points.txt")) for name in infos]
+    return b"\n".join(texts)
 
 
 def _content(file: Path) -> bytes:

@@ -16,9 +16,13 @@ DOCS = Path(__file__).parents[1] / "docs"
 
 def code_of(page: str, containing: str) -> str:
     """The one block of Python on a page of the documentation that contains a text."""
-    blocks = re.findall(r"```python\n(.*?)```", (DOCS / page).read_text(encoding="utf-8"), re.DOTALL)
-    (found,) = [block for block in blocks if containing in block]
-    return str(found)
+    (found,) = [block for block in blocks_of(page) if containing in block]
+    return found
+
+
+def blocks_of(page: str) -> list[str]:
+    """All blocks of Python on a page of the documentation."""
+    return re.findall(r"```python\n(.*?)```", (DOCS / page).read_text(encoding="utf-8"), re.DOTALL)
 
 
 @contextmanager

@@ -4,22 +4,32 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import ExitStack
-from typing import Any
+from inspect import getattr_static
+from types import FunctionType, new_class
+from typing import Any, cast
 
 import casadi as ca
 import numpy as np
 import pytest
 from examples import Block, chain, experiment, simulated
+from pydantic import model_validator
 
 import hgorun
 from hgorun.analysis.finding import FINDINGS, Finding
 from hgorun.analysis.report import analyze
 from hgorun.analysis.subject import Subject
+from hgorun.config.plugin import Plugin
 from hgorun.errors import ConfigError, HgorunError, PluginError
-from hgorun.noise.base import NOISE, RandomNoise, TimeFunction
-from hgorun.observers.base import OBSERVERS, AnyObserver, Flow
+from hgorun.noise.base import NOISE, Noise, RandomNoise, TimeFunction
+from hgorun.noise.gaussian import GaussianNoise as Gaussian
+from hgorun.noise.sinusoids import Sinusoids
+from hgorun.observers.base import OBSERVERS, AnyObserver, ContinuousObserver, Flow, Observer, SampledObserver
+from hgorun.observers.capabilities import HighGain
+from hgorun.observers.hgo_fd import ForwardDifferenceObserver as SampledEuler
 from hgorun.observers.shgo import StandardObserver
-from hgorun.plants.base import PLANTS, Expressions
+from hgorun.plants.base import PLANTS, Expressions, Invertible, Plant, TriangularCoordinates
+from hgorun.plants.bioreactor_gauthier import GauthierBioreactor as Gauthier
+from hgorun.plants.contois import Contois
 from hgorun.plants.van_der_pol import VanDerPol
 from hgorun.result.metrics.base import METRICS, Estimates, Metric
 from hgorun.symbolic.canonical import CanonicalForm, PlantCopy
@@ -52,7 +62,7 @@ class Rate(StandardObserver):
     ("cls", "words"),
     [
         (Design, "observer 'mine': design raised IndexError: list index out of range"),
-        (States, "observer 'mine': states raised TypeError: w is a float, expected an array"),
+        (States, "observer 'mine': states has a float for w, expected an array"),
         (Equations, "observer 'mine': equations raised AttributeError: nothing is called 'Gamma' here; known: "),
         (Rate, "observer 'mine': fastest_rate raised ZeroDivisionError"),
     ],
@@ -61,8 +71,8 @@ def test_an_observer_that_raises(cls: type[AnyObserver], words: str) -> None:
     with OBSERVERS.replaced("mine", cls), pytest.raises(PluginError) as caught:
         simulated(chain(2), {"it": {**SHGO, "type": "mine"}})
     assert str(caught.value).startswith(words)
-    assert caught.value.exit_code == 1
-    assert caught.value.__cause__ is not None
+    assert caught.value.exit_code == 2
+    assert cls is States or caught.value.__cause__ is not None
 
 
 def test_a_plant_that_raises() -> None:
@@ -139,3 +149,131 @@ def test_what_is_meant_for_the_user_passes() -> None:
     with OBSERVERS.replaced("mine", Refusing), pytest.raises(ConfigError, match=r"observers\.it\.theta: too small"):
         simulated(chain(2), {"it": {**SHGO, "type": "mine"}})
     assert issubclass(PluginError, HgorunError)
+
+
+def _declared(*bases: type) -> list[tuple[type, str]]:
+    """Every public method and property that a class of other people may define."""
+    return [
+        (base, name)
+        for base in bases
+        for name, value in vars(base).items()
+        if not name.startswith("_") and isinstance(value, (FunctionType, property, classmethod))
+    ]
+
+
+HOOKS = [
+    *((StandardObserver, name) for base, name in _declared(Observer, ContinuousObserver, HighGain)),
+    *((SampledEuler, name) for base, name in _declared(SampledObserver)),
+    *((Contois, name) for base, name in _declared(Plant, Invertible)),
+    *((Gauthier, name) for base, name in _declared(TriangularCoordinates)),
+    *((Sinusoids, name) for base, name in _declared(Noise, TimeFunction)),
+    *((Gaussian, name) for base, name in _declared(RandomNoise)),
+]
+KINDS = {Observer: "observer", Plant: "plant", Noise: "noise"}
+NEEDED: dict[type, Block] = {
+    StandardObserver: SHGO,
+    SampledEuler: {"type": "x", "eps": 0.1, "poles": -1},
+    Sinusoids: {"type": "x", "terms": [{"amplitude": 1, "omega": 1}]},
+    Gaussian: {"type": "x", "std": 1},
+}
+
+
+def _with(base: type[Plugin], name: str, attribute: object) -> type[Plugin]:
+    """A class that redefines one thing."""
+    return cast(type[Plugin], new_class("Mine", (base,), exec_body=lambda space: space.update({name: attribute})))
+
+
+@pytest.mark.parametrize(("base", "name"), HOOKS, ids=lambda v: getattr(v, "__name__", v))
+def test_whatever_method_raises_is_named(base: type[Plugin], name: str) -> None:
+    def raising(*_: object) -> None:
+        raise KeyError("key")
+
+    known = getattr_static(base, name)
+    method = type(known)(raising) if isinstance(known, (property, classmethod)) else raising
+    kind = next(word for cls, word in KINDS.items() if issubclass(base, cls))
+    mine = _with(base, name, method)
+    block = mine.model_construct(**{**NEEDED.get(base, {}), "type": "mine"})
+    called_as = "Mine" if isinstance(known, classmethod) else "mine"
+    with pytest.raises(PluginError, match=f"{kind} '{called_as}': {name} raised KeyError: 'key'"):
+        getattr(block, name)()
+
+
+@pytest.mark.parametrize(
+    ("base", "name", "value", "words"),
+    [
+        (StandardObserver, "fastest_rate", "fast", "fastest_rate returned str 'fast', expected a number"),
+        (StandardObserver, "design", None, r"design returned NoneType None, expected Mapping\[str, ndarray\]"),
+        (StandardObserver, "design", {"K": "a"}, r"design returned dict {'K': 'a'}, expected Mapping"),
+        (StandardObserver, "equations", {}, "equations returned dict {}, expected Flow"),
+        (
+            StandardObserver,
+            "roles",
+            ["w"],
+            r"roles returned list",
+        ),
+    ],
+)
+def test_whatever_method_returns_something_wrong_is_named(
+    base: type[Plugin], name: str, value: object, words: str
+) -> None:
+    def wrong(*_: object) -> object:
+        return value
+
+    mine = _with(base, name, wrong)
+    with pytest.raises(PluginError, match=f"observer 'mine': {words}"):
+        getattr(mine.model_validate({**NEEDED[base], "type": "mine"}), name)()
+
+
+def test_state_names_in_a_list_are_told() -> None:
+    class Mine(VanDerPol):
+        @property
+        def state_names(self) -> Any:
+            return ["x1", "x2"]
+
+    words = r"plant 'mine': state_names returned list .*, expected tuple\[str, ...\]"
+    with PLANTS.replaced("mine", Mine), pytest.raises(PluginError, match=words):
+        simulated({"type": "mine", "initial": {"x1": 1, "x2": 0}}, {"it": SHGO})
+
+
+def test_a_validator_that_fails_is_named_and_one_that_refuses_is_not() -> None:
+    class Mine(StandardObserver):
+        @model_validator(mode="after")
+        def _sensible(self) -> Mine:
+            if self.theta > 3:
+                raise ValueError("theta is larger than 3")
+            raise LookupError("nothing here")
+
+    with OBSERVERS.replaced("mine", Mine):
+        with pytest.raises(PluginError, match="observer 'mine': a validator raised LookupError: nothing here"):
+            simulated(chain(2), {"it": {**SHGO, "type": "mine"}})
+        with pytest.raises(ConfigError, match="theta is larger than 3"):
+            simulated(chain(2), {"it": {**SHGO, "type": "mine", "theta": 4}})
+
+
+def test_a_method_of_a_mixin_is_named() -> None:
+    class Mixin:
+        def design(self, form: CanonicalForm) -> dict[str, np.ndarray]:
+            raise IndexError("list index out of range")
+
+    class Mine(Mixin, StandardObserver):
+        pass
+
+    with OBSERVERS.replaced("mine", Mine), pytest.raises(PluginError, match="observer 'mine': design raised IndexErr"):
+        simulated(chain(2), {"it": {**SHGO, "type": "mine"}})
+
+
+def test_what_a_class_calls_itself_raises_as_it_is() -> None:
+    class Mine(StandardObserver):
+        def helper(self) -> float:
+            raise ValueError("for a validator")
+
+    with pytest.raises(ValueError, match="for a validator"):
+        Mine.model_validate({**SHGO, "type": "mine"}).helper()
+
+
+def test_a_finding_whose_applies_fails() -> None:
+    with pytest.raises(PluginError, match="finding 'mine': applies raised ZeroDivisionError"):
+        analyze(
+            experiment(chain(2), {"it": SHGO}),
+            [Finding(name="mine", meaning="none", of=lambda _: 1.0, applies=lambda _: bool(1 / 0))],
+        )

@@ -46,7 +46,7 @@ def shell(
 def test_a_full_disk_under_stdout_is_one_line(command: str, folder: Path) -> None:
     done = shell(folder, f"$HGORUN {command} > /dev/full")
     assert done.returncode == 1
-    assert done.stderr == "hgorun: No space left on device: what was to be printed or written is incomplete\n"
+    assert done.stderr == "hgorun: No space left on device: the output is incomplete\n"
 
 
 def test_a_reader_that_leaves_is_no_error(folder: Path) -> None:

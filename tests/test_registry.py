@@ -9,7 +9,7 @@ from typing import TypeGuard
 
 import pytest
 
-from hgorun.errors import HgorunError
+from hgorun.errors import HgorunError, PluginWarning
 from hgorun.observers.base import OBSERVERS, ContinuousObserver
 from hgorun.plants.base import PLANTS
 from hgorun.registry import Registry
@@ -73,6 +73,34 @@ def test_other_packages_bring_theirs(tools: Registry[Tool], entry_point: Callabl
     entry_point("test.tools", "hammer", "stranger", "from test_registry import Tool\nthing = Tool()\n")
     assert isinstance(tools.find("hammer"), Tool)
     assert tools.names() == ["file", "hammer", "saw"]
+
+
+def test_a_name_that_is_taken_is_not_used_and_said_once(
+    tools: Registry[Tool], entry_point: Callable[[str, str, str, str], None], recwarn: pytest.WarningsRecorder
+) -> None:
+    text = "from test_registry import Tool\nthing = Tool()\n"
+    for name, module in (("saw", "stranger"), ("hammer", "stranger_a"), ("hammer", "stranger_b")):
+        entry_point("test.tools", name, module, text)
+    built_in = tools.find("saw")
+    assert tools.find("saw") is built_in
+    assert [str(w.message) for w in recwarn] == [
+        f"the tool 'saw' of stranger:thing is not used, since the name belongs to {built_in!r} of type Tool: its entry "
+        "point needs another name"
+    ]
+    assert recwarn.pop(PluginWarning)
+    assert tools.names() == ["file", "hammer", "saw"]
+    (warning,) = recwarn
+    assert "the tool 'hammer' of stranger_" in str(warning.message)
+
+
+def test_what_a_decorator_has_registered_is_what_its_entry_point_names(
+    tools: Registry[Tool], entry_point: Callable[[str, str, str, str], None]
+) -> None:
+    text = "from test_registry import Tool, current\nthing = current[0].add('hammer', Tool())\n"
+    entry_point("test.tools", "hammer", "stranger", text)
+    found = tools.find("hammer")  # warnings are errors
+    assert tools.names() == ["file", "hammer", "saw"]
+    assert tools.find("hammer") is found
 
 
 @pytest.mark.parametrize(

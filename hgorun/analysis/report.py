@@ -134,6 +134,11 @@ def analysis_of(
     return Analysis(run.experiment.name, asked, observers, result, context)
 
 
+def _applies(finding: Finding, subject: Subject) -> bool:
+    with called("finding", finding.name, "applies"):
+        return finding.applies(subject)
+
+
 def _value_of(finding: Finding, subject: Subject) -> Value | Remarked:
     """What a finding says; one that fails has a reason, and the others go on."""
     try:
@@ -153,7 +158,7 @@ def _value_of(finding: Finding, subject: Subject) -> Value | Remarked:
 
 
 def _findings_of(subject: Subject, findings: Sequence[Finding]) -> Findings:
-    asked = {finding.name: finding for finding in findings if finding.applies(subject)}
+    asked = {finding.name: finding for finding in findings if _applies(finding, subject)}
     found, reasons = outcomes(asked, lambda name: _value_of(asked[name], subject))
     reasons = {name: reason for name, reason in reasons.items() if not asked[name].optional}
     values: dict[str, Value | None] = {}

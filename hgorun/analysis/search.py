@@ -47,11 +47,9 @@ def smallest(works: Callable[[float], bool], theta: float) -> float:
             good, bad = (good, theta) if step < 1 else (theta, bad)
             break
     if good is None:
-        raise NoValue(
-            f"the error has not come down to 1 % at the end of the run with any theta tried up to {theta:.4g}"
-        )
+        raise NoValue(f"the error has not decayed to 1 % by the end of the run with any theta tried, up to {theta:.4g}")
     if bad is None:
-        raise NoValue(f"the error comes down to 1 % by itself: with every theta tried down to {theta:.4g}")
+        raise NoValue(f"the error decays to 1 % by itself, with every theta tried, down to {theta:.4g}")
     while good > (1 + _PRECISION) * bad:
         middle = float(np.sqrt(good * bad))
         good, bad = (middle, bad) if works(middle) else (good, middle)

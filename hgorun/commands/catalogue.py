@@ -2,31 +2,29 @@
 
 from __future__ import annotations
 
-import inspect
 import json as json_text
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pydantic import BaseModel
-from pydantic.fields import FieldInfo
 
+from hgorun.commands import described
 from hgorun.commands.options import Init, List, Show
 from hgorun.config import yaml_source
 from hgorun.config.expressions import nearest
 from hgorun.config.models import File
-from hgorun.config.types import pole_text
 from hgorun.errors import ConfigError, HgorunError
 from hgorun.figures.scaling import quantities
 from hgorun.files import write_text
 from hgorun.measurement.blocks import Measurement
-from hgorun.noise.base import NOISE, Noise
-from hgorun.observers.base import OBSERVERS, Observer
-from hgorun.plants.base import PLANTS, Plant, units_of
+from hgorun.noise.base import NOISE
+from hgorun.observers.base import OBSERVERS
+from hgorun.plants.base import PLANTS
 from hgorun.plants.inline import InlinePlant
 from hgorun.registry import Registry
 from hgorun.reproduce.shipped import experiments
-from hgorun.result.metrics.base import Metric, all_metrics
+from hgorun.result.metrics.base import all_metrics
 
 if TYPE_CHECKING:
     from hgorun.analysis.finding import Finding
@@ -36,12 +34,7 @@ _KINDS = (*_REGISTRIES, "metrics", "findings", "experiments")
 
 
 def _first_line(cls: type) -> str:
-    return _own_doc(cls).split("\n\n")[0].replace("\n", " ")
-
-
-def _own_doc(cls: type) -> str:
-    """The docstring of a class itself: that of a base would describe something else."""
-    return inspect.cleandoc(cls.__doc__ or "")
+    return described.own_doc(cls).split("\n\n")[0].replace("\n", " ")
 
 
 def _titles() -> dict[str, str]:
@@ -86,18 +79,18 @@ def show(options: Show) -> int:
     for registry in _REGISTRIES.values():
         classes = registry.all()
         if name in classes:
-            described = _described(name, registry.kind, classes[name])
-            print(json_text.dumps(described, indent=2) if json else _as_text(described))
+            found = described.of_class(name, registry.kind, classes[name])
+            print(json_text.dumps(found, indent=2) if json else described.as_text(found))
             return 0
     metrics = all_metrics()
     if name in metrics:
-        described = _metric(metrics[name])
-        print(json_text.dumps(described, indent=2) if json else "\n".join(f"{k}: {v}" for k, v in described.items()))
+        found = described.of_metric(metrics[name])
+        print(json_text.dumps(found, indent=2) if json else "\n".join(f"{k}: {v}" for k, v in found.items()))
         return 0
     findings = _findings()
     if name in findings:
-        described = _finding(findings[name])
-        print(json_text.dumps(described, indent=2) if json else "\n".join(f"{k}: {v}" for k, v in described.items()))
+        found = described.of_finding(findings[name])
+        print(json_text.dumps(found, indent=2) if json else "\n".join(f"{k}: {v}" for k, v in found.items()))
         return 0
     shipped = experiments()
     for path, file in shipped.items():
@@ -113,106 +106,6 @@ def _findings() -> dict[str, Finding]:
     from hgorun.analysis.finding import all_findings  # with all of the analysis, which nothing else here needs
 
     return {finding.name: finding for finding in all_findings()}
-
-
-def _finding(finding: Finding) -> dict[str, Any]:
-    return {
-        "name": finding.name,
-        "kind": "finding",
-        "meaning": finding.meaning,
-        "unit": finding.unit or "none",
-        "shown in": ", ".join(finding.places),
-    }
-
-
-def _metric(metric: Metric) -> dict[str, Any]:
-    return {
-        "name": metric.name,
-        "kind": "metric",
-        "meaning": metric.meaning,
-        "unit": {"state": "that of the state", "time": "that of time", "1": "none"}[metric.unit],
-        "window": metric.window,
-        "best": metric.ideal,
-    }
-
-
-def _described(name: str, kind: str, cls: type[Plant] | type[Observer] | type[Noise]) -> dict[str, Any]:
-    found: dict[str, Any] = {
-        "name": name,
-        "kind": kind,
-        "reference": cls.reference,
-        "description": _own_doc(cls),
-        "keys": [_key(key, field) for key, field in cls.model_fields.items() if key != "type"],
-    }
-    if issubclass(cls, Plant):
-        found["valid"] = cls.valid
-        needed = {"initial", "inputs"} if cls.known_inputs else {"initial"}
-        for key in found["keys"]:
-            key["required"] = key["required"] or key["key"] in needed
-        found["units"] = units_of(cls)
-        found["states"], found["outputs"] = _names(cls)
-        found["parameters"] = {
-            n: {"default": q.default, "unit": q.unit, "meaning": q.meaning} for n, q in cls.known_parameters.items()
-        }
-        found["inputs"] = {n: {"unit": q.unit, "meaning": q.meaning} for n, q in cls.known_inputs.items()}
-    return found
-
-
-def _names(cls: type[Plant]) -> tuple[list[str], list[str]]:
-    """States and outputs in their order, with the defaults of all keys; empty where they depend on other keys."""
-    block = cls.model_construct()
-    try:
-        return list(block.state_names), list(block.output_names)
-    except (AttributeError, TypeError, ValueError):
-        return [], []
-
-
-def _key(name: str, field: FieldInfo) -> dict[str, Any]:
-    limits = []
-    for item in field.metadata:
-        for attribute, sign in (("gt", ">"), ("ge", ">="), ("lt", "<"), ("le", "<=")):
-            if getattr(item, attribute, None) is not None:
-                limits.append(f"{sign} {getattr(item, attribute):g}")
-    default = None if field.is_required() or field.default_factory is not None else field.default
-    return {
-        "key": name,
-        "required": field.is_required(),
-        "default": pole_text(default) if isinstance(default, complex) else default,
-        "range": " and ".join(limits),
-        "description": field.description or "",
-    }
-
-
-def _as_text(d: dict[str, Any]) -> str:
-    lines = [f"{d['name']} ({d['kind']})", *([f"source: {d['reference']}"] if d["reference"] else [])]
-    lines += ["", d["description"]]
-    if d.get("valid"):
-        lines += ["", f"valid: {d['valid']}"]
-    for group in ("states", "outputs"):
-        if d.get(group):
-            units = {name: f" [{unit}]" for name, unit in d["units"].items() if unit}
-            lines += [
-                *([""] if group == "states" else []),
-                f"{group}: " + ", ".join(n + units.get(n, "") for n in d[group]),
-            ]
-    for group in ("parameters", "inputs"):
-        if d.get(group):
-            lines += ["", f"{group}:"]
-            for name, q in d[group].items():
-                value = f" = {q['default']:g}" if q.get("default") is not None else ""
-                unit = (f" {q['unit']}" if value else f" [{q['unit']}]") if q["unit"] else ""
-                lines.append(f"  {name}{value}{unit}  {q['meaning']}".rstrip())
-    lines += ["", "keys:"]
-    for key in d["keys"]:
-        if key["required"]:
-            value = "required"
-        elif key["default"] in (None, ""):
-            value = "optional"
-        else:
-            value = f"default {key['default']}"
-        limits = f", {key['range']}" if key["range"] else ""
-        lines.append(f"  {key['key']} ({value}{limits}): {key['description']}")
-    return "\n".join(lines)
 
 
 def schema() -> int:

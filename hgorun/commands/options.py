@@ -1,6 +1,6 @@
 """The options of each command, written once: the command line makes its parameters and its help from them.
 
-Only typer is imported here, so that help comes at once; annotations are not put off, for the command line reads them.
+Only typer is imported here, so that help appears at once; annotations are evaluated, since the command line reads them.
 """
 
 from dataclasses import dataclass, field
@@ -18,7 +18,7 @@ class Printing:
         Path | None, typer.Option("-o", "--output", help="File or folder to write to (default: results).")
     ] = None
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Print nothing but errors.")] = False
-    json: Annotated[bool, typer.Option("--json", help="Print JSON on stdout, and nothing else there.")] = False
+    json: Annotated[bool, typer.Option("--json", help="Print only JSON on stdout.")] = False
 
     @property
     def text(self) -> bool:
@@ -35,50 +35,52 @@ class Configured(Printing):
         typer.Option("--set", metavar="PATH=VALUE", help="Change a key, e.g. observers.SHGO.theta=2; repeatable."),
     ] = field(default_factory=list)
     seed: Annotated[int | None, typer.Option("--seed", min=0, help="Override the seed in the file.")] = None
-    run: Annotated[str | None, typer.Option("--run", help="One of the file's runs (default: all).")] = None
+    run: Annotated[str | None, typer.Option("--run", help="Only this run of the file (default: all).")] = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Simulate(Configured):
-    """Run configurations, write results/NAME.h5, print the metrics."""
+    """Simulate configurations, write results/NAME.h5 and print the metrics."""
 
     configs: Annotated[list[Path], typer.Argument(metavar="CONFIG...", help="YAML configurations.")]
     strict: Annotated[bool, typer.Option("--strict", help="Exit with code 3 if a status is not ok.")] = False
     check_step: Annotated[
-        bool, typer.Option("--check-step", help="Run again with half the step; report the difference.")
+        bool, typer.Option("--check-step", help="Simulate again with half the step and report the difference.")
     ] = False
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Rerun(Printing):
-    """Make a result again from what its file says of how it was made, and compare them bit for bit.
+    """Compute a result again from its own file, and compare the two bit for bit.
 
-    The new one is written beside FILE as NAME.rerun.h5.
+    The new result is written next to FILE as NAME.rerun.h5.
     """
 
     file: Annotated[Path, typer.Argument(metavar="FILE", help="A result file.")]
-    check: Annotated[
-        bool, typer.Option("--check", help="Write nothing; exit with code 3 if a number is not the same.")
-    ] = False
+    check: Annotated[bool, typer.Option("--check", help="Write nothing; exit with code 3 if any number differs.")] = (
+        False
+    )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Compare(Configured):
-    """Show metrics side by side, and draw comparison plots."""
+    """Compare metrics side by side, and draw comparison plots."""
 
     sources: Annotated[list[Path], typer.Argument(metavar="SOURCE...", help="Configurations or result files.")]
     format: Annotated[str, typer.Option("--format", help="Format of the table: text, csv or latex.")] = "text"
     plots: Annotated[bool, typer.Option("--plots/--no-plots", help="Draw comparison plots (PNG and PDF).")] = True
     strict: Annotated[bool, typer.Option("--strict", help="Exit with code 3 if a status is not ok.")] = False
-    analyze: Annotated[bool, typer.Option("--analyze", help="Add what theory predicts for configurations.")] = False
+    analyze: Annotated[bool, typer.Option("--analyze", help="Add the numbers that theory predicts.")] = False
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Analyze(Configured):
-    """Put theory beside simulation: gains, bounds, noise."""
+    """Compare theory with simulation: gains, bounds, noise."""
 
     config: Annotated[Path, typer.Argument(metavar="CONFIG", help="A YAML configuration.")]
-    plots: Annotated[bool, typer.Option("--plots/--no-plots", help="Draw errors and their bounds (PNG, PDF).")] = True
+    plots: Annotated[bool, typer.Option("--plots/--no-plots", help="Draw errors and their bounds (PNG and PDF).")] = (
+        True
+    )
     search: Annotated[
         bool,
         typer.Option("--search", help="Search for the largest theta that fails below the working range."),
@@ -100,17 +102,17 @@ class Reproduction(Printing):
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Figures(Reproduction):
-    """Draw the figures of the publications that have changed.
+    """Draw the figures of the publications, or of your own files.
 
-    Each is written as PNG and PDF, and drawn again if its block, its runs or the code it depends on has changed.
+    Each is written as PNG and PDF. It is drawn again only if its block, its runs or the code it depends on has changed.
     """
 
-    report: Annotated[bool, typer.Option("--report", help="Measure the claims too, and write REPORT.md.")] = False
+    report: Annotated[bool, typer.Option("--report", help="Check the claims too, and write REPORT.md.")] = False
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Claims(Reproduction):
-    """Measure what the publications claim.
+    """Check the claims of the publications, or of your own files.
 
     Each claim is confirmed or refuted, with the number; undecided where chance leaves it open; depends where the
     publication leaves open what decides; undecidable where no finite run can tell.
@@ -123,20 +125,22 @@ class Claims(Reproduction):
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class List:
-    """List the available plants, observers, kinds of noise, metrics and experiments."""
+    """List the available plants, observers, kinds of noise, metrics, findings and experiments."""
 
-    kind: Annotated[str, typer.Argument(help="plants, observers, noise, metrics, experiments or all.")] = "all"
+    kind: Annotated[str, typer.Argument(help="plants, observers, noise, metrics, findings, experiments or all.")] = (
+        "all"
+    )
     json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Show:
-    """Show a plant, an observer, a kind of noise, a metric or an experiment in full.
+    """Describe a plant, an observer, a kind of noise, a metric, a finding or an experiment.
 
-    Its equations, its parameters with ranges and defaults, and its source.
+    The description has its equations, its keys with ranges and defaults, and its source.
     """
 
-    name: Annotated[str, typer.Argument(help="A plant, an observer, a kind of noise, a metric or an experiment.")]
+    name: Annotated[str, typer.Argument(help="A name from hgorun list.")]
     json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False
 
 
@@ -150,5 +154,5 @@ class Init:
     """Copy a built-in experiment as a starting point."""
 
     name: Annotated[str, typer.Argument(help="A built-in experiment; see hgorun list experiments.")] = "contois_te025"
-    folder: Annotated[Path, typer.Argument(help="Where to copy it to.")] = Path()
-    force: Annotated[bool, typer.Option("--force", help="Overwrite files that exist.")] = False
+    folder: Annotated[Path, typer.Argument(help="Folder to copy it to.")] = Path()
+    force: Annotated[bool, typer.Option("--force", help="Overwrite existing files.")] = False

@@ -72,7 +72,7 @@ def compare(options: Compare) -> int:
     predicted = _predicted(loaded, results) if options.analyze else []
     units = {result.units.get("time", "") for result in results}
     if len(units) > 1:
-        raise ConfigError(f"the sources count time in different units: {', '.join(sorted(units))}")
+        raise ConfigError(f"the sources use different units of time: {', '.join(sorted(units))}")
     for result in results:
         warn(result)
     if options.plots:
@@ -102,7 +102,7 @@ def _style(options: Compare) -> Style:
     if options.analyze and options.format == "latex":
         raise ConfigError("--analyze adds columns to text, csv and JSON; the LaTeX table has metrics only")
     if (options.overrides or options.seed is not None) and all(map(_is_result, options.sources)):
-        raise ConfigError("--set and --seed change configurations; a result file stays as it is")
+        raise ConfigError("--set and --seed apply to configurations, not to result files")
     return styles[options.format]
 
 

@@ -155,14 +155,14 @@ def tokens(text: str) -> list[str]:
             raise ExpressionError(_foreign(token))
         if match.lastgroup == "name" and token not in ("and", "or", "not", *FUNCTIONS):
             if token in ("if", "else"):
-                raise ExpressionError("a choice is written where(condition, a, b)")
+                raise ExpressionError("write a choice as where(condition, a, b)")
             if token in ("True", "False", "None"):
                 raise ExpressionError(f"`{token}` is not a number: write 1, 0 or a comparison")
             check_name(token)
         if level > MAX_NESTING:
-            raise ExpressionError(f"more than {MAX_NESTING} parentheses inside each other")
+            raise ExpressionError(f"parentheses nested more than {MAX_NESTING} deep")
         if level < 0:
-            raise ExpressionError("a `)` has no `(`")
+            raise ExpressionError("a `)` without a `(`")
     if level:
         raise ExpressionError(
             "a `(` is not closed; inside { } or [ ] a comma ends the entry: put the expression in quotes"
@@ -189,15 +189,15 @@ def _check_neighbours(left: re.Match[str], right: re.Match[str]) -> None:
         return
     if left.lastgroup == "number" and left.end() == right.start():
         if b in ("j", "J"):
-            raise ExpressionError("complex numbers are not in the grammar")
+            raise ExpressionError("complex numbers are not supported")
         if b.startswith("_") or (a == "0" and b[0] in "xXoObB" and b[1:2].isalnum()) or b[0] == ".":
-            raise ExpressionError(f"`{a}{b}` is not a number: digits have one `.`, no prefix and no `_`")
+            raise ExpressionError(f"`{a}{b}` is not a number: write digits with at most one `.`, no prefix and no `_`")
     ends = left.lastgroup == "number" or a == ")" or (left.lastgroup == "name" and b != "(")
     begins = right.lastgroup in ("number", "name") or b == "("
     if left.lastgroup == "number" and b in _UNITS:
-        raise ExpressionError(f"a number has no unit here, so `{b}` is too much: times are counted in time.unit")
+        raise ExpressionError(f"a number has no unit here, so `{b}` is too much: times are in time.unit")
     if ends and begins:
-        raise ExpressionError(f"nothing stands between `{a}` and `{b}`: a product is written `{a}*{b}`")
+        raise ExpressionError(f"an operator is missing between `{a}` and `{b}`: write a product as `{a}*{b}`")
 
 
 def syntax_tree(tokens: list[str]) -> ast.expr:
@@ -212,7 +212,7 @@ def syntax_tree(tokens: list[str]) -> ast.expr:
     except SyntaxError as error:
         last = len(text[: max((error.offset or 1) - 1, 0)].split())
         where = f"after `{short(tokens[min(last, len(tokens)) - 1])}`" if last else "at the beginning"
-        raise ExpressionError(f"something is missing or too much {where}") from None
+        raise ExpressionError(f"something is missing or superfluous {where}") from None
     except (RecursionError, MemoryError):
         raise ExpressionError("the nesting is too deep") from None
 
@@ -226,7 +226,7 @@ class Reader:
 
     def read(self, tree: ast.expr, depth: int) -> Node:
         if depth > MAX_NESTING:
-            raise ExpressionError(f"more than {MAX_NESTING} operations inside each other")
+            raise ExpressionError(f"operations nested more than {MAX_NESTING} deep")
         match tree:
             case ast.Constant(value=float() as number):
                 return number
@@ -256,8 +256,8 @@ class Reader:
             case ast.Tuple(elts=[]):
                 raise ExpressionError("there is nothing between `(` and `)`")
             case ast.Tuple():
-                raise ExpressionError(f"a `,` stands only between the arguments of a function; {DECIMAL_POINT}")
-        raise ExpressionError("arguments with `*` are not in the grammar")
+                raise ExpressionError(f"a `,` is allowed only between the arguments of a function; {DECIMAL_POINT}")
+        raise ExpressionError("arguments with `*` are not supported")
 
     def name(self, name: str) -> Node:
         if name in FUNCTIONS:
@@ -277,7 +277,7 @@ class Reader:
     def check_call(self, name: str, count: int) -> None:
         if name not in FUNCTIONS:
             if name in CONSTANTS or (self.allowed is not None and name in self.allowed):
-                raise ExpressionError(f"`{name}` is not a function: a product is written `{name}*(...)`")
+                raise ExpressionError(f"`{name}` is not a function: write a product as `{name}*(...)`")
             hint = nearest(name, FUNCTIONS) or f" A product is written `{short(name)}*(...)`."
             raise ExpressionError(f"there is no function `{short(name)}`.{hint} Functions: {', '.join(FUNCTIONS)}")
         low, high = _ARGUMENTS.get(name, (1, 1))

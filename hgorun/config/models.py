@@ -57,7 +57,7 @@ class Solver(Block):
     """How the differential equations are solved."""
 
     method: Literal["euler", "rk4", "dopri5", "rodas5p"] = Field(
-        default="rk4", description="rodas5p is the one for stiff plants and very high gains"
+        default="rk4", description="rodas5p is for stiff plants and very high gains"
     )
     step: Annotated[Literal["auto"] | float, BeforeValidator(_step), WithJsonSchema(NUMBER_SCHEMA)] = Field(
         default="auto", description="longest step of a fixed-step run, or auto"
@@ -66,7 +66,7 @@ class Solver(Block):
     atol: Positive | None = Field(default=None, description="absolute tolerance (default: from each state's size)")
     max_step: Positive | None = Field(default=None, description="longest adaptive step")
     divergence: Positive | None = Field(
-        default=None, description="an observer has diverged once a state is beyond it; without, that is confirmed"
+        default=None, description="bound beyond which an observer has diverged; by default divergence is confirmed"
     )
 
     @property
@@ -88,7 +88,7 @@ class Solver(Block):
         if not self._estimates and (self.rtol is not None or self.atol is not None):
             raise ValueError(f"rtol and atol need method dopri5 or rodas5p, found {self.method}")
         if self.max_step is not None and not self.adaptive:
-            raise ValueError("max_step goes with rtol and atol; a fixed step is set by step")
+            raise ValueError("max_step needs rtol and atol; a fixed step is set with step")
         return self
 
 
@@ -102,7 +102,7 @@ class Metrics(Block):
     transient: Window | None = Field(default=None, description="transient window (default: the first third)")
     average: Positive | None = Field(default=None, description="length of hf's moving mean (default: 1 % of the run)")
     settling: Annotated[Positive, Field(lt=1)] = Field(
-        default=0.05, description="settled below this part of the transient peak"
+        default=0.05, description="the error has settled below this fraction of the transient peak"
     )
     record: Positive | None = Field(default=None, description="spacing of the points measured (default: output_step)")
 
@@ -121,7 +121,7 @@ class Inset(Block):
     window: Window = Field(description="time shown")
     limits: Window | None = Field(default=None, description="range of its vertical axis (default: what it shows)")
     place: tuple[Number, Number, Number, Number] = Field(
-        default=(0.55, 0.5, 0.42, 0.42), description="left, bottom, width and height, in parts of the panel"
+        default=(0.55, 0.5, 0.42, 0.42), description="left, bottom, width and height, as fractions of the panel"
     )
 
 
@@ -131,7 +131,7 @@ class Scaling(Block):
     state: str = Field(description="a plant state")
     run: str | None = Field(default=None, description="a run with vary (default: the only one)")
     of: str = Field(default="amplitude", description="the quantity shown, as in claims: amplitude, rmse, sup, hf, ...")
-    theory: bool = Field(default=False, description="lines of what the linearised observer makes of the noise")
+    theory: bool = Field(default=False, description="also draw what theory predicts for the linearised observer")
 
 
 class Panel(Block):
@@ -173,13 +173,13 @@ class Figure(Block):
     title: str | None = None
     panels: Annotated[tuple[Panel, ...], NonEmpty]
     columns: Annotated[int, Field(ge=1, le=6, strict=True)] = Field(
-        default=1, description="panels side by side; they fill row after row"
+        default=1, description="panels side by side; filled row by row"
     )
     labels: dict[str, str] = Field(
         default_factory=dict, description="run/label or label: what the legend calls that observer"
     )
     width: Positive = Field(default=6.0, description="inches")
-    height: Positive | None = Field(default=None, description="inches (default: 2.2 a row of panels)")
+    height: Positive | None = Field(default=None, description="inches (default: 2.2 per row of panels)")
 
 
 class Inequality(Block):
@@ -213,7 +213,7 @@ class Claim(Inequality):
 
     id: str = Field(description="a short name, unique in the file")
     claim: str = Field(description="the sentence, paraphrased")
-    source: str = Field(default="", description="where it stands: section, page")
+    source: str = Field(default="", description="where the publication says it: section, page")
     figure: str | None = Field(default=None, description="the figure it refers to")
     value: str = Field(
         default="", description="an expression of metrics of the runs, such as hf('FHGO', x1)/hf('SHGO', x1)"
@@ -225,7 +225,7 @@ class Claim(Inequality):
     expect: Literal["confirmed", "refuted", "undecided", "undecidable", "depends"] = Field(
         default="confirmed", description="the verdict known so far; of what is undecidable just that"
     )
-    note: str = Field(default="", description="what a reader should know beside the number")
+    note: str = Field(default="", description="what a reader should know besides the number")
 
     @model_validator(mode="after")
     def _one_threshold(self) -> Claim:
@@ -252,7 +252,7 @@ class Vary(Block):
     """A run repeated for each value of a name."""
 
     name: Name = Field(description="what is varied")
-    values: Annotated[tuple[Number, ...], NonEmpty] = Field(description="one member of the ensemble each")
+    values: Annotated[tuple[Number, ...], NonEmpty] = Field(description="one member of the ensemble for each")
     set: dict[str, ExpressionText] = Field(description="path: expression of the name, as with --set")
 
 
@@ -272,7 +272,7 @@ class Ensemble(Block):
     @model_validator(mode="after")
     def _one(self) -> Ensemble:
         if self.seeds is not None and self.vary is not None:
-            raise ValueError("seeds and vary make an ensemble each: give one of them")
+            raise ValueError("seeds and vary both make an ensemble: give only one of them")
         return self
 
 

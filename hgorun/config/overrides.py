@@ -36,7 +36,7 @@ def set_path(source: Source, assignment: str) -> Source:
     places = {p: (file, 1) if p[: len(path)] == path else source.where(p) for p, _ in walk(data)}
     created = {path[:length]: (file, 1) for length in range(len(old) + 1, len(path))}
     if max(map(len, places)) > MAX_DEPTH:
-        raise ConfigError(f"more than {MAX_DEPTH} lists and mappings inside each other", file=file, line=1)
+        raise ConfigError(f"lists and mappings nested more than {MAX_DEPTH} deep", file=file, line=1)
     return Source(data, places | created)
 
 
@@ -62,7 +62,7 @@ def replaced(source: Source, path: str, value: Any) -> tuple[Source, KeyPath]:
     new = names[1 if old else 0 :].split(".") if names else []
     above = at(source.data, old)
     if any(not name for name in new) or not (old or new):
-        raise ConfigError(f"expected keys with dots between, found {path!r}", key=path)
+        raise ConfigError(f"expected keys separated by dots, found {path!r}", key=path)
     if value is None and new:
         return source, (*old, *new)
     file, line = source.where(old)
@@ -71,7 +71,7 @@ def replaced(source: Source, path: str, value: Any) -> tuple[Source, KeyPath]:
     place: KeyPath = (*old, *new)
     if index := next((i for i in range(1, len(new)) if new[i].isdigit()), None):
         lacking = ".".join(map(str, (*old, *new[:index])))
-        raise ConfigError(f"there is no list `{lacking}`: give it whole", file=file, line=line, key=path)
+        raise ConfigError(f"there is no list `{lacking}`: set the whole list", file=file, line=line, key=path)
     data = _removed(source.data, place) if value is None else _replaced(source.data, place, value)
     positions = source.positions
     if new or isinstance(above, (dict, list)) or isinstance(value, (dict, list)):

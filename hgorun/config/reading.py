@@ -61,8 +61,12 @@ def _extended(source: Source, path: Path, seen: list[Path]) -> Source:
         message = f"{target} holds {describe(parent.data)}; a mapping with keys such as time and plant was expected"
         raise ConfigError(message, file=file, line=line, key="extends")
     if target.resolve() in seen:
-        raise ConfigError(f"{base} extends itself, in a circle", file=file, line=line, key="extends")
+        raise ConfigError(
+            f"{base} extends itself, directly or through other files", file=file, line=line, key="extends"
+        )
     if len(seen) > _LONGEST_CHAIN:
-        raise ConfigError(f"more than {_LONGEST_CHAIN} files extend each other", file=file, line=line, key="extends")
+        raise ConfigError(
+            f"a chain of more than {_LONGEST_CHAIN} files that extend each other", file=file, line=line, key="extends"
+        )
     parent = _extended(parent, target, [*seen, target.resolve()])
     return merge(parent, source)

@@ -26,7 +26,7 @@ MAX_BYTES = 2**20
 MAX_NODES = 100_000
 MAX_DEPTH = 50
 _MAX_KEY = 1_000
-_TOO_DEEP = f"more than {MAX_DEPTH} lists and mappings inside each other"
+_TOO_DEEP = f"lists and mappings nested more than {MAX_DEPTH} deep"
 _MAX_BRACKETS = 10 * MAX_DEPTH
 _MAX_DIGITS = 300  # no float has more than 309; Python's int() refuses more than 4,300
 
@@ -150,7 +150,7 @@ def parse(text: str, file: str) -> Source:
         sentence, line = explain(error, text, builder.bracket)
         raise ConfigError(sentence, file=file, line=line) from error
     if not builder.root:
-        raise ConfigError("the file is empty; `hgorun init` writes one to start from", file=file)
+        raise ConfigError("the file is empty; `hgorun init` copies an example to start from", file=file)
     return Source(builder.root[0], builder.positions)
 
 
@@ -197,11 +197,11 @@ class _Builder:
         if isinstance(event, (yaml.MappingEndEvent, yaml.SequenceEndEvent)):
             self.open.pop()
         elif isinstance(event, yaml.DocumentStartEvent) and self.root:
-            raise self.error("a second document (`---`) starts here; a file is one document", line)
+            raise self.error("a second document (`---`) starts here; a file may hold only one", line)
         elif not isinstance(event, yaml.NodeEvent):
             return
         elif tag is not None:
-            raise self.error(f"the tag `{tag}` is refused: values carry no tags here", line)
+            raise self.error(f"the tag `{tag}` is refused: values cannot have tags here", line)
         elif isinstance(parent, dict) and self.key is None:
             self.take_key(event, path, parent, line)
         elif parent is self.root:
@@ -259,7 +259,7 @@ class _Builder:
             raise self.error(message, line, here)
         origin = self.anchors[anchor]
         if any(path == origin for path, _, _ in self.open[1:]):
-            raise self.error(f"the alias `*{anchor}` stands inside its own anchor", line, here)
+            raise self.error(f"the alias `*{anchor}` is used inside its own anchor", line, here)
         value = at(self.root[0], origin)
         for path, _ in walk(value):
             self.count(here + path, line)

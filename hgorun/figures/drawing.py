@@ -169,7 +169,7 @@ def _stages(
     for i, panel in enumerate(panels):
         if panel.scaling is not None:
             if i not in scalings:
-                raise ValueError(f"panel {i} shows scaling, and no data were given for it")
+                raise ValueError(f"panel {i} shows scaling, but no data were given for it")
             stages.append(_Stage(panel, [a for a in scaled[i] if a.among(panel.observers)], {}, scalings[i]))
             continue
         own = {run: r for run, r in runs.items() if panel.run in (None, run)}

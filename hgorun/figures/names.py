@@ -119,7 +119,7 @@ def _check_panel(panel: Panel, names: Names, path: KeyPath) -> None:
         _require(getattr(panel, key), "state", states, (*path, key), where)
     _require(panel.output, "output", outputs, (*path, "output"), where)
     if panel.observers == () and panel.run is None:
-        raise Problem((*path, "observers"), "an empty list shows the truth of a run alone: name the run with run")
+        raise Problem((*path, "observers"), "an empty list shows only the truth of a run: name the run with run")
     if panel.scaling is not None:
         _require(panel.scaling.state, "state", states, (*path, "scaling", "state"), where)
         from hgorun.figures.scaling import quantities  # it draws them, too: not for runs without such a panel
@@ -140,12 +140,12 @@ def _scaling_run(panel: Panel, names: Names, path: KeyPath) -> Names:
     if panel.scaling.run is not None:
         _require(panel.scaling.run, "run", list(names), key)
     if not varied:
-        raise Problem(key if panel.scaling.run else (*path, "scaling"), "no run has vary, which scaling shows")
+        raise Problem(key if panel.scaling.run else (*path, "scaling"), "no run has vary, which scaling needs")
     run = varied_run(panel, names)
     if run is None:
         raise Problem((*path, "scaling"), f"several runs have vary: {', '.join(varied)}; say which with run")
     if run not in varied:
-        raise Problem(key, f"run {run!r} has no vary, which scaling shows. Runs with vary: {', '.join(varied)}")
+        raise Problem(key, f"run {run!r} has no vary, which scaling needs. Runs with vary: {', '.join(varied)}")
     return {run: names[run]}
 
 
@@ -156,7 +156,9 @@ def _shown_runs(panel: Panel, names: Names, path: KeyPath) -> Names:
         return single
     _require(panel.run, "run", list(names), (*path, "run"))
     if panel.run not in single:
-        raise Problem((*path, "run"), f"run {panel.run!r} is an ensemble, of which numbers are kept, no trajectories")
+        raise Problem(
+            (*path, "run"), f"run {panel.run!r} is an ensemble, of which only numbers are kept, no trajectories"
+        )
     return {panel.run: single[panel.run]}
 
 
@@ -184,7 +186,7 @@ def _check_fit(panel: Panel, measured: Sequence[str], path: KeyPath) -> None:
         )
     for key in ("window", "inset"):
         if panel.scaling is not None and getattr(panel, key) is not None:
-            raise Problem((*path, key), f"{key} is a stretch of time, which a scaling panel does not have")
+            raise Problem((*path, key), f"{key} is an interval of time, which a scaling panel does not have")
 
 
 def _check_ranges(panel: Panel, spans: Sequence[tuple[float, float]], path: KeyPath) -> None:
@@ -227,7 +229,7 @@ def _check_place(inset: Inset, path: KeyPath) -> None:
     if not (within and min(width, height) >= 0.1):
         raise Problem(
             path,
-            "expected [left, bottom, width, height] in parts of the panel: inside it, at least 0.1 wide and high; "
+            "expected [left, bottom, width, height] as fractions of the panel: inside it, at least 0.1 wide and high; "
             f"found [{', '.join(f'{part:g}' for part in inset.place)}]",
         )
 

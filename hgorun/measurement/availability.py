@@ -110,14 +110,14 @@ def resolve(measurement: Measurement, outputs: Sequence[str], time: Time) -> lis
         if not phase.until > bounds[-1]:
             raise Problem(
                 (*path, "until"),
-                f"phases end one after the other: {phase.until:g} is not after {bounds[-1]:g}",
+                f"phases must end one after the other: {phase.until:g} is not after {bounds[-1]:g}",
             )
         bounds.append(phase.until)
     if measurement.phases:
         if bounds[-1] < time.end:
             raise Problem(
                 ("measurement", "phases", len(measurement.phases) - 1, "until"),
-                f"the last phase ends at {bounds[-1]:g}, before the run does at {time.end:g}",
+                f"the last phase ends at {bounds[-1]:g}, before the end of the run at {time.end:g}",
             )
     else:
         bounds.append(time.end)

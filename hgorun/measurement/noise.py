@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from hgorun.errors import PluginError, called
+from hgorun.errors import PluginError
 from hgorun.measurement.availability import Stretch
 from hgorun.noise.base import Noise, RandomNoise, TimeFunction
 from hgorun.symbolic.levels import distinct
@@ -134,8 +134,7 @@ class StretchNoise:
     def _draw(self, j: int, count: int) -> np.ndarray:
         """The first draws of an item: the same ones at every call."""
         item = self.random[j]
-        with called("noise", item.type, "draw"):
-            drawn = np.asarray(item.draw(generator(self._seed, "noise", self._channel, j), count), dtype=float)
+        drawn = np.asarray(item.draw(generator(self._seed, "noise", self._channel, j), count), dtype=float)
         if drawn.shape != (count,):
             raise PluginError(
                 f"noise {item.type!r}: draw returned an array of shape {drawn.shape}, expected ({count},)"

@@ -17,8 +17,9 @@ import casadi as ca
 import numpy as np
 from pydantic import Field
 
+from hgorun.config.plugin import Plugin
 from hgorun.config.reads import frozen
-from hgorun.config.types import Block, Positive
+from hgorun.config.types import Positive
 from hgorun.errors import Problem
 from hgorun.registry import Registry
 from hgorun.symbolic.evaluate import along
@@ -52,10 +53,10 @@ class Spectrum:
     draws: tuple[Draws, ...] = ()
 
 
-class Noise(Block):
+class Noise(Plugin):
     """One item of ``measurement.noise``; derive from :class:`TimeFunction` or :class:`RandomNoise`."""
 
-    type: str
+    kind: ClassVar[str] = "noise"
     reference: ClassVar[str] = ""
 
     def check(self, *, continuous: bool) -> None:

@@ -25,7 +25,8 @@ import numpy as np
 from pydantic import Field
 from typing_extensions import TypeVar
 
-from hgorun.config.types import Block, Interval, Name, Number
+from hgorun.config.plugin import Plugin
+from hgorun.config.types import Interval, Name, Number
 from hgorun.errors import KeyPath
 from hgorun.registry import Registry
 from hgorun.symbolic.canonical import CanonicalForm, PlantCopy
@@ -111,7 +112,7 @@ class PeriodLimit(NamedTuple):
     where: str
 
 
-class Observer(Block, Generic[FormT, CopyT]):
+class Observer(Plugin, Generic[FormT, CopyT]):
     """Base of all observers; its fields are the keys that every observer block has.
 
     Derive from :class:`ContinuousObserver`, :class:`SampledObserver` or :class:`HybridObserver`. The type
@@ -119,16 +120,18 @@ class Observer(Block, Generic[FormT, CopyT]):
     get; left out, they are those of :func:`~hgorun.symbolic.observability.canonical_form`.
     """
 
+    kind: ClassVar[str] = "observer"
     reference: ClassVar[str] = ""
     # the class of plants: a function that gives a plant's form, and refuses other plants
     form: ClassVar[FormFinder] = canonical_form
 
     type: str = Field(description="name of the observer family")
     initial: dict[Name, Number] = Field(
-        default_factory=dict, description="initial estimate in the plant's coordinates; omitted states 0"
+        default_factory=dict, description="initial estimate in the plant's coordinates; omitted states are 0"
     )
     internal: dict[Name, object] = Field(
-        default_factory=dict, description="initial internal states: a number stands for that multiple of ones"
+        default_factory=dict,
+        description="initial internal states; a number means that multiple of ones, or of the identity",
     )
     saturation: dict[Name, Interval] = Field(
         default_factory=dict, description="state: [low, high], applied to the arguments of F and phi"
@@ -143,7 +146,7 @@ class Observer(Block, Generic[FormT, CopyT]):
     )
     chains: dict[str, Annotated[int, Field(ge=1, strict=True)]] = Field(
         default_factory=dict,
-        description="output: length of its chain, all outputs named, n states in all or more; chosen by default",
+        description="output: length of its chain, for all outputs, n or more in total; chosen by default",
     )
 
     @abstractmethod

@@ -21,10 +21,10 @@ class PlacedGain(Block):
     """Either ``poles`` or ``gains`` of an order that the family decides."""
 
     poles: Poles = Field(
-        default=complex(-1), description="eigenvalues at theta = 1: a number (all there) or a list; real part < 0"
+        default=complex(-1), description="eigenvalues at theta = 1: a number (for all) or a list; real part < 0"
     )
     gains: tuple[Number, ...] | None = Field(
-        default=None, description="the gain itself, in place of poles; with a filter (K_r; K_n)"
+        default=None, description="the gain itself, instead of poles; with a filter (K_r; K_n)"
     )
 
     @model_validator(mode="after")

@@ -46,7 +46,7 @@ def integrator_chain(plant: PlantModel, at: np.ndarray, parameters: np.ndarray) 
             raise NotObservableForm(
                 "this observer has no copy of the plant: it needs a chain of integrators, "
                 f"{names[i]}' = {names[i + 1]} alone, but here {names[i]}' = {plant.dynamics[i]}; "
-                "take shgo for other models"
+                "use shgo for other models"
             )
     return IntegratorChainForm(plant, (plant.n,), x, ca.SX.eye(plant.n), identity=True)
 
@@ -56,8 +56,8 @@ class ForwardDifferences(Differentiator, PlacedGain, SampledObserver):
 
     form = staticmethod(integrator_chain)
 
-    poles: Poles = Field(default=complex(-1), description="eigenvalues of A_0: a number (all there) or a list of n")
-    gains: tuple[Number, ...] | None = Field(default=None, description="H_0, n numbers, in place of poles")
+    poles: Poles = Field(default=complex(-1), description="eigenvalues of A_0: a number (for all) or a list of n")
+    gains: tuple[Number, ...] | None = Field(default=None, description="H_0, n numbers, instead of poles")
     eps: Positive = Field(description="eps > 0: the error's eigenvalues are the poles over eps")
 
     def H_0(self, n: int) -> np.ndarray:

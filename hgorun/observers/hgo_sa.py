@@ -95,7 +95,7 @@ class StochasticApproximationObserver(ForwardDifferences):
             falls = f"like k^-{p:.3g}" if np.isfinite(p) else "faster than any power"
             raise Problem(
                 path,
-                f"the steps fall {falls}: their sum converges, and the estimate stops on its way (A.2); "
+                f"the steps fall {falls}: their sum converges, and the estimate stops before it has converged (A.2); "
                 "expected k^-p with 1/2 < p <= 1",
             )
         if p < 0.5 + 1e-6:

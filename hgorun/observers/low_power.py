@@ -35,7 +35,7 @@ class PhaseVariableForms(CanonicalForms):
             When the plant is not in this class; the message says why.
         """
         if len(plant.outputs) > 1:
-            raise NotObservableForm(f"low_power is for one output, found {', '.join(plant.outputs)}")
+            raise NotObservableForm(f"low_power takes one output, found {', '.join(plant.outputs)}")
         if plant.n < 2:
             raise NotObservableForm("low_power is n - 1 blocks of two states and needs n >= 2, found n = 1")
         form = super().__call__(plant, at, parameters)
@@ -46,7 +46,7 @@ class PhaseVariableForms(CanonicalForms):
                 found = _further_term(form) and found
         if found is not None:
             raise NotObservableForm(
-                "low_power is for phi in the last equation alone, z_i' = z_(i+1) for i < n, z the output and "
+                "low_power needs phi in the last equation only, z_i' = z_(i+1) for i < n, z the output and "
                 f"its derivatives; here the derivative of {found} has a further term"
             )
         return form
@@ -92,7 +92,7 @@ class LowPowerObserver(ConstantGain):
     reference = "Astolfi, Marconi 2015"
     form = PhaseVariableForms()
 
-    gains: tuple[Number, ...] | None = Field(default=None, description="k_11, k_12, k_21, k_22, ..., in place of poles")
+    gains: tuple[Number, ...] | None = Field(default=None, description="k_11, k_12, k_21, k_22, ..., instead of poles")
 
     def design(self, form: CanonicalForm) -> dict[str, np.ndarray]:
         return {"theta": np.array(self.theta), "K": self._blocks(form)}

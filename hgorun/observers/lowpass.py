@@ -45,8 +45,8 @@ class LowPassObserver(FilterOrder, ConstantGain):
     reference = "Astolfi, Zaccarian, Jungers 2021; Robles Magdaleno 2023, (3.31)"
 
     theta: Positive = Field(description="high gain theta > 0: the error's eigenvalues are theta times those of F(rho)")
-    poles: Poles = Field(default=complex(-1), description="eigenvalues of A - G C: a number (all there) or a list of n")
-    gains: tuple[Number, ...] | None = Field(default=None, description="G, n numbers, in place of poles")
+    poles: Poles = Field(default=complex(-1), description="eigenvalues of A - G C: a number (for all) or a list of n")
+    gains: tuple[Number, ...] | None = Field(default=None, description="G, n numbers, instead of poles")
     r: int = Field(default=1, ge=0, le=20, strict=True, description="order of the filter, r >= 0; 0 is the SHGO")
     rho: Positive = Field(description="time constant of each filter times theta; F(rho) must be Hurwitz")
 

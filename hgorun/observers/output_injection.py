@@ -27,7 +27,7 @@ class OutputInjection(ContinuousObserver[LowerTriangularForm, LowerTriangularCop
     form = staticmethod(lower_triangular_form)
 
     l: tuple[Number, ...] | None = Field(  # noqa: E741  # the papers' letter
-        default=None, description="n gains, Theta l (y - yhat); in place of poles"
+        default=None, description="n gains, Theta l (y - yhat); instead of poles"
     )
     poles: Poles = Field(
         default=complex(-1),
@@ -50,7 +50,7 @@ class OutputInjection(ContinuousObserver[LowerTriangularForm, LowerTriangularCop
         given = self.l if self.l is not None else self.poles
         if isinstance(given, tuple) and len(given) != form.n:
             key = "poles" if self.l is None else "l"
-            raise Problem((key,), f"expected {form.n} numbers, one a state; found {len(given)}")
+            raise Problem((key,), f"expected {form.n} numbers, one per state; found {len(given)}")
         return np.asarray(self.l) if self.l is not None else hurwitz_gain(form.n, self.poles)
 
     @property

@@ -38,7 +38,7 @@ class DynamicGain(OutputInjection):
     def design(self, form: LowerTriangularForm) -> dict[str, np.ndarray]:
         start = self._start()
         if start < 1:
-            raise Problem(("internal", "theta"), f"theta starts at 1 or above, found {start:g}: (8) keeps it there")
+            raise Problem(("internal", "theta"), f"theta must start at 1 or above, found {start:g}: (8) keeps it there")
         return {
             "l": self.injection(form),
             "a": np.array(self.a),

@@ -83,7 +83,7 @@ class RiccatiGain(HighGain, ContinuousObserver[TriangularForm, TriangularCopy]):
         if self.coordinates == "canonical":
             raise Problem(
                 ("coordinates",),
-                "an observer of time-varying gain computes where the plant is triangular: leave this out",
+                "an observer with time-varying gain computes where the plant is triangular: leave this key out",
             )
         for name, default in defaults.items():
             if isinstance(default, Symmetric) and name in self.internal:

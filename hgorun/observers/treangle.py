@@ -45,7 +45,7 @@ class TreangleObserver(ConstantGain):
     reference = "Tréangle, Farza, M'Saad 2019; Robles Magdaleno 2023, (2.17)-(2.20), (3.30)"
 
     gains: tuple[Number, ...] | None = Field(
-        default=None, description="delta_1..delta_n, then k_1..k_n, in place of poles"
+        default=None, description="delta_1..delta_n, then k_1..k_n, instead of poles"
     )
 
     def design(self, form: CanonicalForm) -> dict[str, np.ndarray]:

@@ -11,7 +11,8 @@ from typing import ClassVar, Literal, TypeAlias, TypeGuard
 import casadi as ca
 from pydantic import Field
 
-from hgorun.config.types import Block, ExpressionText, Name, Number
+from hgorun.config.plugin import Plugin
+from hgorun.config.types import ExpressionText, Name, Number
 from hgorun.registry import Registry
 from hgorun.symbolic.symbols import Symbols
 
@@ -36,9 +37,10 @@ class Input:
     meaning: str = ""
 
 
-class Plant(Block):
+class Plant(Plugin):
     """Base of all plants; its fields are the keys that every plant block has."""
 
+    kind: ClassVar[str] = "plant"
     reference: ClassVar[str] = ""
     valid: ClassVar[str] = ""
     known_parameters: ClassVar[Mapping[str, Parameter]] = {}
@@ -48,7 +50,7 @@ class Plant(Block):
     type: str = Field(description="name of the plant")
     parameters: dict[Name, ExpressionText] = Field(default_factory=dict, description="name: value")
     inputs: dict[Name, ExpressionText] = Field(default_factory=dict, description="name: expression of t")
-    initial: dict[Name, Number] = Field(default_factory=dict, description="initial state, every state named")
+    initial: dict[Name, Number] = Field(default_factory=dict, description="initial value of every state")
     discretise: Literal["euler"] | None = Field(
         default=None, description="euler: the plant is stepped by forward differences at the sample times"
     )

@@ -312,7 +312,7 @@ def _ordered(path: KeyPath, texts: Mapping[str, str], outer: Collection[str]) ->
         ready = [n for n, e in parsed.items() if n not in done and all(d in done for d in e.names if d in parsed)]
         if not ready:
             circle = sorted(set(parsed) - set(done))
-            raise Problem((*path, circle[0]), f"{', '.join(circle)} are defined through each other, in a circle")
+            raise Problem((*path, circle[0]), f"{', '.join(circle)} are defined in terms of each other")
         done.update({name: parsed[name] for name in ready})
     return list(done.items())
 

@@ -19,7 +19,7 @@ class PeriodicOutput(Block):
     """An output that is known up to whole periods, such as the angle that an encoder gives."""
 
     value: ExpressionText = Field(description="expression of states, inputs, parameters and t")
-    period: Positive = Field(description="measurements lie within half a period of zero, and innovations, too")
+    period: Positive = Field(description="measurements and innovations lie within half a period of zero")
 
 
 def _output(value: Any) -> Any:
@@ -65,7 +65,7 @@ class InlinePlant(Plant):
     @model_validator(mode="after")
     def _complete(self) -> InlinePlant:
         if len(set(self.states)) < len(self.states):
-            raise ValueError("states: a name stands twice")
+            raise ValueError("states: duplicate name")
         missing = [s for s in self.states if s not in self.dynamics]
         if missing:
             raise ValueError(f"dynamics: the right-hand side of {', '.join(missing)} is missing")

@@ -90,7 +90,9 @@ def _collected(futures: dict[Future[Outcome], int], messages: Any, progress: Any
             except HgorunError as error:
                 failed = failed or error
             except BrokenProcessPool:
-                raise SimulationError("a worker process was killed; what it had finished stays: start again") from None
+                raise SimulationError(
+                    "a worker process was killed; what it had finished is kept: run the command again"
+                ) from None
             else:
                 progress(futures[future], 1.0, "")
                 yield futures[future], outcome

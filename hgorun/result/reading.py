@@ -62,7 +62,7 @@ def _opened(path: Path, budget: int, work: Callable[[h5py.File], T]) -> T:
     try:
         return guarded(lambda: _found(path, budget, work), seconds=_SECONDS, memory=4 * budget + 2**28)
     except Failed as error:
-        raise ConfigError(f"not a sound result file of hgorun: {error}", file=str(path)) from None
+        raise ConfigError(f"not an intact result file of hgorun: {error}", file=str(path)) from None
 
 
 def _found(path: Path, budget: int, work: Callable[[h5py.File], T]) -> T:
@@ -147,7 +147,7 @@ class _Reader:
         if any(v != printable(v) or len(v) > _NAMED for v in found):
             raise self.error(f"{name}: attribute labels has a name that cannot be shown")
         if len(set(found)) < len(found):
-            raise self.error(f"{name}: attribute labels has a name twice: {', '.join(found)}")
+            raise self.error(f"{name}: attribute labels has a duplicate name: {', '.join(found)}")
         return tuple(map(str, found))
 
     def text(self, name: str, place: Any = None) -> str:
@@ -159,7 +159,7 @@ class _Reader:
     def integer(self, name: str, place: Any = None) -> int:
         value = (self.file if place is None else place).attrs.get(name)
         if not isinstance(value, (int, np.integer)) or value < 0:
-            raise self.error(f"attribute {name} must be an integer from 0, found {value!r}")
+            raise self.error(f"attribute {name} must be an integer of at least 0, found {value!r}")
         return int(value)
 
     def mapping(self, name: str, place: Any = None) -> dict[str, Any]:

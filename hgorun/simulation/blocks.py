@@ -155,7 +155,7 @@ def _observer(label: str, block: dict[str, Any], source: Source) -> AnyObserver:
     file, line = source.where(path)
     if not label or "/" in label or "." in label or len(label) > _LONGEST_LABEL:
         raise ConfigError(
-            f"an observer's label has 1 to {_LONGEST_LABEL} characters, no / and no . among them",
+            f"an observer's label has 1 to {_LONGEST_LABEL} characters, without / and .",
             file=file,
             line=line,
             key=f"observers.{label}",

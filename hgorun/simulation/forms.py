@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from hgorun.errors import NotObservableForm, Problem
+from hgorun.errors import HgorunError, NotObservableForm, Problem, called
 from hgorun.memo import Memo
 from hgorun.observers.base import OBSERVERS, AnyObserver, SampledObserver
 from hgorun.plants.build import BuiltPlant
@@ -54,6 +54,9 @@ def form_of(
         raise
     except ValueError as error:
         raise Problem(("plant", "initial"), f"{error}; observer {label} ({observer.type}) needs one") from error
+    except Exception as error:
+        with called("observer", observer.type, "form"):
+            raise error
 
 
 def _finder(
@@ -84,8 +87,12 @@ def _finder(
 def _elsewhere(plant: BuiltPlant, label: str, observer: AnyObserver) -> str:
     """Which observers take the plant, in place of one that does not."""
     others = ", ".join(_takers(plant, sampled=isinstance(observer, SampledObserver)))
-    mine = f"observer {label} ({observer.type}) asks for another form of the plant"
-    return f"{mine}; this plant is taken by {others}" if others else f"{mine}, and no other observer takes this one"
+    mine = f"observer {label} ({observer.type}) needs another form of the plant"
+    return (
+        f"{mine}; observers for this plant are {others}"
+        if others
+        else f"{mine}, and no other observer accepts this plant"
+    )
 
 
 def _takers(plant: BuiltPlant, *, sampled: bool) -> Iterator[str]:
@@ -98,7 +105,7 @@ def _takers(plant: BuiltPlant, *, sampled: bool) -> Iterator[str]:
             form = family.form(plant.model, plant.initial, plant.parameters)
             block.design(form)
             form.start(plant.initial, plant.parameters, False)
-        except (NotObservableForm, Problem, ValueError):
+        except (HgorunError, ValueError):  # Problem is a ValueError; a class that fails takes no plant
             continue
         yield name
 

@@ -9,7 +9,7 @@ from typing import cast
 import casadi as ca
 import numpy as np
 
-from hgorun.errors import Problem, called
+from hgorun.errors import PluginError, Problem, called
 from hgorun.memo import Same
 from hgorun.observers.base import AnyObserver, ContinuousObserver, Sample, SampledObserver
 from hgorun.symbolic.canonical import CanonicalForm
@@ -58,19 +58,18 @@ class Design:
                 if not known:
                     raise Problem(("observers", label, key), f"{observer.type} has no state that could be given here")
                 if name not in known:
-                    raise Problem(
-                        ("observers", label, key), f"unknown state {name!r}; here they are {', '.join(known)}"
-                    )
+                    raise Problem(("observers", label, key), f"unknown state {name!r}; known here: {', '.join(known)}")
         try:
+            found = observer.design(form)
             with called("observer", observer.type, "design"):
-                gains = dict(observer.design(form))
+                gains = {name: np.asarray(value, dtype=float) for name, value in found.items()}
         except Problem as problem:
             raise Problem(("observers", label, *problem.path), problem.message) from problem
-        with called("observer", observer.type, "states"):
-            defaults = {"xhat": np.zeros(form.plant.n), **observer.states(form)}
-            for name, value in defaults.items():
-                if not isinstance(value, (np.ndarray, Symmetric)):
-                    raise TypeError(f"{name} is a {type(value).__name__}, expected an array")
+        defaults = {"xhat": np.zeros(form.plant.n), **observer.states(form)}
+        for name, value in defaults.items():
+            if not isinstance(value, (np.ndarray, Symmetric)):
+                kind = type(value).__name__
+                raise PluginError(f"observer {observer.type!r}: states has a {kind} for {name}, expected an array")
         return cls(label, observer, form, form if origin is None else origin, gains, defaults)
 
     def initial(self, parameters: np.ndarray, *, has_alpha: bool) -> np.ndarray:

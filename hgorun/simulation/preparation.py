@@ -8,7 +8,7 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 
-from hgorun.errors import Problem, called
+from hgorun.errors import Problem
 from hgorun.measurement.noise import is_relative
 from hgorun.measurement.schedule import Channel, Schedule, build_schedule, check_delays, find_channels
 from hgorun.measurement.signals import kinks_of, signal_remarks
@@ -138,8 +138,7 @@ def nominal_step(experiment: Experiment) -> float:
     time, rates = experiment.time, []
     for label, observer in experiment.observers.items():
         try:
-            with called("observer", observer.type, "fastest_rate"):
-                rates.append(float(observer.fastest_rate(experiment.forms[label]) or 0.0))
+            rates.append(float(observer.fastest_rate(experiment.forms[label])))
         except Problem as problem:
             raise Problem(("observers", label, *problem.path), problem.message) from problem
     rates = [rate for rate in rates if np.isfinite(rate)]  # others are not known

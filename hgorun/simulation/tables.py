@@ -156,8 +156,7 @@ def count_steps(gaps: np.ndarray, longest: float, key: str = "step") -> np.ndarr
         raise Problem(
             ("solver", key),
             f"the run takes {total:.3g} steps of {longest:.3g}, at most {_MAX_STEPS:.0e} are possible: "
-            f"give a longer solver.{key}"
-            + (", or solver.method: rodas5p if the system is stiff" if key == "step" else ""),
+            f"increase solver.{key}" + (", or solver.method: rodas5p if the system is stiff" if key == "step" else ""),
         )
     return np.asarray(steps.astype(np.int64))
 

@@ -77,5 +77,5 @@ def refuse_twins(paths: Sequence[Path]) -> None:
     seen: dict[str, Path] = {}
     for path in paths:
         if path.stem in seen:
-            raise ConfigError(f"{seen[path.stem]} and {path} have the same name; results are called by it")
+            raise ConfigError(f"{seen[path.stem]} and {path} have the same name, and results are named after it")
         seen[path.stem] = path

@@ -105,7 +105,7 @@ def read_sentence(text: str, runs: tuple[str, ...]) -> Sentence:
     if not quantities:
         raise ExpressionError(f"expected quantities such as rmse('label', x1) in it, found {text!r}")
     if "'" in rest:
-        raise ExpressionError(f"a name in quotes stands outside of a quantity's brackets: {rest!r}")
+        raise ExpressionError(f"a name in quotes stands outside a quantity's parentheses: {rest!r}")
     return Sentence(tuple(quantities), parse(rest, names=[f"q{i}" for i in range(len(quantities))]))
 
 

@@ -184,7 +184,7 @@ def study_of(source: Source, name: str, text: str) -> Study:
     for i, claim in enumerate(blocks.claims):
         if claim.id in seen:
             file, line = source.where(("claims", i, "id"))
-            raise ConfigError(f"two claims are called {claim.id!r}", file=file, line=line, key=f"claims.{i}.id")
+            raise ConfigError(f"two claims have the id {claim.id!r}", file=file, line=line, key=f"claims.{i}.id")
         seen.add(claim.id)
     return Study(name, source, blocks.title, blocks.reference, runs, blocks.figures, blocks.claims, sentences)
 

@@ -21,15 +21,15 @@ import numpy as np
 from hgorun.errors import NotObservableForm
 from hgorun.memo import Memo, Same
 from hgorun.symbolic.chains import Chain
-from hgorun.symbolic.evaluate import at
+from hgorun.symbolic.evaluate import at, evaluate
 from hgorun.symbolic.forms import Bounds, saturate
 from hgorun.symbolic.matrices import A, inv_Delta
 from hgorun.symbolic.plant import PlantModel
-from hgorun.symbolic.ranks import singular_value_ratio
+from hgorun.symbolic.ranks import is_regular
 from hgorun.symbolic.triangular import blocks_of, superdiagonal
 
 _SINGULAR_START = 1e-12  # of J at the initial estimate
-_RATIOS: Memo[float] = Memo(64)  # of singular values: the runs of a family often start at the same estimate
+_REGULAR: Memo[bool] = Memo(64)  # the runs of a family often start at the same estimate
 
 
 @dataclass(frozen=True)
@@ -95,6 +95,10 @@ class CanonicalForm:
     def jacobian_at(self, x: np.ndarray, parameters: np.ndarray) -> np.ndarray:
         """J as numbers, shape (sum(chains), n)."""
         return at(self._jacobian, x, parameters)[0].reshape(-1, self.plant.n)
+
+    def jacobians_at(self, x: np.ndarray, parameters: np.ndarray) -> np.ndarray:
+        """J at several states x (N, n), shape (N, sum(chains), n)."""
+        return evaluate(self._jacobian, x, parameters)[0].reshape(len(x), -1, self.plant.n)
 
     @property
     def invertible(self) -> bool:
@@ -162,7 +166,7 @@ class CanonicalForm:
         if canonical and self.no_inverse is not None:
             raise ValueError(self.no_inverse)
         key = Same(self), x.tobytes(), parameters.tobytes()
-        if not _RATIOS.get(key, lambda: singular_value_ratio(self.jacobian_at(x, parameters))) > _SINGULAR_START:
+        if not _REGULAR.get(key, lambda: is_regular(self.jacobian_at(x, parameters), _SINGULAR_START)):
             where = ", ".join(f"{s} = {v:g}" for s, v in zip(self.plant.states, x, strict=True))
             raise ValueError(f"the Jacobian of the observability map is singular at the initial estimate ({where})")
         return at(self._phi, x, parameters)[0] if canonical else x

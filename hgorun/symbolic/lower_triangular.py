@@ -213,8 +213,8 @@ def lower_triangular_form(plant: PlantModel, at: np.ndarray, parameters: np.ndar
         if len(following) > 1:
             found = " and ".join(model.states[j] for j in following)
             raise NotObservableForm(
-                f"not lower triangular: {names[row]} depends on {found}; x_1 alone may be measured, and only "
-                "one more state may come in with each derivative"
+                f"not lower triangular: {names[row]} depends on {found}; only x_1 may be measured, and only "
+                "one more state may appear with each derivative"
             )
         if not following:
             break
@@ -223,7 +223,7 @@ def lower_triangular_form(plant: PlantModel, at: np.ndarray, parameters: np.ndar
     if len(order) < model.n:
         lost = ", ".join(model.states[j] for j in range(model.n) if j not in order)
         raise NotObservableForm(
-            f"not lower triangular: state {lost} does not come in with the output {model.outputs[0]} or the "
+            f"not lower triangular: state {lost} does not appear in the output {model.outputs[0]} or the "
             f"derivative of {', '.join(model.states[j] for j in order) or 'any state'}"
         )
     block = tuple(order.index(j) for j in range(model.n))

@@ -116,7 +116,7 @@ class _Search:
                 return form
         if self.wishes.map == "chain":
             raise NotObservableForm(
-                f"map: chain asks for x_i' = c_i x_(i+1) + phi_i(u, x_1..x_i) with constant c_i and outputs c_0 x_1"
+                f"map: chain requires x_i' = c_i x_(i+1) + phi_i(u, x_1..x_i) with constant c_i and outputs c_0 x_1"
                 f"{', with the lengths of the key chains' if links is not None else ''}; take map: derivatives"
             )
         near = around(at, self.plant.states)
@@ -210,7 +210,7 @@ class _Search:
         if self._moves(lengths):
             return False
         jacobians = (self._jacobian(lengths, x, parameters) for x in points)
-        return any(ranks.singular_value_ratio(jacobian) > ranks.SINGULAR for jacobian in jacobians)
+        return any(ranks.is_regular(jacobian) for jacobian in jacobians)
 
     def _size(self, lengths: tuple[int, ...], points: list[np.ndarray], parameters: np.ndarray) -> float:
         """The mean logarithm of |det J| over the points where J is regular; -inf where there are none.
@@ -223,7 +223,7 @@ class _Search:
         sizes: list[float] = []
         for x in points if not self._moves(lengths) else ():
             jacobian = self._jacobian(lengths, x, parameters)
-            if ranks.singular_value_ratio(jacobian) > ranks.SINGULAR:
+            if ranks.is_regular(jacobian):
                 sizes.append(float(np.linalg.slogdet(jacobian)[1]))
         return float(np.mean(sizes)) if sizes else -np.inf
 

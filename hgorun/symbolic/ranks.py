@@ -7,6 +7,7 @@ from functools import lru_cache
 import numpy as np
 
 SINGULAR = 1e-10  # smallest over largest singular value below which a matrix counts as singular
+_SURELY = 1e-3  # smallest over largest singular value above which nothing is near singular
 _ROUNDS, _ALIKE = 30, 1e-3  # at most so many rounds, until all norms are as close to one
 
 
@@ -20,8 +21,7 @@ def equilibrated(matrix: np.ndarray) -> np.ndarray:
     scaled = np.asarray(matrix[np.ix_(rows, columns)], dtype=float)
     if not scaled.size:
         return scaled
-    for axis in (1, 0):  # squares of what is left do not overflow
-        scaled = scaled / np.max(np.abs(scaled), axis=axis, keepdims=True)
+    scaled = _largest_one(scaled)  # squares of what is left do not overflow
     for _ in range(_ROUNDS):
         heights = np.linalg.norm(scaled, axis=1, keepdims=True)
         scaled = scaled / heights
@@ -29,6 +29,26 @@ def equilibrated(matrix: np.ndarray) -> np.ndarray:
         if np.max(np.abs(heights - 1)) < _ALIKE:
             break
     return np.asarray(scaled)
+
+
+def _largest_one(matrix: np.ndarray) -> np.ndarray:
+    """A matrix without rows and columns of zeros, in units in which the largest entry of each is about one."""
+    for axis in (1, 0):
+        matrix = matrix / np.max(np.abs(matrix), axis=axis, keepdims=True)
+    return matrix
+
+
+def is_regular(matrix: np.ndarray, least: float = SINGULAR) -> bool:
+    """Whether :func:`singular_value_ratio` is larger than a small number.
+
+    Further rounds of scaling bring the singular values together rather than apart, so where they are close
+    after the first, nothing more has to be asked.
+    """
+    if np.all(np.isfinite(matrix)) and np.all(np.any(matrix, axis=1)) and np.all(np.any(matrix, axis=0)):
+        values = np.linalg.svd(_largest_one(matrix), compute_uv=False)
+        if values.size == matrix.shape[1] and values[-1] > _SURELY * values[0]:
+            return True
+    return singular_value_ratio(matrix) > least
 
 
 def singular_value_ratio(matrix: np.ndarray) -> float:

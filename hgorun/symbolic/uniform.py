@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
-from itertools import product
 
 import casadi as ca
 import numpy as np
@@ -38,16 +38,21 @@ def require_uniform(form: CanonicalForm, states: list[np.ndarray], parameters: n
         return
     position = [k for length in form.chains for k in range(length)]
     last = [k == length - 1 for length in form.chains for k in range(length)]
-    above = [(i, j) for i, j in product(range(len(position)), repeat=2) if position[j] > position[i] and not last[i]]
-    for at in instants(states, form.plant.u.numel(), sizes=_INPUTS):
-        if not ranks.singular_value_ratio(form.jacobian_at(at.x, parameters)) > ranks.SINGULAR:
+    above = np.array(
+        [[position[j] > position[i] and not last[i] for j in range(len(position))] for i in range(len(position))]
+    )
+    points = list(instants(states, form.plant.u.numel(), sizes=_INPUTS))
+    in_z, scale = _added(form, slopes, points, parameters)
+    with np.errstate(invalid="ignore"):
+        slope = above & (np.abs(in_z) > _TRIANGULAR * scale)
+    for k, at in enumerate(points):
+        if not slope[k].any() or not ranks.is_regular(form.jacobian_at(at.x, parameters)):
             continue
-        in_z, scale = _added(form, slopes, at, parameters)
-        for i, j in above:
-            if abs(in_z[i, j]) > _TRIANGULAR * scale[i, j] and not _is_rounding(form, slopes, at, parameters, i, j):
+        for i, j in np.argwhere(slope[k]):
+            if not _is_rounding(form, slopes, at, parameters, i, j):
                 raise NotObservableForm(
                     f"not uniformly observable: in the coordinates z = (h, L_f h, ...) the derivative of "
-                    f"z{i + 1} depends on z{j + 1} through an input or time (slope {in_z[i, j]:.3g}), so some "
+                    f"z{i + 1} depends on z{j + 1} through an input or time (slope {in_z[k, i, j]:.3g}), so some "
                     "input can hide a state; a constant-gain observer needs a triangular model"
                 )
 
@@ -63,17 +68,31 @@ def input_slopes(form: CanonicalForm) -> ca.Function:
 
 
 def _added(
-    form: CanonicalForm, slopes: ca.Function, at: Instant, parameters: np.ndarray
+    form: CanonicalForm, slopes: ca.Function, points: Sequence[Instant], parameters: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The slopes in z of what inputs and time add to z', and the size of their terms."""
-    jacobian = form.jacobian_at(at.x, parameters)
-    back = np.linalg.inv(jacobian) if form.square else np.linalg.pinv(jacobian)
-    added, whole = (v.reshape(-1, form.plant.n) for v in evaluate.at(slopes, at.t, at.x, at.u, parameters))
+    """The slopes in z of what inputs and time add to z', and the size of their terms, shapes (points, m, m).
+
+    They are not numbers where the Jacobian has no inverse.
+    """
+    t, x, u = (np.array([getattr(at, name) for at in points]) for name in ("t", "x", "u"))
+    values = evaluate.evaluate(slopes, t[:, None], x, u, parameters)
+    added, whole = (v.reshape(len(points), -1, form.plant.n) for v in values)
+    back = _inverses(form.jacobians_at(x, parameters), form.square)
     return added @ back, (np.abs(added) + np.abs(whole)) @ np.abs(back)
+
+
+def _inverses(matrices: np.ndarray, square: bool) -> np.ndarray:
+    """The inverse of each, from the left where there are more rows than columns; not a number where there is none."""
+    try:
+        return np.linalg.inv(matrices) if square else np.linalg.pinv(matrices)
+    except np.linalg.LinAlgError:
+        if len(matrices) == 1:
+            return np.full(matrices.swapaxes(-1, -2).shape, np.nan)
+        return np.concatenate([_inverses(matrix[None], square) for matrix in matrices])
 
 
 def _is_rounding(form: CanonicalForm, slopes: ca.Function, at: Instant, parameters: np.ndarray, i: int, j: int) -> bool:
     """Whether a slope is another one right beside: terms of a large input that cancel leave rounding."""
     beside = [replace(at, x=at.x * (1 + k * _BESIDE)) for k in (-9, -5, 0, 4, 7)]
-    values = [_added(form, slopes, near, parameters)[0][i, j] for near in beside]
+    values = _added(form, slopes, beside, parameters)[0][:, i, j]
     return bool(np.ptp(values) > 0.1 * abs(values[2]))

@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from hgorun.errors import called
 from hgorun.files import json_value
 from hgorun.result.data import ObserverResult
 from hgorun.result.metrics.base import all_metrics
@@ -173,7 +174,8 @@ def _windows(result: Result) -> str:
     ]
     for metric in sorted(shown, key=lambda m: m.setting or ""):
         if metric.setting and metric.setting in windows:
-            parts.append(f"{metric.name}: {metric.told(windows[metric.setting], unit)}")
+            with called("metric", metric.name, "told"):
+                parts.append(f"{metric.name}: {metric.told(windows[metric.setting], unit)}")
     return "; ".join(parts)
 
 

@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from hgorun.config.reads import Reads
-from hgorun.errors import HgorunError, Problem
+from hgorun.errors import HgorunError, PluginError, Problem
 from hgorun.observers.base import AnyObserver, ContinuousObserver, Sample, SampledObserver
 from hgorun.plants.build import BuiltPlant
 from hgorun.symbolic.forms import Copy, Form, ModelCopy
@@ -182,6 +182,10 @@ def told(method: str) -> Iterator[None]:
     """What a method raises, told as a finding; refusals of a plant pass."""
     try:
         yield
+    except PluginError as error:
+        cause = error.__cause__
+        what = str(error) if cause is None else f"{method}() raised {type(cause).__name__}: {cause}"
+        raise Broken(what, "no exception") from error
     except (HgorunError, Problem, Broken):
         raise
     except Exception as error:

@@ -40,7 +40,7 @@ def test_the_version_is_the_packages(shell: Shell) -> None:
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("compare", "base.yaml", "hours.yaml"), "the sources count time in different units: h, s"),
+        (("compare", "base.yaml", "hours.yaml"), "the sources use different units of time: h, s"),
         (("compare", "base.yaml", "--format", "html"), "expected one of text, csv, latex, found 'html'"),
         (("compare", "base.yaml", "--analyze", "--format", "latex"), "the LaTeX table has metrics only"),
         (("simulate", "runs.yaml", "-o", "all.h5"), "all.h5 is one file, but there are 2 runs in runs.yaml"),
@@ -63,7 +63,7 @@ def test_a_result_file_cannot_be_changed(shell: Shell) -> None:
     for change in (("--seed", "3"), ("--set", "time.end=2")):
         code, out, err = shell("compare", "base.h5", "--no-plots", *change)
         assert (code, out) == (2, "")
-        assert "a result file stays as it is" in err
+        assert "not to result files" in err
 
 
 @pytest.mark.parametrize("suffix", ["png", "pdf"])
@@ -114,7 +114,7 @@ def test_remarks_are_said_and_are_no_errors(capsys: pytest.CaptureFixture[str], 
         (KeyboardInterrupt(), 130, "hgorun: interrupted; no file is left half-written\n"),
         (SystemExit(143), 143, "hgorun: terminated; no file is left half-written\n"),
         (MemoryError(), 1, "hgorun: out of memory; a longer time.output_step"),
-        (OSError(28, "No space left on device"), 1, "hgorun: No space left on device: what was to be printed"),
+        (OSError(28, "No space left on device"), 1, "hgorun: No space left on device: the output is incomplete"),
         (HgorunError("it cannot be"), 1, "hgorun: it cannot be\n"),
     ],
 )

@@ -15,9 +15,12 @@ import h5py
 import jsonschema
 import pytest
 import yaml
+from outside import installed
 from shell import Shell
 
 from hgorun.commands.catalogue import build_schema
+from hgorun.observers.base import OBSERVERS
+from hgorun.observers.shgo import StandardObserver
 from hgorun.reproduce.shipped import experiments
 
 SMALL = """
@@ -241,7 +244,7 @@ def test_a_long_chain_is_no_circle(shell: Shell) -> None:
     assert shell("simulate", "20.yaml", "--quiet") == (0, "", "")
     code, _, err = shell("simulate", "21.yaml")
     assert code == 2
-    assert "1.yaml:1: extends: more than 20 files extend each other" in err
+    assert "1.yaml:1: extends: a chain of more than 20 files that extend each other" in err
 
 
 def test_figures_refuses_files_of_one_name(shell: Shell) -> None:
@@ -270,8 +273,53 @@ def test_a_broken_package_harms_only_its_own_name(shell: Shell, monkeypatch: pyt
     assert code == 2
     assert "no observer is called 'shgoo'. Did you mean" in err
     code, _, err = shell("simulate", "small.yaml", "--set", "observers.SHGO.type=broken")
-    assert code == 1
+    assert code == 2
     assert "the observer 'broken' of no_such_module:Observer cannot be loaded" in err
+
+
+FAILING = '''
+from dataclasses import dataclass
+from hgorun.observers.base import observer
+from hgorun.observers.shgo import StandardObserver
+from hgorun.symbolic.canonical import CanonicalForm
+from hgorun.symbolic.observability import canonical_form
+
+
+class Form(CanonicalForm):
+    def start(self, x, parameters, canonical):
+        return {}["start"]
+
+
+def mine(plant, at, parameters):
+    return Form(**vars(canonical_form(plant, at, parameters)))
+
+
+@observer("failing")
+class Failing(StandardObserver):
+    """An observer whose form fails."""
+    form = staticmethod(mine)
+'''
+
+
+def test_code_of_another_package_that_fails_is_named_without_a_traceback(
+    shell: Shell, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with installed(shell.folder / "other", monkeypatch, OBSERVERS, "other", FAILING, failing="Failing"):
+        code, out, err = shell("simulate", "small.yaml", "--set", "observers.SHGO.type=failing")
+    assert (code, out) == (2, "")
+    assert err == "hgorun: observer 'failing': start (other.py, line 11) raised KeyError: 'start'\n"
+
+
+def test_a_package_that_takes_a_built_in_name_is_told(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
+    code_ = "from hgorun.observers.shgo import StandardObserver\nclass Mine(StandardObserver):\n    pass\n"
+    with installed(shell.folder / "other", monkeypatch, OBSERVERS, "other", code_, shgo="Mine"):
+        code, _, err = shell("simulate", "small.yaml")
+    OBSERVERS.add("shgo", StandardObserver)
+    assert code == 0
+    assert err == (
+        "hgorun: the observer 'shgo' of other:Mine is not used, since the name belongs to the class "
+        "hgorun.observers.shgo.StandardObserver: its entry point needs another name\n"
+    )
 
 
 def test_compare_removes_what_a_killed_process_left(shell: Shell) -> None:

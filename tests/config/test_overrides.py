@@ -167,11 +167,11 @@ def test_a_value_in_place_of_another(path: str, value: object, place: tuple[str 
 @pytest.mark.parametrize(
     ("path", "words"),
     [
-        ("time..end", "expected keys with dots between, found 'time..end'"),
-        ("", "expected keys with dots between"),
+        ("time..end", "expected keys separated by dots, found 'time..end'"),
+        ("", "expected keys separated by dots"),
         ("time.end.x", "`time.end` is '40'"),
         ("measurement.noise.7", "an index from 0 to 0"),
-        ("plant.parts.0.mass", "there is no list `plant.parts`: give it whole"),
+        ("plant.parts.0.mass", "there is no list `plant.parts`: set the whole list"),
     ],
 )
 def test_a_place_where_no_value_can_stand(path: str, words: str) -> None:

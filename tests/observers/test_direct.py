@@ -209,7 +209,7 @@ def test_a_plant_outside_the_class_is_refused_with_the_reason(
     ("change", "words"),
     [
         ({"mu": 50}, "needs phi and G"),
-        ({"l": [1, 2, 3]}, "expected 2 numbers, one a state; found 3"),
+        ({"l": [1, 2, 3]}, "expected 2 numbers, one per state; found 3"),
         ({"poles": -1}, "either poles or l"),
     ],
 )

@@ -77,7 +77,7 @@ def test_all_jobs_are_finished_before_the_first_error_is_raised() -> None:
 
 def test_a_killed_worker_is_said() -> None:
     futures = {finished(error=BrokenProcessPool("gone")): 0}
-    with pytest.raises(SimulationError, match="killed; what it had finished stays"):
+    with pytest.raises(SimulationError, match="killed; what it had finished is kept"):
         list(pool._collected(futures, queue.Queue(), lambda *message: None))
 
 

@@ -239,7 +239,7 @@ NOT_A_RESULT: dict[str, tuple[Callable[[h5py.File], object], str]] = {
     "unit": (attribute("units", '{"time": 3}'), "units: time is 3"),
     "error": (attribute("integration_error", '{"plant": "q"}'), "integration_error: plant is 'q'"),
     "large error": (attribute("integration_error", json.dumps({"plant": 10**400})), "integration_error: plant"),
-    "labels twice": (attribute("labels", ["x1", "x1"], "plant/x"), "labels has a name twice"),
+    "labels twice": (attribute("labels", ["x1", "x1"], "plant/x"), "labels has a duplicate name"),
     "one label": (attribute("labels", "x1", "plant/x"), "labels must be a list"),
 }
 

@@ -56,7 +56,7 @@ def refused(folder: Path, config: dict[str, Any], *overrides: str) -> str:
 def test_a_step_with_too_many_steps(step: float, noise: list[Any], tmp_path: Path) -> None:
     message = refused(tmp_path, with_measurement(noise=noise, sampling={"period": 0.5}) | {"solver": {"step": step}})
     assert "solver.step: the run takes" in message
-    assert "give a longer solver.step" in message
+    assert "increase solver.step" in message
 
 
 def test_an_automatic_step_with_too_many_steps(tmp_path: Path) -> None:

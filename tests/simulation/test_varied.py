@@ -140,7 +140,7 @@ def test_what_is_wrong_is_named_by_its_whole_path(base: Experiment, changes: dic
 
 def test_a_list_that_is_not_there_is_given_whole(base: Experiment) -> None:
     silent = base.varied({"measurement": None})
-    with pytest.raises(ConfigError, match=r"there is no list `measurement.noise`: give it whole"):
+    with pytest.raises(ConfigError, match=r"there is no list `measurement.noise`: set the whole list"):
         silent.varied({"measurement.noise.0.amplitude": 1})
 
 

@@ -226,7 +226,7 @@ def test_two_claims_of_one_name(tmp_path: Path) -> None:
     path = tmp_path / "file.yaml"
     claims = "".join(f"  - {{id: a, claim: so, value: \"rmse('noisy/A', x1)\", below: {i}}}\n" for i in (1, 2))
     path.write_text(CONFIG + "claims:\n" + claims)
-    with pytest.raises(hgorun.ConfigError, match=r"file.yaml:10: claims\.1\.id: two claims are called 'a'"):
+    with pytest.raises(hgorun.ConfigError, match=r"file.yaml:10: claims\.1\.id: two claims have the id 'a'"):
         hgorun.load_study(path)
 
 

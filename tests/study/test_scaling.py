@@ -87,7 +87,7 @@ def test_an_error_without_noise_is_in_the_line(tmp_path: Path) -> None:
         ({}, "amplitude", "no noise"),
         ({"noise": [{"type": "expression", "value": "0.1*sin(t)"}]}, "rmse", "no spectrum"),
         ({"noise": SINUSOID}, "peak", "steady window"),
-        ({"noise": [HELD], "delay": "0.1 + 0.05*sin(t)"}, "rmse", "continuous and late"),
+        ({"noise": [HELD], "delay": "0.1 + 0.05*sin(t)"}, "rmse", "continuous and delayed"),
     ],
 )
 def test_no_line_without_its_reason(tmp_path: Path, measurement: Block, of: str, reason: str) -> None:

@@ -155,7 +155,7 @@ def test_chains_can_be_chosen() -> None:
     [
         ({"chains": {"a": 3}}, "chains", "for each output"),
         ({"chains": {"a": 1, "b": 1}}, "chains", "3 in all or more; found a: 1, b: 1"),
-        ({"map": "chain"}, "map", "asks for x_i' = c_i"),
+        ({"map": "chain"}, "map", "requires x_i' = c_i"),
         ({"type": "shgo_riccati", "map": "chain"}, "map", "coordinates of its own"),
     ],
 )
@@ -228,9 +228,9 @@ def test_a_refusal_names_only_observers_that_take_the_plant(output: dict[str, st
     block = plant({"s": "-I*s", "v": "-v + I*s*v"}, output, inputs={"I": "1 + sin(t)"}, parameters={"r": 0.1})
     with pytest.raises(ConfigError) as error:
         simulated(block, measurement={})
-    _, _, names = error.value.message.partition("this plant is taken by ")
+    _, _, names = error.value.message.partition("observers for this plant are ")
     if not names:
-        assert "no other observer takes this one" in error.value.message
+        assert "no other observer accepts this plant" in error.value.message
     for name in names.split(", ") if names else []:
         simulated(block, {"S": {"type": name, "theta": 2}}, measurement={}, end=0.1)
 

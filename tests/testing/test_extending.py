@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from outside import code_of, installed
+from outside import blocks_of, code_of, installed
 from typed import assert_strictly_typed
 
 import hgorun
@@ -62,7 +62,12 @@ def test_the_tests_of_the_page_pass(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 
 
 @pytest.mark.slow
-def test_the_page_passes_strict_type_checking(tmp_path: Path) -> None:
-    (tmp_path / "my_observers.py").write_text(page(OBSERVER, PLANT))
-    (tmp_path / "test_my_observers.py").write_text(page(*TESTS))
-    assert_strictly_typed(tmp_path / "my_observers.py", tmp_path / "test_my_observers.py")
+def test_all_code_of_the_page_passes_strict_type_checking(tmp_path: Path) -> None:
+    tests = [block for block in blocks_of("extending.md") if "from my_observers import" in block]
+    others = [block for block in blocks_of("extending.md") if block not in tests]
+    assert len(tests) == len(TESTS)
+    files = {"my_observers.py": page(OBSERVER, PLANT), "test_my_observers.py": "".join(tests)}
+    files |= {f"block_{i}.py": block for i, block in enumerate(others)}
+    for name, text in files.items():
+        (tmp_path / name).write_text(text)
+    assert_strictly_typed(*(tmp_path / name for name in files))

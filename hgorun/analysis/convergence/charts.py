@@ -95,14 +95,14 @@ def chart_of(form: Form, plant: BuiltPlant) -> Chart:
         return _of_chains(form, plant)
     if isinstance(form, BlockForm):
         return _of_triangle(form, plant)
-    raise NoValue("the theory of high-gain observers with a Lipschitz constant is not that of this observer")
+    raise NoValue("the theory of high-gain observers with a Lipschitz constant does not apply to this observer")
 
 
 def _of_chains(form: ChainForm, plant: BuiltPlant) -> Chart:
     m = form.plant
     positions = np.array([k for length in form.chains for k in range(length)], dtype=int)
     if positions.size > m.n:
-        raise NoValue("outputs that measure the same have a chain each: z has more components than x")
+        raise NoValue("redundant outputs have a chain each, so z has more components than x")
     z = m.x if form.identity else ca.vertcat(*[ca.SX.sym(f"z{i + 1}") for i in range(m.n)])
     names = _names(form)
     moving = form.jacobian @ m.dynamics  # z'

@@ -76,7 +76,7 @@ def premises_of(subject: Subject) -> Premises:
         Where there is no theorem to start from.
     """
     if isinstance(subject.observer, SampledObserver):
-        raise NoValue(f"{subject.observer.type} jumps at the samples, the theorems are of flows")
+        raise NoValue(f"{subject.observer.type} jumps at the samples; the theorems are for flows")
     theta = theta_of(subject)
     chart = chart_of(subject.form, subject.run.plant)
     limited = isinstance(subject.form, BlockForm) or chart.identity

@@ -58,7 +58,7 @@ def theorem_of(subject: Subject) -> Theorem:
         return _constant_gain(subject, premises)
     gramian = gramian_of(subject)
     if isinstance(subject.observer, FilterCascade):
-        raise NoValue("theorems 2.3.1 and 2.4.1 are of a period, not of a delay, and name no smallest theta")
+        raise NoValue("theorems 2.3.1 and 2.4.1 bound a period, not a delay, and give no smallest theta")
     return _time_varying_gain(subject, premises, gramian)
 
 

@@ -45,9 +45,9 @@ def lipschitz(observer: Subject) -> Remarked:
 
 
 @finding(
-    "what `lipschitz` is. `interval over box`: a bound by interval arithmetic; `interval along run`: one on the "
-    "segments between truth and "
-    "estimate, where the box has points that are no states; `trajectory`: the largest slope met, no bound",
+    "what `lipschitz` is. `interval over box`: a bound by interval arithmetic; `interval along run`: a bound on the "
+    "segments between truth and estimate, if the box has points that are not states; `trajectory`: the largest slope "
+    "along the run, not a bound",
     group="slopes",
     places=("json",),
     optional=True,
@@ -57,7 +57,7 @@ def lipschitz_kind(observer: Subject) -> str:
 
 
 @finding(
-    "where `lipschitz` is taken: the observer's saturation, or the box of the simulated truth and estimate, 5 % wider",
+    "the region of `lipschitz`: the observer's saturation, or the box of the simulated truth and estimate, 5 % wider",
     group="slopes",
     places=("json",),
     optional=True,
@@ -66,7 +66,7 @@ def lipschitz_region(observer: Subject) -> str:
     return premises_of(observer).lipschitz.region
 
 
-@finding("the largest slope of phi that the run has met", group="slopes", optional=True)
+@finding("the largest slope of phi along the run", group="slopes", optional=True)
 def lipschitz_reached(observer: Subject) -> float:
     return premises_of(observer).lipschitz.seen
 
@@ -77,7 +77,7 @@ def lipschitz_box(observer: Subject) -> dict[str, list[float]]:
 
 
 @finding(
-    "the smallest theta that the proof asks for: beta theta >= c_1(theta), c_1 the norm of the matrix of slopes scaled "
+    "the smallest theta that the proof allows: beta theta >= c_1(theta), c_1 the norm of the matrix of slopes scaled "
     "with theta; time-varying gains: theta >= 4 sqrt(chi_S) c_1(theta)",
     group="theta",
 )
@@ -97,7 +97,7 @@ def theta_bound_printed(observer: Subject) -> float:
     return bounds.printed_theta(dynamics_of(observer).lyapunov.beta, premises.lipschitz)
 
 
-@finding("d_M: how old the newest measurement gets, sampling included", unit="time", group="delay")
+@finding("d_M: the largest age of the newest measurement, sampling included", unit="time", group="delay")
 def delay_max(observer: Subject) -> float:
     return premises_of(observer).amplitudes.delay
 
@@ -113,7 +113,7 @@ def delay_bound(observer: Subject) -> float:
 
 
 @finding(
-    "`delay_bound` with nothing given away in the proof, 0 where it asks for a larger theta",
+    "`delay_bound` from the same proof with its estimates made sharp; 0 if it needs a larger theta",
     unit="time",
     group="delay",
     places=("json",),
@@ -125,7 +125,7 @@ def delay_bound_sharp(observer: Subject) -> float:
 
 
 @finding(
-    "the decay rate (3.70) at d_M; beta theta without delay. Promised for theta >= `theta_bound`",
+    "the decay rate (3.70) at d_M; beta theta without delay. Guaranteed for theta >= `theta_bound`",
     unit="1/time",
     group="rate",
 )
@@ -136,12 +136,12 @@ def eta_theta(observer: Subject) -> float:
     return rate
 
 
-@finding("for fhgo1: the largest sampling period of theorem 2.4.1, with (2.82) put right", unit="time", group="period")
+@finding("for fhgo1: the largest sampling period of theorem 2.4.1, with (2.82) corrected", unit="time", group="period")
 def tau_bound(observer: Subject) -> float:
     theorem = filter_theorem_of(observer)
     if not theorem.tau > 0:
         raise NoValue(
-            f"theorem 2.4.1 asks for a larger theta or delta: mu(theta) = {theorem.mu:.4g}, nu = {theorem.nu:.4g}"
+            f"theorem 2.4.1 requires a larger theta or delta: mu(theta) = {theorem.mu:.4g}, nu = {theorem.nu:.4g}"
         )
     return theorem.tau
 
@@ -153,8 +153,8 @@ def peaking(observer: Subject) -> Remarked:
 
 
 @finding(
-    "the theorem's bound on `peaking`; null, with what is missing, where the run does not meet the theorem's "
-    "assumptions",
+    "the theorem's bound on `peaking`; null if the run does not satisfy the theorem's assumptions, with the one that "
+    "fails",
     unit="state",
     group="peaking",
 )
@@ -177,7 +177,7 @@ def peaking_law(observer: Subject) -> dict[str, dict[str, float]]:
     return peaking_law_of(observer)
 
 
-@finding("time-varying gains: sup lambda_max(S)/inf lambda_min(S) of the run", optional=True, applies=_follows)
+@finding("time-varying gains: sup lambda_max(S)/inf lambda_min(S) over the run", optional=True, applies=_follows)
 def chi_S(observer: Subject) -> float:  # the theorem's letter
     premises_of(observer)  # there is a theorem
     return gramian_of(observer).chi

@@ -48,7 +48,7 @@ def P(observer: Subject) -> np.ndarray:
 
 
 @finding(
-    "what the error decays with without delay", title="beta theta", places=("compare",), group="decay", optional=True
+    "the decay rate of the error without delay", title="beta theta", places=("compare",), group="decay", optional=True
 )
 def beta_theta(observer: Subject) -> float:
     return dynamics_of(observer).lyapunov.beta * theta_of(observer)

@@ -21,14 +21,14 @@ def excitation(observer: Subject) -> Remarked:
     return Remarked(seen.delta, (f"excitation: {seen.words}",))
 
 
-@finding("when the excitation is least", unit="time", group="excitation", optional=True)
+@finding("the time when the excitation is smallest", unit="time", group="excitation", optional=True)
 def excitation_at(observer: Subject) -> float:
     return _excitation(observer).at
 
 
 @finding(
-    "of the excitation: horizon, weights of the states, stretches of time where a state is hardly seen, eigenvalues"
-    " of P or S",
+    "details of `excitation`: horizon, weights of the states, intervals in which a state is hardly observable, "
+    "eigenvalues of P or S",
     group="excitation",
     places=("json",),
     optional=True,

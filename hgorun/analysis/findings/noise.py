@@ -30,9 +30,9 @@ def _noise_free(context: Context) -> Result:
 
 
 @finding(
-    "root mean square of what the noise does to the estimate. In the steady state from the noise's amplitudes and "
-    "variances; where the linearisation changes along the run, over `metrics.window`, from the run's own noise, with "
-    "the mean slope between the estimates with and without it",
+    "root mean square of the effect of the noise on the estimate. In the steady state, from the noise's amplitudes and "
+    "variances; if the linearisation changes along the run, over `metrics.window`, from the noise of the run, with the "
+    "mean slope between the estimates with and without noise",
     unit="state",
     group="noise, predicted",
     places=("json", "table", "compare"),
@@ -43,7 +43,9 @@ def noise_rms_predicted(observer: Subject) -> dict[str, float]:
 
 
 @finding(
-    "root mean square of the run minus one without noise, on the output grid", unit="state", group="noise, measured"
+    "root mean square of the difference from the run without noise, on the output grid",
+    unit="state",
+    group="noise, measured",
 )
 def noise_rms_measured(observer: Subject) -> dict[str, float]:
     noise_free = _noise_free(observer.context)
@@ -55,15 +57,15 @@ def noise_rms_measured(observer: Subject) -> dict[str, float]:
 
 
 @finding(
-    "standard deviation under white noise of unit density, of the observer linearised at the end of the run, its "
-    "output continuous and not late",
+    "standard deviation under white noise of unit density, for the observer linearised at the end of the run, with a "
+    "continuous output without delay",
     unit="state/output/time^(1/2)",
 )
 def h2(observer: Subject) -> dict[str, float]:
     return observer.by_state(h2_norm(linear_at_end(observer)))
 
 
-@finding("the largest amplification of a sinusoid, of the observer linearised as for `h2`", unit="state/output")
+@finding("the largest amplification of a sinusoid, for the observer linearised as for `h2`", unit="state/output")
 def hinf(observer: Subject) -> Remarked:
     largest, _ = hinf_norm(linear_at_end(observer))
     end = observer.run.origin + observer.result.time[-1]
@@ -72,18 +74,18 @@ def hinf(observer: Subject) -> Remarked:
 
 
 def _waves(observer: Subject) -> tuple[Wave, ...]:
-    """The sinusoids of the first output's noise, which must be continuous and not late."""
+    """The sinusoids of the first output's noise, which must be continuous and without delay."""
     linear_at_end(observer)
     channel = observer.run.channels[0]
     stretch = channel.stretches[-1]
     waves = NoiseTerms.of(channel.noise[-1]).waves
     if not stretch.continuous or not stretch.undelayed or not waves:
-        raise NoValue("they are of sinusoids on a continuous output that is not late")
+        raise NoValue("only for sinusoids on a continuous output without delay")
     return waves
 
 
 @finding(
-    "amplitude of the estimate under the configuration's own sinusoids, of the observer linearised as for `h2`",
+    "amplitude of the estimate under the sinusoids of the configuration, for the observer linearised as for `h2`",
     unit="state",
 )
 def noise_amplitude(observer: Subject) -> dict[str, float]:

@@ -60,7 +60,7 @@ def _remarked(name: str, limit: Limit) -> Remarked:
 
 
 @finding(
-    "the sampling period where the linear error loses stability, along the noise-free run where the plant changes it",
+    "the sampling period at which the linear error loses stability, along the noise-free run if the plant changes it",
     unit="time",
     group="period",
     places=("json", "table", "compare"),
@@ -72,7 +72,7 @@ def period_critical(observer: Subject) -> Remarked:
 
 
 @finding(
-    "the delay where the linear error loses stability, at the configured sampling",
+    "the delay at which the linear error loses stability, with the configured sampling",
     unit="time",
     group="delay",
     places=("json", "table", "compare"),
@@ -83,14 +83,14 @@ def delay_critical(observer: Subject) -> Remarked:
     return _limit(observer, "delay_critical", critical_delay, _along_run)
 
 
-@finding("`period_critical`, exactly, for chains of integrators", unit="time", group="period")
+@finding("the exact `period_critical` for chains of integrators", unit="time", group="period")
 def period_critical_chain(observer: Subject) -> Remarked:
     if isinstance(observer.observer, SampledObserver):
         raise NoValue("the observer's own limit does not depend on phi")
     return _limit(observer, "period_critical_chain", critical_period, _on_chain)
 
 
-@finding("`delay_critical`, exactly, for chains of integrators", unit="time", group="delay")
+@finding("the exact `delay_critical` for chains of integrators", unit="time", group="delay")
 def delay_critical_chain(observer: Subject) -> Remarked:
     if isinstance(observer.observer, SampledObserver):
         raise NoValue(_UNDELAYED)

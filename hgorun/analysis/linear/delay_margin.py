@@ -33,7 +33,7 @@ def delay_margin(A0: np.ndarray, E: np.ndarray, H: np.ndarray, K0: np.ndarray, K
     A = A0 + E @ H
     poles = np.linalg.eigvals(A)
     if np.max(poles.real) >= 0:
-        raise NoValue("unstable already without delay")
+        raise NoValue("unstable even without delay")
     N, q = E.shape
     eye = np.eye(N)
 

@@ -120,13 +120,13 @@ def error_system(run: PreparedRun, label: str, result: Result) -> ErrorSystem:
     if isinstance(observer, SampledObserver):
         raise NoValue(JUMPS)
     if label not in result.observers:
-        raise NoValue("the run to look along does not have this observer")
+        raise NoValue("the nominal run does not have this observer")
     found = result.observers[label]
     third = result.time[0] + (result.time[-1] - result.time[0]) / 3
     chosen = np.flatnonzero(result.time >= third - 1e-9 * (result.time[-1] - result.time[0]))
     chosen = chosen[:: max(chosen.size // _MAX_TIMES, 1)]
     if found.lost:
-        raise NoValue(f"in the run to look along, {why_lost(found)}")
+        raise NoValue(f"in the nominal run, {why_lost(found)}")
     linearisation = Linearisation(run, label)
     times = result.time[chosen]
     xi = _states(linearisation, found, chosen)

@@ -41,7 +41,7 @@ def nominal(run: PreparedRun, label: str | None = None) -> Result:
     """
     experiment, plant = run.experiment, run.plant
     if all(isinstance(o, SampledObserver) for o in experiment.observers.values()):
-        raise NoValue("every observer here jumps at the samples")
+        raise NoValue("all observers here jump at the samples")
     if plant.block.discretise:
         raise NoValue("the plant is stepped at the samples")
     span = run.time.end - run.time.start

@@ -110,7 +110,7 @@ def noise_along(
         power = found
         nodes = [observer.systems(times, xi + c * path, c * e) for c in GAUSS]
         systems = Linear(*[0.5 * (a + b) for a, b in zip(*(vars(n).values() for n in nodes), strict=True)])
-    raise NoValue("the noise is too large for the observer's slopes to say what it does")
+    raise NoValue("the noise is too large to predict its effect from the observer's slopes")
 
 
 def _followed(
@@ -206,7 +206,7 @@ def _waves(channel: Channel) -> _Waves | None:
         raise NoValue("the output is continuous in one phase and something else in another")
     stretch = channel.stretches[0]
     if not stretch.undelayed:
-        raise NoValue("the output is continuous and late: what is on its way has no finite state")
+        raise NoValue("the output is continuous and delayed: what is in transit has no finite state")
     waves: list[Wave] = []
     for item in channel.noise[0].functions:  # of what is drawn the values themselves are known
         spectrum = item.spectrum()

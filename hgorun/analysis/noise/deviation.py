@@ -93,7 +93,7 @@ def _delay(run: PreparedRun) -> float:
     for channel in run.channels:
         stretch = channel.stretches[0]
         if len(channel.stretches) > 1 or not stretch.continuous or not stretch.delay_is_constant:
-            raise NoValue("only continuous outputs with a delay that stays the same have a steady response")
+            raise NoValue("only continuous outputs with a constant delay have a steady response")
         delays.add(float(stretch.delay_at(np.array([stretch.start]))[0]))
     if len(delays) > 1:
         raise NoValue("the outputs differ in their delay")
@@ -126,7 +126,7 @@ def _one(systems: Linear, omega: np.ndarray, delay: float = 0.0) -> Linear:
     for k in range(len(systems.A0)):
         one = Linear(*[value[k] for value in vars(systems).values()])
         if np.any(np.abs(response(one, omega, delay) - expected) > _SAME * np.abs(expected)):
-            late = ", and its output is continuous and late" if delay else ""
+            late = ", and its output is continuous and delayed" if delay else ""
             raise NoValue(f"the linearisation of the observer changes along the run{late}")
     return mean
 
@@ -134,7 +134,7 @@ def _one(systems: Linear, omega: np.ndarray, delay: float = 0.0) -> Linear:
 def _steady(run: PreparedRun, label: str, noise_free: Result, inside: np.ndarray) -> np.ndarray:
     """The steady response to sinusoids on continuous outputs that are not late."""
     if _delay(run) > 0 or any(channel.stretches[0].multiplicative for channel in run.channels):
-        raise NoValue("only additive noise of outputs that are not late has a steady response")
+        raise NoValue("only additive noise on outputs without delay has a steady response")
     terms = [NoiseTerms.of(channel.noise[0]) for channel in run.channels]
     require_spectra(terms)
     if any(draws.variance > 0 for term in terms for draws in term.draws):

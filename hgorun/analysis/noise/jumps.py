@@ -34,7 +34,7 @@ def noise_of_jumps(run: PreparedRun, label: str, result: Result, noise_free: Res
     """
     observer = Linearisation(run, label)
     if isinstance(observer.block.observer, ContinuousObserver):
-        raise NoValue("the observer flows between its jumps: noise is predicted for observers that do one of both")
+        raise NoValue("the observer flows and jumps: noise is predicted only for observers that do one of the two")
     samples = run.channels[0].samples
     arrival = samples.arrival[samples.used]
     rows = np.clip(
@@ -52,7 +52,7 @@ def noise_of_jumps(run: PreparedRun, label: str, result: Result, noise_free: Res
         nodes = [_evaluated(slopes, observer, arrival, xi + c * before_jump, y + c * v) for c in GAUSS]
         F, G, G_before, L = (0.5 * (a + b) for a, b in zip(*nodes, strict=True))
         if not all(np.all(np.isfinite(part)) for part in (F, G, G_before)):
-            raise NoValue("the observer's jumps have no derivative on its way")
+            raise NoValue("the observer's jumps have no derivative along the run")
         driven = np.einsum("kij,kj->ki", G, v[1:]) + np.einsum("kij,kj->ki", G_before, v[:-1])
         deviation = np.zeros_like(driven)
         state = np.zeros(driven.shape[1])

@@ -51,7 +51,7 @@ def noise_of_late_output(
     h = delay / int(np.ceil(delay * max(_steps_per_time(run, linear), 1 / (end - start))))
     count, late = int(np.ceil((end - start) / h)), round(delay / h)
     if count > _MAX_STEPS:
-        raise NoValue(f"the noise of an output that is late would take {count} steps to follow")
+        raise NoValue(f"following the noise of a delayed output would take {count} steps")
     N, q = linear.E.shape
     size = N + q
     M = np.zeros((size + 2 * q, size + 2 * q))  # of (xi, alpha, input, slope of the input)

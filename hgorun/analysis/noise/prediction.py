@@ -68,7 +68,7 @@ def _power(run: PreparedRun, result: Result, label: str) -> np.ndarray:
     for c in run.channels:
         stretch = c.stretches[0]
         if len(c.stretches) > 1 or stretch.multiplicative or not stretch.delay_is_constant:
-            raise NoValue("only additive noise and a measurement that stays the same have a steady state")
+            raise NoValue("only additive noise and a measurement that does not change have a steady state")
         sampling = stretch.regular
         if sampling is None and not stretch.continuous:
             raise NoValue("only periodic sampling without jitter and dropout has a steady state")
@@ -76,7 +76,7 @@ def _power(run: PreparedRun, result: Result, label: str) -> np.ndarray:
         periods.add(None if sampling is None else (sampling.period, sampling.offset))
         delays.add(float(stretch.delay_at(np.array([stretch.start]))[0]))
     if len(periods) > 1 or len(delays) > 1:
-        raise NoValue("outputs of different sampling or delay have no common period")
+        raise NoValue("outputs with different sampling or delay have no common period")
     linear = _constant(run, result, label)
     delay, timing = delays.pop(), periods.pop()
     if timing is None:

@@ -171,7 +171,7 @@ def _steps_condition(p: float) -> Condition:
     if p < 0.5 + 1e-6:
         return Condition(False, f"{falls}: the sum of a(k)^2 diverges, the noise does not average out")
     if p > 1 + _LOGARITHMS:
-        return Condition(False, f"{falls}: the sum of a(k) converges, the estimate stops on its way")
+        return Condition(False, f"{falls}: the sum of a(k) converges, the estimate stops before it has converged")
     return Condition(True, f"{falls}: the sum of a(k) diverges, that of a(k)^2 converges")
 
 
@@ -193,7 +193,7 @@ def _noise_condition(run: PreparedRun) -> Condition:
     unbounded = [item.type.capitalize() for item in random if not item.bounded]
     if unbounded:
         return Condition(
-            True, f"independent samples of zero mean; {unbounded[0]}, so not bounded as assumption 2 has it"
+            True, f"independent samples of zero mean; {unbounded[0]}, so not bounded, as assumption 2 requires"
         )
     return Condition(True, "independent, bounded samples of zero mean")
 

@@ -173,7 +173,7 @@ def critical_delay(timing: Timing, system: ErrorSystem) -> Limit:
         coarse, fine = (lambda d, n=n: growth(system, d / n, d - d / (2 * n)) for n in (_COARSE, _FINE))
         return _search(system, coarse, shortest, longest, where, "delay", fine)
     if growth(system, period, 0.0) >= 0:
-        raise NoValue(f"unstable at the period {period:.4g} already without delay")
+        raise NoValue(f"unstable at the period {period:.4g} even without delay")
     longest = min(longest, _MAX_WAITING * period)
     return _search(system, lambda d: growth(system, period, d), shortest, longest, where, "delay")
 

@@ -29,7 +29,7 @@ def found(plant: Block, block: Block, **more: Any) -> Findings:
 
 def test_an_observer_of_another_kind_has_no_lipschitz_constant() -> None:
     made = experiment(LINEAR, {"o": {"type": "levant", "G": 5}})
-    with pytest.raises(NoValue, match="is not that of this observer"):
+    with pytest.raises(NoValue, match="does not apply to this observer"):
         chart_of(made.forms["o"], made.plant)
     with pytest.raises(NoValue, match="the error of levant is not that of chains of integrators with a constant gain"):
         error_dynamics(made.observers["o"], made.forms["o"])

@@ -50,7 +50,7 @@ def test_observers_without_slopes_or_without_a_flow(block: Block, measurement: B
 def test_only_observers_that_flow_have_a_nominal_run() -> None:
     mixed = prepare(experiment(chain(2, "-x1"), {"o": SHGO, "k": DEADBEAT}, measurement=SAMPLED))
     assert list(nominal(mixed).observers) == ["o"]
-    with pytest.raises(NoValue, match="every observer here jumps at the samples"):
+    with pytest.raises(NoValue, match="all observers here jump at the samples"):
         nominal(prepare(experiment(chain(2, "-x1"), {"k": DEADBEAT}, measurement=SAMPLED)))
     with pytest.raises(NoValue, match="does not have this observer"):
         error_system(mixed, "o", simulate(experiment(chain(2, "-x1"), {"k": DEADBEAT}, measurement=SAMPLED)))
@@ -60,7 +60,7 @@ def test_a_run_that_ends_before_its_time_is_not_looked_along() -> None:
     run = prepare(experiment(chain(2, "x2**3", [1, 1]), {"o": SHGO | {"initial": {"x1": 9, "x2": 9}}}, end=0.4))
     result = simulate_prepared(run)
     assert result.observers["o"].diverged_at is not None
-    with pytest.raises(NoValue, match="in the run to look along, the observer diverged"):
+    with pytest.raises(NoValue, match="in the nominal run, the observer diverged"):
         error_system(run, "o", result)
 
 

@@ -89,7 +89,7 @@ def test_a_run_that_diverges_with_or_without_noise() -> None:
 def test_slopes_that_change_make_no_steady_response_of_a_late_output() -> None:
     plant = chain(2, "-x1 - (2 + sin(t))*x2")
     found = reason(made({"noise": sinusoid(0.1, 5), "delay": 0.1}, plant))
-    assert found == "the linearisation of the observer changes along the run, and its output is continuous and late"
+    assert found == "the linearisation of the observer changes along the run, and its output is continuous and delayed"
 
 
 def test_slopes_that_are_none() -> None:
@@ -98,9 +98,11 @@ def test_slopes_that_are_none() -> None:
 
 
 def test_a_delay_that_is_too_short_to_be_followed() -> None:
-    assert "steps to follow" in reason(made({"noise": sinusoid(0.1, 5e4), "delay": 1e-3}))
+    assert "following the noise of a delayed output would take" in reason(
+        made({"noise": sinusoid(0.1, 5e4), "delay": 1e-3})
+    )
 
 
 def test_outputs_that_differ_in_their_delay_are_followed_no_way() -> None:
     outputs = {"x1": {"delay": 0.05}, "x3": {"delay": 0.1}}
-    assert "continuous and late" in reason(made({"noise": sinusoid(0.1, 5), "outputs": outputs}, TWO))
+    assert "continuous and delayed" in reason(made({"noise": sinusoid(0.1, 5), "outputs": outputs}, TWO))

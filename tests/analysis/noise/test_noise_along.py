@@ -78,5 +78,5 @@ def test_what_has_no_answer_says_why(tmp_path: Path) -> None:
     run = prepare(experiment)
     result, noise_free = simulate_prepared(run), simulate(without_noise(experiment))
     for label in result.observers:
-        with pytest.raises(NoValue, match="continuous and late"):
+        with pytest.raises(NoValue, match="continuous and delayed"):
             predicted_noise(run, label, noise_free, result)

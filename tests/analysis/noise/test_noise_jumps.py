@@ -46,5 +46,5 @@ def test_an_observer_that_flows_between_its_jumps_gets_a_reason_and_no_number() 
     with OBSERVERS.replaced("ekf", names["ExtendedKalman"]):
         experiment = hgorun.Experiment(config)
         run = prepare(experiment)
-        with pytest.raises(NoValue, match="flows between its jumps"):
+        with pytest.raises(NoValue, match="flows and jumps"):
             predicted_noise(run, "o", simulate(without_noise(experiment)), simulate_prepared(run))

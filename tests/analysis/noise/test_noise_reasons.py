@@ -45,7 +45,7 @@ TWO = inline({"x1": "-x1 + 0.1*x2", "x2": "-x2"}, ["x1", "x2"])
         ({"noise": sinusoid(0.1, 5), "delay": 2}, False, "the delay 2 is beyond the stability limit 1.351"),
         ({"noise": [{"type": "expression", "value": "sin(t)**3"}]}, False, "noise of type expression has no spectrum"),
         ({"noise": [{"type": "expression", "value": "sin(t)**3"}]}, True, "noise of type expression has no spectrum"),
-        (LATE_IN_PART, False, "a measurement that stays the same"),
+        (LATE_IN_PART, False, "a measurement that does not change"),
         (LATE_IN_PART, True, "the output is continuous in one phase and something else in another"),
         ({"noise": [HELD], "sampling": SAMPLED | {"jitter": 0.01}}, False, "without jitter and dropout"),
         ({"noise": [HELD], "mode": "multiplicative"}, False, "only additive noise"),
@@ -84,7 +84,7 @@ def test_noise_beyond_the_slopes() -> None:
     plant = inline({"x1": "x2", "x2": "-x1 - x2 - x1**3 + 3*x2*x1**2"}, "x1", start=0.1)
     found = made({"noise": sinusoid(3, 2)}, plant, SHGO, step=0.002)
     run, noise_free = prepare(found), simulate(without_noise(found))
-    with pytest.raises(NoValue, match="too large for the observer's slopes"):
+    with pytest.raises(NoValue, match="too large to predict its effect"):
         noise_along(run, "o", noise_free, noise_free)
 
 

@@ -1,0 +1,151 @@
+"""What ``hgorun show`` says of a plant, an observer, a kind of noise, a metric or a finding."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any, get_args
+
+from annotated_types import Ge, Gt, Le, Lt
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+
+from hgorun.config.types import Block, pole_text
+from hgorun.errors import HgorunError
+from hgorun.noise.base import Noise
+from hgorun.observers.base import Observer
+from hgorun.plants.base import Plant, units_of
+from hgorun.result.metrics.base import Metric
+
+if TYPE_CHECKING:
+    from hgorun.analysis.finding import Finding
+
+
+def own_doc(cls: type) -> str:
+    """The docstring of a class itself: that of a base would describe something else."""
+    return inspect.cleandoc(cls.__doc__ or "")
+
+
+def of_finding(finding: Finding) -> dict[str, Any]:
+    return {
+        "name": finding.name,
+        "kind": "finding",
+        "meaning": finding.meaning,
+        "unit": finding.unit or "none",
+        "shown in": ", ".join(finding.places),
+    }
+
+
+def of_metric(metric: Metric) -> dict[str, Any]:
+    return {
+        "name": metric.name,
+        "kind": "metric",
+        "meaning": metric.meaning,
+        "unit": {"state": "that of the state", "time": "that of time", "1": "none"}[metric.unit],
+        "window": metric.window,
+        "best": metric.ideal,
+    }
+
+
+def of_class(name: str, kind: str, cls: type[Plant] | type[Observer] | type[Noise]) -> dict[str, Any]:
+    found: dict[str, Any] = {
+        "name": name,
+        "kind": kind,
+        "reference": cls.reference,
+        "description": own_doc(cls),
+        "keys": _keys(cls),
+    }
+    if issubclass(cls, Plant):
+        found["valid"] = cls.valid
+        needed = {"initial", "inputs"} if cls.known_inputs else {"initial"}
+        for key in found["keys"]:
+            key["required"] = key["required"] or key["key"] in needed
+        found["units"] = units_of(cls)
+        found["states"], found["outputs"] = _names(cls)
+        found["parameters"] = {
+            n: {"default": q.default, "unit": q.unit, "meaning": q.meaning} for n, q in cls.known_parameters.items()
+        }
+        found["inputs"] = {n: {"unit": q.unit, "meaning": q.meaning} for n, q in cls.known_inputs.items()}
+    return found
+
+
+def _names(cls: type[Plant]) -> tuple[list[str], list[str]]:
+    """States and outputs in their order, with the defaults of all keys; empty where they depend on other keys."""
+    block = cls.model_construct()
+    try:
+        return list(block.state_names), list(block.output_names)
+    except (HgorunError, AttributeError, TypeError, ValueError):
+        return [], []
+
+
+def _keys(cls: type[BaseModel]) -> list[dict[str, Any]]:
+    return [_key(name, field) for name, field in cls.model_fields.items() if name != "type"]
+
+
+def _key(name: str, field: FieldInfo) -> dict[str, Any]:
+    """A key with its range and default and, where its values are mappings of known keys, those."""
+    limits = [words for item in field.metadata for words in _limits(item)]
+    default = None if field.is_required() or field.default_factory is not None else field.default
+    return {
+        "key": name,
+        "required": field.is_required(),
+        "default": pole_text(default) if isinstance(default, complex) else default,
+        "range": " and ".join(limits),
+        "description": field.description or "",
+        "keys": [key for block in _blocks(field.annotation) for key in _keys(block)],
+    }
+
+
+def _limits(item: object) -> Iterator[str]:
+    if isinstance(item, Gt):
+        yield f"> {item.gt:g}"
+    if isinstance(item, Ge):
+        yield f">= {item.ge:g}"
+    if isinstance(item, Lt):
+        yield f"< {item.lt:g}"
+    if isinstance(item, Le):
+        yield f"<= {item.le:g}"
+
+
+def _blocks(annotation: object) -> Iterator[type[Block]]:
+    """The blocks in a type, such as Term in tuple[Term, ...]."""
+    if isinstance(annotation, type) and issubclass(annotation, Block):
+        yield annotation
+    for part in get_args(annotation):
+        yield from _blocks(part)
+
+
+def as_text(d: dict[str, Any]) -> str:
+    lines = [f"{d['name']} ({d['kind']})", *([f"source: {d['reference']}"] if d["reference"] else [])]
+    lines += ["", d["description"]]
+    if d.get("valid"):
+        lines += ["", f"valid: {d['valid']}"]
+    for group in ("states", "outputs"):
+        if d.get(group):
+            units = {name: f" [{unit}]" for name, unit in d["units"].items() if unit}
+            lines += [
+                *([""] if group == "states" else []),
+                f"{group}: " + ", ".join(n + units.get(n, "") for n in d[group]),
+            ]
+    for group in ("parameters", "inputs"):
+        if d.get(group):
+            lines += ["", f"{group}:"]
+            for name, q in d[group].items():
+                value = f" = {q['default']:g}" if q.get("default") is not None else ""
+                unit = (f" {q['unit']}" if value else f" [{q['unit']}]") if q["unit"] else ""
+                lines.append(f"  {name}{value}{unit}  {q['meaning']}".rstrip())
+    lines += ["", "keys:", *_lines(d["keys"], "  ")]
+    return "\n".join(lines)
+
+
+def _lines(keys: list[dict[str, Any]], indent: str) -> Iterator[str]:
+    for key in keys:
+        if key["required"]:
+            value = "required"
+        elif key["default"] in (None, ""):
+            value = "optional"
+        else:
+            value = f"default {key['default']}"
+        limits = f", {key['range']}" if key["range"] else ""
+        yield f"{indent}{key['key']} ({value}{limits}): {key['description']}".removesuffix(": ")
+        yield from _lines(key["keys"], indent + "  ")
