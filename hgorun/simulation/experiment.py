@@ -219,7 +219,7 @@ class Experiment:
 
     @property
     def adaptive(self) -> bool:
-        """Whether an error estimate controls the step."""
+        """Whether given tolerances control every step."""
         return self.blocks.solver.adaptive
 
     @property
