@@ -23,7 +23,7 @@ _OFTEN = 0.1  # seconds between two reports of a worker
 
 def processors() -> int:
     """How many jobs run at once: the processors that this process may use."""
-    return len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def run_all(works: Sequence[Work], *, workers: int | None = None, show: bool = True) -> list[Outcome]:
