@@ -1,4 +1,4 @@
-"""hgorun: the bench for high-gain observers.
+"""hgorun: a test bench for high-gain observers.
 
 >>> import hgorun
 >>> experiment = hgorun.load("config.yaml")

@@ -40,7 +40,7 @@ def run(main: Callable[[], Callable[[], None]]) -> None:
     try:
         _prepare_streams()  # first: a pipe of our own would take the number of a stream that is closed
         _listen()
-        if not sys.warnoptions:  # of numpy, scipy, ...: they speak to programmers
+        if not sys.warnoptions:  # of numpy, scipy, ...: they are meant for programmers
             warnings.simplefilter("ignore")
         main()()
     except BaseException:

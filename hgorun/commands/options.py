@@ -45,7 +45,7 @@ class Simulate(Configured):
     configs: Annotated[list[Path], typer.Argument(metavar="CONFIG...", help="YAML configurations.")]
     strict: Annotated[bool, typer.Option("--strict", help="Exit with code 3 if a status is not ok.")] = False
     check_step: Annotated[
-        bool, typer.Option("--check-step", help="Simulate again with half the step and report the difference.")
+        bool, typer.Option("--check-step", help="Estimate the error of a given step from shorter ones.")
     ] = False
 
 

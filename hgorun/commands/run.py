@@ -5,14 +5,16 @@ from __future__ import annotations
 import json as json_text
 import os
 import sys
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
 from hgorun.commands.options import Compare, Configured, Simulate
+from hgorun.engine.methods import METHODS
 from hgorun.errors import ConfigError
 from hgorun.files import remove_leftovers
 from hgorun.reproduce.shipped import experiments
+from hgorun.result.data import PLANT, Integration
 from hgorun.result.result import Result
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.prepared import PreparedRun
@@ -25,6 +27,7 @@ if TYPE_CHECKING:
 
 RESULTS = Path("results")
 NOT_OK = 3
+_COARSE, _FINE = 1e-2, 1e-3  # errors of given steps that are told, and that would do
 RESULT_SUFFIXES = {".h5", ".hdf5", ".nc"}
 _DRAWING_SUFFIXES = {".png", ".pdf"}
 _OF_OTHERS = {".csv", ".json", ".mat", ".npz", ".svg", ".tex", ".txt", ".yaml", ".yml"}
@@ -202,8 +205,29 @@ def warn(result: Result) -> None:
     """Remarks and whatever is not ok are reported on stderr; they are not errors."""
     for remark in result.remarks:
         print(f"hgorun: {result.name}: {remark}", file=sys.stderr)
-    for words in result.troubles():
+    for words in [*result.troubles(), *coarse(result)]:
         print(f"hgorun: {result.name}: {words}", file=sys.stderr)
+
+
+def coarse(result: Result) -> Iterator[str]:
+    """What is said of numbers that a given step or given tolerances make wrong."""
+    how, errors = result.integration, result.integration_error or {}
+    if how is None or how.method is None:
+        return
+    told = {PLANT: result.verdict} | {label: o.verdict for label, o in result.observers.items()}
+    for label, error in errors.items():
+        if error > _COARSE and told[label].status == "ok":
+            who = label if label == PLANT else f"observer {label}"
+            size = f"about {error:.1g}" if error < 1 else "as large as the numbers"
+            yield f"{who}: the integration error is {size}; {_better(how, error)}, or leave it out"
+
+
+def _better(how: Integration, error: float) -> str:
+    """What would make the error a thousandth, as far as can be told."""
+    if how.step is None:
+        return f"give smaller tolerances than rtol {how.rtol:g}"
+    shorter = min(max((error / _FINE) ** (1 / METHODS[how.method or "rk4"].order), 2.0), 100.0)
+    return f"give a step of {how.step / shorter:.1g}"
 
 
 def _predicted(sources: Sequence[PreparedRun | Result], results: Sequence[Result]) -> list[Predicted]:

@@ -53,14 +53,25 @@ def _step(value: Any) -> Any:
     return step
 
 
+Method = Literal["euler", "rk4", "dopri5", "rodas5p"]
+
+
 class Solver(Block):
     """How the differential equations are solved."""
 
-    method: Literal["euler", "rk4", "dopri5", "rodas5p"] = Field(
-        default="rk4", description="rodas5p is for stiff plants and very high gains"
+    method: Literal["auto"] | Method = Field(
+        default="auto",
+        description="auto: rk4 for a given step, what is cheapest for an automatic one; rodas5p is for stiff plants "
+        "and very high gains",
     )
     step: Annotated[Literal["auto"] | float, BeforeValidator(_step), WithJsonSchema(NUMBER_SCHEMA)] = Field(
-        default="auto", description="longest step of a fixed-step run, or auto"
+        default="auto", description="longest step of a fixed-step run; auto: found by error control"
+    )
+    accuracy: Annotated[Positive, Field(lt=1)] = Field(
+        default=1e-3, description="automatic step: relative error of the metrics that is allowed"
+    )
+    max_evaluations: Positive = Field(
+        default=1e8, description="automatic step: evaluations of the right-hand side that are allowed"
     )
     rtol: Positive | None = Field(default=None, description="relative tolerance: adaptive steps of dopri5 or rodas5p")
     atol: Positive | None = Field(default=None, description="absolute tolerance (default: from each state's size)")
@@ -71,21 +82,27 @@ class Solver(Block):
 
     @property
     def adaptive(self) -> bool:
-        """Whether the step is controlled by an error estimate: where tolerances are given, or no step."""
-        return self._estimates and (self.rtol is not None or self.atol is not None or self.step == "auto")
+        """Whether every step is controlled by given tolerances."""
+        return self.rtol is not None or self.atol is not None
 
     @property
-    def stiff(self) -> bool:
-        """Whether the method is the one for stiff equations."""
-        return self.method == "rodas5p"
+    def controlled(self) -> bool:
+        """Whether the step is found by error control."""
+        return self.step == "auto" and not self.adaptive
 
     @property
-    def _estimates(self) -> bool:
-        return self.method in ("dopri5", "rodas5p")
+    def given_method(self) -> Method:
+        """The method of a run whose step or whose tolerances are given."""
+        return "rk4" if self.method == "auto" else self.method
+
+    @property
+    def alone_stiff(self) -> bool:
+        """Whether a plant alone is followed by the method for stiff equations, whose errors are controlled."""
+        return self.method == "rodas5p" or self.controlled
 
     @model_validator(mode="after")
     def _adaptive_needs_an_estimate(self) -> Solver:
-        if not self._estimates and (self.rtol is not None or self.atol is not None):
+        if self.adaptive and self.method not in ("dopri5", "rodas5p"):
             raise ValueError(f"rtol and atol need method dopri5 or rodas5p, found {self.method}")
         if self.max_step is not None and not self.adaptive:
             raise ValueError("max_step needs rtol and atol; a fixed step is set with step")

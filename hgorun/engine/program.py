@@ -88,6 +88,8 @@ class Raw:
         Largest local error estimate of an embedded method, zeros otherwise.
     held : ndarray, shape (held numbers, lanes)
         The vector w at the end.
+    tries : int
+        Steps made, and, where they are controlled, those that were rejected.
     """
 
     rows: Floats
@@ -95,6 +97,11 @@ class Raw:
     diverged: Floats
     error: Floats
     held: Floats
+    tries: int = 0
+
+
+class TooManySteps(Exception):
+    """More steps than allowed; the arguments are their number, and the time that was reached."""
 
 
 def generate(system: HybridSystem, method: str, *, adaptive: bool = False, lanes: int = 1) -> tuple[str, int]:
@@ -194,6 +201,8 @@ class Program:
         start: Start,
         tolerance: Tolerance | None = None,
         progress: Callable[[float], None] | None = None,
+        *,
+        limit: float = np.inf,
     ) -> Raw:
         """Run a plan.
 
@@ -205,32 +214,40 @@ class Program:
             For an adaptive method.
         progress : callable, optional
             Called periodically with the completed fraction, 0 to 1.
+        limit : float
+            So many steps may be tried by an adaptive method.
 
         Raises
         ------
         SimulationError
             When the plant diverges or no step is small enough for it.
+        TooManySteps
         """
         memory = _Memory(self.system, self.lanes, self._constants, plan, start, tolerance)
         self._begin(memory.address)
         memory.keep_initial()
         work = np.cumsum(plan.counts[:, 2] - plan.counts[:, 1] + 1)  # a segment's steps, and what happens before
-        stop, done, chunk = 0, 0, 1 if tolerance or progress else _FIRST  # adaptive segments may be long
+        chunk = 1 if tolerance or progress else _FIRST  # adaptive segments may be long
+        stop, done, tries = 0, 0, 0
         while stop < work.size:
             before = time.perf_counter()
             stop = max(stop + 1, int(np.searchsorted(work, done + chunk, side="right")))
             done = int(work[stop - 1])
-            memory["budget"] = _BUDGET
+            granted = memory["budget"] = _granted(limit - tries)
             verdict = self._run(memory.address, stop)
             pauses, reached = 0, memory.real("now")
             while verdict == PAUSED:
+                tries += granted
+                if tries >= limit:
+                    raise TooManySteps(tries, memory.real("now"))
                 pauses += 1
                 if pauses * _BUDGET >= _PATIENCE:
                     if memory.real("now") - reached < _PROGRESS * (plan.spans[-1, 1] - plan.spans[0, 0]):
                         memory.set_real("hopeless", 2 * memory.real("step"))
                     pauses, reached = 0, memory.real("now")
-                memory["budget"] = _BUDGET
+                granted = memory["budget"] = _granted(limit - tries)
                 verdict = self._run(memory.address, stop)
+            tries += granted - memory["budget"]
             if verdict != DONE:
                 stiff = isinstance(self.method, Rosenbrock)
                 kind = PlantDiverged if verdict == PLANT_DIVERGED else SimulationError
@@ -239,7 +256,12 @@ class Program:
             chunk = max(1, int(chunk * min(_SLICE / spent, 8.0)))
             if progress:
                 progress(done / int(work[-1]))
-        return memory.result()
+        return memory.result(tries if tolerance else plan.steps)
+
+
+def _granted(left: float) -> int:
+    """Adaptive steps until the next look at what has become of them."""
+    return int(min(_BUDGET, max(left, 1)))
 
 
 def _explain(verdict: int, t: float, *, stiff: bool) -> str:
@@ -340,6 +362,9 @@ class _Memory:
         self.address = address_of(self.context)
         self.slots, self.observers = plan.slots, s.observers
 
+    def __getitem__(self, word: str) -> int:
+        return int(self.context[WORD[word]])
+
     def __setitem__(self, word: str, value: int) -> None:
         self.context[WORD[word]] = value
 
@@ -353,7 +378,7 @@ class _Memory:
         """The channels before the start are those at the start."""
         self.arrays["initial"][:] = self.arrays["channels"]
 
-    def result(self) -> Raw:
+    def result(self, tries: int) -> Raw:
         rows = self.arrays["rows"]
         done = int(self.context[WORD["row"]])
         rows[done:] = self.arrays["z"].reshape(1, *self.shape[1:])  # the points at the end of the run
@@ -363,6 +388,7 @@ class _Memory:
             self.arrays["diverged"][: self.observers],
             self.arrays["error"],
             self.arrays["w"].reshape(-1, self.shape[2]),
+            tries,
         )
 
 

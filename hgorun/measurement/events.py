@@ -62,6 +62,13 @@ class Kinks:
         """Look for them in expressions."""
         return cls(Pieces.of(expressions, t, p))
 
+    @classmethod
+    def of_slopes(cls, expressions: Iterable[ca.SX], t: ca.SX, p: ca.SX) -> Kinks:
+        """The extremes of expressions, or of those that depend on other symbols the extremes of parts that do not."""
+        parts = Pieces.of(expressions, t, p).watched(t, p)
+        slopes = [ca.jacobian(part, t) for part in ca.vertsplit(parts)] if parts.numel() else []
+        return cls(Pieces.of([ca.SX(0), *(ca.sign(slope) for slope in slopes if not slope.is_zero())], t, p))
+
     def between(self, values: Floats, start: float, end: float, limit: float = np.inf) -> Irregular:
         """The kinks for given values of p, from start to end.
 
@@ -75,6 +82,17 @@ class Kinks:
 
 
 _FOUND: Memo[Irregular] = Memo(32)
+
+
+EXTREMES = 10_000  # that are looked for: a function with more of them is fast everywhere, not in a few places
+
+
+def extremes(slopes: Kinks, values: Floats, start: float, end: float) -> Floats:
+    """Where functions of time have extremes; nowhere, where there are so many that every step meets some."""
+    try:
+        return slopes.between(values, start, end, EXTREMES).times
+    except TooMany:
+        return np.zeros(0)
 
 
 def infinite(when: float) -> str:

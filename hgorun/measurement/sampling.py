@@ -1,4 +1,4 @@
-"""When samples arrive, of which time they speak, and which of them are used."""
+"""When samples arrive, when they were measured, and which of them are used."""
 
 from __future__ import annotations
 

@@ -196,19 +196,23 @@ def check_delays(channels: list[Channel]) -> tuple[float, float]:
     return min((low for low, _ in ranges), default=np.inf), max((high for _, high in ranges), default=0.0)
 
 
-def build_schedule(channels: list[Channel], time: Time, kinks: np.ndarray, step: float) -> Schedule:
+def build_schedule(
+    channels: list[Channel], time: Time, kinks: np.ndarray, step: float, extremes: np.ndarray | None = None
+) -> Schedule:
     """Collect all events of a run.
 
     Parameters
     ----------
     kinks : ndarray
         Kinks of the functions of time.
+    extremes : ndarray, optional
+        Where they are smooth, but should be looked at.
     step : float
         Nominal step: events much closer than it are one.
     """
     rounding = 4 * max(s.spacing for c in channels for s in c.stretches)
     tolerance = max(_SHORT * step, rounding)
-    times = [np.array([time.start, time.end]), kinks]
+    times = [np.array([time.start, time.end]), kinks, np.zeros(0) if extremes is None else extremes]
     for c in channels:
         times += [c.samples.arrival, c.samples.taken, np.array([s.start for s in c.stretches])]
         for s, noise in zip(c.stretches, c.noise, strict=True):

@@ -13,18 +13,30 @@ from hgorun.config.expressions import parse
 from hgorun.config.literals import Template, template
 from hgorun.errors import Problem, called
 from hgorun.measurement.availability import Stretch
-from hgorun.measurement.events import Irregular, Kinks, infinite, not_followed, too_many
+from hgorun.measurement.events import Irregular, Kinks, extremes, infinite, not_followed, too_many
 from hgorun.measurement.sampling import SAMPLE_BYTES
 from hgorun.memo import Memo
 from hgorun.noise.base import TimeFunction
 from hgorun.symbolic.clock import on_the_clock
 from hgorun.symbolic.crossings import TooMany
-from hgorun.symbolic.evaluate import along
+from hgorun.symbolic.evaluate import Floats, along
 from hgorun.symbolic.levels import distinct
 from hgorun.symbolic.parameters import Parameters, flat
 
 _POINTS = 4_000  # at which a delay is looked at beside its kinks and extremes
-_COMPILED: Memo[tuple[ca.Function, Kinks, Kinks]] = Memo(256)
+
+
+@dataclass(frozen=True, eq=False)
+class _Compiled:
+    """A stretch's noise, its kinks, those of the delay, and the extremes of both."""
+
+    noise: ca.Function
+    kinks: Kinks
+    delay_kinks: Kinks
+    slopes: Kinks
+
+
+_COMPILED: Memo[_Compiled] = Memo(256)
 
 
 @dataclass(frozen=True)
@@ -65,7 +77,7 @@ def signal_numbers(stretch: Stretch) -> np.ndarray:
 
 def noise_at(stretch: Stretch, times: np.ndarray) -> np.ndarray:
     """v(t) without its random parts."""
-    return along(_compiled(stretch)[0], times, signal_numbers(stretch))
+    return along(_compiled(stretch).noise, times, signal_numbers(stretch))
 
 
 def kinks_of(stretch: Stretch, max_memory: float) -> Irregular:
@@ -76,9 +88,8 @@ def kinks_of(stretch: Stretch, max_memory: float) -> Irregular:
     Problem
         Where there are more than fit into memory, and where one of them is not finite.
     """
-    _, *kinks = _compiled(stretch)
-    found = []
-    for key, one in zip(("noise", "delay"), kinks, strict=True):
+    compiled, found = _compiled(stretch), []
+    for key, one in (("noise", compiled.kinks), ("delay", compiled.delay_kinks)):
         try:
             limit = max_memory / SAMPLE_BYTES
             found.append(one.between(signal_numbers(stretch), stretch.start, stretch.end, limit))
@@ -89,6 +100,15 @@ def kinks_of(stretch: Stretch, max_memory: float) -> Irregular:
             raise Problem(stretch.paths[key], infinite(stretch.origin + when))
     noise, delay = found
     return Irregular(distinct(np.concatenate([noise.times, delay.times])), noise.lost + delay.lost)
+
+
+def extremes_of(stretch: Stretch) -> Floats:
+    """Extremes of noise and delay that no step should pass over, where noise does not say itself how fast it is."""
+    functions = _functions(stretch)
+    fast = bool(functions) and all(item.fastest(stretch.start, stretch.end) > 0 for item in functions)
+    if fast and not parse(stretch.delay, names=("t",)).names:
+        return np.zeros(0)
+    return extremes(_compiled(stretch).slopes, signal_numbers(stretch), stretch.start, stretch.end)
 
 
 def signal_remarks(stretch: Stretch, max_memory: float) -> list[str]:
@@ -138,13 +158,12 @@ def _delay(stretch: Stretch) -> tuple[Template, tuple[float, ...]]:
     return template(parse(stretch.delay, names=("t",)))
 
 
-def _compiled(stretch: Stretch) -> tuple[ca.Function, Kinks, Kinks]:
-    """The noise, its kinks, and those of the delay."""
-
-    def make() -> tuple[ca.Function, Kinks, Kinks]:
+def _compiled(stretch: Stretch) -> _Compiled:
+    def make() -> _Compiled:
         t, parameters = ca.SX.sym("t"), Parameters()
         found = signal(stretch, t, parameters, "")
-        p = parameters.symbol
-        return ca.Function("v", [t, p], [found.noise]), Kinks.of([found.noise], t, p), Kinks.of([found.delay], t, p)
+        p, both = parameters.symbol, [found.noise, found.delay]
+        kinks = [Kinks.of([one], t, p) for one in both]
+        return _Compiled(ca.Function("v", [t, p], [found.noise]), kinks[0], kinks[1], Kinks.of_slopes(both, t, p))
 
     return _COMPILED.get(signal_structure(stretch), make)

@@ -11,7 +11,7 @@ from abc import abstractmethod
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from inspect import isabstract
-from typing import Any, ClassVar, TypeGuard
+from typing import ClassVar, TypeGuard
 
 import casadi as ca
 import numpy as np
@@ -69,7 +69,7 @@ class Noise(Plugin):
         """
 
     @abstractmethod
-    def silent(self) -> dict[str, Any]:
+    def silent(self) -> dict[str, object]:
         """The block of noise of size zero that changes at the same times."""
 
     def spectrum(self) -> Spectrum | None:
@@ -118,7 +118,7 @@ class TimeFunction(Noise):
         low, high = Enclosure(ca.Function("v", [t], [ca.densify(self._of(t))]))(edges[:-1], edges[1:])
         return float(np.max(np.maximum(np.abs(low), np.abs(high))))
 
-    def silent(self) -> dict[str, Any]:
+    def silent(self) -> dict[str, object]:
         return {"type": "expression", "value": "0"}
 
     def _of(self, t: ca.SX) -> ca.SX:
@@ -159,7 +159,7 @@ class RandomNoise(Noise):
         if continuous and self.hold is None:
             raise Problem((), f"{self.type} noise on a continuous measurement needs hold: the time between two draws")
 
-    def silent(self) -> dict[str, Any]:
+    def silent(self) -> dict[str, object]:
         return {"type": "gaussian", "std": 0} | ({} if self.hold is None else {"hold": self.hold})
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Mapping, Sequence
-from typing import Annotated, Any
+from typing import Annotated
 
 import casadi as ca
 import numpy as np
@@ -51,7 +51,7 @@ class Sinusoids(TimeFunction):
         """All of them at their largest together."""
         return sum(abs(term.amplitude) for term in self.terms)
 
-    def silent(self) -> dict[str, Any]:
+    def silent(self) -> dict[str, object]:
         """The same frequencies, so that the same code serves."""
         return {"type": self.type, "terms": [{**term.model_dump(), "amplitude": 0} for term in self.terms]}
 

@@ -45,7 +45,7 @@ class Plant(Plugin):
     valid: ClassVar[str] = ""
     known_parameters: ClassVar[Mapping[str, Parameter]] = {}
     known_inputs: ClassVar[Mapping[str, Input]] = {}
-    units: ClassVar[Mapping[str, str]]  # may be left out; of a model of one's own it is a key
+    units: ClassVar[Mapping[str, str]]  # may be left out; for your own model it is a key
 
     type: str = Field(description="name of the plant")
     parameters: dict[Name, ExpressionText] = Field(default_factory=dict, description="name: value")

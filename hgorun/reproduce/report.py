@@ -19,17 +19,18 @@ from hgorun.version import __version__
 _PACKAGES = ("numpy", "scipy", "casadi", "llvmlite", "matplotlib", "h5py")
 _HEAD = """# Reproduction report
 
-Every figure of the publications drawn anew, every claim of their texts measured, and the errors found in
-their print. Made by `make figures`, which runs
+All figures of the publications, drawn again; a verdict on every claim that their texts make about the figures; and the
+errors found in the printed formulas. This report is written by `make figures`, which runs
 
     hgorun figures --report
 
-The parameters of each figure, and what the publications leave open, are in the experiment named under it. A claim
-is confirmed or refuted by an inequality on numbers that the runs give. Where the runs are random the number is the
-mean over so many seeds, with its 95 % confidence interval; a claim whose interval holds the threshold is undecided.
-Where a publication leaves open what decides, such as a horizon, a claim has alternatives, after "or": if some confirm
-it and others refute it, the verdict is depends. A sentence about a limit, which no finite run decides, is undecidable.
-Errata count what is wrong in print; what is undecided, or kept as printed, stands apart and is not counted.
+The parameters of each figure, and what the publications leave open, are in the experiment named below it. A claim is
+confirmed or refuted by an inequality between numbers from the runs. If the runs are random, the number is the mean over
+the seeds given, with its 95 % confidence interval; a claim whose interval contains the threshold is undecided. If a
+publication does not say what decides, such as a horizon, the claim has alternatives, shown after "or"; if some of them
+confirm the claim and others refute it, the verdict is "depends". A statement about a limit, which no finite run can
+decide, is undecidable. Errata are errors in the printed text; what is undecided, or kept as printed, is listed
+separately and not counted.
 """
 
 

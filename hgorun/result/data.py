@@ -57,6 +57,7 @@ class DesignNumbers:
     step: float
 
 
+PLANT = "plant"  # beside the labels of observers, which are called otherwise
 MapName = Literal["chain", "derivatives"]
 MAPS: tuple[MapName, ...] = ("chain", "derivatives")
 
@@ -143,6 +144,35 @@ class ObserverResult:
         return self.verdict.lost or not bool(np.all(np.isfinite(self.xhat)))
 
 
+@dataclass(frozen=True, kw_only=True)
+class Integration:
+    """How the equations were integrated, and how far that may be from their solution.
+
+    Attributes
+    ----------
+    method : str or None
+        None, like all but the error, in files of older versions.
+    step : float or None
+        The longest step, where steps are fixed.
+    rtol : float or None
+        The relative tolerance, where errors control the steps.
+    evaluations : int or None
+        Of the right-hand side, over all passes but that which is made for the estimate alone.
+    error : mapping of str to float, or callable
+        For ``plant`` and every observer the estimated error, or what makes it when it is asked for.
+    """
+
+    method: str | None
+    step: float | None
+    rtol: float | None
+    evaluations: int | None
+    error: Mapping[str, float] | Callable[[], Mapping[str, float]]
+
+    def told(self) -> dict[str, str | float | int | None]:
+        """Everything but the error, for files."""
+        return {"method": self.method, "step": self.step, "rtol": self.rtol, "evaluations": self.evaluations}
+
+
 @dataclass(frozen=True, kw_only=True, repr=False)
 class ResultData:
     """A finished run.
@@ -166,8 +196,8 @@ class ResultData:
         The windows that the metrics were taken from.
     measures : mapping of str to str, optional
         The outputs that are states, with the states that they are; None in files that do not say.
-    integration_error : mapping, optional
-        Largest difference to a run with half the step, or largest local error estimate of dopri5 or rodas5p.
+    integration : Integration, optional
+        How the equations were integrated; None in files that do not say.
     remarks : tuple of str
         What should be known of the run, such as functions of time whose kinks may have been missed.
     verdict : Verdict
@@ -192,7 +222,7 @@ class ResultData:
     resolved: str | Callable[[], str]
     seed: int
     windows: Mapping[str, Any] = field(default_factory=dict)
-    integration_error: Mapping[str, float] | None = None
+    integration: Integration | None = None
     measures: Mapping[str, str] | None = None
     remarks: tuple[str, ...] = ()
     verdict: Verdict = OK
@@ -207,6 +237,18 @@ class ResultData:
     def config_resolved(self) -> str:
         """The YAML text after ``extends``, ``--set`` and defaults, without figures, claims and titles."""
         return self.resolved if isinstance(self.resolved, str) else self.resolved()
+
+    @cached_property
+    def integration_error(self) -> Mapping[str, float] | None:
+        """Estimated error of the integration, for ``plant`` and every observer; None where it is not known.
+
+        For an observer the largest of its metrics, each relative to its own size, or to 1e-6 of the largest value of
+        the state; for the plant that of its states, relative to their largest values.
+        """
+        if self.integration is None:
+            return None
+        error = self.integration.error
+        return error() if callable(error) else error
 
     def __repr__(self) -> str:
         labels = ", ".join(self.observers) or "no observers"

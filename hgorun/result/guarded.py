@@ -83,7 +83,7 @@ def _serve(work: Callable[[], object], into: int, seconds: float, memory: int) -
     try:
         faulthandler.disable()
         nowhere = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(nowhere, 2)  # HDF5 and malloc speak to programmers
+        os.dup2(nowhere, 2)  # messages of HDF5 and malloc are meant for programmers
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, signal.SIG_IGN if number == signal.SIGINT else signal.SIG_DFL)
         _limit(seconds, memory)

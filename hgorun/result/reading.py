@@ -14,7 +14,7 @@ import numpy as np
 
 from hgorun.errors import ConfigError, printable
 from hgorun.result import digests
-from hgorun.result.data import MAPS, Coordinates, DesignNumbers, Measurements, ObserverResult
+from hgorun.result.data import MAPS, Coordinates, DesignNumbers, Integration, Measurements, ObserverResult
 from hgorun.result.guarded import Failed, guarded
 from hgorun.result.result import Result
 from hgorun.result.status import OK, STATUSES, Verdict
@@ -225,9 +225,7 @@ class _Reader:
             windows=self.entries(
                 "windows", _is_window, "two finite numbers (steady, transient) or one (average, settling)"
             ),
-            integration_error=self.entries("integration_error", lambda _, value: _is_number(value), "a number")
-            if "integration_error" in self.file.attrs
-            else None,
+            integration=self.integration(),
             measures=self.measures(states, outputs),
             remarks=self.remarks(),
             verdict=self.verdict("plant", plant) if "status" in plant.attrs else OK,
@@ -235,6 +233,14 @@ class _Reader:
         )
         self.check_attributes()
         return found
+
+    def integration(self) -> Integration | None:
+        """How it was integrated, as far as the file says."""
+        if "integration_error" not in self.file.attrs:
+            return None
+        error = self.entries("integration_error", lambda _, value: _is_number(value), "a number")
+        told = self.entries("integration", _is_told, "a name or a number") if "integration" in self.file.attrs else {}
+        return Integration(error=error, **{name: told.get(name) for name in ("method", "step", "rtol", "evaluations")})
 
     def design(self) -> DesignNumbers | None:
         """The numbers that it was made with; files of older versions do not say."""
@@ -319,6 +325,13 @@ def _is_number(value: Any) -> bool:
     if isinstance(value, int):
         return not isinstance(value, bool) and abs(value) < 2**1023
     return isinstance(value, (float, np.integer, np.floating))
+
+
+def _is_told(key: str, value: Any) -> bool:
+    """Of how it was integrated."""
+    if key == "method":
+        return isinstance(value, str) and value == printable(value) and len(value) <= _NAMED
+    return value is None or _is_finite(value)
 
 
 def _is_finite(value: Any) -> bool:

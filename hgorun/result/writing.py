@@ -19,7 +19,7 @@ import numpy as np
 
 from hgorun.files import written_whole
 from hgorun.result import digests
-from hgorun.result.data import DesignNumbers, ObserverResult, ResultData
+from hgorun.result.data import PLANT, DesignNumbers, ObserverResult, ResultData
 from hgorun.result.metrics.base import all_metrics
 from hgorun.result.status import OK, Verdict
 
@@ -214,6 +214,10 @@ def _write(result: ResultData, file: h5py.File) -> None:
     w.group("metrics")
     for label, o in result.observers.items():
         _write_observer(w, result, label, o, of_states)
+    errors = result.integration_error or {}
+    for label, error in errors.items():
+        group = file["plant"] if label == PLANT else file["observers"][label]
+        group.attrs["integration_error"] = error
     file.attrs[digests.ATTRIBUTE] = digests.of_attributes(file)
 
 
@@ -303,8 +307,9 @@ def _root_attributes(result: ResultData) -> dict[str, Any]:
         "units": json.dumps(dict(result.units)),
         "windows": json.dumps(dict(result.windows)),
     }
-    if result.integration_error is not None:
+    if result.integration is not None and result.integration_error is not None:
         found["integration_error"] = json.dumps(dict(result.integration_error))
+        found["integration"] = json.dumps(result.integration.told())
     if result.remarks:
         found["remarks"] = json.dumps(list(result.remarks))
     return found

@@ -25,12 +25,12 @@ def check_run(run: PreparedRun) -> None:
     Problem
     """
     _check_memory(run)
-    check_steps(run, run.step)
+    check_steps(run, run.step, adaptive=run.adaptive)
     _check_clock(run)
     _check_jumps(run)
     _check_start(run)
     for channel in run.channels:
-        _ = channel.gain_and_bias  # noise that is no number at some sample is said before any run starts
+        _ = channel.gain_and_bias  # noise that is not a number at some sample is reported before any run starts
 
 
 def _check_clock(run: PreparedRun) -> None:
@@ -56,24 +56,34 @@ def _reads_the_clock(run: PreparedRun) -> bool:
     return any(regime.flow.jac_sparsity(0, 0).nnz() for regime in run.structure.system.regimes)
 
 
-def longest_step(run: PreparedRun, step: float) -> float:
-    """The longest step: no longer than the delays, unless they are very short."""
-    longest = np.inf if run.adaptive else step
+def longest_step(run: PreparedRun, step: float, *, adaptive: bool = False) -> float:
+    """The longest step: no longer than the delays, unless they are very short.
+
+    Parameters
+    ----------
+    step : float
+        The nominal step.
+    adaptive : bool
+        Whether steps are controlled and only the delays limit them.
+    """
+    longest = np.inf if adaptive else step
     return min(longest, run.smallest_delay) if run.smallest_delay > _OVERLAP * step else longest
 
 
-def check_steps(run: PreparedRun, step: float) -> None:
+def check_steps(run: PreparedRun, step: float, *, adaptive: bool) -> None:
     """Refuse steps for which there is no time, or no memory for those that a continuous delay spans.
 
     Parameters
     ----------
     step : float
         The nominal step.
+    adaptive : bool
+        Whether steps are controlled.
     """
-    events, longest = run.schedule.events, longest_step(run, step)
-    if run.adaptive:
+    events, longest = run.schedule.events, longest_step(run, step, adaptive=adaptive)
+    if adaptive:
         count_steps(np.diff(events), run.solver.max_step or np.inf, "max_step")
-    steps = None if run.adaptive else count_steps(np.diff(events), longest)
+    steps = None if adaptive else count_steps(np.diff(events), longest)
     if not run.structure.system.remembers:
         return
     pieces = history_pieces(np.column_stack([events[:-1], events[1:]]), steps, run.reach)

@@ -76,6 +76,35 @@ def _free(again: Again) -> Raw | None:
         return None
 
 
+def ended(run: PreparedRun, raw: Raw, again: Again | None = None) -> tuple[Raw, dict[str, Verdict]]:
+    """What is to be said of the observers of a run without bound, and its numbers up to where they are lost.
+
+    Parameters
+    ----------
+    again : Again, optional
+        The run once more, which tells what is undefined where an observer is lost.
+
+    Returns
+    -------
+    Raw
+        The same where no observer is lost.
+    dict of str to Verdict
+        Of those that are.
+    """
+    suspects = [j for j in range(len(run.observers)) if _is_suspect(run, raw, j)]
+    if run.solver.divergence is not None:
+        left = [j for j in suspects if np.isfinite(raw.diverged[j, 0])]
+        return raw, {run.observers[j].label: _beyond_given(run, raw, j) for j in left}
+    said = {j: judged(run, raw, j, again) for j in suspects}
+    lost = {j: verdict for j, verdict in said.items() if verdict.lost}
+    if not lost:
+        return raw, {}
+    diverged = raw.diverged.copy()
+    diverged[list(lost)] = np.inf  # numbers end where the estimate has left, not where they overflow
+    rows = _ended(run, replace(raw, diverged=diverged), lost).rows
+    return replace(raw, rows=rows), {run.observers[j].label: verdict for j, verdict in lost.items()}
+
+
 def plant_lost(run: PreparedRun, error: PlantDiverged, again: Again) -> SimulationError:
     """What is to be said of a plant that could not be followed: whether shorter steps can."""
     if run.adaptive or run.plant.block.discretise:

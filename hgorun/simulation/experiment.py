@@ -85,7 +85,7 @@ class Experiment:
             By path: keys and list indices with dots between, as after ``--set``. None removes a key. A list that is
             not there is given whole.
         seed : int, optional
-            In place of the experiment's.
+            Override the seed of the experiment.
         name : str, optional
             What results are called by.
 
@@ -219,7 +219,7 @@ class Experiment:
 
     @property
     def adaptive(self) -> bool:
-        """Whether an error estimate controls the step."""
+        """Whether given tolerances control every step."""
         return self.blocks.solver.adaptive
 
     @property

@@ -2,25 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 
 import numpy as np
 
-from hgorun.engine.methods import METHODS
 from hgorun.engine.program import Raw
 from hgorun.errors import Problem
 from hgorun.measurement.events import merge
 from hgorun.measurement.schedule import nearest_event
 from hgorun.measurement.signals import noise_at
 from hgorun.memo import Memo, Same
-from hgorun.result.data import DesignNumbers, Measurements, ObserverResult
-from hgorun.result.estimated import Estimated
-from hgorun.result.measure import from_origin, measure_together
+from hgorun.result.data import DesignNumbers, Integration, Measurements, ObserverResult
+from hgorun.result.measure import from_origin
 from hgorun.result.result import Result
 from hgorun.result.status import OK, Verdict
 from hgorun.result.windows import MetricSettings
-from hgorun.simulation.loss import of_estimate
+from hgorun.simulation.measured import Measured
 from hgorun.simulation.prepared import PreparedRun
 
 _KEPT = 1_000_000  # numbers of an array that is kept in memory
@@ -28,42 +25,29 @@ _INPUTS: Memo[np.ndarray] = Memo(8, lambda u: u.size < _KEPT)
 _ROWS: Memo[tuple[np.ndarray, list[np.ndarray]]] = Memo(8, lambda rows: rows[0].size * len(rows[1]) < _KEPT)
 
 
-def record(run: PreparedRun, raw: Raw, verdicts: Mapping[str, Verdict]) -> Result:
+def record(run: PreparedRun, raw: Raw, found: Measured, integration: Integration, of_plant: Verdict = OK) -> Result:
     """Trajectories in the plant's coordinates, on the output grid, with metrics from the metric grid.
 
     Parameters
     ----------
-    run : PreparedRun
-    raw : Raw
-    verdicts : mapping of str to Verdict
-        Of the observers that are not plainly ok, with times since the run's origin.
+    run, raw, found, integration
+        The run, what it has given, and how.
+    of_plant : Verdict
+        What is said of the plant.
     """
     structure, numbers, blocks, model = run.structure, run.numbers, run.experiment.blocks, run.plant.model
-    _, every_output, every_metric = run.experiment.grid
-    shown, metric = slice(None, None, every_output), slice(None, None, every_metric)
-    rows, origin = raw.rows[:, :, 0], run.origin
-    grid = run.grid[shown].copy()
+    grid, origin = run.grid[:: run.experiment.grid[1]].copy(), run.origin
     u = _inputs(run, grid)
-    kept = np.ascontiguousarray(rows[shown])  # the arrays of the result are parts of it
-    y = np.ascontiguousarray(structure.outputs.along(grid, numbers.p, kept))
+    y = np.ascontiguousarray(structure.outputs.along(grid, numbers.p, found.rows))
     if not np.all(np.isfinite(y)):
         row, column = np.argwhere(~np.isfinite(y))[0]
         when = origin + grid[row]
         raise Problem(("plant",), f"output {model.outputs[column]} is not a finite number at t = {when:g}")
-    estimates = structure.estimates_along(run.grid, numbers.p, rows)
-    settings = MetricSettings.of(blocks.metrics, blocks.time)
-    metrics = measure_together(run.grid[metric], rows[metric, : model.n], estimates.at(metric), settings.since(origin))
-    if origin:
-        metrics = from_origin(metrics, origin)
-    embedded = None
-    if METHODS[run.solver.method].error:
-        blocks_of = {"plant": (0, model.n)} | {b.label: (b.start, b.stop) for b in numbers.observers}
-        embedded = {label: float(np.max(raw.error[a:b])) for label, (a, b) in blocks_of.items()}
     return Result(
         name=run.experiment.name,
         title=blocks.title,
         time=origin + grid,
-        x=kept[:, : model.n],
+        x=found.x,
         u=u.copy(),
         y=y,
         states=model.states,
@@ -71,53 +55,30 @@ def record(run: PreparedRun, raw: Raw, verdicts: Mapping[str, Verdict]) -> Resul
         outputs=model.outputs,
         units={"time": run.time.unit, **run.plant.units},
         measurements=_measurements(run, raw, grid, y),
-        observers=_observers(run, _verdicts(run, raw, estimates, verdicts), kept, estimates.at(shown), metrics),
+        observers=_observers(run, found),
         config=run.experiment.text,
         resolved=run.experiment.resolved_later,
         seed=blocks.seed,
-        windows=asdict(settings),
-        integration_error=embedded,
+        windows=asdict(found.settings),
+        integration=integration,
+        verdict=of_plant,
         measures=model.measures,
         remarks=run.remarks,
         design=DesignNumbers(numbers.p, numbers.z0, run.step),
     )
 
 
-def _verdicts(run: PreparedRun, raw: Raw, estimates: Estimated, known: Mapping[str, Verdict]) -> list[Verdict]:
-    """What is said of every observer, with times since the run's origin."""
-    sound = estimates.finite()
-    return [
-        known[b.label] if b.label in known else OK if sound else of_estimate(run, raw, j, estimates.of(j))
-        for j, b in enumerate(run.observers)
-    ]
-
-
-def _observers(
-    run: PreparedRun,
-    verdicts: Sequence[Verdict],
-    rows: np.ndarray,
-    estimates: Estimated,
-    metrics: Mapping[str, np.ndarray],
-) -> dict[str, ObserverResult]:
-    """Every observer's part of the result.
-
-    Parameters
-    ----------
-    verdicts : sequence of Verdict
-        Of the m observers.
-    rows : ndarray, shape (Nt, states)
-    estimates : Estimated
-        Both on the output grid.
-    metrics : mapping of str to ndarray, shape (m, n)
-    """
+def _observers(run: PreparedRun, measured: Measured) -> dict[str, ObserverResult]:
+    """Every observer's part of the result."""
+    metrics = from_origin(measured.metrics, run.origin) if run.origin else measured.metrics
     found, coordinates = {}, run.experiment.coordinates
-    for j, (b, verdict) in enumerate(zip(run.observers, verdicts, strict=True)):
+    for j, (b, verdict) in enumerate(zip(run.observers, measured.verdicts, strict=True)):
         # where an estimate is lost, the metrics' own grid may have missed it
         own = {name: np.full_like(values[j], np.inf) if verdict.lost else values[j] for name, values in metrics.items()}
         found[b.label] = ObserverResult(
             type=b.observer.type,
-            xhat=estimates.of(j),
-            internal={name: st.shaped(rows) for name, st in b.states.items() if name != "xhat" and st.size},
+            xhat=measured.estimates.of(j),
+            internal={name: st.shaped(measured.rows) for name, st in b.states.items() if name != "xhat" and st.size},
             gains={name: np.asarray(value).tolist() for name, value in b.design.items()},
             dimension=sum(st.size for name, st in b.states.items() if name != "alpha"),
             verdict=verdict if verdict.at is None else replace(verdict, at=run.origin + verdict.at),

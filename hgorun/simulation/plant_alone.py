@@ -13,7 +13,7 @@ from hgorun.engine.layout import Held, HybridSystem, Regime
 from hgorun.engine.plan import Plan
 from hgorun.engine.program import Program, Start, Tolerance
 from hgorun.errors import KeyPath, Problem
-from hgorun.measurement.events import Irregular, Kinks, infinite, merge, not_followed, too_many
+from hgorun.measurement.events import Irregular, Kinks, extremes, infinite, merge, not_followed, too_many
 from hgorun.measurement.sampling import SAMPLE_BYTES
 from hgorun.memo import Memo
 from hgorun.plants.build import BuiltPlant, SymbolicPlant
@@ -22,6 +22,7 @@ from hgorun.symbolic.crossings import TooMany
 from hgorun.symbolic.evaluate import evaluate
 
 _KINKS: Memo[Kinks] = Memo(64)
+_SLOPES: Memo[Kinks] = Memo(64)
 _PROGRAMS: Memo[tuple[Program, ca.Function]] = Memo(16)
 _STIFF: Tolerance = Tolerance(rtol=1e-9, atol=None, max_step=np.inf, first_step=np.inf)
 _FIRST = 1e-4  # of the run: the first step that is tried
@@ -45,6 +46,13 @@ def plant_kinks(plant: BuiltPlant, time: Time, origin: float) -> Irregular:
     if found.infinite is not None and not plant.block.discretise:
         _refuse(plant, time, origin)
     return found
+
+
+def plant_extremes(plant: BuiltPlant, time: Time) -> np.ndarray:
+    """Extremes of the plant's functions of time, which no step should pass over."""
+    symbolic, t = plant.symbolic, plant.model.t
+    slopes = _SLOPES.get(symbolic, lambda: Kinks.of_slopes(_functions(symbolic), t, symbolic.everything))
+    return extremes(slopes, plant.everything, time.start, time.end)
 
 
 def _functions(plant: SymbolicPlant) -> list[ca.SX]:
@@ -112,7 +120,10 @@ class PlantRun:
         symbolic = self.plant.symbolic
         program, output = _PROGRAMS.get((symbolic, self.stiff), lambda: _compiled(symbolic, stiff=self.stiff))
         start, end = self.time.start, self.time.end
-        kinks = merge(plant_kinks(self.plant, self.time, self.origin).times, 16 * np.spacing(max(abs(start), abs(end))))
+        times_of_change = plant_kinks(self.plant, self.time, self.origin).times
+        if self.stiff:  # no controlled step may pass over a pulse
+            times_of_change = np.concatenate([times_of_change, plant_extremes(self.plant, self.time)])
+        kinks = merge(times_of_change, 16 * np.spacing(max(abs(start), abs(end))))
         ends = np.concatenate([[start], kinks[(kinks > start) & (kinks < end)], [end]])
         steps = count_steps(np.diff(ends), np.inf if self.stiff else self.step)
         zero = np.zeros_like(steps)

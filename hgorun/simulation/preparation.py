@@ -11,14 +11,15 @@ import numpy as np
 from hgorun.errors import Problem
 from hgorun.measurement.noise import is_relative
 from hgorun.measurement.schedule import Channel, Schedule, build_schedule, check_delays, find_channels
-from hgorun.measurement.signals import kinks_of, signal_remarks
+from hgorun.measurement.signals import extremes_of, kinks_of, signal_remarks
 from hgorun.memo import Memo, Same
+from hgorun.observers.capabilities import SlidingMode
 from hgorun.plants.build import BuiltPlant, SymbolicPlant
 from hgorun.result.data import DesignNumbers
 from hgorun.simulation.checks import check_run
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.observer_block import Design
-from hgorun.simulation.plant_alone import PlantRun, plant_kinks, plant_remarks
+from hgorun.simulation.plant_alone import PlantRun, plant_extremes, plant_kinks, plant_remarks
 from hgorun.simulation.prepared import Numbers, PreparedRun
 from hgorun.simulation.structure import Structure, parameter_values, structure_of
 from hgorun.simulation.truth import SimulatedPlant
@@ -47,9 +48,23 @@ def prepare(experiment: Experiment, design: DesignNumbers | None = None) -> Prep
     ConfigError
     """
     with experiment.located():
+        _check_limits(experiment)
         run = _prepared(experiment, design)
         check_run(run)
     return run
+
+
+def _check_limits(experiment: Experiment) -> None:
+    """What has no limit as the step falls cannot have its step found by error control."""
+    if not experiment.blocks.solver.controlled:
+        return
+    for label, observer in experiment.observers.items():
+        if isinstance(observer, SlidingMode):
+            raise Problem(
+                ("solver", "step"),
+                f"observer {label} ({observer.type}) switches in every step and has no limit as steps get shorter, "
+                "so that no error can be controlled: give a number, as in solver: {method: euler, step: 1e-4}",
+            )
 
 
 def _prepared(experiment: Experiment, design: DesignNumbers | None) -> PreparedRun:
@@ -106,7 +121,8 @@ def _mean_squares(experiment: Experiment, step: float) -> np.ndarray | None:
         return None
     if experiment.plant.block.discretise:
         raise Problem(("plant", "discretise"), "snr_db needs a plant in continuous time; give std")
-    alone = PlantRun(experiment.plant, experiment.time, step, experiment.origin, stiff=experiment.blocks.solver.stiff)
+    stiff = experiment.blocks.solver.alone_stiff
+    alone = PlantRun(experiment.plant, experiment.time, step, experiment.origin, stiff=stiff)
     return alone.mean_squares()
 
 
@@ -115,8 +131,17 @@ def _schedule(experiment: Experiment, channels: list[Channel], step: float) -> S
     found = [plant_kinks(experiment.plant, time, experiment.origin)]
     found += [kinks_of(s, time.max_memory) for channel in channels for s in channel.stretches if s.continuous]
     kinks = np.concatenate([irregular.times for irregular in found])
-    key: Hashable = tuple(channel.timing for channel in channels), time, kinks.tobytes(), step
-    return _SCHEDULES.get(key, lambda: build_schedule(channels, time, kinks, step))
+    looked_at = _extremes(experiment, channels) if experiment.blocks.solver.controlled else np.zeros(0)
+    timings, changes = tuple(channel.timing for channel in channels), (kinks.tobytes(), looked_at.tobytes())
+    key: Hashable = timings, time, experiment.origin, changes, step  # delays depend on the clock
+    return _SCHEDULES.get(key, lambda: build_schedule(channels, time, kinks, step, looked_at))
+
+
+def _extremes(experiment: Experiment, channels: list[Channel]) -> np.ndarray:
+    """Where functions of time have extremes: however narrow these are, error control sees a pulse at an event."""
+    found = [plant_extremes(experiment.plant, experiment.blocks.time)]
+    found += [extremes_of(s) for channel in channels for s in channel.stretches if s.continuous]
+    return np.concatenate(found)
 
 
 def _remarks(experiment: Experiment) -> tuple[str, ...]:
@@ -128,10 +153,12 @@ def _remarks(experiment: Experiment) -> tuple[str, ...]:
 
 
 def nominal_step(experiment: Experiment) -> float:
-    """The step that is given, or one from the fastest declared frequency and the fastest error dynamics.
+    """The step that is given, or the one with which error control begins.
 
-    RK4 follows exp(-rate t) to about 1e-7 of a step when rate * step is 0.05, and a sinusoid to the same
-    with 60 points a period; never fewer than 1,000 steps a run. Euler takes 100 times as many.
+    That follows from the fastest declared frequency and the fastest error dynamics at the start: RK4 follows
+    exp(-rate t) to about 1e-7 of a step when rate * step is 0.05, and a sinusoid to the same with 60 points a period.
+    It is the span over a power of two, up to twice as long as that and at least 2^-10 of the run; Euler's method
+    takes steps 100 times as short. What takes more than 2^20 of them begins with these.
     """
     if experiment.given_step is not None:
         return experiment.given_step
@@ -155,7 +182,12 @@ def nominal_step(experiment: Experiment) -> float:
             fastest = s.fastest() if s.continuous else 0.0
             if fastest > 0:
                 step = min(step, 2 * np.pi / fastest / 60)
-    return step / 100 if experiment.blocks.solver.method == "euler" else step
+    if experiment.blocks.solver.method == "euler":
+        step /= 100
+    span = time.end - time.start
+    if experiment.adaptive:
+        return step
+    return float(span / 2.0 ** np.clip(np.floor(np.log2(span / step)), 10, 20))
 
 
 def _slopes(plant: SymbolicPlant) -> ca.Function:

@@ -87,8 +87,13 @@ class PreparedRun:
         return self.experiment.blocks.solver
 
     @property
+    def span(self) -> float:
+        """How long the run lasts."""
+        return self.time.end - self.time.start
+
+    @property
     def adaptive(self) -> bool:
-        """Whether an error estimate controls the step."""
+        """Whether given tolerances control every step."""
         return self.experiment.adaptive
 
     @property
@@ -104,4 +109,4 @@ class PreparedRun:
     @cached_property
     def plant_alone(self) -> PlantRun:
         """The plant without observers, at other times than those of the grid."""
-        return PlantRun(self.plant, self.time, self.step, self.origin, stiff=self.solver.stiff)
+        return PlantRun(self.plant, self.time, self.step, self.origin, stiff=self.solver.alone_stiff)

@@ -48,6 +48,7 @@ def build_plan(
     longest: float,
     reach: float,
     origin: float = 0.0,
+    uneven: float | None = None,
     inputs: RecordedInputs | None = None,
     samples: Sequence[np.ndarray] | None = None,
 ) -> Plan:
@@ -69,13 +70,15 @@ def build_plan(
         The longest continuous delay.
     origin : float
         The start of the run on the configuration's clock.
+    uneven : float, optional
+        For a run that is compared with one of even steps: so many steps for each of its steps, not even.
     inputs : RecordedInputs, optional
         Where the system takes its inputs from the tables.
     samples : sequence of ndarray, shape (Nk,) each, optional
         What arrives of every output, where it is recorded: the system's own outputs are zero then.
     """
-    key = schedule, system, Same(grid), always_slope, longest, None if inputs is None else Same(inputs)
-    tables = _TABLES.get(key, lambda: _build(schedule, channels, grid, system, always_slope, longest, inputs))
+    key = schedule, system, Same(grid), always_slope, longest, uneven, None if inputs is None else Same(inputs)
+    tables = _TABLES.get(key, lambda: _build(schedule, channels, grid, system, always_slope, longest, uneven, inputs))
     changes = [channel.held_changes[1] for channel in channels]
     recorded = [] if inputs is None else [inputs.values(channels)]
     measured = [channel.gain_and_bias for channel in channels]
@@ -106,6 +109,7 @@ def _build(
     system: HybridSystem,
     always_slope: bool,
     longest: float,
+    uneven: float | None,
     inputs: RecordedInputs | None,
 ) -> Tables:
     events = schedule.events
@@ -121,6 +125,8 @@ def _build(
     counts = np.column_stack(
         [steps, np.zeros_like(steps), steps, schedule.variant, table.first[:-1], table.first[1:], slope]
     )
+    if uneven is not None:
+        spans, counts = _unevenly(spans, counts, uneven)
     spans, counts = in_pieces(spans, counts)
     # what happens at the very end: one more segment without steps
     last = np.array([[1, 0, 0, counts[-1, 3], table.first[-1], table.rows.shape[0], 0]])
@@ -159,6 +165,65 @@ def count_steps(gaps: np.ndarray, longest: float, key: str = "step") -> np.ndarr
             f"increase solver.{key}" + (", or solver.method: rodas5p if the system is stiff" if key == "step" else ""),
         )
     return np.asarray(steps.astype(np.int64))
+
+
+_PART = 0.5 * (3 - 5**0.5)  # of a gap, before its cut: no simple fraction
+
+
+def uneven_steps(steps: np.ndarray, ratio: float) -> np.ndarray:
+    """How many steps a gap takes in a run that is compared with one of ``steps`` even steps.
+
+    Parameters
+    ----------
+    steps : ndarray of int
+    ratio : float
+        So many for each of them, two at least; where that would hardly be another number, one more.
+    """
+    other = np.maximum(np.round(ratio * steps).astype(np.int64), 2)
+    return np.where((other >= steps) & (ratio < 1), steps + 1, other)
+
+
+def _cut(total: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """How many of the uneven steps of each gap lie before its cut, and how many behind it."""
+    before = np.clip(np.round(_PART * total).astype(np.int64), 1, total - 1)
+    return before, total - before
+
+
+def part_of_difference(steps: np.ndarray, ratio: float, order: int) -> float:
+    """How large the error of even steps is, for a difference of one to uneven ones.
+
+    Parameters
+    ----------
+    steps : ndarray of int
+        Even steps of every gap.
+    ratio : float
+        As in :func:`uneven_steps`.
+    order : int
+        With which errors fall with the step; where it is higher, what is found is too large.
+    """
+    even = np.unique(steps)
+    uneven = _cut(uneven_steps(even, ratio))
+    own = even ** (-1.0 * order)
+    parts = (_PART, 1 - _PART)
+    other = sum(part ** (order + 1) / count ** (1.0 * order) for part, count in zip(parts, uneven, strict=True))
+    return float(np.max(own / np.abs(other - own)))
+
+
+def _unevenly(spans: np.ndarray, counts: np.ndarray, ratio: float) -> tuple[np.ndarray, np.ndarray]:
+    """Segments cut in two parts with even steps each, whose times are no simple fractions of the segment.
+
+    Two runs with even steps share the zeros of many a sinusoid, whatever the numbers of their steps.
+    """
+    before, after = _cut(uneven_steps(counts[:, 0], ratio))
+    cut = spans[:, 0] + _PART * (spans[:, 1] - spans[:, 0])
+    cut = np.clip(cut, spans[:, 2], spans[:, 3])  # not outside of where functions of time are evaluated
+    split_spans, split_counts = np.repeat(spans, 2, axis=0), np.repeat(counts, 2, axis=0)
+    split_spans[::2, 1] = split_spans[::2, 3] = split_spans[1::2, 0] = split_spans[1::2, 2] = cut
+    split_counts[::2, 0] = split_counts[::2, 2] = before
+    split_counts[1::2, 0] = split_counts[1::2, 2] = after
+    split_counts[1::2, 4] = split_counts[1::2, 5]  # nothing happens at the cut
+    split_counts[:, 6] = 1
+    return split_spans, split_counts
 
 
 def _row_in_last_step(events: np.ndarray, steps: np.ndarray, grid: np.ndarray) -> np.ndarray:

@@ -25,7 +25,7 @@ def load(
     overrides : sequence of str
         ``path=value`` each, as on the command line after ``--set``.
     seed : int, optional
-        In place of the file's.
+        Overrides the seed in the file.
     run : str, optional
         Which, of a file with several ``runs``; of an ensemble the first member.
 

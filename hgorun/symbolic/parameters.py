@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import re
-from typing import Any
 
 import casadi as ca
 import numpy as np
+from numpy.typing import ArrayLike
 
 _NOT_A_WORD = re.compile(r"\W", re.ASCII)
 
 
-def flat(values: Any) -> np.ndarray:
+def flat(values: ArrayLike) -> np.ndarray:
     """An array as it lies among the parameters: column after column."""
     array = np.asarray(values, dtype=float)
     return array.ravel(order="F")
@@ -24,7 +24,7 @@ class Parameters:
         self._symbols: list[ca.SX] = []
         self._values: list[np.ndarray] = []
 
-    def add(self, name: str, values: Any) -> ca.SX:
+    def add(self, name: str, values: ArrayLike) -> ca.SX:
         """Append an array; returns its symbol, of the same shape (at most two dimensions)."""
         array = np.asarray(values, dtype=float)
         rows, columns = (*array.shape, 1, 1)[:2]

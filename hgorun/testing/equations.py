@@ -161,7 +161,7 @@ class Equations:
 
     @property
     def singular(self) -> bool:
-        """Whether the flow is no number at the start, the estimate right."""
+        """Whether the flow is not a number at the start, with the right estimate."""
         if not isinstance(self.observer, ContinuousObserver):
             return False
         try:

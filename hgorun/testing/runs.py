@@ -11,8 +11,9 @@ from hgorun.observers.base import ContinuousObserver, SampledObserver
 from hgorun.observers.capabilities import Differentiator
 from hgorun.result.data import ObserverResult
 from hgorun.result.result import Result
+from hgorun.simulation.passes import as_given, integrate, integrate_lanes
 from hgorun.simulation.preparation import prepare
-from hgorun.simulation.simulate import integrate, integrate_lanes, simulate
+from hgorun.simulation.simulate import simulate
 from hgorun.symbolic.forms import ModelCopy
 from hgorun.symbolic.states import Symmetric
 from hgorun.testing.cases import Case, Subject
@@ -66,9 +67,9 @@ def _in_lanes(subject: Subject) -> None:
     case = subject.cases[0]
     starts = [{name: value * (1 + 0.01 * k) for name, value in case.aside.items()} for k in range(LANES)]
     runs = [prepare(case.experiment({"it": {"initial": start}})) for start in starts]
-    together = integrate_lanes(runs)
+    together = integrate_lanes(runs, as_given(runs[0]))
     for lane, run in enumerate(runs):
-        alone = integrate(run, run.step)
+        alone = integrate(run, as_given(run))
         if not np.array_equal(together.rows[..., lane], alone.rows[..., 0], equal_nan=True):
             gap = float(np.nanmax(np.abs(together.rows[..., lane] - alone.rows[..., 0])))
             raise Broken(f"states that differ by {gap:.3g} in lane {lane} of {LANES}", "the same bits in every lane")

@@ -53,7 +53,7 @@ def test_a_finding_from_outside_is_like_a_built_in_one(
     code = code_of("extending.md", "@finding(")
     with installed(tmp_path, monkeypatch, FINDINGS, "my_findings", code, damping="damping"):
         observers = {"SHGO": {"type": "shgo", "theta": 4, "poles": [-3, -1]}, "D": {"type": "levant", "G": 1}}
-        made = hgorun.analyze(experiment(chain(2), observers))
+        made = hgorun.analyze(experiment(chain(2), observers, step=0.01))
         found = made.as_json()["observers"]
         assert found["SHGO"]["damping"] == 1
         assert found["D"]["damping"] is None

@@ -57,7 +57,8 @@ def test_its_values_reach_the_samples_and_the_continuous_output(tmp_path: Path) 
 
 def test_the_automatic_step_follows_it(tmp_path: Path) -> None:
     fast = CHIRP | {"rate": 5}  # 102 rad a time unit at the end
-    assert prepared(tmp_path, config(fast)).step == pytest.approx(2 * np.pi / 102 / 60, rel=1e-12)
+    asked = 2 * np.pi / 102 / 60
+    assert asked <= prepared(tmp_path, config(fast)).step < 2 * asked  # the span over a power of two
 
 
 def test_amplitudes_are_numbers_of_the_same_code(tmp_path: Path) -> None:

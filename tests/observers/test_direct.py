@@ -192,7 +192,7 @@ PLAIN = {"type": "direct", "theta": 1}
     [
         (inline("a b", {"a": "b", "b": "-a"}, ["a", "b"]), PLAIN, "takes one"),
         (inline("a b c", {"a": "b + c", "b": "-a", "c": "b"}, "a"), PLAIN, "depends on b and c"),
-        (inline("a b", {"a": "-a", "b": "a"}, "a"), PLAIN, "state b does not come in"),
+        (inline("a b", {"a": "-a", "b": "a"}, "a"), PLAIN, "state b does not appear in"),
         (inline("a b", {"a": "2*b", "b": "-a"}, "a"), {"type": "dynamic_gain", **DYNAMIC, "initial": {}},
          "slope of the derivative of a in b is 2"),
     ],

@@ -133,7 +133,7 @@ def inline(dynamics: dict[str, str], output: Any = "a", **more: Any) -> dict[str
 @pytest.mark.parametrize(
     ("plant", "words"),
     [
-        (chain(1), "needs n >= 2, found n = 1; .*taken by .*shgo"),
+        (chain(1), "needs n >= 2, found n = 1; .*observers for this plant are .*shgo"),
         (inline({"a": "b", "b": "-a", "c": "d", "d": "-c"}, ["a", "c"]), "one output, found a, c"),
         (inline({"a": "b", "b": "c + sin(t)", "c": "-a"}), "derivative of the state b has a further term"),
         (inline({"a": "2*b + u", "b": "-a"}, inputs={"u": "sin(t)"}), "derivative of z1 has a further term"),

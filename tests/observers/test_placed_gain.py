@@ -59,8 +59,10 @@ def test_the_fastest_rate_is_that_of_the_gains() -> None:
     ],
 )
 def test_as_many_gains_as_the_error_has_states(block: dict[str, Any], words: str) -> None:
-    with pytest.raises(ConfigError, match=words):
+    with pytest.raises(ConfigError, match=words) as caught:
         prepare(experiment(PLANT, {"o": {"theta": 3, **block}}))
+    given = [key for key in ("gains", "poles") if key in block]
+    assert caught.value.key == ".".join(["observers", "o", *given] if len(given) == 1 else ["observers", "o"])
 
 
 def test_what_is_written_can_be_read() -> None:

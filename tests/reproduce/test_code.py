@@ -72,6 +72,7 @@ def test_all_else_has_a_meaning(other: str) -> None:
 WITHOUT_NUMBERS = {
     "hgorun.config.overrides",
     "hgorun.config.paths",
+    "hgorun.config.plugin",
     "hgorun.config.validation",
     "hgorun.config.yaml_errors",
     "hgorun.config.yaml_source",

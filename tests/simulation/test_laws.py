@@ -15,7 +15,7 @@ from scipy.linalg import block_diag, expm, solve_discrete_lyapunov
 from hgorun import Result, SimulationError
 from hgorun.engine.plan import Plan
 from hgorun.engine.program import Program, Raw, Start
-from hgorun.simulation.simulate import integrate
+from hgorun.simulation.passes import as_given, integrate
 
 HELD = [{"type": "gaussian", "std": 0.1, "hold": 0.15}]
 DRAWN = [{"type": "uniform", "low": -0.1, "high": 0.2}]
@@ -171,9 +171,9 @@ class Recorded:
     def __init__(self, program: Program) -> None:
         self.program = program
 
-    def run(self, plan: Plan, start: Start, *more: Any) -> Raw:
+    def run(self, plan: Plan, start: Start, *more: Any, **keys: Any) -> Raw:
         self.plan, self.start = plan, start
-        return self.program.run(plan, start, *more)
+        return self.program.run(plan, start, *more, **keys)
 
 
 def in_lanes(folder: Path, config: dict[str, Any], lanes: list[list[str]]) -> tuple[Raw, list[Raw]]:
@@ -184,7 +184,7 @@ def in_lanes(folder: Path, config: dict[str, Any], lanes: list[list[str]]) -> tu
         programs = each.structure._programs
         asked.append(Recorded(each.structure.program("rk4")))
         programs["rk4", False, 1] = cast(Program, asked[-1])
-        single.append(integrate(each, each.step))
+        single.append(integrate(each, as_given(each)))
         programs["rk4", False, 1] = asked[-1].program
     numbers: dict[str, Any] = {
         name: np.column_stack([getattr(a.plan, name) for a in asked]) for name in ("gain", "bias", "holds")

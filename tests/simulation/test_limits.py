@@ -59,11 +59,6 @@ def test_a_step_with_too_many_steps(step: float, noise: list[Any], tmp_path: Pat
     assert "increase solver.step" in message
 
 
-def test_an_automatic_step_with_too_many_steps(tmp_path: Path) -> None:
-    message = refused(tmp_path, CONFIG | {"solver": {"step": "auto"}}, "observers.S.theta=1e15")
-    assert "solver.step: the run takes" in message
-
-
 def test_the_longest_adaptive_step(tmp_path: Path) -> None:
     solver = {"method": "dopri5", "rtol": 1e-6, "max_step": 1e-20}
     assert "solver.max_step: the run takes 1e+21 steps" in refused(tmp_path, CONFIG | {"solver": solver})

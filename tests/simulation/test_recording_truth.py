@@ -11,8 +11,9 @@ from examples import Block, chain, experiment, inline
 from hgorun.engine.program import Start
 from hgorun.measurement.schedule import build_schedule, nearest_event
 from hgorun.observers.base import SampledObserver
+from hgorun.simulation.passes import as_given, integrate
+from hgorun.simulation.preparation import prepare
 from hgorun.simulation.prepared import PreparedRun
-from hgorun.simulation.simulate import integrate, prepare
 from hgorun.simulation.structure import parameter_values, structure_of
 from hgorun.simulation.tables import RecordedInputs, build_plan
 from hgorun.simulation.truth import Recording, SimulatedPlant
@@ -35,7 +36,7 @@ NOISE = [{"type": "gaussian", "std": 0.05}]
 
 def recorded(run: PreparedRun, inputs: RecordedInputs | None = None) -> np.ndarray:
     """The observers' states on what the simulated run has measured, shape (rows, states)."""
-    raw, designs = integrate(run, run.step), list(run.experiment.designs.values())
+    raw, designs = integrate(run, as_given(run)), list(run.experiment.designs.values())
     counts = np.cumsum([c.samples.arrival.size for c in run.channels])[:-1]
     samples = np.split(raw.measured[:, 0], counts)
     schedule = run.schedule
@@ -51,12 +52,12 @@ def recorded(run: PreparedRun, inputs: RecordedInputs | None = None) -> np.ndarr
     )  # fmt: skip
     p = parameter_values(run.plant.everything, run.experiment.stretches, designs)
     z0 = [d.initial(run.plant.parameters, has_alpha=structure.system.has_alpha) for d in designs]
-    program = structure.program(run.solver.method)
+    program = structure.program(run.solver.given_method)
     return program.run(plan, Start(np.concatenate(z0)[:, None], p[:, None])).rows[:, :, 0]
 
 
 def assert_same_bits(run: PreparedRun, inputs: RecordedInputs | None = None) -> None:
-    simulated = integrate(run, run.step).rows[:, run.plant.model.n :, 0]
+    simulated = integrate(run, as_given(run)).rows[:, run.plant.model.n :, 0]
     assert np.array_equal(recorded(run, inputs), simulated)
     assert np.ptp(simulated, axis=0).max() > 0.1  # something has happened
 
@@ -98,7 +99,7 @@ def test_an_input_of_straight_lines() -> None:
     )
     times = np.arange(4.0)
     lines = RecordedInputs(times, 0.5 * times[:, None], np.full((4, 1), 0.5))
-    simulated = integrate(run, run.step).rows[:, 2:, 0]
+    simulated = integrate(run, as_given(run)).rows[:, 2:, 0]
     np.testing.assert_allclose(recorded(run, lines), simulated, rtol=0, atol=1e-13)
 
 
@@ -119,7 +120,7 @@ def test_groups_with_plants_of_their_own() -> None:
     z0 = np.concatenate([x0, first, x0, second, [0.0]])
     p = parameter_values(run.plant.everything, stretches, designs)
     rows = structure.program("rk4").run(plan, Start(z0[:, None], p[:, None])).rows[:, :, 0]
-    together = integrate(run, run.step).rows[:, :, 0]
+    together = integrate(run, as_given(run)).rows[:, :, 0]
     assert np.array_equal(rows[:, :2], together[:, :2])
     blocks_apart, blocks_together = structure.observers, run.observers
     for apart, beside in zip(blocks_apart, blocks_together, strict=True):

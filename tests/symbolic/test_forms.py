@@ -72,7 +72,7 @@ def test_derivatives_of_inputs() -> None:
     [
         (inline({"a": "b", "b": "0"}, ["a", "b"]), "2 outputs"),
         (inline({"a": "b + c", "b": "c", "c": "0"}, "a"), "the derivative of a depends on b and c"),
-        (inline({"a": "b", "b": "-a", "c": "-c"}, "a"), "state c does not come in"),
+        (inline({"a": "b", "b": "-a", "c": "-c"}, "a"), "state c does not appear in"),
     ],
 )
 def test_what_is_not_lower_triangular(block: Block, message: str) -> None:

@@ -16,6 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hgorun import Result
+from hgorun.result.data import Integration
 from hgorun.result.metrics.base import all_metrics
 from hgorun.result.status import OK, Verdict
 from hgorun.tables import metrics as tables
@@ -132,7 +133,7 @@ def test_text_says_who_diverged_and_when(result: Result) -> None:
 
 
 def test_text_of_several_results_with_different_states(result: Result) -> None:
-    other = replace(with_metrics(result, O={"rmse": [1.0]}), name="b", states=("z",), integration_error=None)
+    other = replace(with_metrics(result, O={"rmse": [1.0]}), name="b", states=("z",), integration=None)
     shown = tables.text([result, other])
     assert "vdp: SHGO" in shown
     row = next(line for line in shown.split("\n") if line.startswith("b: O"))
@@ -175,12 +176,13 @@ def test_json_holds_the_metrics(result: Result) -> None:
         assert {"status": "ok", **metrics}.items() <= found["observers"][label].items()
         assert found["observers"][label]["coordinates"] == {"map": "chain", "chains": {"x1": 2}}
     assert set(found["integration_error"]) == {"plant", *result.observers}
-    assert "integration_error" not in tables.as_json(replace(result, integration_error=None))
+    assert "integration_error" not in tables.as_json(replace(result, integration=None))
 
 
 def test_numbers_that_are_not_finite_are_text_in_json(result: Result) -> None:
     odd = with_metrics(result, A={"rmse": [math.inf, -math.inf], "hf": [math.nan, 1.0]})
-    odd = replace(odd, integration_error={"plant": 0.0, "A": math.inf})
+    errors = {"plant": 0.0, "A": math.inf}
+    odd = replace(odd, integration=Integration(method="rk4", step=0.1, rtol=None, evaluations=1, error=errors))
 
     def refuse(constant: str) -> None:
         raise AssertionError(constant)
@@ -343,7 +345,7 @@ def test_latex_of_no_metrics_has_the_labels_alone(result: Result) -> None:
 
 def test_a_metric_that_a_file_does_not_have_is_a_dash(result: Result) -> None:
     """An older file, beside one of today."""
-    older = replace(with_metrics(result, A={"rmse": [1.0, 2.0]}), name="older", integration_error=None)
+    older = replace(with_metrics(result, A={"rmse": [1.0, 2.0]}), name="older", integration=None)
     assert " -- " in tables.latex([result, older])
     row = next(line for line in tables.text([result, older]).split("\n") if line.startswith("older: A"))
     assert row.split()[2:] == ["1.000", "2.000", *["-"] * (len(row.split()) - 4)]

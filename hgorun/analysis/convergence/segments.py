@@ -30,7 +30,7 @@ def along(run: PreparedRun, chart: Chart, result: Result, label: str) -> np.ndar
     if chart.straight:
         x, xhat = chart.image(x), chart.image(xhat)
     sound = np.all(np.isfinite(np.hstack([x, xhat])), axis=1)
-    count = int(sound.size if sound.all() else np.argmin(sound))  # until the first that is no number
+    count = int(sound.size if sound.all() else np.argmin(sound))  # until the first that is not a number
     if count < 2:
         return np.full((len(chart.names),) * 2, np.inf)
     starts = np.arange(0, count - 1, -(-(count - 1) // _PIECES))

@@ -24,7 +24,7 @@ The second does not see that the differences w cancel over time, which is why it
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import cast
 
 import casadi as ca
 import numpy as np
@@ -107,7 +107,7 @@ def katayama_conditions(run: PreparedRun, label: str, result: Result) -> Katayam
     observer = run.experiment.observers[label]
     if not isinstance(observer, ReducedOrder):
         raise NoValue("the conditions are for reduced_sampled and deadbeat")
-    form: Any = run.forms[label]
+    form = cast(StrictFeedbackForm, run.forms[label])  # the class of plants that these observers are for
     samples = run.channels[0].samples
     arrival = samples.arrival[samples.used]
     steps = np.diff(arrival)

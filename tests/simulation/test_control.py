@@ -1,0 +1,309 @@
+"""Runs with default settings against closed forms and scipy: right to the accuracy, or said not to be."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from examples import VAN_DER_POL, experiment, inline, load
+from scipy.integrate import solve_ivp
+from scipy.linalg import expm
+
+from hgorun import Experiment, Result, simulate
+from hgorun.errors import ConfigError
+from hgorun.simulation.preparation import prepare
+from hgorun.simulation.tables import part_of_difference, uneven_steps
+
+Right = Callable[[float, float, float], float]
+
+
+def chain_of_two(phi: str, x0: Sequence[float], xhat0: Sequence[float], *, end: float, **more: Any) -> Experiment:
+    """x1' = x2, x2' = phi, with a standard observer."""
+    theta, noise = more.pop("theta", 2), more.pop("noise", None)
+    plant = inline({"x1": "x2", "x2": phi}, "x1", initial={"x1": x0[0], "x2": x0[1]})
+    observer = {"type": "shgo", "theta": theta, "initial": {"x1": xhat0[0], "x2": xhat0[1]}}
+    measurement = {} if noise is None else {"noise": [{"type": "expression", "value": noise}]}
+    return experiment(plant, {"S": observer}, end=end, output_step=end / 200, measurement=measurement, **more)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Case:
+    """A chain of two, and the same for scipy."""
+
+    phi: str
+    right: Right
+    end: float
+    start: tuple[float, float] = (1.0, 0.0)
+    estimate: tuple[float, float] = (0.0, 0.0)
+    theta: float = 2.0
+    noise: str | None = None
+    measured: Callable[[float], float] = lambda t: 0.0
+    breaks: tuple[float, ...] = ()
+    method: str = "DOP853"
+    longest: float = np.inf
+
+    def experiment(self, **solver: Any) -> Experiment:
+        return chain_of_two(
+            self.phi, self.start, self.estimate, end=self.end, theta=self.theta, noise=self.noise, solver=solver
+        )
+
+    def exact(self, grid: np.ndarray) -> np.ndarray:
+        """(x, xhat) by scipy, piece by piece."""
+
+        def flow(t: float, z: np.ndarray) -> list[float]:
+            e = z[2] - z[0] - self.measured(t)
+            correction = 2 * self.theta * e, self.theta**2 * e
+            return [z[1], self.right(t, z[0], z[1]), z[3] - correction[0], self.right(t, z[2], z[3]) - correction[1]]
+
+        found, z = np.zeros((grid.size, 4)), np.array([*self.start, *self.estimate])
+        edges = [0.0, *self.breaks, self.end]
+        for a, b in pairwise(edges):
+            inside = (grid >= a) & (grid <= b)
+            longest = min(self.longest, (b - a) / 50)
+            times = np.unique(np.append(grid[inside], b))
+            solution = solve_ivp(
+                flow, (a, b), z, method=self.method, rtol=1e-9, atol=1e-12, t_eval=times, max_step=longest
+            )
+            found[inside], z = solution.y.T[: inside.sum()], solution.y[:, -1]
+        return found
+
+
+def gauss(t: float, at: float, width: float) -> float:
+    return float(np.exp(-(((t - at) / width) ** 2)))
+
+
+CASES = {
+    "a wrong first estimate": Case(
+        phi="(1 - x1**2)*x2 - x1", right=lambda t, a, b: (1 - a**2) * b - a, end=20, estimate=(20, 0), theta=1
+    ),
+    "a pulse of 10 ms in 1000 s": Case(
+        phi="-x1 - 0.2*x2 + 50*exp(-((t - 500)/0.01)**2)",
+        right=lambda t, a, b: -a - 0.2 * b + 50 * gauss(t, 500, 0.01),
+        end=1000, estimate=(1, 0), breaks=(499.9, 500.1),
+    ),
+    "two pulses": Case(
+        phi="-x1 - 0.2*x2 + 50*exp(-((t - 50)/0.003)**2) - 80*exp(-((t - 73.3)/0.005)**2)",
+        right=lambda t, a, b: -a - 0.2 * b + 50 * gauss(t, 50, 0.003) - 80 * gauss(t, 73.3, 0.005),
+        end=100, breaks=(49.98, 50.02, 73.25, 73.35),
+    ),
+    "a pulse of noise": Case(
+        phi="-x1 - 0.2*x2", right=lambda t, a, b: -a - 0.2 * b, end=100, estimate=(1, 0), theta=5,
+        noise="5*exp(-((t - 60.123)/0.003)**2)", measured=lambda t: 5 * gauss(t, 60.123, 0.003), breaks=(60.1, 60.15),
+    ),
+    "fast late": Case(
+        phi="-where(t < 8, 1, 10000)*x1 - 0.3*x2", right=lambda t, a, b: -(1 if t < 8 else 10000) * a - 0.3 * b,
+        end=10, theta=4, breaks=(8,),
+    ),
+    "fast from some state on": Case(
+        phi="-tanh(1e4*x2) - x1", right=lambda t, a, b: -np.tanh(1e4 * b) - a, end=5, start=(3, 0), estimate=(2, 0),
+        theta=3, method="Radau",
+    ),
+    "expression noise": Case(
+        phi="-x1 - 0.2*x2", right=lambda t, a, b: -a - 0.2 * b, end=2, estimate=(1, 0), noise="0.5*sin(1000*t)",
+        measured=lambda t: 0.5 * np.sin(1000 * t), longest=1e-3,
+    ),
+    "relaxation": Case(
+        phi="30*(1 - x1**2)*x2 - x1", right=lambda t, a, b: 30 * (1 - a**2) * b - a, end=60, start=(2, 0),
+        estimate=(2, 0.1), method="Radau",
+    ),
+    "periapsis": Case(
+        phi="-1/x1**2 + 0.02/x1**3", right=lambda t, a, b: -1 / a**2 + 0.02 / a**3, end=10, estimate=(1, 0.01), theta=5,
+    ),
+    "kinks in the state": Case(
+        phi="-x1 - 0.2*x2 - 20*max(0, x1 - 0.5)", right=lambda t, a, b: -a - 0.2 * b - 20 * max(0, a - 0.5), end=10,
+        theta=3,
+    ),
+}  # fmt: skip
+
+
+def sizes(x: np.ndarray, xhat: np.ndarray, time: np.ndarray, end: float) -> dict[str, np.ndarray]:
+    """rmse, sup and peak, written out."""
+    e = np.abs(xhat - x)
+    late, early = e[time >= end / 3 * (1 - 1e-12)], e[time <= end / 3 * (1 + 1e-12)]
+    return {"rmse": np.sqrt(np.mean(late**2, axis=0)), "sup": late.max(axis=0), "peak": early.max(axis=0)}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_default_settings_are_right(name: str) -> None:
+    case = CASES[name]
+    result = simulate(case.experiment())
+    exact = case.exact(result.time)
+    size = np.abs(exact[:, :2]).max(axis=0)
+    assert result.status == "ok"
+    assert np.all(np.abs(result.x - exact[:, :2]) <= 1e-3 * size)
+    for metric, value in sizes(exact[:, :2], exact[:, 2:], result.time, case.end).items():
+        found = result.observers["S"].metrics[metric]
+        # scipy's own errors are some 1e-8
+        assert np.all(np.abs(found - value) <= 1e-3 * np.maximum(value, 1e-6 * size) + 1e-7 * size), metric
+    assert result.integration_error is not None
+    assert max(result.integration_error.values()) <= 1e-3
+
+
+def test_the_accuracy_can_be_chosen() -> None:
+    case = CASES["a wrong first estimate"]
+    errors, evaluations = [], []
+    for accuracy in (1e-2, 1e-5, 1e-8):
+        result = simulate(case.experiment(accuracy=accuracy))
+        exact = case.exact(result.time) if accuracy > 1e-6 else simulate(case.experiment(step=1e-4)).x
+        errors.append(float(np.max(np.abs(result.x - exact[:, :2]))))
+        assert errors[-1] <= accuracy * 2
+        assert result.integration is not None
+        assert result.integration.evaluations is not None
+        evaluations.append(result.integration.evaluations)
+    assert evaluations[0] < min(evaluations[1:])
+
+
+HEATER = inline(
+    {"T": "(20 - T)/tau + P/C"}, "T", start=20,
+    parameters={"tau": 120, "C": 500, "P0": 1000}, inputs={"P": "P0*sin(2*pi*50*t)**2"},
+)  # fmt: skip
+
+
+def test_mains_power_is_not_seen_at_its_zeros_alone() -> None:
+    """Steps of 1 s, and their halves, meet sin(2 pi 50 t)^2 where it is zero."""
+    result = simulate(experiment(HEATER, {}, end=1000, output_step=10, measurement={"sampling": {"period": 10}}))
+    assert result.x[-1, 0] == pytest.approx(20 + 120 * (1 - np.exp(-1000 / 120)), rel=1e-4)
+
+
+@pytest.mark.parametrize("step", [1.0, 0.5])
+@pytest.mark.parametrize("finer", [False, True])
+def test_a_given_step_at_the_zeros_of_the_power_is_told(step: float, finer: bool) -> None:
+    result = simulate(experiment(HEATER, {}, end=1000, output_step=10, step=step), check_step=finer)
+    assert result.x[-1, 0] == pytest.approx(20)
+    assert result.integration_error is not None
+    assert result.integration_error["plant"] > 0.5
+
+
+@pytest.mark.parametrize("frequencies", [[1024], [1000, 1024], [4096, 5000, 720], [10240], [997]])
+@pytest.mark.parametrize("period", [None, 0.1, 0.125])
+def test_frequencies_that_alias_on_several_grids(frequencies: list[int], period: float | None) -> None:
+    """x' = -x + sum sin(2 pi f t)^2, in closed form."""
+    power = " + ".join(f"sin(2*pi*{f}*t)**2" for f in frequencies)
+    measurement = {} if period is None else {"sampling": {"period": period}}
+    result = simulate(
+        experiment(inline({"x": f"-x + {power}"}, "x", start=0), {}, end=1, output_step=0.125, measurement=measurement)
+    )
+    t = result.time
+    exact = np.zeros(t.size)
+    for f in frequencies:
+        w = 4 * np.pi * f
+        swing = (np.cos(w * t) + w * np.sin(w * t) - np.exp(-t)) / (1 + w**2)
+        exact += 0.5 * (1 - np.exp(-t)) - 0.5 * swing
+    assert result.status == "ok"
+    assert np.abs(result.x[:, 0] - exact).max() <= 1e-3 * exact.max()
+
+
+def test_one_step_a_gap_is_looked_at() -> None:
+    """Samples closer than the nominal step, with an input that is zero at all of them."""
+    plant = inline({"x": "-0.01*x + sin(2*pi*100*t)**2"}, "x", start=0)
+    found = simulate(experiment(plant, {}, end=10, output_step=1, measurement={"sampling": {"period": 0.005}}))
+    exact = 0.5 / 0.01 * (1 - np.exp(-0.01 * found.time))
+    assert np.abs(found.x[:, 0] - exact).max() <= 1e-3 * exact.max()
+
+
+def test_doses_of_ten_seconds_every_hour_for_thirty_days() -> None:
+    k10, k12, k21 = 2e-5, 1e-5, 5e-6
+    plant = inline(
+        {"c": "u + k21*p - (k10 + k12)*c", "p": "k12*c - k21*p"}, "c", start=0,
+        parameters={"k10": k10, "k12": k12, "k21": k21}, inputs={"u": "t - 3600*floor(t/3600) < 10"},
+    )  # fmt: skip
+    sampling = {"sampling": {"period": 3600, "offset": 1800}}
+    observer = {"type": "shgo", "theta": 1e-4}
+    result = simulate(experiment(plant, {"S": observer}, end=30 * 86400, output_step=3600, measurement=sampling))
+    A = np.array([[-k10 - k12, k21, 1], [k12, -k21, 0], [0, 0, 0]])
+    hour = expm(np.diag([1, 1, 0]) @ A * 3590) @ np.diag([1, 1, 0]) @ expm(A * 10)
+    z = np.array([0.0, 0, 1])
+    for _ in range(720):
+        z = hour @ np.array([z[0], z[1], 1])
+    assert result.x[-1] == pytest.approx(z[:2], rel=1e-3)
+    assert result.x[-1] == pytest.approx([133.98, 277.66], rel=1e-4)
+
+
+def test_robertson() -> None:
+    dynamics = {"a": "-0.04*a + 1e4*b*c", "b": "0.04*a - 1e4*b*c - 3e7*b**2", "c": "3e7*b**2"}
+    plant = inline(dynamics, "a", initial={"a": 1, "b": 0, "c": 0})
+    result = simulate(experiment(plant, {}, end=40, output_step=1))
+    assert result.x[-1] == pytest.approx([0.7158271, 9.185535e-6, 0.2841637], rel=1e-3)
+
+
+def chaotic(end: float, **solver: Any) -> Result:
+    dynamics = {"x": "10*(y - x)", "y": "x*(28 - z) - y", "z": "x*y - 8/3*z"}
+    plant = inline(dynamics, "x", initial={"x": 1, "y": 1, "z": 20})
+    return simulate(experiment(plant, {}, end=end, output_step=end / 100, solver=solver))
+
+
+def test_a_chaotic_plant_over_a_long_time_is_said_to_be_inaccurate() -> None:
+    assert chaotic(5).status == "ok"
+    result = chaotic(100, max_evaluations=2e6)
+    assert result.status == "inaccurate"
+    assert result.verdict.reason is not None
+    assert "size of the numbers" in result.verdict.reason
+    assert "solver.accuracy allows 0.001" in result.verdict.reason
+
+
+def test_a_budget_that_is_too_small_is_said() -> None:
+    case = CASES["expression noise"]
+    result = simulate(case.experiment(max_evaluations=16000))
+    assert result.status == "inaccurate"
+    assert result.integration is not None
+    assert result.integration.evaluations is not None
+    assert result.integration.evaluations <= 16000
+    assert "16000" in (result.observers["S"].reason or "")
+    with pytest.raises(ConfigError, match=r"solver\.max_evaluations: 800 evaluations"):
+        simulate(case.experiment(max_evaluations=800))
+
+
+def test_company_changes_no_more_than_the_accuracy() -> None:
+    """A fast observer beside a slow one makes the steps of both shorter."""
+    slow = {"type": "shgo", "theta": 1, "initial": {"x1": 0, "x2": 0}}
+    fast = {"type": "shgo", "theta": 200, "initial": {"x1": 3, "x2": 0}}
+    alone, beside = (
+        simulate(experiment(VAN_DER_POL, observers, end=10)).observers["S"].metrics["rmse"]
+        for observers in ({"S": slow}, {"S": slow, "F": fast})
+    )
+    assert alone == pytest.approx(beside, rel=1e-3)
+    assert not np.array_equal(alone, beside)
+
+
+def test_the_same_run_has_the_same_bits() -> None:
+    case = CASES["fast from some state on"]
+    first, second = (simulate(case.experiment()).observers["S"].xhat for _ in range(2))
+    assert np.array_equal(first, second)
+
+
+def test_observers_without_a_limit_need_a_given_step(tmp_path: Path) -> None:
+    config = {
+        "time": {"end": 1, "output_step": 0.1},
+        "plant": VAN_DER_POL,
+        "observers": {"L": {"type": "levant", "G": 10, "initial": {"x1": 1, "x2": 0}}},
+    }
+    with pytest.raises(ConfigError, match=r"experiment.yaml:\d+: solver.step: observer L \(levant\) switches"):
+        prepare(load(tmp_path, config))
+    assert simulate(load(tmp_path, config, "solver.step=1e-3")).integration_error == pytest.approx(
+        {"plant": 0.0}, abs=1e-6
+    )
+
+
+def test_extremes_are_events_of_automatic_steps_only() -> None:
+    case = CASES["two pulses"]
+    events = prepare(case.experiment()).schedule.events
+    assert np.any(np.abs(events - 50) < 1e-9)
+    assert np.any(np.abs(events - 73.3) < 1e-9)
+    assert prepare(case.experiment(step=0.01)).schedule.events.size == 2
+
+
+@pytest.mark.parametrize("ratio", [0.125, 0.62, 1.62])
+def test_steps_that_are_compared_are_others(ratio: float) -> None:
+    steps = np.arange(1, 2000)
+    other = uneven_steps(steps, ratio)
+    assert np.all(other >= 2)
+    assert np.all((other != steps) | (steps <= 2))
+    assert np.all(other[steps > 20] / steps[steps > 20] == pytest.approx(ratio, rel=0.3))
+    for order in (1, 2, 4):
+        parts = [part_of_difference(np.array([n]), ratio, order) for n in (1, 2, 3, 10, 1000)]
+        assert max(parts) < 3.5
