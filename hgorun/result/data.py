@@ -166,7 +166,7 @@ class Integration:
     step: float | None
     rtol: float | None
     evaluations: int | None
-    error: Mapping[str, float] | Callable[[], Mapping[str, float]]
+    error: Mapping[str, float] | Callable[[], Mapping[str, float]] = field(repr=False)
 
     def told(self) -> dict[str, str | float | int | None]:
         """Everything but the error, for files."""

@@ -43,7 +43,7 @@ def guarded(work: Callable[[], T], *, seconds: float, memory: int) -> T:
     Failed
         When the child was ended, by us or by the system.
     """
-    if not hasattr(os, "fork"):
+    if os.name != "posix":
         return work()
     out, into = os.pipe()
     child = os.fork()

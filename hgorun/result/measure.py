@@ -79,6 +79,7 @@ def measure_together(
     return found
 
 
+_FEW = 4  # passes, for which loading machine code does not pay
 _MEASURED = count(1)  # runs of this process
 
 
@@ -87,9 +88,10 @@ def _compiled(
 ) -> dict[Metric, np.ndarray] | None:
     """The built-in metrics from machine code, of the same bits; None where they are left to the records.
 
-    That is also where a process measures its first run: to load the code takes as long as to measure several.
+    So are the first few of a process, which are the passes of a single run and of its error estimate: to load the
+    code takes as long as to measure several.
     """
-    if next(_MEASURED) < 2:
+    if next(_MEASURED) <= _FEW:
         return None
     from hgorun.result.columns import measured
 
