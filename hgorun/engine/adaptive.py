@@ -55,18 +55,27 @@ def _block_errors(s: Stepper, errors: list[str], allowed: list[str]) -> list[str
 
 
 def _over_tolerance(s: Stepper, h: str, errors: list[str]) -> list[str]:
-    """:func:`_block_errors`; rounding is looked at where a step would be rejected without."""
-    f, allowed = s.f, tolerances(s)
-    found = _block_errors(s, errors, allowed)
-    places = [f.slot("double") for _ in found]
-    for place, error in zip(places, found, strict=True):
-        f.store(error, place)
+    """:func:`_block_errors`; again with rounding allowed for where a step would be rejected without."""
+    f = s.f
+    again, settled, look = f.label(), f.label(), f.label()
+    extra, looked = s.array(), f.slot("i64")
+    for i in range(s.size):
+        f.store(f.constant(0.0), f.at(extra, i * f.lanes), f.real)
     own = f.test("ogt", f.word("%ctx", WORD["small"], "double"), hexadecimal(0.0))
-    with f.when(f.let(f"and i1 {own}, {f.test('ogt', _maximum_scalar(f, found), hexadecimal(1.0))}")):
-        allowed = [f.add(one, more) for one, more in zip(allowed, rounding(s, h, errors), strict=True)]
-        for place, error in zip(places, _block_errors(s, errors, allowed), strict=True):
-            f.store(error, place)
-    return [f.load(place) for place in places]
+    f.store(f.let(f"zext i1 {f.let(f'xor i1 {own}, true')} to i64"), looked, "i64")
+    f.jump(again)
+    f.place(again)
+    allowed = [f.add(one, f.load(f.at(extra, i * f.lanes), f.real)) for i, one in enumerate(tolerances(s))]
+    found = _block_errors(s, errors, allowed)
+    rejected = f.test("ogt", _maximum_scalar(f, found), hexadecimal(1.0))
+    f.branch(f.let(f"and i1 {rejected}, {f.test('eq', f.load(looked, 'i64'), '0')}"), look, settled)
+    f.place(look)
+    for i, more in enumerate(rounding(s, h, errors)):
+        f.store(more, f.at(extra, i * f.lanes), f.real)
+    f.store("1", looked, "i64")
+    f.jump(again)
+    f.place(settled)
+    return found
 
 
 def add_adaptive(s: Stepper) -> None:

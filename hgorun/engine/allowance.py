@@ -18,7 +18,7 @@ from hgorun.native.ir import hexadecimal
 
 SMALL = 1e-6  # of the largest |z| so far: what a state has to be known to when it is smaller
 _NUDGE = 2.0**-26  # relative changes of z and w that show the size of the terms in z'
-_SHORT, _SHORTEST = 1e-8, 1e-11  # of a segment, and of t
+_SHORT, _SHORTEST = 1e-16, 1e-12  # of a segment, and of t: below the time scale of anything that is resolved there
 
 
 def tolerances(s: Stepper) -> list[str]:
@@ -73,21 +73,36 @@ def _waived(s: Stepper, h: str) -> str:
 
 
 def _change(s: Stepper) -> str:
-    """How z' at the end of the step changes with every state and every held value, each a little and differently."""
-    f, m, lanes = s.f, s.m, s.f.lanes
-    z, w, target = (f.slot("double", size * lanes) for size in (s.size, m.system.held.size, s.size))
+    """How z' at the end of the step changes with every state and every held value, each a little and differently.
+
+    A function of its own: it is rarely called, and would be compiled with the loop otherwise.
+    """
+    f, target = s.f, s.array()
+    name = f"change{s.regime}"
+    _add_change(s, name)
+    f.call(name, f"ptr {s.p}, ptr {s.c}, ptr {s.clock[1.0]}, ptr {s.z}, ptr {s.slope}, ptr {s.w}, ptr {target}")
+    return target
+
+
+def _add_change(s: Stepper, name: str) -> None:
+    """``change<i>(p, c, tau, z, slope, w, target)``."""
+    m = s.m
+    pointers = ", ".join(f"ptr %{one}" for one in ("p", "c", "tau", "z", "slope", "w", "target"))
+    f = m.function(name, pointers, attributes="nounwind noinline")
+    lanes, held = f.lanes, m.system.held
+    z, w = (f.slot("double", size * lanes) for size in (s.size, held.size))
     starts = [0] * m.system.plant_states
     starts += [start for start, _, end in m.system.blocks for _ in range(start, end)]
     starts += [0] * (s.size - len(starts))
     for i, start in enumerate(starts):  # what is measured and what it is compared with change in opposite ways
         nudge = (1 + (i - start) / (1 + s.size)) * (_NUDGE if start == 0 else -_NUDGE)
-        f.store(f.mul(f.load(f.at(s.z, i * lanes), f.real), f.constant(1 + nudge)), f.at(z, i * lanes), f.real)
-    held = m.system.held
+        f.store(f.mul(f.load(f.at("%z", i * lanes), f.real), f.constant(1 + nudge)), f.at(z, i * lanes), f.real)
     for k in range(held.size):
         nudge = -_NUDGE if k < held.outputs * held.width and k % held.width >= Held.S else _NUDGE
-        f.store(f.mul(f.load(f.at(s.w, k * lanes), f.real), f.constant(1 + nudge)), f.at(w, k * lanes), f.real)
-    s.flow.main(f, s.p, s.c, s.clock[1.0], z, w, target)
+        f.store(f.mul(f.load(f.at("%w", k * lanes), f.real), f.constant(1 + nudge)), f.at(w, k * lanes), f.real)
+    s.flow.main(f, "%p", "%c", "%tau", z, w, "%target")
     for i in range(s.size):
-        place = f.at(target, i * lanes)
-        f.store(f.sub(f.load(place, f.real), f.load(f.at(s.slope, i * lanes), f.real)), place, f.real)
-    return target
+        place = f.at("%target", i * lanes)
+        f.store(f.sub(f.load(place, f.real), f.load(f.at("%slope", i * lanes), f.real)), place, f.real)
+    f.do("ret void")
+    m.finish(f)

@@ -226,12 +226,12 @@ class Program:
         memory = _Memory(self.system, self.lanes, self._constants, plan, start, tolerance)
         self._begin(memory.address)
         memory.keep_initial()
-        work = np.cumsum(plan.counts[:, 2] - plan.counts[:, 1] + 1)  # a segment's steps, and what happens before
+        work = (plan.counts[:, 2] - plan.counts[:, 1] + 1).cumsum()  # a segment's steps, and what happens before
         chunk = 1 if tolerance or progress else _FIRST  # adaptive segments may be long
         stop, done, tries = 0, 0, 0
         while stop < work.size:
             before = time.perf_counter()
-            stop = max(stop + 1, int(np.searchsorted(work, done + chunk, side="right")))
+            stop = max(stop + 1, int(work.searchsorted(done + chunk, side="right")))
             done = int(work[stop - 1])
             granted = memory["budget"] = _granted(limit - tries)
             verdict = self._run(memory.address, stop)
@@ -341,7 +341,7 @@ class _Memory:
             "initial": np.zeros(max(channels, 1) * lanes),
             "hints": np.zeros(max(s.outputs, 1), dtype=np.int64),
             "error": np.zeros((s.states, lanes)),
-            "size": np.nan_to_num(np.abs(np.asarray(start.z, dtype=float)), nan=0.0, posinf=0.0),
+            "size": _sizes(start.z),
         }
         self.context = np.zeros(len(CONTEXT), dtype=np.int64)
         for name, array in self.arrays.items():
@@ -392,8 +392,16 @@ class _Memory:
         )
 
 
+def _sizes(z: Floats) -> Floats:
+    """|z| where it is a number, zero elsewhere."""
+    sizes: Floats = np.abs(np.ascontiguousarray(z, dtype=float))
+    sizes[~np.isfinite(sizes)] = 0.0
+    return sizes
+
+
 def _spread(values: Floats, lanes: int) -> Floats:
     """One number a row for all lanes, or a row of lanes."""
     values = values if values.size else np.zeros(1)
-    wide = np.repeat(values[:, None], lanes, axis=1) if values.ndim == 1 else values
-    return np.ascontiguousarray(wide, dtype=float)
+    if values.ndim == 1:
+        values = values[:, None] if lanes == 1 else np.repeat(values[:, None], lanes, axis=1)
+    return np.ascontiguousarray(values, dtype=float)

@@ -199,8 +199,9 @@ class Stepper(ABC):
     def rows_before(self, t0: str, t1: str, h: str) -> None:
         """The output points of the step, when there are any."""
         f = self.f
-        size_of = self.absolute(self.end)
-        snap = f.scalar("fadd", f.scalar("fmul", h, hexadecimal(1e-9)), f.scalar("fmul", size_of, hexadecimal(1e-15)))
+        start, now = self.absolute(self.start), self.absolute(t1)  # what times in between are rounded like
+        largest = f.let(f"select i1 {f.test('ogt', start, now)}, double {start}, double {now}")
+        snap = f.scalar("fadd", f.scalar("fmul", h, hexadecimal(1e-9)), f.scalar("fmul", largest, hexadecimal(1e-15)))
         due = f.word(f.word("%ctx", WORD["grid"], "ptr"), f.word("%ctx", WORD["row"]), "double")
         with f.when(f.test("olt", due, f.scalar("fsub", t1, snap))):
             first, last, quintic = self.interpolant(h)

@@ -229,9 +229,9 @@ def _unevenly(spans: np.ndarray, counts: np.ndarray, ratio: float) -> tuple[np.n
 
 def _row_in_last_step(events: np.ndarray, steps: np.ndarray, grid: np.ndarray) -> np.ndarray:
     """Whether an output point lies strictly inside the last step before each event."""
-    end = events[1:]
+    start, end = events[:-1], events[1:]
     h = np.diff(events) / steps
-    snap = 1e-9 * h + 1e-15 * np.abs(end)
+    snap = 1e-9 * h + 1e-15 * np.maximum(np.abs(start), np.abs(end))
     first = np.searchsorted(grid, end - h + snap, side="right")
     return np.asarray(np.searchsorted(grid, end - snap, side="left") > first)
 

@@ -210,6 +210,29 @@ def test_lanes_are_runs_of_their_own(method: str, lanes: int, delayed: bool) -> 
             np.testing.assert_array_equal(a, b, err_msg=name)
 
 
+@pytest.mark.parametrize("delayed", [False, True])
+@pytest.mark.parametrize("method", ["dopri5", "rodas5p"])
+def test_lanes_with_error_control_are_as_accurate_as_runs_of_their_own(method: str, delayed: bool) -> None:
+    """Side by side they share the steps that the hardest lane needs, and are masked one by one."""
+    lanes, made = 4, whole(plan(3))
+    rng = np.random.default_rng(5)
+    z, p = rng.normal(size=(STATES, lanes)), np.array([[0.1, 0.3, 0.5, 0.6], [0.1, 0.2, 1.0, 4.0]])
+    gain, bias, holds = (rng.normal(size=(made.slots, lanes)) for _ in range(3))
+    many = replace(made, gain=gain, bias=bias, holds=holds)
+    bound, tolerance = (50.0, 20.0), Tolerance(rtol=1e-11, atol=1e-11, max_step=0.1, first_step=1e-3)
+    together = program(method, delayed=delayed, adaptive=True, lanes=lanes).run(many, Start(z, p, bound), tolerance)
+    assert len(set(np.isfinite(together.diverged[1]))) == 2  # it diverges in some lanes
+    for lane in range(lanes):
+        one = replace(made, gain=gain[:, lane], bias=bias[:, lane], holds=holds[:, lane])
+        start = Start(z[:, lane, None], p[:, lane, None], bound)
+        alone = program(method, delayed=delayed, adaptive=True).run(one, start, tolerance)
+        np.testing.assert_allclose(together.diverged[:, lane], alone.diverged[:, 0], atol=0.1)
+        for name in ("rows", "measured"):
+            a, b = getattr(together, name)[..., lane], getattr(alone, name)[..., 0]
+            np.testing.assert_array_equal(np.isfinite(a), np.isfinite(b))
+            np.testing.assert_allclose(a, b, rtol=1e-6, atol=1e-6, err_msg=name)
+
+
 @pytest.mark.parametrize("adaptive", [False, True])
 def test_a_plant_that_diverges_ends_the_run(adaptive: bool) -> None:
     made = plan(0)

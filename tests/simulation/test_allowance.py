@@ -75,3 +75,16 @@ def test_a_filter_that_holds_nothing_but_rounding(method: str, measurement: dict
     result = run(tmp_path, config)
     assert result.observers["F"].diverged_at is None
     np.testing.assert_allclose(result.observers["F"].xhat, result.x, atol=1e-6)
+
+
+@pytest.mark.parametrize("start", [0.0, 1e9])
+@pytest.mark.parametrize("method", METHODS)
+def test_a_state_at_zero_that_moves_at_once_in_a_long_run(method: str, start: float, tmp_path: Path) -> None:
+    """y' = exp(-t) from zero: all of it happens within 1e-8 of the run."""
+    config = {
+        "time": {"start": start, "end": start + 1e9, "output_step": 1e8},
+        "plant": {"states": ["y"], "dynamics": {"y": f"exp({start!r} - t)"}, "output": "y", "initial": {"y": 0}},
+        "observers": {},
+        "solver": {"method": method, "rtol": 1e-8},
+    }
+    np.testing.assert_allclose(run(tmp_path, config).x[1:, 0], 1, rtol=1e-5 if start else 1e-7)

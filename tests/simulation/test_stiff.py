@@ -203,3 +203,15 @@ def test_many_observers_have_the_bits_of_one(tmp_path: Path) -> None:
         alone = run(tmp_path, config | {"observers": {label: crowd[label]}, "solver": solver})
         np.testing.assert_array_equal(together.observers[label].xhat, alone.observers[label].xhat)
         np.testing.assert_array_equal(together.x, alone.x)
+
+
+@pytest.mark.parametrize("start", [0.0, -4e11])
+def test_output_points_long_before_the_end_are_where_they_stand(start: float, tmp_path: Path) -> None:
+    """The first step is shorter than 1e-4: times are rounded like those of the step, not like the end of the run."""
+    config = {
+        "time": {"start": start, "end": start + 4e11, "output_step": 1e10},
+        "plant": ROBERTSON | {"initial": {"a": 1, "b": 1e-9, "c": 1e-9}},
+        "observers": {},
+        "solver": {"method": "rodas5p", "rtol": 1e-10},
+    }
+    np.testing.assert_array_equal(run(tmp_path, config).x[0], [1, 1e-9, 1e-9])
