@@ -19,7 +19,7 @@ T = TypeVar("T")
 K = TypeVar("K")
 
 JUMPS = "the observer jumps at the samples: there is no flow between them"
-NO_SLOPES = "the observer's equations have no derivative on its way"
+NO_SLOPES = "the observer's equations have no derivative along the run"
 SLIDING = "the right-hand side has no slope where the observer's error is zero"
 NEEDS_HOLD = "random noise of a continuous output needs hold"
 

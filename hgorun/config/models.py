@@ -59,7 +59,7 @@ Method = Literal["euler", "rk4", "dopri5", "rodas5p"]
 class Solver(Block):
     """How the differential equations are solved."""
 
-    method: Literal["auto"] | Method = Field(
+    method: Literal["auto", Method] = Field(
         default="auto",
         description="auto: rk4 for a given step, what is cheapest for an automatic one; rodas5p is for stiff plants "
         "and very high gains",
@@ -305,6 +305,8 @@ class StudyBlocks(Block):
 
 class ExperimentBlocks(Block):
     """A whole configuration file. Plant, measurement and observers are checked by classes of their own rooms."""
+
+    read_before = ("runs",)
 
     title: str = ""
     reference: str = ""

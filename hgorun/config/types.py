@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 from pydantic import (
     AfterValidator,
@@ -28,13 +28,16 @@ class Block(BaseModel):
     """A mapping of the configuration: unknown keys are errors, values do not change."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, protected_namespaces=())
+    read_before: ClassVar[tuple[str, ...]] = ()
+    """Keys of the mapping that are taken out of it before it is checked: known to a reader of messages."""
 
     @model_validator(mode="before")
     @classmethod
     def _known_keys(cls, data: Any) -> Any:
         if isinstance(data, cls):
             return data
-        keys = ", ".join(cls.model_fields)
+        known = tuple(dict.fromkeys((*cls.model_fields, *cls.read_before)))
+        keys = ", ".join(known)
         if not isinstance(data, dict):
             raise PydanticCustomError(
                 "not_a_mapping",
@@ -49,7 +52,7 @@ class Block(BaseModel):
                     {
                         "key": key,
                         "name": repr(key),
-                        "hint": f" {_COMMA}." if str(key).isdigit() else nearest(str(key), cls.model_fields),
+                        "hint": f" {_COMMA}." if str(key).isdigit() else nearest(str(key), known),
                         "keys": keys,
                     },
                 )

@@ -75,8 +75,15 @@ def _sentence(item: ErrorDetails) -> str:
     if kind in _OUR_OWN:
         return item["msg"]
     expected = _EXPECTED.get(kind, "another value").format_map(item.get("ctx", {}))
-    hint = "; write lines `name: value`" if kind == "dict_type" and isinstance(found, list) else ""
-    return f"expected {expected}, found {describe(found)}{hint}"
+    return f"expected {expected}, found {describe(found)}{_hint(kind, found)}"
+
+
+def _hint(kind: str, found: Any) -> str:
+    if kind == "dict_type" and isinstance(found, list):
+        return "; write lines `name: value`"
+    if kind in ("list_type", "tuple_type") and isinstance(found, str) and "," in found:
+        return "; a list has brackets: [a, b]"
+    return ""
 
 
 def _too_few(found: Any, least: int) -> str:

@@ -107,7 +107,7 @@ def read(path: Path) -> tuple[str, Source]:
         text = content.decode("utf-8")
     except FileNotFoundError:
         near = nearest(path.name, _names_in(path.parent))
-        raise ConfigError(f"there is no such file.{near}", file=file) from None
+        raise ConfigError(f"there is no such file{near and '.' + near}", file=file) from None
     except IsADirectoryError:
         raise ConfigError("this is a folder; a YAML file was expected", file=file) from None
     except UnicodeDecodeError as error:

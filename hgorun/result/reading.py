@@ -48,6 +48,8 @@ def read(path: str | Path, *, max_memory: float = _LARGEST) -> Result:
     path = Path(path)
     if not os.path.isfile(path):
         raise ConfigError("not a regular file" if os.path.exists(path) else "no such file", file=str(path))
+    if path.suffix.lower() in {".yaml", ".yml"}:
+        raise ConfigError("this is a configuration, not a result file; hgorun simulate makes one of it", file=str(path))
     budget = int(max_memory)
     return _opened(path, budget, lambda file: _Reader(file, path, budget).result())
 

@@ -194,8 +194,8 @@ def longest(run: PreparedRun) -> float:
 
 def _inaccurate(run: PreparedRun, free: Raw, j: int, verdict: Verdict, shorter: int) -> Verdict:
     step = longest(run)
-    what = "diverges" if verdict.status == "diverged" else "is not a number"
-    reason = f"{what} with steps of {step:.3g}, not with shorter ones: give a step of at most {step / shorter:.3g}"
+    what = "diverges" if verdict.status == "diverged" else "is undefined"
+    reason = f"{what} with steps of {step:.3g}, but not with shorter ones: give a step of at most {step / shorter:.3g}"
     cause = singular(run, free, run.observers[j])
     return Verdict("inaccurate", verdict.at, reason if cause is None else f"{reason}; {cause}")
 

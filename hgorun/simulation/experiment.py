@@ -16,6 +16,7 @@ from hgorun.errors import ConfigError, Problem
 from hgorun.measurement.availability import Stretch, resolve
 from hgorun.measurement.blocks import Measurement
 from hgorun.measurement.noise import deviations
+from hgorun.memo import Memo, Same
 from hgorun.observers.base import AnyObserver
 from hgorun.plants.base import Plant
 from hgorun.plants.build import BuiltPlant, build_plant
@@ -26,6 +27,10 @@ from hgorun.simulation.forms import form_of
 from hgorun.simulation.observer_block import Design
 from hgorun.symbolic.canonical import CanonicalForm
 from hgorun.symbolic.forms import Form
+
+# what the runs of a family share, and by which their schedules are known again
+_STRETCHES: Memo[list[list[Stretch]]] = Memo(16)
+_POINTS: Memo[np.ndarray] = Memo(16, lambda points: points.size < 1_000_000)
 
 _ONLY_A_FILE = "only a file can extend another one; see hgorun.load"
 _KEPT = ("name", "text", "source", "_checked", "_noise", "_chosen")  # in a copy; all else follows from these
@@ -214,8 +219,11 @@ class Experiment:
     @cached_property
     def stretches(self) -> list[list[Stretch]]:
         """Every output's availability, phase by phase."""
+        outputs, time = self.plant.model.outputs, self.blocks.time
         with self.located():
-            return resolve(self.measurement, self.plant.model.outputs, self.blocks.time)
+            return _STRETCHES.get(
+                (Same(self.measurement), outputs, time), lambda: resolve(self.measurement, outputs, time)
+            )
 
     @property
     def adaptive(self) -> bool:
@@ -277,7 +285,7 @@ class Experiment:
             for path, step in ((("time", "output_step"), time.output_step), (("metrics", "record"), record)):
                 if step > time.end * (1 + 1e-9):
                     raise Problem(path, f"{step:g} is longer than the run, {time.end:g}: shorten it")
-            points = np.arange(int(count)) * fine
+            points = _POINTS.get((int(count), fine), lambda: np.arange(int(count)) * fine)
             measured = points[:: ratios[1]]
             for key in ("window", "transient"):
                 window = getattr(self.blocks.metrics, key)

@@ -139,7 +139,7 @@ def _schedule(experiment: Experiment, channels: list[Channel], step: float) -> S
 
 def _extremes(experiment: Experiment, channels: list[Channel]) -> np.ndarray:
     """Where functions of time have extremes: however narrow these are, error control sees a pulse at an event."""
-    found = [plant_extremes(experiment.plant, experiment.blocks.time)]
+    found = [plant_extremes(experiment.plant, experiment.time)]
     found += [extremes_of(s) for channel in channels for s in channel.stretches if s.continuous]
     return np.concatenate(found)
 

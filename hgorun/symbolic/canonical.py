@@ -162,13 +162,14 @@ class CanonicalForm:
         return self.phi_map if canonical and not self.identity else self.plant.x
 
     def start(self, x: np.ndarray, parameters: np.ndarray, canonical: bool) -> np.ndarray:
-        """The initial estimate in the observer's coordinates; ValueError where J is singular."""
+        """The initial estimate in the observer's coordinates; ValueError where J is singular or not finite."""
         if canonical and self.no_inverse is not None:
             raise ValueError(self.no_inverse)
         key = Same(self), x.tobytes(), parameters.tobytes()
         if not _REGULAR.get(key, lambda: is_regular(self.jacobian_at(x, parameters), _SINGULAR_START)):
             where = ", ".join(f"{s} = {v:g}" for s, v in zip(self.plant.states, x, strict=True))
-            raise ValueError(f"the Jacobian of the observability map is singular at the initial estimate ({where})")
+            what = "singular" if np.all(np.isfinite(self.jacobian_at(x, parameters))) else "not finite"
+            raise ValueError(f"the Jacobian of the observability map is {what} at the initial estimate ({where})")
         return at(self._phi, x, parameters)[0] if canonical else x
 
     def copy(self, t: ca.SX, u: ca.SX, p: ca.SX, canonical: bool, bounds: Bounds) -> PlantCopy:

@@ -262,7 +262,7 @@ def _explains_itself(subject: Subject) -> None:
     if not cls.__doc__:  # its own: inspect.getdoc would find that of a base
         raise Broken("no docstring", "one with the equations, the class of plants and the meaning of each gain")
     if not cls.reference:
-        raise Broken("an empty reference", "the publication that the equations are from")
+        raise Broken("an empty `reference`", "the publication that the equations are from")
     for key, field in cls.model_fields.items():
         if not field.description:
             raise Broken(f"the key {key} without description", "Field(description=...) for every key")

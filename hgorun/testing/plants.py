@@ -219,9 +219,10 @@ def _explains_itself(subject: Subject) -> None:
     cls = subject.cls
     if not cls.__doc__:  # its own: inspect.getdoc would find that of a base
         raise Broken("no docstring", "one with the equations and what the states are")
-    for what, text in (("reference", cls.reference), ("valid", cls.valid)):
-        if not text:
-            raise Broken(f"an empty {what}", "where the equations are from, and where they hold")
+    if not cls.reference:
+        raise Broken("an empty `reference`", "the publication that the equations are from")
+    if not cls.valid:
+        raise Broken("an empty `valid`", "where the equations hold, such as x1 > 0, or `everywhere`")
     meanings = {name: declared.meaning for name, declared in cls.known_parameters.items()}
     for name, meaning in {
         **meanings,

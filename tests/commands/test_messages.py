@@ -62,6 +62,9 @@ def refusal(
         ("time:", "extends: nowhere.yaml\ntime:", "extends: nowhere.yaml: there is no such file"),
         ("time:", "extends: c.yaml\ntime:", "extends itself"),
         ("x2: -k*x1", "x2: -x2\n    x1: x2**2", "given twice"),
+        ("states: [x1, x2]", "states: x1, x2", "expected a list, found 'x1, x2'; a list has brackets: [a, b]"),
+        ("step: 0.01", "method: rk45", "expected 'auto', 'euler', 'rk4', 'dopri5' or 'rodas5p', found 'rk45'"),
+        ("solver:", "run: {a: {}}\nsolver:", "unknown key 'run'. Did you mean `runs`?"),
     ],
 )
 def test_a_mistake_is_explained(
@@ -70,6 +73,20 @@ def test_a_mistake_is_explained(
     text = RIGHT.replace("{x1: x2, x2: -k*x1}", "\n    x1: x2\n    x2: -k*x1") if "**" in new else RIGHT
     assert old in text
     assert says in refusal(tmp_path, text.replace(old, new, 1), monkeypatch, capsys)
+
+
+def test_a_start_where_the_model_is_not_defined_is_not_called_singular(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = RIGHT.replace("output: x1", "output: x2").replace("x1: x2, x2: -k*x1", "x1: -x1, x2: sqrt(x1) - x2")
+    err = refusal(tmp_path, text.replace("theta: 2", "theta: 2, initial: {x1: -0.8}"), monkeypatch, capsys)
+    assert "observability map is not finite at the initial estimate (x1 = -0.8, x2 = 0)" in err
+
+
+def test_a_configuration_is_not_taken_for_a_result(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert "c.yaml: this is a configuration" in refusal(tmp_path, RIGHT, monkeypatch, capsys, "rerun", "c.yaml")
 
 
 @pytest.mark.parametrize(("name", "what"), [("e", "a constant"), ("pi", "a constant"), ("t", "time")])

@@ -92,7 +92,7 @@ def test_long_steps_are_told_from_divergence(tmp_path: Path) -> None:
     result = run(tmp_path, chain(300, 0.02))
     observer = result.observers["S"]
     assert observer.status == result.status == "inaccurate"
-    assert observer.reason == "diverges with steps of 0.02, not with shorter ones: give a step of at most 0.005"
+    assert observer.reason == "diverges with steps of 0.02, but not with shorter ones: give a step of at most 0.005"
     assert observer.lost
     assert np.all(np.isinf(observer.metrics["rmse"]))
 

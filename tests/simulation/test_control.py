@@ -297,6 +297,40 @@ def test_extremes_are_events_of_automatic_steps_only() -> None:
     assert prepare(case.experiment(step=0.01)).schedule.events.size == 2
 
 
+def test_a_pulse_is_met_whenever_the_clock_began() -> None:
+    """x' = exp(-((t - 730)/0.01)^2): x grows by 0.01 sqrt(pi), on a clock that starts at 1e6 too."""
+    origin = 1e6
+    plant = inline({"x": "u"}, "x", inputs={"u": f"exp(-((t - {origin + 730})/0.01)**2)"}, initial={"x": 0})
+    e = experiment(plant, {"S": {"type": "shgo", "theta": 0.1}}, end=1000, output_step=10)
+    result = simulate(e.varied({"time.start": origin, "time.end": origin + 1000}))
+    assert result.x[-1, 0] == pytest.approx(0.01 * np.sqrt(np.pi), rel=1e-3)
+    assert result.status == "ok"
+
+
+@pytest.mark.parametrize("size", [1e4, 1e8])
+def test_a_large_initial_gain_is_followed(size: float) -> None:
+    """P(0) makes the first instants fast; another method with tight tolerances knows the metrics."""
+    observers = {"R": {"type": "shgo_riccati", "theta": 2, "internal": {"P": size}, "initial": {"x1": 2, "x2": 1}}}
+    e = experiment(VAN_DER_POL, observers, end=10, output_step=0.05)
+    found = simulate(e)
+    right = simulate(e.varied({"solver": {"method": "rodas5p", "rtol": 1e-10}}))
+    assert found.status == "ok"
+    for name, values in right.observers["R"].metrics.items():
+        accuracy = 1e-3 + (0.05 / 10 if name == "settling" else 0)
+        np.testing.assert_allclose(found.observers["R"].metrics[name], values, rtol=accuracy, atol=1e-9, err_msg=name)
+
+
+@pytest.mark.parametrize("delay", ["0.1", "0.1*(1 + sin(t)/2)"], ids=["constant", "varying"])
+def test_delayed_outputs_are_right_with_default_settings(delay: str) -> None:
+    observers = {"plant": {"type": "shgo", "theta": 3, "initial": {"x1": 2, "x2": 1}}}  # called like the plant
+    e = experiment(VAN_DER_POL, observers, end=10, output_step=0.05, measurement={"delay": delay})
+    found, right = simulate(e), simulate(e.varied({"solver": {"method": "dopri5", "step": 2e-4}}))
+    assert found.status == "ok"
+    for name, values in right.observers["plant"].metrics.items():
+        accuracy = 1e-3 + (0.05 / 10 if name == "settling" else 0)
+        np.testing.assert_allclose(found.observers["plant"].metrics[name], values, rtol=accuracy, err_msg=name)
+
+
 @pytest.mark.parametrize("ratio", [0.125, 0.62, 1.62])
 def test_steps_that_are_compared_are_others(ratio: float) -> None:
     steps = np.arange(1, 2000)

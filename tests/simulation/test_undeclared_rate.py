@@ -47,4 +47,4 @@ def test_steps_too_long_for_an_undeclared_rate_are_told(silent: str) -> None:
     observer = simulated(PLANT, {"S": {"type": silent}}, end=10, step=0.05).observers["S"]
     assert observer.status == "inaccurate"
     assert observer.reason is not None
-    assert observer.reason.startswith("diverges with steps of 0.05, not with shorter ones")
+    assert observer.reason.startswith("diverges with steps of 0.05, but not with shorter ones")

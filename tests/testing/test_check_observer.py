@@ -277,7 +277,7 @@ class KeyWithoutAWord(StandardObserver):
         (FreeSymbol, "equations", "the free symbols truth"),
         (Traceback, "refusal", "IndexError: list index out of range"),
         (TakenName, "states", "a state called alpha"),
-        (NoReference, "documentation", "an empty reference"),
+        (NoReference, "documentation", "an empty `reference`"),
         (WrongSign, "the error decays", "eigenvalues of the linearised error with real parts up to 7.6"),
         (WrongSignAndRate, "the error decays", "look at the sign of the correction"),
         (Blind, "the error decays", "real parts up to 0 on integrator_chain with 3 states"),

@@ -133,7 +133,7 @@ class KeyWithoutAWord(VanDerPol):
         (OutputIsNoCoordinate, "triangular coordinates", "a model that is not triangular in them: output x1 is not"),
         (UnusedInput, "declarations", "the input force, which no equation holds"),
         (NoDocstring, "documentation", "no docstring"),
-        (NowhereValid, "documentation", "an empty valid"),
+        (NowhereValid, "documentation", "an empty `valid`"),
         (KeyWithoutAWord, "documentation", "the key friction without description"),
         (WrongInverse, "inverse", "expected x itself"),
         (WrongWayBack, "triangular coordinates", "from_triangular(to_triangular(x)) = "),
