@@ -84,15 +84,29 @@ class Kinks:
 _FOUND: Memo[Irregular] = Memo(32)
 
 
-EXTREMES = 10_000  # that are looked for: a function with more of them is fast everywhere, not in a few places
+EXTREMES = 40_000  # that are looked for: events, each of which ends a step
+_EXTREMES: Memo[Irregular] = Memo(32)
 
 
-def extremes(slopes: Kinks, values: Floats, start: float, end: float) -> Floats:
-    """Where functions of time have extremes; nowhere, where there are so many that every step meets some."""
-    try:
-        return slopes.between(values, start, end, EXTREMES).times
-    except TooMany:
-        return np.zeros(0)
+def extremes(slopes: Kinks, values: Floats, start: float, end: float) -> Irregular:
+    """Where functions of time have extremes; where there are too many, none is known and all may be missed."""
+
+    def found() -> Irregular:
+        try:
+            return slopes.between(values, start, end, EXTREMES)
+        except TooMany:
+            return Irregular(np.zeros(0), ((start, end),))
+
+    return _EXTREMES.get((slopes, values.tobytes(), start, end), found)
+
+
+def pulses_missed(what: str, lost: tuple[tuple[float, float], ...], origin: float) -> str:
+    """What is said of a function of time whose extremes may not all have been found."""
+    first, last = origin + min(a for a, _ in lost), origin + max(b for _, b in lost)
+    return (
+        f"{what}: there are too many extremes between t = {first:.6g} and t = {last:.6g} to find all of them; "
+        "pulses that are shorter than the steps may have been missed"
+    )
 
 
 def infinite(when: float) -> str:

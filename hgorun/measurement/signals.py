@@ -19,7 +19,7 @@ from hgorun.memo import Memo
 from hgorun.noise.base import TimeFunction
 from hgorun.symbolic.clock import on_the_clock
 from hgorun.symbolic.crossings import TooMany
-from hgorun.symbolic.evaluate import Floats, along
+from hgorun.symbolic.evaluate import along
 from hgorun.symbolic.levels import distinct
 from hgorun.symbolic.parameters import Parameters, flat
 
@@ -102,12 +102,12 @@ def kinks_of(stretch: Stretch, max_memory: float) -> Irregular:
     return Irregular(distinct(np.concatenate([noise.times, delay.times])), noise.lost + delay.lost)
 
 
-def extremes_of(stretch: Stretch) -> Floats:
+def extremes_of(stretch: Stretch) -> Irregular:
     """Extremes of noise and delay that no step should pass over, where noise does not say itself how fast it is."""
     functions = _functions(stretch)
     fast = bool(functions) and all(item.fastest(stretch.start, stretch.end) > 0 for item in functions)
     if fast and not parse(stretch.delay, names=("t",)).names:
-        return np.zeros(0)
+        return Irregular(np.zeros(0), ())
     return extremes(_compiled(stretch).slopes, signal_numbers(stretch), stretch.start, stretch.end)
 
 

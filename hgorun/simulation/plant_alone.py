@@ -48,7 +48,7 @@ def plant_kinks(plant: BuiltPlant, time: Time, origin: float) -> Irregular:
     return found
 
 
-def plant_extremes(plant: BuiltPlant, time: Time) -> np.ndarray:
+def plant_extremes(plant: BuiltPlant, time: Time) -> Irregular:
     """Extremes of the plant's functions of time, which no step should pass over."""
     symbolic, t = plant.symbolic, plant.model.t
     slopes = _SLOPES.get(symbolic, lambda: Kinks.of_slopes(_functions(symbolic), t, symbolic.everything))
@@ -122,7 +122,7 @@ class PlantRun:
         start, end = self.time.start, self.time.end
         times_of_change = plant_kinks(self.plant, self.time, self.origin).times
         if self.stiff:  # no controlled step may pass over a pulse
-            times_of_change = np.concatenate([times_of_change, plant_extremes(self.plant, self.time)])
+            times_of_change = np.concatenate([times_of_change, plant_extremes(self.plant, self.time).times])
         kinks = merge(times_of_change, 16 * np.spacing(max(abs(start), abs(end))))
         ends = np.concatenate([[start], kinks[(kinks > start) & (kinks < end)], [end]])
         steps = count_steps(np.diff(ends), np.inf if self.stiff else self.step)

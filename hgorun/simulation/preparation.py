@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 
 from hgorun.errors import Problem
+from hgorun.measurement.events import Irregular, pulses_missed
 from hgorun.measurement.noise import is_relative
 from hgorun.measurement.schedule import Channel, Schedule, build_schedule, check_delays, find_channels
 from hgorun.measurement.signals import extremes_of, kinks_of, signal_remarks
@@ -141,7 +142,7 @@ def _extremes(experiment: Experiment, channels: list[Channel]) -> np.ndarray:
     """Where functions of time have extremes: however narrow these are, error control sees a pulse at an event."""
     found = [plant_extremes(experiment.plant, experiment.time)]
     found += [extremes_of(s) for channel in channels for s in channel.stretches if s.continuous]
-    return np.concatenate(found)
+    return np.concatenate([irregular.times for irregular in found])
 
 
 def _remarks(experiment: Experiment) -> tuple[str, ...]:
@@ -149,7 +150,14 @@ def _remarks(experiment: Experiment) -> tuple[str, ...]:
     time = experiment.time
     continuous = [s for one in experiment.stretches for s in one if s.continuous]
     found = [signal_remarks(s, time.max_memory) for s in continuous]
+    if experiment.blocks.solver.controlled:
+        found += [_pulses("plant", plant_extremes(experiment.plant, time), experiment.origin)]
+        found += [_pulses(".".join(map(str, s.paths["noise"])), extremes_of(s), s.origin) for s in continuous]
     return tuple(dict.fromkeys(sum(found, plant_remarks(experiment.plant, time, experiment.origin))))
+
+
+def _pulses(what: str, found: Irregular, origin: float) -> list[str]:
+    return [pulses_missed(what, found.lost, origin)] if found.lost else []
 
 
 def nominal_step(experiment: Experiment) -> float:

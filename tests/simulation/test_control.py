@@ -307,6 +307,22 @@ def test_a_pulse_is_met_whenever_the_clock_began() -> None:
     assert result.status == "ok"
 
 
+def test_a_pulse_among_many_extremes_is_met() -> None:
+    """x' = 200 cos(200 t) + pulse over 500 s: more than 30,000 extremes, and a pulse of a millisecond at t = 333.3."""
+    u = "200*cos(200*t) + 1000*exp(-((t - 333.3)/1e-3)**2)"
+    plant = inline({"x": "u"}, "x", inputs={"u": u}, initial={"x": 0})
+    result = simulate(experiment(plant, {"S": {"type": "shgo", "theta": 0.1}}, end=500, output_step=1))
+    assert result.x[-1, 0] == pytest.approx(np.sin(1e5) + np.sqrt(np.pi), abs=4e-3)
+    assert result.remarks == ()
+
+
+def test_pulses_that_cannot_all_be_found_are_said() -> None:
+    """Fifteen thousand narrow pulses: their slope is lost in underflow between them."""
+    plant = inline({"x": "u - x"}, "x", inputs={"u": "3e4*exp(-(sin(50*pi*t)/1e-3)**2)"}, initial={"x": 0})
+    prepared = prepare(experiment(plant, {"S": {"type": "shgo", "theta": 0.1}}, end=300, output_step=1))
+    assert "pulses that are shorter than the steps may have been missed" in prepared.remarks[0]
+
+
 @pytest.mark.parametrize("size", [1e4, 1e8])
 def test_a_large_initial_gain_is_followed(size: float) -> None:
     """P(0) makes the first instants fast; another method with tight tolerances knows the metrics."""
