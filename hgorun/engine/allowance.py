@@ -18,7 +18,9 @@ from hgorun.native.ir import hexadecimal
 
 SMALL = 1e-6  # of the largest |z| so far: what a state has to be known to when it is smaller
 _NUDGE = 2.0**-26  # relative changes of z and w that show the size of the terms in z'
-_SHORT, _SHORTEST = 1e-16, 1e-12  # of a segment, and of t: below the time scale of anything that is resolved there
+# of a segment, and of t: below the time scale of what is resolved there, and above that at which states which are
+# zero but for rounding begin to rise
+_SHORT, _SHORTEST = 1e-11, 1e-12
 
 
 def tolerances(s: Stepper) -> list[str]:

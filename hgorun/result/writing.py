@@ -215,9 +215,9 @@ def _write(result: ResultData, file: h5py.File) -> None:
     for label, o in result.observers.items():
         _write_observer(w, result, label, o, of_states)
     errors = result.integration_error or {}
-    for label, error in errors.items():
+    for label in errors.keys() & {PLANT, *result.observers}:
         group = file["plant"] if label == PLANT else file["observers"][label]
-        group.attrs["integration_error"] = error
+        group.attrs["integration_error"] = errors[label]
     file.attrs[digests.ATTRIBUTE] = digests.of_attributes(file)
 
 

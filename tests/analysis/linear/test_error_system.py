@@ -41,7 +41,7 @@ def test_an_error_that_never_changes_is_one_matrix() -> None:
     [({"type": "levant", "G": 5}, {}, SLIDING), (DEADBEAT, SAMPLED, JUMPS)],
 )
 def test_observers_without_slopes_or_without_a_flow(block: Block, measurement: Block, words: str) -> None:
-    made = experiment(chain(2, "-x1"), {"o": block}, measurement=measurement)
+    made = experiment(chain(2, "-x1"), {"o": block}, measurement=measurement, step=1e-3)
     with pytest.raises(NoValue) as caught:
         error_system(prepare(made), "o", simulate(made))
     assert str(caught.value) == words

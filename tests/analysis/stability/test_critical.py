@@ -224,7 +224,7 @@ def test_discrete_observers() -> None:
 
 
 def test_reasons() -> None:
-    run = prepared({"l": {"type": "levant", "G": 1}, "o": SHGO})
+    run = prepared({"l": {"type": "levant", "G": 1}, "o": SHGO}, step=1e-3)
     with pytest.raises(NoValue, match="no slope"):
         error_system(run, "l", nominal(run))
     stepped = prepared({"o": SHGO}, CHAIN | {"discretise": "euler"}, measurement={"sampling": {"period": 0.1}})
