@@ -131,6 +131,8 @@ def h2(linear: Linear) -> np.ndarray:
     from scipy.linalg import solve_continuous_lyapunov
 
     linear = steady_part(linear)
+    if not linear.A.size:  # no noise reaches any state
+        return np.zeros(len(linear.L))
     P = solve_continuous_lyapunov(linear.A, -linear.B @ linear.B.T)
     return np.asarray(np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", linear.L, P, linear.L), 0)))
 
