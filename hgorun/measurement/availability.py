@@ -93,6 +93,23 @@ class Stretch:
             return np.full(times.shape, expression.number())
         return along(compiled(self.delay, "t"), self.origin + times)
 
+    def valid_delay_at(self, times: np.ndarray) -> np.ndarray:
+        """d(t) at several times.
+
+        Raises
+        ------
+        Problem
+            Where it is negative or not a number.
+        """
+        delays = self.delay_at(times)
+        if not np.all(np.isfinite(delays)) or np.any(delays < 0):
+            worst = times[np.argmin(np.where(np.isfinite(delays), delays, -np.inf))]
+            raise Problem(
+                self.paths["delay"],
+                f"the delay must be a number >= 0, found {delays.min():g} at t = {self.origin + worst:g}",
+            )
+        return delays
+
 
 def resolve(measurement: Measurement, outputs: Sequence[str], time: Time) -> list[list[Stretch]]:
     """One list of stretches an output, from start to end without a gap, counted from the start.

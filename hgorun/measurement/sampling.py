@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -58,15 +58,8 @@ def find_samples(stretches: list[Stretch], start: float, seed: int, output: str,
         left -= times.size
         inside = _belong(times, stretch, last)
         times, k = np.clip(times[inside], stretch.start, stretch.end), k[inside]
-        delay = stretch.delay_at(times)
-        if not np.all(np.isfinite(delay)) or np.any(delay < 0):
-            worst = times[np.argmin(np.where(np.isfinite(delay), delay, -np.inf))]
-            raise Problem(
-                stretch.paths["delay"],
-                f"the delay must be a number >= 0, found {delay.min():g} at t = {stretch.origin + worst:g}",
-            )
         arrival.append(times)
-        taken.append(np.maximum(times - delay, start))
+        taken.append(np.maximum(times - stretch.valid_delay_at(times), start))
         number.append(k)
         which.append(np.full(times.size, i))
     if not arrival:
@@ -75,19 +68,19 @@ def find_samples(stretches: list[Stretch], start: float, seed: int, output: str,
     all_taken = np.concatenate(taken)
     newest = np.maximum.accumulate(np.concatenate([[-np.inf], all_taken]))[:-1]
     # times that are equal on paper may differ by rounding
-    tolerance = _rounding(replace(stretches[0], end=stretches[-1].end))
+    tolerance = _rounding(stretches[0], stretches[-1])
     used = all_taken >= newest - tolerance
     return Samples(np.concatenate(arrival), all_taken, np.concatenate(number), np.concatenate(which), used)
 
 
-def _rounding(stretch: Stretch) -> float:
-    """By how much times in a stretch may differ that are equal on paper."""
-    return float(max(1e-12 * (stretch.end - stretch.start), 8 * stretch.spacing))
+def _rounding(first: Stretch, last: Stretch) -> float:
+    """By how much times from one stretch to another may differ that are equal on paper."""
+    return max(1e-12 * (last.end - first.start), 8 * first.spacing, 8 * last.spacing)
 
 
 def _belong(times: np.ndarray, stretch: Stretch, last: bool) -> np.ndarray:
     """Which times lie in a stretch: its end belongs to the next one, where there is one."""
-    tolerance = _rounding(stretch)
+    tolerance = _rounding(stretch, stretch)
     before = times <= stretch.end + tolerance if last else times < stretch.end - tolerance
     return np.asarray((times >= stretch.start - tolerance) & before)
 

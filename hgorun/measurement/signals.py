@@ -132,13 +132,7 @@ def delay_range(stretch: Stretch) -> tuple[float, float]:
     beside = found + 4 * np.spacing(found) * np.array([[-1.0], [0.0], [1.0]])
     inside = np.clip(beside, stretch.start, stretch.end).ravel()
     times = distinct(np.concatenate([np.linspace(stretch.start, stretch.end, _POINTS), inside]))
-    delays = stretch.delay_at(times)
-    if not np.all(np.isfinite(delays)) or np.any(delays < 0):
-        where = times[np.argmin(np.where(np.isfinite(delays), delays, -np.inf))]
-        raise Problem(
-            stretch.paths["delay"],
-            f"the delay must be a number >= 0, found {delays.min():g} at t = {stretch.origin + where:g}",
-        )
+    delays = stretch.valid_delay_at(times)
     return float(delays.min()), float(delays.max())
 
 

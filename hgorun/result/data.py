@@ -57,7 +57,7 @@ class DesignNumbers:
     step: float
 
 
-PLANT = "plant"  # beside the labels of observers, which are called otherwise
+PLANT = "plant"  # beside the labels of observers: an observer that is called so hides the error of the plant
 MapName = Literal["chain", "derivatives"]
 MAPS: tuple[MapName, ...] = ("chain", "derivatives")
 

@@ -80,7 +80,7 @@ def measure_together(
 
 
 _FEW = 4  # passes, for which loading machine code does not pay
-_MEASURED = count(1)  # runs of this process
+_MEASURED = count(1)  # the passes of this process
 
 
 def _compiled(

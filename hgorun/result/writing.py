@@ -214,10 +214,10 @@ def _write(result: ResultData, file: h5py.File) -> None:
     w.group("metrics")
     for label, o in result.observers.items():
         _write_observer(w, result, label, o, of_states)
+    groups = {label: file["observers"][label] for label in result.observers} | {PLANT: file["plant"]}
     errors = result.integration_error or {}
-    for label in errors.keys() & {PLANT, *result.observers}:
-        group = file["plant"] if label == PLANT else file["observers"][label]
-        group.attrs["integration_error"] = errors[label]
+    for label in groups.keys() & errors.keys():
+        groups[label].attrs["integration_error"] = errors[label]
     file.attrs[digests.ATTRIBUTE] = digests.of_attributes(file)
 
 

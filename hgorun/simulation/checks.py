@@ -37,11 +37,11 @@ def _check_clock(run: PreparedRun) -> None:
     """Times must be told apart much finer than steps."""
     time = run.experiment.blocks.time
     key = "start" if abs(time.start) > abs(time.end) else "end"
-    shown = getattr(time, key)
     step = min(run.step, time.output_step)
-    # steps are counted from the start: where it lies matters to functions of the clock, and to what is filed
-    seen = step if _reads_the_clock(run) else time.output_step
-    for number, needed in ((run.time.end, step), (shown, seen)):
+    looked_at = [(run.time.end, step)]
+    if run.origin:  # steps are counted from the start: where it lies matters to functions of the clock, and to files
+        looked_at.append((getattr(time, key), step if _reads_the_clock(run) else time.output_step))
+    for number, needed in looked_at:
         finest = float(np.spacing(abs(number)))
         if finest > _COARSE * needed:
             raise Problem(

@@ -114,7 +114,7 @@ def plant_lost(run: PreparedRun, error: PlantDiverged, again: Again) -> Simulati
             again.integrate(again.plan(shorter))
         except (Problem, SimulationError):
             continue
-        step = longest(run)
+        step = _longest(run)
         return SimulationError(
             f"it diverges with steps of {step:.3g}, but not with shorter ones: give a step of at most "
             f"{step / shorter:.3g}, or solver: {{method: rodas5p}} if its equations are stiff"
@@ -181,19 +181,19 @@ def _enough(run: PreparedRun, again: Again, lost: list[int]) -> dict[int, int]:
 def _attempts(run: PreparedRun, rate: float) -> Iterator[int]:
     """How many times shorter the steps are that are tried: more often where the rate needs it and it is cheap."""
     yield from _SHORTER
-    shorter, steps = _SHORTER[-1], (run.time.end - run.time.start) / longest(run)
-    while rate * longest(run) > shorter and 4 * shorter * steps < _CHEAP:
+    shorter, steps = _SHORTER[-1], run.span / _longest(run)
+    while rate * _longest(run) > shorter and 4 * shorter * steps < _CHEAP:
         shorter *= 4
         yield shorter
 
 
-def longest(run: PreparedRun) -> float:
+def _longest(run: PreparedRun) -> float:
     """The longest of its steps."""
-    return min(run.step, float(np.max(np.diff(run.schedule.events))))
+    return min(run.step, run.longest_gap)
 
 
 def _inaccurate(run: PreparedRun, free: Raw, j: int, verdict: Verdict, shorter: int) -> Verdict:
-    step = longest(run)
+    step = _longest(run)
     what = "diverges" if verdict.status == "diverged" else "is undefined"
     reason = f"{what} with steps of {step:.3g}, but not with shorter ones: give a step of at most {step / shorter:.3g}"
     cause = singular(run, free, run.observers[j])

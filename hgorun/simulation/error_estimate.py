@@ -70,7 +70,7 @@ def _metrics(run: PreparedRun, fine: Measured, coarse: Measured, observer: int, 
             gap, value, floor = np.abs(a - b), np.abs(a), _FLOOR * size
             if unit == "time":
                 gap = np.maximum(gap - run.experiment.metric_step * (1 + 1e-6), 0.0)
-                value, floor = np.abs(a - time.start), np.full(a.shape, _FLOOR * (time.end - time.start))
+                value, floor = np.abs(a - time.start), np.full(a.shape, _FLOOR * run.span)
                 counts = settled
             elif unit == "1":  # a ratio to how much the state moves
                 counts, floor = fine.moved > floor, floor / fine.moved

@@ -58,7 +58,7 @@ class Pass:
 
 def as_given(run: PreparedRun) -> Pass:
     """With the step or the tolerances of the configuration, or with a first step where neither is given."""
-    solver, span = run.solver, run.time.end - run.time.start
+    solver, span = run.solver, run.span
     if not run.adaptive:
         return Pass(method=solver.given_method, step=run.step)
     limit = min(solver.max_step or span, longest_step(run, run.step, adaptive=True))
@@ -127,7 +127,11 @@ def plan_of(run: PreparedRun, how: Pass) -> tuple[Plan, Start]:
     )
     divergence = run.solver.divergence
     bound = (_BOUND if how.bounded else UNBOUNDED) if divergence is None else (divergence, 0.0)
-    return plan, Start(run.numbers.z0[:, None], run.numbers.p[:, None], bound)
+    return plan, _start(run, bound)
+
+
+def _start(run: PreparedRun, bound: tuple[float, float]) -> Start:
+    return Start(run.numbers.z0[:, None], run.numbers.p[:, None], bound)
 
 
 @dataclass(frozen=True)
@@ -140,10 +144,9 @@ class Again:
 
     def plan(self, shorter: int = 1) -> Plan:
         """The tables, with steps so many times shorter, all of them."""
-        longest = min(self.how.step, float(np.max(np.diff(self.run.schedule.events))))
+        longest = min(self.how.step, self.run.longest_gap)
         return plan_of(self.run, self.how if shorter == 1 else replace(self.how, step=longest / shorter))[0]
 
     def integrate(self, plan: Plan) -> Raw:
         """What they give where observers are followed until their numbers overflow."""
-        start = replace(plan_of(self.run, self.how)[1], bound=UNBOUNDED)
-        return carry_out(self.run, self.how, plan, start, self.progress)
+        return carry_out(self.run, self.how, plan, _start(self.run, UNBOUNDED), self.progress)

@@ -92,6 +92,11 @@ class PreparedRun:
         return self.time.end - self.time.start
 
     @property
+    def longest_gap(self) -> float:
+        """The longest time between two events."""
+        return float(np.max(np.diff(self.schedule.events)))
+
+    @property
     def adaptive(self) -> bool:
         """Whether given tolerances control every step."""
         return self.experiment.adaptive

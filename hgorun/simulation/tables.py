@@ -13,6 +13,7 @@ from hgorun.engine.plan import Plan
 from hgorun.errors import Problem
 from hgorun.measurement.schedule import Channel, Schedule, nearest_event
 from hgorun.memo import Memo, Same
+from hgorun.symbolic.levels import distinct
 
 _PIECE = 1 << 14  # steps between two checks for Ctrl-C, more only where there were too many pieces
 _MAX_PIECES = 100_000
@@ -201,8 +202,7 @@ def part_of_difference(steps: np.ndarray, ratio: float, order: int) -> float:
     order : int
         With which errors fall with the step; where it is higher, what is found is too large.
     """
-    even = np.sort(steps)  # unlike np.unique, it imports nothing
-    even = even[np.append(True, np.diff(even) > 0)]
+    even = distinct(steps)
     uneven = _cut(uneven_steps(even, ratio))
     own = even ** (-1.0 * order)
     parts = (_PART, 1 - _PART)

@@ -44,7 +44,7 @@ def nominal(run: PreparedRun, label: str | None = None) -> Result:
         raise NoValue("all observers here jump at the samples")
     if plant.block.discretise:
         raise NoValue("the plant is stepped at the samples")
-    span = run.time.end - run.time.start
+    span = run.span
     changes: dict[str, Any] = {
         "time.output_step": span / float(np.clip(span / run.step, *_POINTS)),
         "measurement": None,

@@ -229,7 +229,7 @@ def _measured(
     late = arrival[arrival >= middle]
     at = np.clip(np.searchsorted(result.time, late), 0, result.time.size - 1)
     at = np.where((at > 0) & (np.abs(result.time[at - 1] - late) < np.abs(result.time[at] - late)), at - 1, at)
-    hit = np.abs(result.time[at] - late) < 1e-9 * (run.time.end - run.time.start)
+    hit = np.abs(result.time[at] - late) < 1e-9 * run.span
     e = (result.observers[label].xhat - result.x)[at[hit]][:, hidden]
     if not len(e) or not np.all(np.isfinite(e)):
         return None
