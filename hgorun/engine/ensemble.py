@@ -14,15 +14,16 @@ from typing import Protocol
 
 import numpy as np
 
+from hgorun.engine.memory import Raw, Start
 from hgorun.engine.plan import Floats, Plan
-from hgorun.engine.program import Program, Raw, Start
+from hgorun.engine.program import Program
 from hgorun.errors import PlantDiverged
 
 LANES = 8
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Members:
+class MemberNumbers:
     """The numbers of N runs; of any strides, so that a transposed array costs nothing.
 
     Attributes
@@ -48,7 +49,7 @@ class Members:
         """N."""
         return int(self.z0.shape[1])
 
-    def some(self, which: slice) -> Members:
+    def some(self, which: slice) -> MemberNumbers:
         """Some of them, as views."""
         parts = {name: getattr(self, name) for name in ("z0", "p", "gain", "bias", "holds")}
         return replace(self, **{name: part[:, which] if part.ndim == 2 else part for name, part in parts.items()})
@@ -119,7 +120,7 @@ class Ensemble:
     def run(
         self,
         plan: Plan,
-        members: Members,
+        members: MemberNumbers,
         reduction: Reduction | None = None,
         *,
         rows: bool = False,
@@ -131,7 +132,7 @@ class Ensemble:
         Parameters
         ----------
         plan : Plan
-        members : Members
+        members : MemberNumbers
             Their numbers take memory: an ensemble of a million is given in parts of some thousands.
         reduction : Reduction, optional
             The compiled one of :mod:`hgorun.result.reduction` runs in the native loop.
@@ -157,7 +158,7 @@ class Ensemble:
     def run_each(
         self,
         plans: Sequence[Plan],
-        members: Members,
+        members: MemberNumbers,
         reduction: Reduction | None = None,
         *,
         rows: bool = False,
@@ -176,12 +177,12 @@ class Ensemble:
                 progress(i + 1)
         return _joined(parts, rows)
 
-    def _run(self, plan: Plan, some: Members) -> Raw:
+    def _run(self, plan: Plan, some: MemberNumbers) -> Raw:
         own = replace(plan, gain=some.gain, bias=some.bias, holds=some.holds)
         start = Start(np.ascontiguousarray(some.z0), np.ascontiguousarray(some.p), some.bound)
         return self._program(some.count).run(own, start)
 
-    def _alone(self, plan: Plan, one: Members, reduction: Reduction | None, rows: bool) -> Outcome:
+    def _alone(self, plan: Plan, one: MemberNumbers, reduction: Reduction | None, rows: bool) -> Outcome:
         try:
             return _outcome(self._run(plan, one), one.p, reduction, rows)
         except PlantDiverged as error:

@@ -7,7 +7,7 @@ import pytest
 import yaml
 
 import hgorun
-from hgorun.engine.ensemble import Ensemble, Members
+from hgorun.engine.ensemble import Ensemble, MemberNumbers
 from hgorun.result.metrics.base import all_metrics
 from hgorun.result.reduction import MetricReduction
 from hgorun.result.windows import MetricSettings
@@ -39,13 +39,15 @@ def runs(count: int) -> list[PreparedRun]:
     return [prepare(base.varied({"seed": k, "observers.SHGO.theta": 2 + 0.1 * k})) for k in range(count)]
 
 
-def members(of: list[PreparedRun]) -> Members:
+def members(of: list[PreparedRun]) -> MemberNumbers:
     """Their numbers side by side."""
     plans, starts = zip(*(plan_of(run, as_given(run)) for run in of), strict=True)
-    return Members(
+    return MemberNumbers(
         z0=np.hstack([start.z for start in starts]),
         p=np.hstack([start.p for start in starts]),
-        **{name: np.column_stack([getattr(plan, name) for plan in plans]) for name in ("gain", "bias", "holds")},
+        gain=np.column_stack([plan.gain for plan in plans]),
+        bias=np.column_stack([plan.bias for plan in plans]),
+        holds=np.column_stack([plan.holds for plan in plans]),
     )
 
 
