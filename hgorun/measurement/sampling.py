@@ -11,12 +11,14 @@ from hgorun.errors import KeyPath, Problem
 from hgorun.measurement.availability import Stretch
 from hgorun.measurement.blocks import Periodic, Steps, Times
 from hgorun.measurement.noise import generator
+from hgorun.memo import Memo
 from hgorun.symbolic.evaluate import along, compiled
 
+_KEPT = 100_000  # samples that are kept in memory
 SAMPLE_BYTES = 1000  # of memory that a sample takes in the end: events, segments, actions, numbers
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Samples:
     """Samples of one output, in the order of their arrival.
 
@@ -39,14 +41,23 @@ class Samples:
     used: np.ndarray
 
 
+_FOUND: Memo[Samples] = Memo(32, lambda samples: samples.arrival.size < _KEPT)
+
+
 def find_samples(stretches: list[Stretch], start: float, seed: int, output: str, limit: int) -> Samples:
-    """All samples of an output.
+    """All samples of an output: one object for all runs in which they are the same.
 
     Raises
     ------
     Problem
         For a negative delay or more than ``limit`` samples.
     """
+    timing = tuple((s.start, s.end, s.origin, s.sampling, s.delay) for s in stretches)
+    chance = (seed, output) if any(s.sampled_by_chance for s in stretches) else None
+    return _FOUND.get((timing, start, chance, limit), lambda: _samples(stretches, start, seed, output, limit))
+
+
+def _samples(stretches: list[Stretch], start: float, seed: int, output: str, limit: int) -> Samples:
     arrival, taken, number, which = [], [], [], []
     left = limit
     for i, stretch in enumerate(stretches):

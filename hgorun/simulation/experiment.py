@@ -33,6 +33,7 @@ _STRETCHES: Memo[list[list[Stretch]]] = Memo(16)
 _POINTS: Memo[np.ndarray] = Memo(16, lambda points: points.size < 1_000_000)
 
 _ONLY_A_FILE = "only a file can extend another one; see hgorun.load"
+_OF_FORMS = {"_forms", "forms", "coordinates"}  # what follows from the forms of the plant
 _KEPT = ("name", "text", "source", "_checked", "_noise", "_chosen")  # in a copy; all else follows from these
 
 
@@ -135,9 +136,9 @@ class Experiment:
         known["_designed"] = known.get("_designed", {}) | known.get("designs", {})
         stale = {"designs"}
         if now.plant is not before.plant or now.blocks.time.start != before.blocks.time.start:
-            stale |= {"plant", "_forms", "stretches", "grid"}
+            stale |= {"plant", *_OF_FORMS, "stretches", "grid"}
         if now.observers is not before.observers:
-            stale |= {"_forms"} if now.observers.keys() == before.observers.keys() else {"_forms", "grid"}
+            stale |= _OF_FORMS if now.observers.keys() == before.observers.keys() else {*_OF_FORMS, "grid"}
         if now.measurement is not before.measurement or now.blocks.time != before.blocks.time:
             stale |= {"stretches"}
         if now.blocks.time != before.blocks.time or now.blocks.metrics != before.blocks.metrics:
@@ -192,12 +193,12 @@ class Experiment:
         """Coordinates taken by the experiment that this one varies: they are chosen once."""
         return {}
 
-    @property
+    @cached_property
     def forms(self) -> dict[str, Form]:
         """For every observer the plant in the form that it needs."""
         return {label: form for label, (form, _) in self._forms.items()}
 
-    @property
+    @cached_property
     def coordinates(self) -> dict[str, Coordinates]:
         """Of every observer with constant gain the coordinates in which it corrects."""
         chains = {label: form for label, form in self.forms.items() if isinstance(form, CanonicalForm)}

@@ -14,7 +14,7 @@ from hgorun.engine.plan import Plan
 from hgorun.simulation.checks import check_steps, longest_step
 from hgorun.simulation.loss import UNBOUNDED
 from hgorun.simulation.prepared import PreparedRun
-from hgorun.simulation.tables import build_plan, count_steps, part_of_difference
+from hgorun.simulation.tables import build_plan, part_of_difference, steps_between
 
 _DEFAULT_RTOL = 1e-8
 _FIRST = 1e-4  # of the run: the first step where errors control them and none is given
@@ -91,7 +91,7 @@ def integrate_lanes(runs: Sequence[PreparedRun], how: Pass) -> Raw:
 
 def fixed_steps(run: PreparedRun, step: float) -> np.ndarray:
     """How many steps no longer than the nominal one there are between any two events."""
-    return count_steps(np.diff(run.schedule.events), longest_step(run, step))
+    return steps_between(run.schedule, longest_step(run, step))
 
 
 def part_of_error(run: PreparedRun, how: Pass) -> float:

@@ -114,11 +114,10 @@ def _build(
     inputs: RecordedInputs | None,
 ) -> Tables:
     events = schedule.events
-    gaps = np.diff(events)
-    steps = count_steps(gaps, longest)
+    steps = steps_between(schedule, longest)
     table = _Actions(events, channels, system, inputs)
     always = system.remembers or always_slope
-    slope = np.full(gaps.size, int(always))
+    slope = np.full(steps.size, int(always))
     if not always:
         slope = _row_in_last_step(events, steps, grid).astype(int)
     inner = events[:-1] + schedule.inward[:-1], events[1:] - schedule.inward[1:]
@@ -139,6 +138,14 @@ def _build(
         slots=table.slots,
         intervals=table.intervals,
     )
+
+
+_STEPS: Memo[np.ndarray] = Memo(64, lambda steps: steps.size < _KEPT)
+
+
+def steps_between(schedule: Schedule, longest: float, key: str = "step") -> np.ndarray:
+    """How many equal steps each gap between two events of a schedule takes, as :func:`count_steps`."""
+    return _STEPS.get((schedule, longest, key), lambda: count_steps(np.diff(schedule.events), longest, key))
 
 
 def count_steps(gaps: np.ndarray, longest: float, key: str = "step") -> np.ndarray:

@@ -9,6 +9,7 @@ that peaks and comes back is not lost.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hgorun.symbolic.evaluate import Floats
 
@@ -37,11 +38,16 @@ def left_for_good(x: Floats, xhat: Floats) -> int | None:
     return int(near[-1]) + 1 if near.size else 0
 
 
-def may_have_left(x: Floats, xhat: Floats) -> bool:
-    """Whether an estimate may have left for good, from the first and the last point alone, shapes (2, n)."""
-    first, last = _gap(x, xhat)
-    size = np.maximum(np.max(np.abs(x), axis=0), np.where(np.isfinite(first), first, 0.0))
-    return not bool(np.all(last <= _FAR * size))
+def may_have_left(x: Floats, xhat: Floats) -> NDArray[np.bool_]:
+    """Which of m estimates may have left for good, from the first and the last point alone.
+
+    Parameters
+    ----------
+    x, xhat : ndarray, shapes (2, n) and (2, m, n)
+    """
+    first, last = _gap(x[:, None], xhat)
+    size = np.maximum(np.abs(x).max(axis=0), np.where(np.isfinite(first), first, 0.0))
+    return ~(last <= _FAR * size).all(axis=1)
 
 
 def _gap(x: Floats, xhat: Floats) -> Floats:
