@@ -11,12 +11,17 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 
+# Matrices here are tiny: the threads of a BLAS library would spend their time waiting for each other. Libraries read
+# these names when they are loaded.
+_ONE_THREAD = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 _GARBAGE = 100_000  # objects between two collections: while modules are imported they find nothing, and cost 10 %
 
 
 def run() -> None:
     """The entry point of the command."""
     gc.set_threshold(_GARBAGE, 20, 50)
+    for name in _ONE_THREAD:
+        os.environ.setdefault(name, "1")
     if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
         signal.signal(signal.SIGINT, _leave)  # until more is imported, there is nothing to put in order
     from hgorun.process import run as run_process
