@@ -6,7 +6,7 @@ from dataclasses import asdict, replace
 
 import numpy as np
 
-from hgorun.engine.program import Raw
+from hgorun.engine.memory import Raw
 from hgorun.errors import Problem
 from hgorun.measurement.events import merge
 from hgorun.measurement.schedule import nearest_event
