@@ -89,13 +89,17 @@ class Collected:
         return np.isin(self.status, _OK)
 
     @property
-    def chance(self) -> tuple[str, ...]:
-        """The axes over which statistics are made: the seed."""
-        return tuple(axis for axis in self.axes if axis == SEED)
+    def counts(self) -> dict[str, dict[str, int]]:
+        """Of every observer, how many members have each status that occurs."""
+        found: dict[str, dict[str, int]] = {}
+        for label, status in zip(self.observers, self.status.T, strict=True):
+            numbers = np.bincount(status, minlength=len(STATUSES))
+            found[label] = {word: int(n) for word, n in zip(STATUSES, numbers, strict=True) if n}
+        return found
 
     @property
     def chosen(self) -> tuple[str, ...]:
-        """The other axes, with more than one value."""
+        """The axes with more than one value, without the seed: chance is not chosen."""
         return tuple(a for a, values in self.axes.items() if a != SEED and len(levels(values)) > 1)
 
     def where(self, members: NDArray[np.bool_]) -> Collected:
