@@ -184,8 +184,10 @@ class Program:
             tries += granted - memory["budget"]
             if verdict != DONE:
                 stiff = isinstance(self.method, Rosenbrock)
-                kind = PlantDiverged if verdict == PLANT_DIVERGED else SimulationError
-                raise kind(_explain(verdict, plan.origin + memory.real("now"), stiff=stiff))
+                message = _explain(verdict, plan.origin + memory.real("now"), stiff=stiff)
+                if verdict == PLANT_DIVERGED:
+                    raise PlantDiverged(message, memory.real("now"))
+                raise SimulationError(message)
             spent = max(time.perf_counter() - before, 1e-6)
             chunk = max(1, int(chunk * min(_SLICE / spent, 8.0)))
             if progress:
