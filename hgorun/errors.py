@@ -69,7 +69,17 @@ class SimulationError(HgorunError):
 
 
 class PlantDiverged(SimulationError):
-    """The state of the plant is infinite or not a number, with the steps that were made."""
+    """The state of the plant is infinite or not a number, with the steps that were made.
+
+    Attributes
+    ----------
+    at : float
+        When, counted from the start of the run.
+    """
+
+    def __init__(self, message: str, at: float = float("nan")) -> None:
+        super().__init__(message)
+        self.at = at
 
 
 class PluginError(HgorunError):

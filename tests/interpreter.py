@@ -16,8 +16,8 @@ import numpy as np
 import numpy.typing as npt
 
 from hgorun.engine.layout import ARRIVE, JUMP, REBASE, RECORD, SET, TAKE, HybridSystem, Regime
+from hgorun.engine.memory import Tolerance
 from hgorun.engine.plan import Plan
-from hgorun.engine.program import Tolerance
 
 Array = npt.NDArray[np.float64]
 
@@ -72,7 +72,7 @@ def hermite(s: float, h: float, a: Array, da: Array, b: Array, db: Array) -> Arr
 
 @dataclass
 class Run:
-    """The result of a run; see hgorun.engine.program.Raw."""
+    """The result of a run; see hgorun.engine.memory.Raw."""
 
     rows: list[Array] = field(default_factory=list)
     measured: Array = field(default_factory=lambda: np.zeros(0))

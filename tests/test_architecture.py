@@ -26,7 +26,7 @@ FLOORS: list[set[str]] = [
     {"measurement"},
     {"result"},
     {"simulation"},
-    {"analysis", "testing"},
+    {"analysis", "ensemble", "testing"},
     {"tables"},
     {"figures"},
     {"study"},

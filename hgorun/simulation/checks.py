@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hgorun.engine.program import history_bytes, history_pieces
+from hgorun.engine.memory import history_bytes, history_pieces
 from hgorun.errors import Problem
 from hgorun.measurement.schedule import continuous_delays
 from hgorun.measurement.signals import delay_range

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from hgorun.engine.program import Raw
+from hgorun.engine.memory import Raw
 from hgorun.errors import PlantDiverged, Problem, SimulationError
 from hgorun.result.status import OK, Verdict
 from hgorun.simulation.loss import Again, of_estimate, why_lost

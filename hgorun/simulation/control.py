@@ -17,8 +17,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from hgorun.config.models import Method
+from hgorun.engine.memory import Raw, Tolerance
 from hgorun.engine.methods import METHODS
-from hgorun.engine.program import Raw, Tolerance, TooManySteps
+from hgorun.engine.program import TooManySteps
 from hgorun.errors import Problem, SimulationError
 from hgorun.result.data import PLANT, Integration
 from hgorun.result.status import OK, Verdict

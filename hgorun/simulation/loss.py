@@ -9,8 +9,8 @@ from typing import Protocol
 import casadi as ca
 import numpy as np
 
+from hgorun.engine.memory import Raw
 from hgorun.engine.plan import Plan
-from hgorun.engine.program import Raw
 from hgorun.result.status import OK, Verdict
 from hgorun.simulation.observer_block import ObserverBlock
 from hgorun.simulation.prepared import PreparedRun

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hgorun.engine.program import Raw
+from hgorun.engine.memory import Raw
 from hgorun.result.estimated import Estimated
 from hgorun.result.measure import measure_together
 from hgorun.result.status import OK, Verdict

@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hgorun.config.models import Method
+from hgorun.engine.memory import Raw, Start, Tolerance
 from hgorun.engine.methods import METHODS, Rosenbrock
 from hgorun.engine.plan import Plan
-from hgorun.engine.program import Raw, Start, Tolerance
 from hgorun.simulation.checks import check_steps, longest_step
 from hgorun.simulation.loss import UNBOUNDED
 from hgorun.simulation.prepared import PreparedRun

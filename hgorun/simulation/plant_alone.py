@@ -10,8 +10,9 @@ import numpy as np
 
 from hgorun.config.models import Time
 from hgorun.engine.layout import Held, HybridSystem, Regime
+from hgorun.engine.memory import Start, Tolerance
 from hgorun.engine.plan import Plan
-from hgorun.engine.program import Program, Start, Tolerance
+from hgorun.engine.program import Program
 from hgorun.errors import KeyPath, Problem
 from hgorun.measurement.events import Irregular, Kinks, extremes, infinite, merge, not_followed, too_many
 from hgorun.measurement.sampling import SAMPLE_BYTES

@@ -5,7 +5,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from hgorun.engine.program import Raw
+from hgorun.engine.memory import Raw
 from hgorun.observers.base import ContinuousObserver
 from hgorun.observers.capabilities import SlidingMode
 from hgorun.simulation.observer_block import ObserverBlock

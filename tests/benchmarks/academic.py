@@ -20,8 +20,8 @@ from pydantic import Field
 
 import hgorun
 from hgorun.engine.layout import ACTION_WORDS
+from hgorun.engine.memory import Start
 from hgorun.engine.plan import Plan
-from hgorun.engine.program import Start
 from hgorun.observers.base import ContinuousObserver, Flow, observer
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import prepare

@@ -27,7 +27,7 @@ import casadi as ca
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from hgorun.engine.program import Tolerance
+from hgorun.engine.memory import Tolerance
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.passes import as_given, plan_of
 from hgorun.simulation.preparation import prepare

@@ -13,8 +13,9 @@ import pytest
 from interpreter import Interpreter, Run
 
 from hgorun.engine.layout import ARRIVE, JUMP, REBASE, RECORD, SET, TAKE, Held, HybridSystem, Regime
+from hgorun.engine.memory import Raw, Start, Tolerance
 from hgorun.engine.plan import Plan
-from hgorun.engine.program import Program, Raw, Start, Tolerance
+from hgorun.engine.program import Program
 from hgorun.errors import SimulationError
 
 Array = npt.NDArray[np.float64]

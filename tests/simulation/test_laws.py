@@ -13,8 +13,9 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import block_diag, expm, solve_discrete_lyapunov
 
 from hgorun import Result, SimulationError
+from hgorun.engine.memory import Raw, Start
 from hgorun.engine.plan import Plan
-from hgorun.engine.program import Program, Raw, Start
+from hgorun.engine.program import Program
 from hgorun.simulation.passes import as_given, integrate
 
 HELD = [{"type": "gaussian", "std": 0.1, "hold": 0.15}]

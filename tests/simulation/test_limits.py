@@ -12,7 +12,7 @@ from examples import load, prepared, run
 import hgorun.simulation.tables as plan_module
 from hgorun import simulate
 from hgorun.cli import main
-from hgorun.engine.program import history_pieces
+from hgorun.engine.memory import history_pieces
 from hgorun.errors import ConfigError
 from hgorun.measurement.noise import generator
 from hgorun.simulation.simulate import prepare

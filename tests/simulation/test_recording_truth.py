@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from examples import Block, chain, experiment, inline
 
-from hgorun.engine.program import Start
+from hgorun.engine.memory import Start
 from hgorun.measurement.schedule import build_schedule, nearest_event
 from hgorun.observers.base import SampledObserver
 from hgorun.simulation.passes import as_given, integrate

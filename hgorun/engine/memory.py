@@ -1,0 +1,209 @@
+"""The memory of a run: the arrays that native code reads and writes, and the context that points to them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hgorun.engine.allowance import SMALL
+from hgorun.engine.history import piece_words
+from hgorun.engine.layout import CONTEXT, WORD, HybridSystem
+from hgorun.engine.plan import Floats, Integers, Plan
+from hgorun.native.compiler import address_of
+
+ADAPTIVE_HISTORY = 1 << 16  # pieces kept where the number of steps is not known before
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """Control of an adaptive method.
+
+    Attributes
+    ----------
+    rtol : float
+        Of a state's size, per step.
+    atol : float or None
+        What is allowed besides; None: it follows from each state's own size, see :mod:`hgorun.engine.allowance`.
+    max_step, first_step : float
+        The longest step, and the one that is tried first.
+    """
+
+    rtol: float
+    atol: float | None
+    max_step: float
+    first_step: float
+
+
+@dataclass(frozen=True)
+class Start:
+    """Where a run starts, for every lane.
+
+    Attributes
+    ----------
+    z : ndarray, shape (states, lanes)
+    p : ndarray, shape (parameters, lanes)
+    bound : (offset, factor)
+        An observer has diverged when one of its states exceeds offset + factor * max |x| so far.
+    """
+
+    z: Floats
+    p: Floats
+    bound: tuple[float, float] = (1e6, 1e6)
+
+
+@dataclass(frozen=True)
+class Raw:
+    """The result of a run, one lane after the other in the last axis.
+
+    Attributes
+    ----------
+    rows : ndarray, shape (grid points, states, lanes)
+    measured : ndarray, shape (slots, lanes)
+    diverged : ndarray, shape (observers, lanes)
+        Time of divergence, infinity where there was none.
+    error : ndarray, shape (states, lanes)
+        Largest local error estimate of an embedded method, zeros otherwise.
+    held : ndarray, shape (held numbers, lanes)
+        The vector w at the end.
+    tries : int
+        Steps made, and, where they are controlled, those that were rejected.
+    """
+
+    rows: Floats
+    measured: Floats
+    diverged: Floats
+    error: Floats
+    held: Floats
+    tries: int = 0
+
+
+def history_pieces(ends: Floats, steps: Integers | None, reach: float) -> int:
+    """How many steps the history of continuous delays keeps: a power of two.
+
+    Parameters
+    ----------
+    ends : ndarray, shape (segments, 2)
+        Where each segment starts and ends; pieces of one segment may repeat them.
+    steps : ndarray, shape (segments,)
+        Steps of each of them; None for adaptive steps.
+    reach : float
+        The longest delay; room is left for one that is a tenth longer.
+    """
+    if steps is None:
+        return ADAPTIVE_HISTORY
+    last = np.append(ends[1:, 1] > ends[:-1, 1], True)
+    knots = np.append(ends[0, 0], ends[last, 1])
+    done = np.append(0, np.cumsum(steps)[last])
+    reach = 1.1 * reach
+    # steps in [t - reach, t] are most where one of the two is at an event
+    late = np.concatenate([knots, knots + reach])
+    spanned = np.interp(late, knots, done) - np.interp(late - reach, knots, done)
+    return 1 << (int(np.ceil(np.max(spanned))) + 4).bit_length()
+
+
+def history_bytes(system: HybridSystem, pieces: int) -> int:
+    """Memory of so many steps of history, for one lane."""
+    return 8 * pieces * piece_words(system.outputs * system.width, 1)
+
+
+class Memory:
+    """The arrays of one run and the context that points to them."""
+
+    def __init__(
+        self, s: HybridSystem, lanes: int, constants: int, plan: Plan, start: Start, tolerance: Tolerance | None
+    ) -> None:
+        channels = s.outputs * s.width
+        steps = None if tolerance else plan.counts[:, 2] - plan.counts[:, 1]
+        pieces = history_pieces(plan.spans[:, :2], steps, plan.reach) if s.remembers else 1
+        ring = np.zeros(pieces * piece_words(channels, lanes) if s.remembers else 1)
+        entries = np.array([e * lanes + lane for row in s.alpha for e in row for lane in range(lanes)], dtype=np.int64)
+        self.shape = (plan.grid.size, s.states, lanes)
+        self.arrays: dict[str, np.ndarray] = {
+            "p": np.ascontiguousarray(start.p, dtype=float),
+            "c": np.zeros(max(constants, 1) * lanes),
+            "z": np.ascontiguousarray(start.z, dtype=float).copy(),
+            "w": np.zeros(s.held.size * lanes),
+            "channels": np.zeros(max(channels, 1) * lanes),
+            "spans": np.ascontiguousarray(plan.spans),
+            "counts": np.ascontiguousarray(plan.counts),
+            "actions": np.ascontiguousarray(plan.actions) if plan.actions.size else np.zeros(5, dtype=np.int64),
+            "grid": np.append(plan.grid, np.inf),
+            "rows": np.empty(self.shape),  # every row is written, by the native code or at the end
+            "slots": np.zeros(max(plan.slots, 1) * s.width * lanes),
+            "gain": _spread(plan.gain, lanes),
+            "bias": _spread(plan.bias, lanes),
+            "measured": np.full((max(plan.slots, 1), lanes), np.nan),
+            "holds": _spread(plan.holds, lanes),
+            "alpha": entries if entries.size else np.zeros(1, dtype=np.int64),
+            "blocks": np.array(s.blocks or [(0, 0, 0)], dtype=np.int64),
+            "diverged": np.full((max(s.observers, 1), lanes), np.inf),
+            "largest": np.abs(start.z[: s.plant_states]).max(axis=0, initial=0.0),
+            "ring": ring,
+            "initial": np.zeros(max(channels, 1) * lanes),
+            "hints": np.zeros(max(s.outputs, 1), dtype=np.int64),
+            "error": np.zeros((s.states, lanes)),
+            "size": _sizes(start.z),
+        }
+        self.context = np.zeros(len(CONTEXT), dtype=np.int64)
+        for name, array in self.arrays.items():
+            self.context[WORD[name]] = address_of(array)
+        self.context[WORD["ring_mask"]] = pieces - 1
+        reals = self.context.view(float)
+        reals[WORD["bound_offset"]], reals[WORD["bound_factor"]] = start.bound
+        reals[WORD["t_start"]] = plan.spans[0, 0]
+        if tolerance:
+            for word, value in (
+                ("rtol", tolerance.rtol),
+                ("atol", tolerance.atol or 0.0),
+                ("small", SMALL if tolerance.atol is None else 0.0),
+                ("max_step", tolerance.max_step),
+                ("step", tolerance.first_step),
+            ):
+                reals[WORD[word]] = value
+        self.address = address_of(self.context)
+        self.slots, self.observers = plan.slots, s.observers
+
+    def __getitem__(self, word: str) -> int:
+        return int(self.context[WORD[word]])
+
+    def __setitem__(self, word: str, value: int) -> None:
+        self.context[WORD[word]] = value
+
+    def real(self, word: str) -> float:
+        return float(self.context.view(float)[WORD[word]])
+
+    def set_real(self, word: str, value: float) -> None:
+        self.context.view(float)[WORD[word]] = value
+
+    def keep_initial(self) -> None:
+        """The channels before the start are those at the start."""
+        self.arrays["initial"][:] = self.arrays["channels"]
+
+    def result(self, tries: int) -> Raw:
+        rows = self.arrays["rows"]
+        done = int(self.context[WORD["row"]])
+        rows[done:] = self.arrays["z"].reshape(1, *self.shape[1:])  # the points at the end of the run
+        return Raw(
+            rows,
+            self.arrays["measured"][: self.slots],
+            self.arrays["diverged"][: self.observers],
+            self.arrays["error"],
+            self.arrays["w"].reshape(-1, self.shape[2]),
+            tries,
+        )
+
+
+def _sizes(z: Floats) -> Floats:
+    """|z| where it is a number, zero elsewhere."""
+    sizes: Floats = np.abs(np.ascontiguousarray(z, dtype=float))
+    sizes[~np.isfinite(sizes)] = 0.0
+    return sizes
+
+
+def _spread(values: Floats, lanes: int) -> Floats:
+    """One number a row for all lanes, or a row of lanes."""
+    values = values if values.size else np.zeros(1)
+    if values.ndim == 1:
+        values = values[:, None] if lanes == 1 else np.repeat(values[:, None], lanes, axis=1)
+    return np.ascontiguousarray(values, dtype=float)

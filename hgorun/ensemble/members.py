@@ -1,0 +1,111 @@
+"""The members of an ensemble: what each of them changes of a base experiment, as columns."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hgorun.errors import ConfigError
+from hgorun.simulation.experiment import Experiment
+
+Column: TypeAlias = NDArray[Any]  # of numbers, or of objects where values are text or lists
+_ALL = ("observers", "*")  # how a path begins that means every observer
+
+
+@dataclass(frozen=True, eq=False)
+class Members:
+    """What the members of an ensemble change, a column for each path.
+
+    Attributes
+    ----------
+    columns : mapping of str to ndarray, shape (size,)
+        By path, as after ``--set``; ``observers.*.theta`` means every observer that has such a key. Where two paths
+        lead to one place, the later one holds.
+    size : int
+        How many members there are.
+
+    Examples
+    --------
+    >>> Members.of({"observers.FHGO.theta": [2.0, 3.0], "seed": [0, 1]}).changes(1)
+    {'observers.FHGO.theta': 3.0, 'seed': 1}
+    """
+
+    columns: Mapping[str, Column]
+    size: int
+
+    @classmethod
+    def of(cls, values: Mapping[str, Sequence[Any] | Column], size: int | None = None) -> Members:
+        """Members from the values of each path, all of one length.
+
+        Parameters
+        ----------
+        size : int, optional
+            How many members there are, where no path says so.
+
+        Raises
+        ------
+        ValueError
+            For columns of different lengths.
+        """
+        columns = {path: _column(one) for path, one in values.items()}
+        sizes = {column.shape[0] for column in columns.values()} | ({size} if size is not None else set())
+        if len(sizes) > 1:
+            raise ValueError(f"columns of different lengths: {sorted(sizes)}")
+        return cls(columns, sizes.pop() if sizes else 1)
+
+    def __len__(self) -> int:
+        return self.size
+
+    def __getitem__(self, which: slice | NDArray[np.int64] | Sequence[int]) -> Members:
+        """Some of the members."""
+        places = np.arange(self.size)[which]
+        return Members({path: column[places] for path, column in self.columns.items()}, places.size)
+
+    def changes(self, i: int) -> dict[str, Any]:
+        """What member i changes, for :meth:`hgorun.simulation.experiment.Experiment.varied`."""
+        values = {path: column[i] for path, column in self.columns.items()}
+        return {path: v.item() if isinstance(v, np.generic) else v for path, v in values.items()}
+
+    def of_observers(self, base: Experiment) -> Members:
+        """The same, with ``observers.*`` written out: a column for every observer that has such a key.
+
+        Raises
+        ------
+        ConfigError
+            Where none has it.
+        """
+        columns: dict[str, Column] = {}
+        for path, column in self.columns.items():
+            for place in written_out(base, path):
+                columns.pop(place, None)  # the later one holds
+                columns[place] = column
+        return Members(columns, self.size)
+
+
+def written_out(base: Experiment, path: str) -> list[str]:
+    """The paths that a path stands for: several where it begins with ``observers.*``."""
+    keys = path.split(".")
+    if tuple(keys[:2]) != _ALL:
+        return [path]
+    key = keys[2] if len(keys) > 2 else ""
+    labels = [label for label, observer in base.observers.items() if key in type(observer).model_fields]
+    if not labels:
+        raise ConfigError(f"no observer has the key {key!r}", key=path)
+    return [".".join(("observers", label, *keys[2:])) for label in labels]
+
+
+def _column(values: Sequence[Any] | Column) -> Column:
+    """An array of numbers where all values are; else one of objects, which may be text or lists."""
+    if isinstance(values, np.ndarray) and values.ndim == 1:
+        return values
+    given = list(values)
+    kinds = {type(value) for value in given}
+    if kinds <= {int, float, np.float64, np.int64} and given:
+        return np.array(given)
+    column = np.empty(len(given), dtype=object)
+    column[:] = given
+    return column

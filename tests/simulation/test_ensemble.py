@@ -1,0 +1,81 @@
+"""Members of an ensemble: each has the bits that it has alone."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import yaml
+
+import hgorun
+from hgorun.engine.ensemble import Ensemble, MemberNumbers
+from hgorun.result.metrics.base import all_metrics
+from hgorun.result.reduction import MetricReduction
+from hgorun.result.windows import MetricSettings
+from hgorun.simulation.passes import as_given, plan_of
+from hgorun.simulation.prepared import PreparedRun
+from hgorun.simulation.simulate import prepare, simulate_prepared
+
+CONFIG = """
+time: {end: 3, output_step: 0.05}
+plant:
+  states: [x1, x2]
+  dynamics: {x1: x2, x2: -4*x1 + sin(2*t)*x2/2}
+  output: x1
+  initial: {x1: 1, x2: 0}
+measurement:
+  sampling: {period: 0.1}
+  noise: [{type: gaussian, std: 0.1, hold: 0.02}]
+observers:
+  SHGO: {type: shgo, theta: 3}
+  FHGO: {type: fhgo2, theta: 3, r: 2}
+solver: {method: rk4, step: 0.01}
+metrics: {average: 0.3}
+"""
+
+
+def runs(count: int) -> list[PreparedRun]:
+    """Runs that differ in their seeds and gains."""
+    base = hgorun.Experiment(yaml.safe_load(CONFIG), name="test")
+    return [prepare(base.varied({"seed": k, "observers.SHGO.theta": 2 + 0.1 * k})) for k in range(count)]
+
+
+def members(of: list[PreparedRun]) -> MemberNumbers:
+    """Their numbers side by side."""
+    plans, starts = zip(*(plan_of(run, as_given(run)) for run in of), strict=True)
+    return MemberNumbers(
+        z0=np.hstack([start.z for start in starts]),
+        p=np.hstack([start.p for start in starts]),
+        gain=np.column_stack([plan.gain for plan in plans]),
+        bias=np.column_stack([plan.bias for plan in plans]),
+        holds=np.column_stack([plan.holds for plan in plans]),
+    )
+
+
+def reduction_of(run: PreparedRun) -> MetricReduction:
+    blocks, every = run.experiment.blocks, run.experiment.grid[2]
+    return MetricReduction(
+        time=run.grid[::every],
+        every=every,
+        n=run.plant.model.n,
+        m=len(run.observers),
+        settings=MetricSettings.of(blocks.metrics, blocks.time).since(run.origin),
+        metrics=tuple(all_metrics().values()),
+        estimated=lambda p, z: run.structure.estimates_along(run.grid, p, z),
+    )
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_members_have_the_bits_of_runs_alone(threads: int) -> None:
+    of = runs(11)
+    plan, reduction = plan_of(of[0], as_given(of[0]))[0], reduction_of(of[0])
+    ensemble = Ensemble(lambda lanes: of[0].structure.program("rk4", lanes=lanes))
+    found = ensemble.run(plan, members(of), reduction, rows=True, threads=threads)
+    values = reduction.named(found.reduced)
+    assert found.rows is not None
+    for k, run in enumerate(of):
+        alone = simulate_prepared(run)
+        for j, (label, one) in enumerate(alone.observers.items()):
+            for name, own in one.metrics.items():
+                np.testing.assert_array_equal(values[name][j, :, k], own, err_msg=f"{name} of {label}, member {k}")
+        np.testing.assert_array_equal(found.rows[:, :2, k], alone.x)
+        np.testing.assert_array_equal(found.last[:2, k], alone.x[-1])
