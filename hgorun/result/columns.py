@@ -1,4 +1,4 @@
-"""The built-in metrics of a run in machine code: a few passes over its rows, eight columns at once.
+"""The built-in metrics of a run in machine code: a few passes over its rows, up to eight columns at once.
 
 The formulas are those of :mod:`hgorun.result.metrics`, operation by operation in the same order, so the bits are
 numpy's. What takes numpy some forty passes over arrays larger than its caches takes a tenth of the time here; that
@@ -23,7 +23,7 @@ from hgorun.result.metrics.sizes import PEAK, RMSE, SUP
 from hgorun.result.metrics.smoothness import HF, TV, odd_points
 from hgorun.result.windows import MetricSettings, points_in
 
-_LANES = 8
+_LANES = (2, 4, 8)  # columns at once: the fewest that do, since there may be many rows
 # What the code takes: addresses, numbers, and in the last word a double.
 _ARRAYS = ("xhat", "truth", "places", "work", "error", "found")
 _NUMBERS = ("rows", "width", "step", "true_step", "first", "stop", "early", "late", "points")
@@ -112,14 +112,15 @@ def _passes(x: np.ndarray, estimated: Estimated, windows: Windows) -> dict[str, 
     """What the code finds, arrays of shape (m, n) by name."""
     truth, values = _rows_of_doubles(x), _rows_of_doubles(estimated.values)
     count, n, m = len(x), x.shape[1], len(estimated.places)
-    width = -(-m * n // _LANES) * _LANES
+    lanes = next((lanes for lanes in _LANES if lanes >= m * n), _LANES[-1])
+    width = -(-m * n // lanes) * lanes
     places = _places(tuple(map(tuple, estimated.places)), width)
-    work, error = np.empty((2, count + 1, _LANES))
+    work, error = np.empty((2, count + 1, lanes))
     found = np.empty((len(FOUND), width))
     addresses = [address_of(array) for array in (values, truth, places, work, error, found)]
     numbers = [count, width, values.strides[0] // 8, truth.strides[0] // 8, *windows.numbers]
     taken = (ctypes.c_int64 * (len(_ARRAYS) + len(_NUMBERS)))(*addresses, *numbers)
-    _code().run(ctypes.addressof(taken), windows.settling)
+    _code(lanes).run(ctypes.addressof(taken), windows.settling)
     return dict(zip(FOUND, found[:, : m * n].reshape(len(FOUND), m, n), strict=True))
 
 
@@ -142,26 +143,26 @@ def _rows_of_doubles(values: np.ndarray) -> np.ndarray:
 class _Code:
     """The compiled function; alive as long as this is."""
 
-    def __init__(self) -> None:
-        self._native = NativeModule(_ir(), ("columns",))
+    def __init__(self, lanes: int) -> None:
+        self._native = NativeModule(_ir(lanes), ("columns",))
         self.run = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_double)(self._native.address["columns"])
 
 
 _code = cache(_Code)
 
 
-def _ir() -> str:
+def _ir(lanes: int) -> str:
     declarations: set[str] = set()
-    f = Function("columns", "ptr %taken, double %settled", _LANES, declarations)
+    f = Function("columns", "ptr %taken, double %settled", lanes, declarations)
     arrays = {name: f.word("%taken", i, "ptr") for i, name in enumerate(_ARRAYS)}
     numbers = {name: f.word("%taken", i) for i, name in enumerate(_NUMBERS, start=len(_ARRAYS))}
-    with f.count(0, f.scalar("sdiv", numbers["width"], str(_LANES))) as block:
-        place = f.scalar("mul", block, str(_LANES))
+    with f.count(0, f.scalar("sdiv", numbers["width"], str(lanes))) as block:
+        place = f.scalar("mul", block, str(lanes))
         both = arrays["places"], f.at(arrays["places"], numbers["width"])
-        columns = [[f.word(f.at(of, place), lane) for lane in range(_LANES)] for of in both]
+        columns = [[f.word(f.at(of, place), lane) for lane in range(lanes)] for of in both]
 
         def gathered(name: str, step: str, of: Sequence[str]) -> Callable[[str], str]:
-            """Eight columns of a row."""
+            """As many columns of a row as there are lanes."""
 
             def read(row: str) -> str:
                 base = f.at(arrays[name], f.scalar("mul", row, numbers[step]))
