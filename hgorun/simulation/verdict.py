@@ -47,7 +47,8 @@ def may_have_left(x: Floats, xhat: Floats) -> NDArray[np.bool_]:
     """
     first, last = _gap(x[:, None], xhat)
     size = np.maximum(np.abs(x).max(axis=0), np.where(np.isfinite(first), first, 0.0))
-    return np.logical_not(np.all(last <= _FAR * size, axis=1))
+    near: NDArray[np.bool_] = (last <= _FAR * size).all(axis=1)
+    return ~near
 
 
 def _gap(x: Floats, xhat: Floats) -> Floats:
