@@ -23,6 +23,7 @@ from hgorun.simulation.checks import check_run
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.observer_block import Design
 from hgorun.simulation.preparation import (
+    check_limits,
     numbers_of,
     plant_rates,
     prepare,
@@ -152,6 +153,7 @@ class Family:
             changes = {path: value for path, value in own.changes(d).items() if path in paths}
             try:
                 experiment = self.base.varied(changes)
+                check_limits(experiment)
                 design = experiment.designs[label]
                 designs = [*experiment.designs.values()]
                 found.p[d] = design.numbers

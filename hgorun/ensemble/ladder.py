@@ -15,7 +15,7 @@ from hgorun.config.models import Method
 from hgorun.ensemble.found import Block, Floats, Integers
 from hgorun.ensemble.lanes import Passed, carry_out, write_down
 from hgorun.ensemble.lot import Lot
-from hgorun.errors import Problem
+from hgorun.errors import Problem, SimulationError
 from hgorun.result.metrics.base import all_metrics
 from hgorun.result.windows import MetricSettings, points_in
 from hgorun.simulation.control import (
@@ -108,7 +108,7 @@ def _one_rung(climber: _Climber, block: Block, threads: int) -> tuple[list[_Clim
     other, metrics = replace(how, uneven=UNEVEN), list(all_metrics().values())
     try:
         fine, coarse = (carry_out(lot, one, metrics, rows=True, threads=threads) for one in (how, other))
-    except Problem:  # there is no memory for so many steps
+    except (Problem, SimulationError):  # there is no memory for so many steps
         return [], lot.which
     spent = climber.spent + (fine.steps + coarse.steps) * how.evaluations_of_a_step
     sound = fine.sound & coarse.sound

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from hgorun.config.models import Method
-from hgorun.engine.ensemble import Ensemble, Outcome
+from hgorun.engine.ensemble import Outcome
 from hgorun.ensemble.found import Block, Floats, Integers
 from hgorun.ensemble.lot import Lot
+from hgorun.errors import Problem, SimulationError
 from hgorun.result.measure import from_origin
 from hgorun.result.metrics.base import Metric, all_metrics
 from hgorun.result.reduction import MetricReduction
@@ -51,11 +52,17 @@ class Passed:
 
 
 def carry_out(lot: Lot, how: Pass, metrics: Sequence[Metric], *, rows: bool = False, threads: int = 1) -> Passed:
-    """A pass through the members of a lot."""
+    """A pass through the members of a lot.
+
+    Raises
+    ------
+    Problem, SimulationError
+        Where it cannot be made with the memory that there is.
+    """
     run = lot.run
     plan, start = plan_of(run, how)
     reduction = _reduction(run, metrics)
-    ensemble = Ensemble(lambda lanes: run.structure.program(how.method, lanes=lanes))
+    ensemble = run.structure.ensemble(how.method)
     found = ensemble.run(plan, lot.numbers.beside(plan, start.bound), reduction, rows=rows, threads=threads)
     named = dict(reduction.named(found.reduced))
     return Passed(metrics=named, sound=_sound(lot, found, named), steps=plan.steps, rows=found.rows)
@@ -63,6 +70,8 @@ def carry_out(lot: Lot, how: Pass, metrics: Sequence[Metric], *, rows: bool = Fa
 
 def _reduction(run: PreparedRun, metrics: Sequence[Metric]) -> MetricReduction:
     blocks, every = run.experiment.blocks, run.experiment.grid[2]
+    places = [readout.places for readout in run.structure.estimates]
+    known = [of for of in places if of is not None]
     return MetricReduction(
         time=run.grid[::every],
         every=every,
@@ -71,6 +80,7 @@ def _reduction(run: PreparedRun, metrics: Sequence[Metric]) -> MetricReduction:
         settings=MetricSettings.of(blocks.metrics, blocks.time).since(run.origin),
         metrics=tuple(metrics),
         estimated=lambda p, z: run.structure.estimates_along(run.grid, p, z),
+        places=known if len(known) == len(places) else None,
     )
 
 
@@ -109,7 +119,10 @@ def given_steps(lot: Lot, block: Block, *, threads: int = 1) -> Integers:
         The members that have to be carried out alone.
     """
     how, known = as_given(lot.run), all_metrics()
-    passed = carry_out(lot, how, [known[name] for name in block.metrics], threads=threads)
+    try:
+        passed = carry_out(lot, how, [known[name] for name in block.metrics], threads=threads)
+    except (Problem, SimulationError):
+        return lot.which
     write_down(lot, block, passed.metrics, passed.sound, how, passed.steps * how.evaluations_of_a_step)
     return np.asarray(lot.which[~passed.sound])
 

@@ -52,14 +52,19 @@ def prepare(experiment: Experiment, design: DesignNumbers | None = None) -> Prep
     ConfigError
     """
     with experiment.located():
-        _check_limits(experiment)
+        check_limits(experiment)
         run = _prepared(experiment, design)
         check_run(run)
     return run
 
 
-def _check_limits(experiment: Experiment) -> None:
-    """What has no limit as the step falls cannot have its step found by error control."""
+def check_limits(experiment: Experiment) -> None:
+    """What has no limit as the step falls cannot have its step found by error control.
+
+    Raises
+    ------
+    Problem
+    """
     if not experiment.blocks.solver.controlled:
         return
     for label, observer in experiment.observers.items():

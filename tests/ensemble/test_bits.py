@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from examples import VAN_DER_POL, experiment, sinusoid
 
-from hgorun import Experiment, HgorunError, simulate
+from hgorun import Experiment, HgorunError, Result, simulate
 from hgorun.ensemble.block import Block, compute
 from hgorun.ensemble.members import Members
 from hgorun.result.data import PLANT
@@ -62,15 +62,20 @@ def van_der_pol(measurement: Mapping[str, Any], step: float | None) -> Experimen
     )
 
 
+def carried_out(base: Experiment, changes: Mapping[str, Any]) -> tuple[Result | None, str]:
+    try:
+        return simulate(base.varied(changes)), ""
+    except HgorunError as error:
+        return None, str(error)
+
+
 def alone(base: Experiment, members: Members, i: int, block: Block) -> None:
     """Member i has the numbers, the status and the message of the member alone."""
-    try:
-        one = simulate(base.varied(members.of_observers(base).changes(i)))
-    except HgorunError as error:
-        assert block.error[i] == str(error)
+    one, message = carried_out(base, members.of_observers(base).changes(i))
+    assert block.error[i] == message
+    if one is None:
         assert np.all(block.status[i] == STATUSES.index("failed"))
         return
-    assert block.error[i] == ""
     for j, label in enumerate(block.observers):
         own = one.observers[label]
         for name, values in block.metrics.items():
