@@ -151,8 +151,8 @@ def _suspects(run: PreparedRun, raw: Raw) -> list[int]:
         return []
     ends = [0, -1]
     rows = raw.rows[ends, :, 0]
-    xhat = run.structure.estimates_along(run.grid[ends], run.numbers.p, rows).stack()
-    left = may_have_left(rows[:, : run.plant.model.n], xhat)
+    xhat = run.structure.estimates_along(run.grid[ends], run.numbers.p, rows).stack().swapaxes(1, 2)
+    left = may_have_left(rows[:, : run.plant.model.n, None], xhat)
     return np.flatnonzero(left | np.isfinite(raw.diverged[:, 0])).tolist()
 
 

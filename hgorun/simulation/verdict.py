@@ -39,16 +39,20 @@ def left_for_good(x: Floats, xhat: Floats) -> int | None:
 
 
 def may_have_left(x: Floats, xhat: Floats) -> NDArray[np.bool_]:
-    """Which of m estimates may have left for good, from the first and the last point alone.
+    """Whether an estimate may have left for good, from the first and the last point alone.
 
     Parameters
     ----------
-    x, xhat : ndarray, shapes (2, n) and (2, m, n)
+    x, xhat : ndarray, shape (2, n, ...)
+        Of one run, or along the last axes of several.
+
+    Returns
+    -------
+    ndarray of bool, shape (...)
     """
-    first, last = _gap(x[:, None], xhat)
-    size = np.maximum(np.abs(x).max(axis=0), np.where(np.isfinite(first), first, 0.0))
-    near: NDArray[np.bool_] = (last <= _FAR * size).all(axis=1)
-    return ~near
+    first, last = _gap(x, xhat)
+    size = np.maximum(np.max(np.abs(x), axis=0), np.where(np.isfinite(first), first, 0.0))
+    return np.asarray(~np.all(last <= _FAR * size, axis=0))
 
 
 def _gap(x: Floats, xhat: Floats) -> Floats:
