@@ -73,15 +73,9 @@ def test_a_plan_that_needs_the_history_is_whole(monkeypatch: pytest.MonkeyPatch)
 
 def test_a_long_run_tells_its_progress(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tables, "_PART_EVENTS", 7)
-    run, told = prepared(**CASES["sampled"]), []
+    run, told = prepared(**CASES["sampled"]), list[float]()
     how = as_given(run)
     carry_out(run, how, *plan_of(run, how, in_parts=True), told.append)
     assert told == sorted(told)
     assert 0 < told[0] < 0.5
     assert told[-1] == pytest.approx(1.0, abs=0.05)
-
-
-def test_one_hour_at_a_kilohertz_is_not_refused() -> None:
-    sampled = {"sampling": {"period": 1e-3}}
-    run = prepare(experiment(VAN_DER_POL, SHGO, end=3600.0, output_step=10.0, step=1e-3, measurement=sampled))
-    assert run.channels[0].samples.arrival.size == 3_600_001
