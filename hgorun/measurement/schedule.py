@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable
-from dataclasses import dataclass
+from collections.abc import Hashable, Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property
 from hashlib import blake2b
 
@@ -44,7 +44,7 @@ class Channel:
 
     @cached_property
     def gain_and_bias(self) -> tuple[np.ndarray, np.ndarray]:
-        """How every sample is measured, y_k = gain h + bias: shapes (Nk,).
+        """How every sample is measured, y_k = gain h + bias: shapes (..., Nk).
 
         Raises
         ------
@@ -52,25 +52,30 @@ class Channel:
             Where the noise is not a number.
         """
         s = self.samples
-        gain, bias = np.ones(s.arrival.size), np.zeros(s.arrival.size)
+        shape = *self._many, s.arrival.size
+        gain, bias = np.ones(shape), np.zeros(shape)
         for i, (stretch, noise) in enumerate(zip(self.stretches, self.noise, strict=True)):
             inside = s.stretch == i
             if inside.any():
                 times, numbers = s.arrival[inside], s.number[inside]
                 v = noise.sampled(times, numbers)
                 if not np.all(np.isfinite(v)):
-                    first = stretch.origin + times[np.argmin(np.isfinite(v))]
+                    finite = np.all(np.isfinite(v), axis=tuple(range(v.ndim - 1)))
+                    first = stretch.origin + times[np.argmin(finite)]
                     raise Problem(stretch.paths["noise"], f"the noise is not a finite number at t = {first:g}")
                 if stretch.multiplicative:
-                    gain[inside] = 1 + v
+                    gain[..., inside] = 1 + v
                 else:
-                    bias[inside] = v
+                    bias[..., inside] = v
         return gain, bias
 
     @cached_property
     def held_changes(self) -> tuple[np.ndarray, np.ndarray]:
-        """Times and values of the held noise in the continuous stretches; each of them starts with its own."""
-        times, values = [np.zeros(0)], [np.zeros(0)]
+        """Times and values of the held noise in the continuous stretches; each of them starts with its own.
+
+        Shapes (changes,) and (..., changes).
+        """
+        times, values = [np.zeros(0)], [np.zeros((*self._many, 0))]
         if any(noise.random for noise in self.noise):
             for stretch, noise in zip(self.stretches, self.noise, strict=True):
                 if stretch.continuous:
@@ -78,7 +83,25 @@ class Channel:
                     inside = changes[(changes > stretch.start) & (changes < stretch.end)]
                     times.append(np.concatenate([[stretch.start], inside]))
                     values.append(noise.held(times[-1]))
-        return np.concatenate(times), np.concatenate(values)
+        return np.concatenate(times), np.concatenate(values, axis=-1)
+
+    def of_many(self, count: int, seeds: np.ndarray, deviations: Mapping[tuple[int, int], np.ndarray]) -> Channel:
+        """The channel of several runs that share its samples, with the noise of each.
+
+        Parameters
+        ----------
+        count, seeds
+            As in :meth:`StretchNoise.of_many`.
+        deviations : mapping of (stretch, place among its items) to ndarray, shape (count,)
+        """
+        own = [{item: values for (k, item), values in deviations.items() if k == i} for i in range(len(self.noise))]
+        noise = [one.of_many(count, seeds, given) for one, given in zip(self.noise, own, strict=True)]
+        return replace(self, noise=noise)
+
+    @property
+    def _many(self) -> tuple[int, ...]:
+        """The leading axes of noise that is drawn for several runs at once."""
+        return self.noise[0].many
 
     def stretch_at(self, times: np.ndarray) -> np.ndarray:
         """Index of the stretch that starts at or before each time."""

@@ -146,7 +146,7 @@ def judged(run: PreparedRun, raw: Raw, j: int, again: Again | None = None) -> Ve
 
 
 def _is_suspect(run: PreparedRun, raw: Raw, j: int) -> bool:
-    return bool(np.isfinite(raw.diverged[j, 0])) or may_have_left(*_estimate(run, raw, j, [0, -1]))
+    return bool(np.isfinite(raw.diverged[j, 0]) or may_have_left(*_estimate(run, raw, j, [0, -1])))
 
 
 def _estimate(run: PreparedRun, raw: Raw, j: int, points: slice | list[int]) -> tuple[Floats, Floats]:
