@@ -16,7 +16,7 @@ import casadi as ca
 import numpy as np
 
 from hgorun.config.expressions import parse
-from hgorun.measurement.sampling import SAMPLE_BYTES
+from hgorun.measurement.sampling import EVENT_BYTES
 from hgorun.memo import Memo
 from hgorun.symbolic.clock import on_the_clock
 from hgorun.symbolic.crossings import Found, Search, TooMany
@@ -131,7 +131,7 @@ def too_many(error: TooMany, what: str, memory: float) -> str:
     (count,) = error.args
     return (
         f"{what} have at least {count:.4g} kinks and jumps in this run, about "
-        f"{count * SAMPLE_BYTES / 2**30:.3g} GiB; time.max_memory allows {memory / 2**30:.3g} GiB"
+        f"{count * EVENT_BYTES / 2**30:.3g} GiB; time.max_memory allows {memory / 2**30:.3g} GiB"
     )
 
 
