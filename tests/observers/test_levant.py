@@ -11,7 +11,8 @@ from examples import chain, simulated
 
 import hgorun
 from hgorun.errors import ConfigError, Problem
-from hgorun.observers.levant import COEFFICIENTS, levant_flow, levant_gains, levant_implicit_step
+from hgorun.observers.levant import COEFFICIENTS, _power, levant_flow, levant_gains, levant_implicit_step
+from hgorun.symbolic.evaluate import evaluate
 
 H = 1e-3
 
@@ -142,3 +143,14 @@ def test_more_states_than_coefficients() -> None:
 def test_implicit_needs_samples() -> None:
     with pytest.raises(ConfigError, match="needs sampled outputs"):
         simulate(2, {"G": 1, "discretisation": "implicit"}, 0.1)
+
+
+@pytest.mark.parametrize(("numerator", "denominator"), [(0, 3), (1, 1), (1, 2), (2, 4), (1, 3), (2, 3), (3, 2)])
+def test_powers_of_the_implicit_step(numerator: int, denominator: int) -> None:
+    """A square root is one: it is rounded exactly, and its slope is known, where a power is one unit off."""
+    base = ca.SX.sym("base")
+    power = _power(base, numerator, denominator)
+    assert (power.op() == ca.OP_SQRT) == (2 * numerator == denominator)
+    values = np.concatenate([[0.0], np.geomspace(1e-9, 1e9, 37)])
+    (found,) = evaluate(ca.Function("power", [base], [power]), values[:, None])
+    np.testing.assert_allclose(found[:, 0], values ** (numerator / denominator), rtol=1e-14)
