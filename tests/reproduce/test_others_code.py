@@ -8,7 +8,8 @@ import pytest
 from outside import installed
 
 from hgorun.noise.base import NOISE
-from hgorun.reproduce import code, state
+from hgorun import code
+from hgorun.reproduce import state
 from hgorun.result.metrics.base import METRICS
 from hgorun.study.loading import load_study
 
