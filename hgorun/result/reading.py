@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import json
-import math
 import os
-from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import h5py
 import numpy as np
@@ -15,21 +13,16 @@ import numpy as np
 from hgorun.errors import ConfigError, printable
 from hgorun.result import digests
 from hgorun.result.data import MAPS, Coordinates, DesignNumbers, Integration, Measurements, ObserverResult
-from hgorun.result.guarded import Failed, guarded
 from hgorun.result.result import Result
 from hgorun.result.status import OK, STATUSES, Verdict
+from hgorun.result.stored import LARGEST, NAMED, StoredFile, is_finite, is_number, opened
 from hgorun.result.writing import FORMAT
 
-T = TypeVar("T")
-
-_LARGEST = 2**30  # bytes that the numbers may take; compressed or sparse data sets could claim any size
-_SECONDS = 60.0  # that reading may take: a GiB takes two
 _LONGEST = 1e100  # a window
-_NAMED = 1_000  # characters of a label
 _DIVERGED_AT = "diverged at t="  # as files of older versions say it
 
 
-def read(path: str | Path, *, max_memory: float = _LARGEST) -> Result:
+def read(path: str | Path, *, max_memory: float = LARGEST) -> Result:
     """Read a result file.
 
     It is read in a process of its own, where there are any, so that a file made to harm does not.
@@ -51,135 +44,16 @@ def read(path: str | Path, *, max_memory: float = _LARGEST) -> Result:
     if path.suffix.lower() in {".yaml", ".yml"}:
         raise ConfigError("this is a configuration, not a result file; hgorun simulate makes one of it", file=str(path))
     budget = int(max_memory)
-    return _opened(path, budget, lambda file: _Reader(file, path, budget).result())
+    return opened(path, budget, lambda file: _Reader(file, path, budget).result())
 
 
 def stored_digests(path: Path) -> dict[str, str]:
     """The digest of every data set as it stands in a file that :func:`read` takes; those without are left out."""
-    return _opened(path, _LARGEST, digests.of_file)
+    return opened(path, LARGEST, digests.of_file)
 
 
-def _opened(path: Path, budget: int, work: Callable[[h5py.File], T]) -> T:
-    """What a function finds in a file, in a process of its own."""
-    try:
-        return guarded(lambda: _found(path, budget, work), seconds=_SECONDS, memory=4 * budget + 2**28)
-    except Failed as error:
-        raise ConfigError(f"not an intact result file of hgorun: {error}", file=str(path)) from None
-
-
-def _found(path: Path, budget: int, work: Callable[[h5py.File], T]) -> T:
-    try:
-        with h5py.File(path, "r") as file:
-            return work(file)
-    except BlockingIOError:
-        raise ConfigError("another program has it open for writing", file=str(path)) from None
-    except MemoryError:
-        raise ConfigError(f"reading it takes more than {budget / 2**30:.3g} GiB", file=str(path)) from None
-    except (OSError, KeyError, ValueError, TypeError, AttributeError, RuntimeError, OverflowError) as error:
-        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise ConfigError(f"not a result file of hgorun: {reason}", file=str(path)) from error
-
-
-class _Reader:
-    """Takes nothing from a file that it has not checked, and nothing from outside it."""
-
-    def __init__(self, file: h5py.File, path: Path, budget: int) -> None:
-        self.file, self.path = file, path
-        self.budget = self.allowed = budget
-
-    def error(self, message: str) -> ConfigError:
-        return ConfigError(message, file=str(self.path))
-
-    def member(self, name: str) -> Any:
-        """What stands at a path; soft and external links could lead to any other file."""
-        place = self.file
-        for part in name.split("/"):
-            link = place.get(part, getlink=True) if isinstance(place, h5py.Group) else None
-            if link is None:
-                raise self.error(f"{name} is missing")
-            if not isinstance(link, h5py.HardLink):
-                raise self.error(f"{name}: {part} is a link, which is refused")
-            place = place[part]
-        return place
-
-    def group(self, name: str) -> h5py.Group:
-        found = self.member(name)
-        if not isinstance(found, h5py.Group):
-            raise self.error(f"{name} is not a group")
-        return found
-
-    def data(self, name: str) -> h5py.Dataset:
-        found = self.member(name)
-        if not isinstance(found, h5py.Dataset) or found.is_virtual or found.external:
-            raise self.error(f"{name} is not an ordinary data set")
-        return found
-
-    def numbers(self, name: str, *shape: int | None) -> np.ndarray:
-        """Numbers of a shape, in which None is any length."""
-        data = self.data(name)
-        if data.dtype.kind not in "fiu" or data.shape is None:
-            raise self.error(f"{name} holds {data.dtype}, expected real numbers")
-        self.budget -= data.size * max(8, data.dtype.itemsize)
-        if self.budget < 0:
-            raise self.error(f"the data sets are larger than {self.allowed / 2**30:.3g} GiB")
-        wanted = [have if want is None else want for have, want in zip(data.shape, shape, strict=False)]
-        if len(data.shape) != len(shape) or list(data.shape) != wanted:
-            expected = ", ".join("any" if want is None else str(want) for want in shape)
-            raise self.error(f"{name} has shape {data.shape}, expected ({expected})")
-        try:
-            values = np.asarray(data[()])
-        except OSError as error:
-            raise self.error(f"{name} is damaged: its checksum is wrong, or it cannot be read") from error
-        stored = data.attrs.get(digests.ATTRIBUTE)
-        if stored is not None and stored != digests.of_numbers(values):
-            raise self.error(f"{name} is damaged: its numbers do not have the digest that was stored with them")
-        return np.asarray(values, dtype=float)
-
-    def times(self, name: str) -> np.ndarray:
-        values = self.numbers(name, None)
-        if not np.all(np.isfinite(values)) or np.any(np.diff(values) <= 0):
-            raise self.error(f"{name} must be finite and strictly increasing")
-        return values
-
-    def labels(self, name: str) -> tuple[str, ...]:
-        values = self.data(name).attrs.get("labels")
-        found = list(values) if isinstance(values, np.ndarray) and values.ndim == 1 else []
-        if not found or not all(isinstance(v, str) for v in found):
-            raise self.error(f"{name}: attribute labels must be a list of names")
-        if any(v != printable(v) or len(v) > _NAMED for v in found):
-            raise self.error(f"{name}: attribute labels has a name that cannot be shown")
-        if len(set(found)) < len(found):
-            raise self.error(f"{name}: attribute labels has a duplicate name: {', '.join(found)}")
-        return tuple(map(str, found))
-
-    def text(self, name: str, place: Any = None) -> str:
-        value = (self.file if place is None else place).attrs.get(name)
-        if not isinstance(value, str):
-            raise self.error(f"attribute {name} must be text, found {value!r}")
-        return str(value)
-
-    def integer(self, name: str, place: Any = None) -> int:
-        value = (self.file if place is None else place).attrs.get(name)
-        if not isinstance(value, (int, np.integer)) or value < 0:
-            raise self.error(f"attribute {name} must be an integer of at least 0, found {value!r}")
-        return int(value)
-
-    def mapping(self, name: str, place: Any = None) -> dict[str, Any]:
-        try:
-            value = json.loads(self.text(name, place))
-        except (ValueError, RecursionError) as error:
-            raise self.error(f"attribute {name} is not JSON") from error
-        if not isinstance(value, dict):
-            raise self.error(f"attribute {name} must be a JSON object")
-        return value
-
-    def entries(self, name: str, right: Callable[[str, Any], bool], expected: str) -> Mapping[str, Any]:
-        """A mapping each of whose entries is right."""
-        found = self.mapping(name)
-        for key, value in found.items():
-            if not right(key, value):
-                raise self.error(f"attribute {name}: {key} is {value!r:.50}, expected {expected}")
-        return found
+class _Reader(StoredFile):
+    """A result, piece by piece."""
 
     def remarks(self) -> tuple[str, ...]:
         """Texts in a JSON list; none where the attribute is missing."""
@@ -240,7 +114,7 @@ class _Reader:
         """How it was integrated, as far as the file says."""
         if "integration_error" not in self.file.attrs:
             return None
-        error = self.entries("integration_error", lambda _, value: _is_number(value), "a number")
+        error = self.entries("integration_error", lambda _, value: is_number(value), "a number")
         told = self.entries("integration", _is_told, "a name or a number") if "integration" in self.file.attrs else {}
         return Integration(error=error, **{name: told.get(name) for name in ("method", "step", "rtol", "evaluations")})
 
@@ -249,7 +123,7 @@ class _Reader:
         if "design" not in self.file:
             return None
         step = self.group("design").attrs.get("step")
-        if not _is_finite(step) or step <= 0:
+        if not is_finite(step) or step <= 0:
             raise self.error(f"design: attribute step must be a positive number, found {step!r:.50}")
         return DesignNumbers(self.numbers("design/parameters", None), self.numbers("design/start", None), float(step))
 
@@ -270,7 +144,7 @@ class _Reader:
         return {output: str(name) for output, name in zip(outputs, names, strict=True) if name}
 
     def observer(self, label: str, nt: int, n: int) -> ObserverResult:
-        if label != printable(label) or len(label) > _NAMED:
+        if label != printable(label) or len(label) > NAMED:
             raise self.error(f"observers: {label!r:.50} is a label that cannot be shown")
         group = self.group(f"observers/{label}")
         states = (f"observers/{label}/state", self.group(f"observers/{label}/state"))
@@ -300,7 +174,7 @@ class _Reader:
     def moment(self, name: str, attribute: str, group: h5py.Group) -> float | None:
         """A time, where there is one."""
         found = group.attrs.get(attribute)
-        if found is not None and not _is_finite(found):
+        if found is not None and not is_finite(found):
             raise self.error(f"{name}: attribute {attribute} must be a number, found {found!r}")
         return None if found is None else float(found)
 
@@ -322,25 +196,14 @@ class _Reader:
         return self.numbers(name, nt, *[None] * (len(self.data(name).shape or ()) - 1))
 
 
-def _is_number(value: Any) -> bool:
-    """Of JSON or of an attribute; an integer that no float can hold is none."""
-    if isinstance(value, int):
-        return not isinstance(value, bool) and abs(value) < 2**1023
-    return isinstance(value, (float, np.integer, np.floating))
-
-
 def _is_told(key: str, value: Any) -> bool:
     """Of how it was integrated."""
     if key == "method":
-        return isinstance(value, str) and value == printable(value) and len(value) <= _NAMED
-    return value is None or _is_finite(value)
-
-
-def _is_finite(value: Any) -> bool:
-    return _is_number(value) and math.isfinite(value)
+        return isinstance(value, str) and value == printable(value) and len(value) <= NAMED
+    return value is None or is_finite(value)
 
 
 def _is_window(key: str, value: Any) -> bool:
     if key in ("steady", "transient"):
-        return isinstance(value, list) and len(value) == 2 and all(_is_finite(v) and abs(v) <= _LONGEST for v in value)
-    return key in ("average", "settling") and _is_finite(value) and 0 <= value <= _LONGEST
+        return isinstance(value, list) and len(value) == 2 and all(is_finite(v) and abs(v) <= _LONGEST for v in value)
+    return key in ("average", "settling") and is_finite(value) and 0 <= value <= _LONGEST

@@ -1,0 +1,299 @@
+"""An ensemble as its collected file holds it: the numbers of every member, read back."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from hgorun.errors import ConfigError, printable
+from hgorun.result.status import STATUSES
+from hgorun.result.stored import LARGEST, NAMED, StoredFile, opened
+
+FORMAT = "hgorun-sweep-1"
+SEED = "seed"
+_OK = (STATUSES.index("ok"), STATUSES.index("inaccurate"))  # there are numbers
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Trajectories:
+    """The trajectories that were kept.
+
+    Attributes
+    ----------
+    member : ndarray of int, shape (K,)
+        Whose they are: places among the members.
+    time : ndarray, shape (Nt,)
+    x : ndarray, shape (K, Nt, n)
+    xhat : ndarray, shape (K, m, Nt, n)
+    """
+
+    member: NDArray[np.int64]
+    time: Floats
+    x: Floats
+    xhat: Floats
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Collected:
+    """The members of an ensemble, N of them with m observers of a plant of n states.
+
+    Attributes
+    ----------
+    name, title : str
+    axes : mapping of str to ndarray, shape (N,)
+        The value of every axis for every member, numbers or texts; in the order in which the axes were written.
+    observers, states : tuple of str
+        Labels and names, in the order of the arrays.
+    metrics : mapping of str to ndarray, shape (N, m, n)
+    status : ndarray of int8, shape (N, m)
+        Places in :data:`hgorun.result.status.STATUSES`.
+    error : ndarray of text, shape (N,)
+        Why a member has failed; empty where it has not.
+    units : mapping of str to str
+        Of the states, and of ``time``.
+    families : mapping of str to (str, int or None)
+        Of every observer, where it is known, its type and the order of its filter.
+    planned : int
+        How many members there will be; more than N while the ensemble is carried out.
+    trajectories : Trajectories or None
+    """
+
+    name: str
+    title: str = ""
+    axes: Mapping[str, NDArray[Any]]
+    observers: tuple[str, ...]
+    states: tuple[str, ...]
+    metrics: Mapping[str, Floats]
+    status: NDArray[np.int8]
+    error: NDArray[np.object_]
+    units: Mapping[str, str] = field(default_factory=dict)
+    families: Mapping[str, tuple[str, int | None]] = field(default_factory=dict)
+    planned: int = 0
+    trajectories: Trajectories | None = None
+
+    def __len__(self) -> int:
+        return int(self.status.shape[0])
+
+    @property
+    def sound(self) -> NDArray[np.bool_]:
+        """Whose numbers can be used: those of estimates that are ok or inaccurate; shape (N, m)."""
+        return np.isin(self.status, _OK)
+
+    @property
+    def chance(self) -> tuple[str, ...]:
+        """The axes over which statistics are made: the seed."""
+        return tuple(axis for axis in self.axes if axis == SEED)
+
+    @property
+    def chosen(self) -> tuple[str, ...]:
+        """The other axes, with more than one value."""
+        return tuple(a for a, values in self.axes.items() if a != SEED and len(levels(values)) > 1)
+
+    def where(self, members: NDArray[np.bool_]) -> Collected:
+        """Some of the members.
+
+        Parameters
+        ----------
+        members : ndarray of bool, shape (N,)
+        """
+        return replace(
+            self,
+            axes={axis: values[members] for axis, values in self.axes.items()},
+            metrics={name: values[members] for name, values in self.metrics.items()},
+            status=self.status[members],
+            error=self.error[members],
+            trajectories=_of_members(self.trajectories, members),
+        )
+
+    def at(self, axis: str, value: Any) -> NDArray[np.bool_]:
+        """Which members have a value on an axis; of numbers the digits that tables show have to agree.
+
+        Raises
+        ------
+        ConfigError
+            When none has it, with the values that there are.
+        """
+        values = self.axes[axis]
+        if values.dtype.kind in "iuf":
+            found = np.isclose(values.astype(float), float(value), rtol=1e-3, atol=0.0)
+            nearest = np.abs(values.astype(float) - float(value))
+            found &= nearest == np.min(nearest, initial=np.inf, where=found)
+        else:
+            found = np.array([str(v) == str(value) for v in values], dtype=bool)
+        if not found.any():
+            known = ", ".join(shown(v) for v in levels(values)[:20])
+            raise ConfigError(f"no member has the value {shown(value)}; there are {known}", key=axis)
+        return np.asarray(found)
+
+
+def levels(values: NDArray[Any]) -> list[Any]:
+    """The values of an axis, each once: numbers sorted, texts as they come."""
+    if values.dtype.kind in "iuf":
+        return list(np.unique(values).tolist())
+    return list(dict.fromkeys(values.tolist()))
+
+
+def shown(value: Any) -> str:
+    """A value of an axis as tables and figures show it."""
+    return f"{value:.4g}" if isinstance(value, float) else printable(str(value))
+
+
+def is_sweep(path: Path) -> bool:
+    """Whether it is a collected file, or the folder in which one is made."""
+    if path.is_dir():
+        return (path / "manifest.json").is_file()
+    if not path.is_file() or path.suffix.lower() not in {".h5", ".nc", ".hdf5"}:
+        return False
+    try:
+        return bool(opened(path, LARGEST, lambda file: file.attrs.get("format") == FORMAT))
+    except ConfigError:
+        return False  # whoever reads it says what is wrong
+
+
+def read(path: str | Path, *, max_memory: float = LARGEST) -> Collected:
+    """Read a collected file.
+
+    Parameters
+    ----------
+    path : path
+    max_memory : float
+        Bytes that its numbers may take; 1 GiB by default.
+
+    Raises
+    ------
+    ConfigError
+        When the file is missing, not one of an ensemble, damaged, or larger than allowed.
+    """
+    path = Path(path)
+    if not os.path.isfile(path):
+        raise ConfigError("not a regular file" if os.path.exists(path) else "no such file", file=str(path))
+    budget = int(max_memory)
+    return opened(path, budget, lambda file: _Reader(file, path, budget).collected())
+
+
+class _Reader(StoredFile):
+    """A collected file, piece by piece."""
+
+    def collected(self) -> Collected:
+        form = self.file.attrs.get("format")
+        if not isinstance(form, str) or form != FORMAT:
+            raise self.error(f"not the file of an ensemble: attribute format is {form!r}, expected {FORMAT!r}")
+        observers, states = self.words("observer"), self.words("state")
+        *dimensions, last = self.dimensions("status") or [""]
+        if last != "observer":
+            raise self.error("status is missing, or its last dimension is not observer")
+        shape = tuple(self.data(name).shape[0] for name in dimensions)
+        size, m, n = int(np.prod(shape, dtype=np.int64)), len(observers), len(states)
+        metrics = {}
+        for name in self.file:
+            if self.dimensions(name) == [*dimensions, "observer", "state"]:
+                metrics[printable(name)] = self.numbers(name, *shape, m, n).reshape(size, m, n)
+        status = self.numbers("status", *shape, m).reshape(size, m)
+        if not np.all(np.isin(status, np.arange(len(STATUSES)))):
+            raise self.error(f"status holds numbers that are none of {', '.join(STATUSES)}")
+        error = np.array(self.texts("error", *shape), dtype=object) if "error" in self.file else np.full(size, "", "O")
+        return Collected(
+            name=printable(self.text("name")) if "name" in self.file.attrs else self.path.name.partition(".")[0],
+            title=printable(self.text("title")) if "title" in self.file.attrs else "",
+            axes=self.axes(dimensions, shape),
+            observers=observers,
+            states=states,
+            metrics=metrics,
+            status=status.astype(np.int8),
+            error=error,
+            units=self.entries("units", lambda _, v: isinstance(v, str), "text") if "units" in self.file.attrs else {},
+            families=self.families(observers),
+            planned=size,
+            trajectories=self.trajectories(size, m, n) if "trajectories" in self.file else None,
+        )
+
+    def axes(self, dimensions: Sequence[str], shape: tuple[int, ...]) -> dict[str, NDArray[Any]]:
+        """The values of every axis for every member: of a product from its dimensions, else from coordinates."""
+        if list(dimensions) == ["member"]:
+            names = [n for n in self.file if self.dimensions(n) == ["member"] and n not in ("member", "error")]
+            return {name: self.values(name, *shape) for name in self._in_order(names)}
+        own = [self.values(name, size) for name, size in zip(dimensions, shape, strict=True)]
+        places = np.indices(shape).reshape(len(shape), -1)
+        return {name: values[place] for name, values, place in zip(dimensions, own, places, strict=True)}
+
+    def _in_order(self, names: Sequence[str]) -> list[str]:
+        """As they were written, where the file says it."""
+        if "axes" not in self.file.attrs:
+            return list(names)
+        order = [str(name) for name in np.atleast_1d(self.file.attrs["axes"])]
+        return sorted(names, key=lambda name: order.index(name) if name in order else len(order))
+
+    def dimensions(self, name: str) -> list[str]:
+        """What the dimensions of a data set are called; nothing for a group."""
+        link = self.file.get(name, getlink=True)
+        if not isinstance(link, h5py.HardLink) or not isinstance(self.file[name], h5py.Dataset):
+            return []
+        data = self.data(name)
+        if data.is_scale:
+            return [name] if data.shape is not None and len(data.shape) == 1 else []
+        return [dim[0].name.lstrip("/") if len(dim) else "" for dim in data.dims]
+
+    def values(self, name: str, size: int) -> NDArray[Any]:
+        """Numbers or texts."""
+        if self.data(name).dtype.kind in "iu":
+            return self.numbers(name, size).astype(np.int64)
+        return self.numbers(name, size) if self.data(name).dtype.kind == "f" else np.array(self.texts(name, size), "O")
+
+    def texts(self, name: str, *shape: int) -> list[str]:
+        """Texts of a data set, row after row."""
+        data = self.data(name)
+        if h5py.check_string_dtype(data.dtype) is None or data.shape != shape:
+            raise self.error(f"{name} must hold texts of shape {shape}")
+        self.budget -= 64 * data.size
+        if self.budget < 0:
+            raise self.error(f"the data sets are larger than {self.allowed / 2**30:.3g} GiB")
+        return [printable(str(text)) for text in data.asstr()[()].ravel()]
+
+    def words(self, name: str) -> tuple[str, ...]:
+        """Names along a dimension."""
+        found = self.texts(name, *(self.data(name).shape or (0,)))
+        if len(set(found)) < len(found) or not all(0 < len(word) <= NAMED for word in found):
+            raise self.error(f"{name} must be different names")
+        return tuple(found)
+
+    def families(self, observers: Sequence[str]) -> dict[str, tuple[str, int | None]]:
+        """Types of the observers and orders of their filters, where the file has them."""
+        if "observer_type" not in self.file:
+            return {}
+        types = self.texts("observer_type", len(observers))
+        orders = self.numbers("filter_order", len(observers)) if "filter_order" in self.file else [-1.0] * len(types)
+        return {
+            label: (kind, int(order) if order >= 0 else None)
+            for label, kind, order in zip(observers, types, orders, strict=True)
+        }
+
+    def trajectories(self, size: int, m: int, n: int) -> Trajectories:
+        member = self.numbers("trajectories/member", None)
+        if not np.all(np.isin(member, np.arange(size))):
+            raise self.error("trajectories/member must be places among the members")
+        time = self.times("trajectories/time")
+        k, nt = member.size, time.size
+        return Trajectories(
+            member=member.astype(np.int64),
+            time=time,
+            x=self.numbers("trajectories/x", k, nt, n),
+            xhat=self.numbers("trajectories/xhat", k, m, nt, n),
+        )
+
+
+def _of_members(kept: Trajectories | None, members: NDArray[np.bool_]) -> Trajectories | None:
+    """The trajectories of some of the members, which are counted anew."""
+    if kept is None:
+        return None
+    stay = members[kept.member]
+    places = np.cumsum(members) - 1
+    return Trajectories(member=places[kept.member[stay]], time=kept.time, x=kept.x[stay], xhat=kept.xhat[stay])
