@@ -10,8 +10,8 @@ from test_architecture import EXCEPTIONS, GRAPH, MODULES, room_of
 from test_architecture import PACKAGE as SOURCE
 
 from hgorun import code as subject
-from hgorun.reproduce import state
 from hgorun.code import ENSEMBLE, FIGURE, QUANTITY, RUN, SCALING, THEORY, meaning
+from hgorun.reproduce import state
 from hgorun.study.loading import load_study
 from hgorun.study.study import Study
 
@@ -91,7 +91,14 @@ def modules_of(parts: tuple[str, ...]) -> set[str]:
 
 @pytest.mark.parametrize(
     "groups",
-    [(RUN,), (RUN, ENSEMBLE), (RUN, FIGURE), (RUN, QUANTITY), (RUN, QUANTITY, THEORY), (RUN, FIGURE, QUANTITY, SCALING, THEORY)],
+    [
+        (RUN,),
+        (RUN, ENSEMBLE),
+        (RUN, FIGURE),
+        (RUN, QUANTITY),
+        (RUN, QUANTITY, THEORY),
+        (RUN, FIGURE, QUANTITY, SCALING, THEORY),
+    ],
 )
 def test_what_code_imports_is_hashed_with_it(groups: tuple[tuple[str, ...], ...]) -> None:
     own = modules_of(sum(groups, ()))
@@ -107,7 +114,8 @@ def test_what_code_imports_is_hashed_with_it(groups: tuple[tuple[str, ...], ...]
 
 
 def test_every_part_named_is_there() -> None:
-    assert [part for part in (*RUN, *ENSEMBLE, *FIGURE, *QUANTITY, *SCALING, *THEORY) if not (SOURCE / part).exists()] == []
+    parts = (*RUN, *ENSEMBLE, *FIGURE, *QUANTITY, *SCALING, *THEORY)
+    assert [part for part in parts if not (SOURCE / part).exists()] == []
 
 
 @pytest.fixture

@@ -1,4 +1,4 @@
-"""Members that have been carried out, and the bytes of the file that holds them: the same bytes for the same members."""
+"""Members that have been carried out, and the bytes of their file: the same bytes for the same members."""
 
 from __future__ import annotations
 
@@ -6,14 +6,16 @@ import io
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from time import perf_counter
+from typing import Any
 
 import h5py
 import numpy as np
 from numpy.typing import NDArray
 
 from hgorun.ensemble.block import Block, compute
+from hgorun.ensemble.collected import Trajectories
 from hgorun.ensemble.recipe import ensemble_of
-from hgorun.ensemble.trajectories import Followed, chosen, follow
+from hgorun.ensemble.trajectories import chosen, follow
 
 _BESIDE = ("observers", "states", "metrics")  # fields of a block that are no arrays
 _TEXTS = ("reason", "error", "method")
@@ -26,7 +28,7 @@ class Carried:
     Attributes
     ----------
     block : Block
-    followed : Followed or None
+    followed : Trajectories or None
         Trajectories of those that are followed.
     seconds : float
         What it took.
@@ -35,7 +37,7 @@ class Carried:
     start: int
     stop: int
     block: Block
-    followed: Followed | None = None
+    followed: Trajectories | None = None
     seconds: float = 0.0
 
 
@@ -71,7 +73,7 @@ def to_bytes(carried: Carried) -> bytes:
         for name in _arrays():
             (_write_texts if name in _TEXTS else _write)(file, name, getattr(block, name))
         if carried.followed is not None:
-            for field in fields(Followed):
+            for field in fields(Trajectories):
                 _write(file, f"followed/{field.name}", getattr(carried.followed, field.name))
     return buffer.getvalue()
 
@@ -79,12 +81,13 @@ def to_bytes(carried: Carried) -> bytes:
 def from_bytes(content: bytes) -> Carried:
     """The members that a file's bytes hold, which are known to be intact."""
     with h5py.File(io.BytesIO(content), "r") as file:
-        arrays = {n: (_read_texts if n in _TEXTS else _read)(file, n) for n in _arrays()}
-        names = {name: tuple(_read_texts(file, name)) for name in ("observers", "states")}
-        metrics = {name: _read(file, f"metrics/{name}") for name in file["metrics"]}
+        arrays: dict[str, Any] = {n: (_read_texts if n in _TEXTS else _read)(file, n) for n in _arrays()}
+        names: dict[str, Any] = {name: tuple(_read_texts(file, name)) for name in ("observers", "states")}
+        metrics: dict[str, Any] = {name: _read(file, f"metrics/{name}") for name in file["metrics"]}
         followed = None
         if "followed" in file:
-            followed = Followed(**{field.name: _read(file, f"followed/{field.name}") for field in fields(Followed)})
+            kept: dict[str, Any] = {f.name: _read(file, f"followed/{f.name}") for f in fields(Trajectories)}
+            followed = Trajectories(**kept)
         start, stop = int(file.attrs["start"]), int(file.attrs["stop"])
     return Carried(start=start, stop=stop, block=Block(**names, metrics=metrics, **arrays), followed=followed)
 
@@ -112,4 +115,4 @@ def _write_texts(file: h5py.File, name: str, values: NDArray[np.object_]) -> Non
 
 def _read_texts(file: h5py.File, name: str) -> NDArray[np.object_]:
     table = np.asarray(file[f"{name}/text"].asstr()[()], dtype=object)
-    return table[_read(file, f"{name}/place")]
+    return np.asarray(table[_read(file, f"{name}/place")])

@@ -5,7 +5,7 @@ Members are numbered. What a member changes follows from its number, so that no 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from math import prod

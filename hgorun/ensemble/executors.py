@@ -9,11 +9,13 @@ import multiprocessing
 import os
 import signal
 import sys
+from collections import Counter
 from collections.abc import Callable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED as FIRST
+from concurrent.futures import Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import suppress
-from typing import TypeAlias
+from functools import partial
+from typing import Protocol, TypeAlias
 
 from hgorun.ensemble.carried import Carried, carry_out
 from hgorun.ensemble.cuts import Cuts, Range
@@ -50,72 +52,96 @@ def processes(jobs: int) -> Executor:
     """
 
     def run(recipe: str, cuts: Cuts) -> Iterator[Carried]:
-        again: list[Range] = []
-        deaths: dict[Range, int] = {}
+        flow, deaths = Flow(cuts, _AHEAD * jobs), Counter[Range]()
         while True:
-            pool = _Pool(recipe, jobs)
+            pool = _pool(recipe, jobs)
             try:
-                yield from pool.finished(cuts, again)
+                yield from flow.finished(_submitting(pool, recipe), partial(wait, return_when=FIRST))
                 return
             except BrokenProcessPool:
-                again = pool.unfinished
-                for one in again:
-                    deaths[one] = deaths.get(one, 0) + 1
-                if again and max(deaths.values()) > _DEATHS:
+                deaths.update(flow.left)
+                flow.again()
+                if deaths.most_common(1)[0][1] > _DEATHS:
                     raise SimulationError(
                         "worker processes are killed again and again, perhaps for want of memory; what is finished is "
                         "kept: run the command again, with fewer --jobs"
                     ) from None
             finally:
-                pool.close()
+                _end(pool)
 
     return run
 
 
-class _Pool:
-    """Processes, and the blocks that they have to do."""
+class AnyFuture(Protocol):
+    """What is asked of a future, whoever has made it."""
 
-    def __init__(self, recipe: str, jobs: int) -> None:
-        context = multiprocessing.get_context("spawn")
-        self._pool = ProcessPoolExecutor(jobs, mp_context=context, initializer=_start, initargs=(recipe,))
-        self._recipe, self._room = recipe, _AHEAD * jobs
-        self._left: dict[Future[Carried], Range] = {}
+    def done(self) -> bool:
+        """Whether it has ended."""
 
-    @property
-    def unfinished(self) -> list[Range]:
-        """The blocks that were begun or waiting."""
-        return sorted(self._left.values())
+    def result(self) -> Carried:
+        """What it has given."""
 
-    def finished(self, cuts: Cuts, again: list[Range]) -> Iterator[Carried]:
-        """The blocks as they are finished, those first that were begun before."""
-        todo = iter((*again, *()))
-        for start, stop in self._fill(todo, len(again)):
-            self._submit(start, stop)
+
+class Flow:
+    """Blocks on their way: there are never more of them than the workers need, so that memory stays the same.
+
+    Attributes
+    ----------
+    left : dict of (start, stop) to future
+        Those that have been begun, or are waiting for a worker.
+    """
+
+    def __init__(self, cuts: Cuts, room: int) -> None:
+        self.left: dict[Range, AnyFuture] = {}
+        self._cuts, self._room, self._again = cuts, room, list[Range]()
+
+    def again(self) -> None:
+        """Let all that have been begun be begun anew."""
+        self._again = sorted({*self.left, *self._again})
+        self.left.clear()
+
+    def finished(
+        self, submit: Callable[[int, int], AnyFuture], wait: Callable[[list[AnyFuture]], object]
+    ) -> Iterator[Carried]:
+        """The blocks as they are finished.
+
+        Parameters
+        ----------
+        submit : callable
+            Begins a block.
+        wait : callable
+            Returns when one of several futures has ended.
+        """
         while True:
-            for start, stop in self._fill(cuts, self._room - len(self._left)):
-                self._submit(start, stop)
-            if not self._left:
+            while len(self.left) < self._room:
+                one = self._again.pop(0) if self._again else next(self._cuts, None)
+                if one is None:
+                    break
+                self.left[one] = Future()  # beginning it may fail
+                self.left[one] = submit(*one)
+            if not self.left:
                 return
-            done, _ = wait(self._left, return_when=FIRST_COMPLETED)
-            for future in sorted(done, key=lambda f: self._left[f]):
-                carried = future.result()
-                del self._left[future]
+            wait(list(self.left.values()))
+            for one in sorted(range for range, future in self.left.items() if future.done()):
+                carried = self.left[one].result()
+                del self.left[one]
                 yield carried
 
-    @staticmethod
-    def _fill(ranges: Iterator[Range], count: int) -> Iterator[Range]:
-        for _ in range(count):
-            with suppress(StopIteration):
-                yield next(ranges)
 
-    def _submit(self, start: int, stop: int) -> None:
-        self._left[self._pool.submit(carry_out, self._recipe, start, stop)] = start, stop
+def _pool(recipe: str, jobs: int) -> ProcessPoolExecutor:
+    context = multiprocessing.get_context("spawn")
+    return ProcessPoolExecutor(jobs, mp_context=context, initializer=_start, initargs=(recipe,))
 
-    def close(self) -> None:
-        """End the processes, whatever they are doing."""
-        for process in list((self._pool._processes or {}).values()):
-            process.terminate()
-        self._pool.shutdown(cancel_futures=True)
+
+def _submitting(pool: ProcessPoolExecutor, recipe: str) -> Callable[[int, int], AnyFuture]:
+    return lambda start, stop: pool.submit(carry_out, recipe, start, stop)
+
+
+def _end(pool: ProcessPoolExecutor) -> None:
+    """End the processes, whatever they are doing."""
+    for process in list((pool._processes or {}).values()):
+        process.terminate()
+    pool.shutdown(cancel_futures=True)
 
 
 def _start(recipe: str) -> None:

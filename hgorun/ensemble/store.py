@@ -18,7 +18,7 @@ from typing import Any
 
 from hgorun.ensemble.carried import Carried, from_bytes, to_bytes
 from hgorun.ensemble.ensemble import Ensemble
-from hgorun.ensemble.fingerprint import difference, fingerprint, ingredients
+from hgorun.ensemble.fingerprint import Ingredients, difference, fingerprint, ingredients
 from hgorun.ensemble.recipe import ensemble_of, recipe_of
 from hgorun.errors import ConfigError, HgorunError
 from hgorun.files import remove_leftovers, write_text, written_whole
@@ -82,9 +82,7 @@ class Store:
             remove_leftovers(part)
         if (folder / MANIFEST).exists():
             store = cls.existing(folder)
-            changed = difference(store.manifest["made_of"], made_of)
-            if changed is not None:
-                raise Changed(f"{folder}: made from something else: {changed}; --fresh starts anew")
+            store.refuse_changes(made_of)
             return store
         manifest = {
             "format": _FORMAT,
@@ -117,6 +115,18 @@ class Store:
         if not known:
             raise ConfigError("not the manifest of a sweep that this version can continue", file=str(path))
         return cls(folder, manifest)
+
+    def refuse_changes(self, made_of: Ingredients) -> None:
+        """Refuse to be continued with other ingredients.
+
+        Raises
+        ------
+        Changed
+            With what differs.
+        """
+        changed = difference(self.manifest["made_of"], made_of)
+        if changed is not None:
+            raise Changed(f"{self.folder}: holds members of something else: {changed}; --fresh starts anew")
 
     @property
     def recipe(self) -> str:
@@ -166,6 +176,29 @@ class Store:
         with written_whole(self.folder / "blocks" / name) as part:
             part.write_bytes(content)
 
+    def adopt(self, other: Store) -> None:
+        """Take over the blocks of another folder of the same ensemble.
+
+        Raises
+        ------
+        Damaged
+            When one of them does not have the bytes that were written.
+        """
+        own = {one.path.name for one in self.stored()}
+        for one in other.stored():
+            if one.path.name not in own:
+                content = other.content(one)
+                with written_whole(self.folder / "blocks" / one.path.name) as part:
+                    part.write_bytes(content)
+
+    def content(self, one: Stored) -> bytes:
+        """The bytes of a block's file; see :meth:`read`."""
+        content = one.path.read_bytes()
+        if hashlib.sha256(content).hexdigest()[:32] != one.path.stem.rpartition("-")[2]:
+            one.path.unlink(missing_ok=True)
+            raise Damaged(f"{one.path}: damaged, and removed; run the sweep again to make it anew")
+        return content
+
     def read(self, one: Stored) -> Carried:
         """The members of a block.
 
@@ -174,11 +207,7 @@ class Store:
         Damaged
             When its bytes are not those that were written.
         """
-        content = one.path.read_bytes()
-        if hashlib.sha256(content).hexdigest()[:32] != one.path.stem.rpartition("-")[2]:
-            one.path.unlink(missing_ok=True)
-            raise Damaged(f"{one.path}: damaged, and removed; run the sweep again to make it anew")
-        return from_bytes(content)
+        return from_bytes(self.content(one))
 
     def blocks(self) -> Iterator[tuple[Carried, slice]]:
         """The blocks one by one, each with those of its members that no earlier one holds."""

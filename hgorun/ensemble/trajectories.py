@@ -3,39 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hgorun.config.sweeps import Every, Trajectories
+from hgorun.config.sweeps import Every
+from hgorun.config.sweeps import Trajectories as Kept
+from hgorun.ensemble.collected import Trajectories
 from hgorun.ensemble.ensemble import Ensemble
 from hgorun.simulation.simulate import simulate
 
 Floats = NDArray[np.float64]
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Followed:
-    """Trajectories of K members, with m observers of a plant of n states.
-
-    Attributes
-    ----------
-    member : ndarray of int, shape (K,)
-        Their numbers.
-    time : ndarray, shape (Nt,)
-    x : ndarray, shape (K, Nt, n)
-    xhat : ndarray, shape (K, m, Nt, n)
-        NaN of a member that has failed.
-    """
-
-    member: NDArray[np.int64]
-    time: Floats
-    x: Floats
-    xhat: Floats
-
-
-def chosen(kept: Trajectories, start: int, stop: int) -> list[int]:
+def chosen(kept: Kept, start: int, stop: int) -> list[int]:
     """Which members from ``start`` to before ``stop`` are followed because of their numbers."""
     if kept == "all":
         return list(range(start, stop))
@@ -44,13 +25,13 @@ def chosen(kept: Trajectories, start: int, stop: int) -> list[int]:
     return []
 
 
-def follow(ensemble: Ensemble, members: Sequence[int]) -> Followed | None:
+def follow(ensemble: Ensemble, members: Sequence[int]) -> Trajectories | None:
     """Carry out members alone, and keep their trajectories; nothing where there are no members."""
     base = ensemble.base
     m, n, count = len(base.observers), len(base.plant.model.states), len(members)
     if not count:
         return None
-    followed: Followed | None = None
+    followed: Trajectories | None = None
     for i, number in enumerate(members):
         changes = ensemble.members(number, number + 1).of_observers(base).changes(0)
         try:
@@ -64,9 +45,9 @@ def follow(ensemble: Ensemble, members: Sequence[int]) -> Followed | None:
     return followed or _empty(members, base.grid[0][:: base.grid[1]] + base.origin, m, n)
 
 
-def _empty(members: Sequence[int], time: Floats, m: int, n: int) -> Followed:
+def _empty(members: Sequence[int], time: Floats, m: int, n: int) -> Trajectories:
     count, points = len(members), time.size
-    return Followed(
+    return Trajectories(
         member=np.array(members, dtype=np.int64),
         time=time,
         x=np.full((count, points, n), np.nan),
