@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal, TypeAlias
 
-from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag, WithJsonSchema, model_validator
+from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag, WithJsonSchema
 
 from hgorun.config.expressions import ExpressionError, parse
 from hgorun.config.types import Block, Interval, NonEmpty, NonNegative, Number, describe
@@ -30,7 +30,7 @@ def _value(value: Any) -> Value:
 class ListAxis(Block):
     """Values one by one; written as a plain list."""
 
-    values: Annotated[tuple[Annotated[Value, BeforeValidator(_value)], ...], NonEmpty]
+    values: tuple[Annotated[Value, BeforeValidator(_value)], ...]
 
     @property
     def count(self) -> int:
@@ -108,6 +108,8 @@ def _written(value: Any) -> Any:
     if isinstance(value, Block):
         return value
     if isinstance(value, (list, tuple)):
+        if not value:
+            raise ValueError("expected at least one value, found an empty list")
         return {"values": list(value)}
     if not isinstance(value, dict) or sum(kind in value for kind in _KINDS) != 1:
         raise ValueError(f"expected {_RIGHT} or, for seed, {{count: n}}; found {_found(value)}")
@@ -164,7 +166,7 @@ class Every(Block):
     every: Count = Field(description="member 0, and each so many after it")
 
 
-def _some(value: Any) -> str:
+def _some_kind(value: Any) -> str:
     if isinstance(value, (Every, dict)):
         return "some every" if isinstance(value, Every) or "every" in value else "some worst"
     return "some worst" if isinstance(value, Worst) else "some word"
@@ -173,7 +175,7 @@ def _some(value: Any) -> str:
 _Word = Annotated[Literal["none", "all"], Field(description="of no member, or of all of them")]
 Trajectories = Annotated[
     Annotated[_Word, Tag("some word")] | Annotated[Worst, Tag("some worst")] | Annotated[Every, Tag("some every")],
-    Discriminator(_some),
+    Discriminator(_some_kind),
 ]
 
 
@@ -191,10 +193,16 @@ class Keep(Block):
 Combine = Literal["product", "zip", "sobol"]
 
 
+def _some(axes: dict[str, AnyAxis]) -> dict[str, AnyAxis]:
+    if not axes:
+        raise ValueError("it names nothing to vary")
+    return axes
+
+
 class SweepBlocks(Block):
     """What an ensemble is beside its base: axes, and what is kept."""
 
-    axes: dict[str, Axis] = Field(
+    axes: Annotated[dict[str, Axis], AfterValidator(_some)] = Field(
         description="path: values, with a path as after --set; observers.*.theta means every observer with such a key"
     )
     combine: Combine = Field(
@@ -203,21 +211,18 @@ class SweepBlocks(Block):
     )
     keep: Keep = Field(default_factory=Keep, description="what is kept of every member")
 
-    @model_validator(mode="after")
-    def _some_axis(self) -> SweepBlocks:
-        if not self.axes:
-            raise ValueError("axes names nothing to vary")
-        for path, axis in self.axes.items():
-            if isinstance(axis, SeedAxis) and path != "seed":
-                raise ValueError(f"count makes seeds and belongs to the axis seed, not to {path}")
-        return self
+
+def _base(value: Any) -> Any:
+    if not isinstance(value, (str, dict)):
+        raise ValueError(f"expected the name of a file or a configuration, found {describe(value)}")
+    return value
 
 
 class SweepFile(SweepBlocks):
     """A sweep file: a base configuration, axes along which it is varied, and what is kept of every member."""
 
     title: str = ""
-    base: str | dict[str, Any] = Field(
+    base: Annotated[str | dict[str, Any], BeforeValidator(_base)] = Field(
         description="the configuration that members vary: a file, as seen from this one, or written here"
     )
     run: str | None = Field(default=None, description="which run of the base, where it has several")

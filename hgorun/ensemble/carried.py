@@ -68,6 +68,7 @@ def to_bytes(carried: Carried) -> bytes:
         file.attrs["start"], file.attrs["stop"] = carried.start, carried.stop
         for name in ("observers", "states"):
             _write_texts(file, name, np.array(getattr(block, name), dtype=object))
+        file.create_group("metrics", track_order=True)
         for name, values in block.metrics.items():
             _write(file, f"metrics/{name}", values)
         for name in _arrays():

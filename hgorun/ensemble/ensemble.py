@@ -13,7 +13,7 @@ from math import prod
 import numpy as np
 
 from hgorun.config.sweeps import MOST_MEMBERS, Combine, Keep, ListAxis, SweepBlocks, Worst
-from hgorun.ensemble.axes import Column, Floats, Places, Values, values_of
+from hgorun.ensemble.axes import Column, Floats, Places, Seeds, Values, values_of
 from hgorun.ensemble.members import Members, written_out
 from hgorun.errors import ConfigError, KeyPath, Problem
 from hgorun.measurement.noise import generator
@@ -118,6 +118,8 @@ class Ensemble:
         self._check_keep()
         for path, values in self.axes.items():
             place: KeyPath = ("axes", path)
+            if isinstance(values, Seeds) and path != "seed":
+                raise Problem(place, "count makes seeds, and belongs to the axis seed")
             try:
                 paths = written_out(self.base, path)
             except ConfigError as error:

@@ -7,8 +7,6 @@ from __future__ import annotations
 
 import multiprocessing
 import os
-import signal
-import sys
 from collections import Counter
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED as FIRST
@@ -21,6 +19,7 @@ from hgorun.ensemble.carried import Carried, carry_out
 from hgorun.ensemble.cuts import Cuts, Range
 from hgorun.ensemble.recipe import ensemble_of
 from hgorun.errors import SimulationError
+from hgorun.process import serve
 
 Executor: TypeAlias = Callable[[str, Cuts], Iterator[Carried]]
 """From a recipe and the members that are missing, the blocks as they are finished."""
@@ -59,7 +58,7 @@ def processes(jobs: int) -> Executor:
                 yield from flow.finished(_submitting(pool, recipe), partial(wait, return_when=FIRST))
                 return
             except BrokenProcessPool:
-                deaths.update(flow.left)
+                deaths.update(list(flow.left))
                 flow.again()
                 if deaths.most_common(1)[0][1] > _DEATHS:
                     raise SimulationError(
@@ -145,7 +144,6 @@ def _end(pool: ProcessPoolExecutor) -> None:
 
 
 def _start(recipe: str) -> None:
-    """In a new process: Ctrl-C is the parent's business, and an end in time is an orderly one."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
+    """In a new process: what all its blocks need is made once."""
+    serve()
     ensemble_of(recipe)

@@ -55,7 +55,7 @@ def difference(before: Ingredients, now: Ingredients) -> str | None:
     """
     if before.get("version") != now["version"]:
         return f"hgorun {before.get('version', 'unknown')} -> {now['version']}"
-    rooms = [name for name, _, _ in _differences(before.get("code", {}), now["code"])]
+    rooms = sorted(name for name, _, _ in _differences(before.get("code", {}), now["code"]))
     if rooms:
         return f"the code of {' and '.join(rooms)} changed"
     changes = [

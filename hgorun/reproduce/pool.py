@@ -5,8 +5,6 @@ from __future__ import annotations
 import multiprocessing
 import os
 import queue
-import signal
-import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
@@ -15,6 +13,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from hgorun.errors import HgorunError, SimulationError
+from hgorun.process import serve
 from hgorun.progress import shown
 from hgorun.reproduce.job import Job, Outcome, Work
 
@@ -102,11 +101,10 @@ def _collected(futures: dict[Future[Outcome], int], messages: Any, progress: Any
 
 
 def _start(messages: Any) -> None:
-    """In a new worker: Ctrl-C is the parent's business, and an end in time is an orderly one."""
+    """In a new worker."""
     global _queue
     _queue = messages
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
+    serve()
 
 
 def _work(job: Job, number: int) -> Outcome:
