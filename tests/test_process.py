@@ -54,6 +54,15 @@ def test_a_reader_that_leaves_is_no_error(folder: Path) -> None:
     assert (done.returncode, done.stderr) == (141, "")
 
 
+def test_python_ends_without_looking_at_every_object(folder: Path) -> None:
+    code = (
+        "import atexit, gc, sys; from hgorun.__main__ import run; sys.argv = ['hgorun', 'list', 'plants'];"
+        "atexit.register(lambda: print(gc.get_freeze_count() > len(gc.get_objects()), file=sys.stderr)); run()"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=folder, capture_output=True, text=True, check=True)
+    assert done.stderr == "True\n"
+
+
 def test_closed_streams_are_nobodys_file(folder: Path) -> None:
     assert shell(folder, "$HGORUN simulate nofile.yaml 2>&-").returncode == 2
     done = shell(folder, "$HGORUN simulate c.yaml >&- 2>&-")

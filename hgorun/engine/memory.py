@@ -8,8 +8,8 @@ import numpy as np
 
 from hgorun.engine.allowance import SMALL
 from hgorun.engine.history import piece_words
-from hgorun.engine.layout import CONTEXT, WORD, HybridSystem
-from hgorun.engine.plan import Floats, Integers, Plan
+from hgorun.engine.layout import ACTION_WORDS, CONTEXT, WORD, HybridSystem
+from hgorun.engine.plan import Floats, Integers, Plan, Segments
 from hgorun.native.compiler import address_of
 
 ADAPTIVE_HISTORY = 1 << 16  # pieces kept where the number of steps is not known before
@@ -111,23 +111,27 @@ class Memory:
     """The arrays of one run and the context that points to them."""
 
     def __init__(
-        self, s: HybridSystem, lanes: int, constants: int, plan: Plan, start: Start, tolerance: Tolerance | None
+        self,
+        s: HybridSystem,
+        lanes: int,
+        constants: int,
+        plan: Plan,
+        start: Start,
+        tolerance: Tolerance | None,
+        shown: int | None = None,
     ) -> None:
         channels = s.outputs * s.width
         steps = None if tolerance else plan.counts[:, 2] - plan.counts[:, 1]
         pieces = history_pieces(plan.spans[:, :2], steps, plan.reach) if s.remembers else 1
         ring = np.zeros(pieces * piece_words(channels, lanes) if s.remembers else 1)
         entries = np.array([e * lanes + lane for row in s.alpha for e in row for lane in range(lanes)], dtype=np.int64)
-        self.shape = (plan.grid.size, s.states, lanes)
+        self.shape = (plan.grid.size, s.states if shown is None else shown, lanes)
         self.arrays: dict[str, np.ndarray] = {
             "p": np.ascontiguousarray(start.p, dtype=float),
             "c": np.zeros(max(constants, 1) * lanes),
             "z": np.ascontiguousarray(start.z, dtype=float).copy(),
             "w": np.zeros(s.held.size * lanes),
             "channels": np.zeros(max(channels, 1) * lanes),
-            "spans": np.ascontiguousarray(plan.spans),
-            "counts": np.ascontiguousarray(plan.counts),
-            "actions": np.ascontiguousarray(plan.actions) if plan.actions.size else np.zeros(5, dtype=np.int64),
             "grid": np.append(plan.grid, np.inf),
             "rows": np.empty(self.shape),  # every row is written, by the native code or at the end
             "slots": np.zeros(max(plan.slots, 1) * s.width * lanes),
@@ -138,10 +142,11 @@ class Memory:
             "alpha": entries if entries.size else np.zeros(1, dtype=np.int64),
             "blocks": np.array(s.blocks or [(0, 0, 0)], dtype=np.int64),
             "diverged": np.full((max(s.observers, 1), lanes), np.inf),
+            "lost": np.full(lanes, np.inf),
             "largest": np.abs(start.z[: s.plant_states]).max(axis=0, initial=0.0),
             "ring": ring,
             "initial": np.zeros(max(channels, 1) * lanes),
-            "hints": np.zeros(max(s.outputs, 1), dtype=np.int64),
+            "hints": np.zeros(max(s.outputs, 1) * lanes, dtype=np.int64),
             "error": np.zeros((s.states, lanes)),
             "size": _sizes(start.z),
         }
@@ -161,6 +166,7 @@ class Memory:
                 ("step", tolerance.first_step),
             ):
                 reals[WORD[word]] = value
+        self.take(next(plan.parts()))
         self.address = address_of(self.context)
         self.slots, self.observers = plan.slots, s.observers
 
@@ -175,6 +181,15 @@ class Memory:
 
     def set_real(self, word: str, value: float) -> None:
         self.context.view(float)[WORD[word]] = value
+
+    def take(self, segments: Segments) -> None:
+        """The segments that are carried out next."""
+        self["segment"] = 0
+        nothing = np.zeros(ACTION_WORDS, dtype=np.int64)
+        actions = segments.actions if segments.actions.size else nothing
+        for name, array in (("spans", segments.spans), ("counts", segments.counts), ("actions", actions)):
+            self.arrays[name] = np.ascontiguousarray(array)
+            self[name] = address_of(self.arrays[name])
 
     def keep_initial(self) -> None:
         """The channels before the start are those at the start."""

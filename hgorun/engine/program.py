@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -38,14 +38,25 @@ class TooManySteps(Exception):
     """More steps than allowed; the arguments are their number, and the time that was reached."""
 
 
-def generate(system: HybridSystem, method: str, *, adaptive: bool = False, lanes: int = 1) -> tuple[str, int]:
-    """The IR of a system, and how many constants a lane of a run has."""
-    m, chosen = Module(system, lanes), METHODS[method]
+def generate(
+    system: HybridSystem,
+    method: str,
+    *,
+    adaptive: bool = False,
+    lanes: int = 1,
+    many: bool = False,
+    shown: Sequence[int] | None = None,
+) -> tuple[str, int]:
+    """The IR of a system, and how many constants a lane of a run has.
+
+    With the loop over ``many`` members of :mod:`hgorun.engine.members`, and the states that are ``shown`` in rows.
+    """
+    m, chosen = Module(system, lanes, shown), METHODS[method]
     implicit = isinstance(chosen, Rosenbrock)
     flows = [m.emit(regime.flow, f"flow{i}", inlined=not implicit) for i, regime in enumerate(system.regimes)]
     add_channels(m)
     add_actions(m)
-    add_flag(m)
+    add_flag(m, alone=adaptive or lanes == 1)
     add_rows(m, quintic=bool(chosen.dense))
     history = History(m, slopes=implicit) if system.remembers else None
     for i, flow in enumerate(flows):
@@ -59,6 +70,10 @@ def generate(system: HybridSystem, method: str, *, adaptive: bool = False, lanes
             add_fixed(stepper)
     _add_run(m, len(flows))
     m.setup()
+    if many:
+        from hgorun.engine.members import add_members
+
+        add_members(m)
     return m.text(), m.constants
 
 
@@ -160,38 +175,47 @@ class Program:
         memory = Memory(self.system, self.lanes, self._constants, plan, start, tolerance)
         self._begin(memory.address)
         memory.keep_initial()
-        work = (plan.counts[:, 2] - plan.counts[:, 1] + 1).cumsum()  # a segment's steps, and what happens before
         chunk = 1 if tolerance or progress else _FIRST  # adaptive segments may be long
-        stop, done, tries = 0, 0, 0
-        while stop < work.size:
-            before = time.perf_counter()
-            stop = max(stop + 1, int(work.searchsorted(done + chunk, side="right")))
-            done = int(work[stop - 1])
-            granted = memory["budget"] = _granted(limit - tries)
-            verdict = self._run(memory.address, stop)
-            pauses, reached = 0, memory.real("now")
-            while verdict == PAUSED:
-                tries += granted
-                if tries >= limit:
-                    raise TooManySteps(tries, memory.real("now"))
-                pauses += 1
-                if pauses * _BUDGET >= _PATIENCE:
-                    if memory.real("now") - reached < _PROGRESS * (plan.spans[-1, 1] - plan.spans[0, 0]):
-                        memory.set_real("hopeless", 2 * memory.real("step"))
-                    pauses, reached = 0, memory.real("now")
+        passed, tries = 0, 0
+        for segments in plan.parts():
+            memory.take(segments)
+            work = (segments.counts[:, 2] - segments.counts[:, 1] + 1).cumsum()  # steps, and what happens before
+            stop, done = 0, 0
+            while stop < work.size:
+                before = time.perf_counter()
+                stop = max(stop + 1, int(work.searchsorted(done + chunk, side="right")))
+                done = int(work[stop - 1])
                 granted = memory["budget"] = _granted(limit - tries)
                 verdict = self._run(memory.address, stop)
-            tries += granted - memory["budget"]
-            if verdict != DONE:
-                stiff = isinstance(self.method, Rosenbrock)
-                message = _explain(verdict, plan.origin + memory.real("now"), stiff=stiff)
-                if verdict == PLANT_DIVERGED:
-                    raise PlantDiverged(message, memory.real("now"))
-                raise SimulationError(message)
-            spent = max(time.perf_counter() - before, 1e-6)
-            chunk = max(1, int(chunk * min(_SLICE / spent, 8.0)))
-            if progress:
-                progress(done / int(work[-1]))
+                pauses, reached = 0, memory.real("now")
+                while verdict == PAUSED:
+                    tries += granted
+                    if tries >= limit:
+                        raise TooManySteps(tries, memory.real("now"))
+                    pauses += 1
+                    if pauses * _BUDGET >= _PATIENCE:
+                        if memory.real("now") - reached < _PROGRESS * plan.span:
+                            memory.set_real("hopeless", 2 * memory.real("step"))
+                        pauses, reached = 0, memory.real("now")
+                    granted = memory["budget"] = _granted(limit - tries)
+                    verdict = self._run(memory.address, stop)
+                tries += granted - memory["budget"]
+                if verdict != DONE:
+                    stiff = isinstance(self.method, Rosenbrock)
+                    message = _explain(verdict, plan.origin + memory.real("now"), stiff=stiff)
+                    if verdict == PLANT_DIVERGED:
+                        raise PlantDiverged(message, memory.real("now"))
+                    raise SimulationError(message)
+                spent = max(time.perf_counter() - before, 1e-6)
+                chunk = max(1, int(chunk * min(_SLICE / spent, 8.0)))
+                if progress:
+                    progress(min((passed + done) / plan.work, 1.0))
+            passed += done
+        lost = float(memory.arrays["lost"].min())
+        if lost < np.inf:
+            raise PlantDiverged(
+                _explain(PLANT_DIVERGED, plan.origin + lost, stiff=isinstance(self.method, Rosenbrock)), lost
+            )
         return memory.result(tries if tolerance else plan.steps)
 
 

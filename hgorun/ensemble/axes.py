@@ -1,195 +1,152 @@
-"""The values of an axis: computed where they are needed, since there may be many.
-
-No value depends on how many others are asked for, and none on a C library: the bits are the same on every machine.
-"""
+"""What the columns of an ensemble decide: numbers that are written for many members at once, or more than that."""
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
-from typing import Any, TypeAlias
+from typing import Literal, get_origin
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hgorun.config.sweeps import AnyAxis, LinearAxis, ListAxis, LogAxis, NormalAxis, SeedAxis, UniformAxis
-from hgorun.ensemble.quantile import normal_quantile
-from hgorun.measurement.noise import generator
-from hgorun.native.elementary import apply
-from hgorun.noise.normal import standard_normal
+from hgorun.config.expressions import parse
+from hgorun.ensemble.members import Column, Members
+from hgorun.measurement.noise import is_relative
+from hgorun.noise.gaussian import GaussianNoise
+from hgorun.simulation.experiment import Experiment
 
-Floats: TypeAlias = NDArray[np.float64]
-Places: TypeAlias = NDArray[np.int64]
-Column: TypeAlias = NDArray[Any]
-
-_CHUNK = 1024  # draws that are made together
+Place = tuple[int, int, int]  # of an item of noise: output, stretch, number
 
 
-class Values(ABC):
-    """The values of one axis.
+@dataclass(frozen=True, kw_only=True)
+class Axes:
+    """The paths of an ensemble by what they decide.
 
     Attributes
     ----------
-    size : int
-        How many there are.
+    start, parameters : mapping of str to int
+        Initial values and parameters of the plant, with their places among its states and its parameters.
+    observers : mapping of str to tuple of str
+        By label the paths inside an observer's block.
+    deviations : mapping of str to tuple of Place
+        Standard deviations of gaussian noise, with the items that they are of.
+    seed : bool
+        Whether the seed is among them, and decides nothing but noise.
+    others : tuple of str
+        What may change the equations or the times of events.
     """
 
-    size: int
+    start: Mapping[str, int]
+    parameters: Mapping[str, int]
+    observers: Mapping[str, tuple[str, ...]]
+    deviations: Mapping[str, tuple[Place, ...]]
+    seed: bool
+    others: tuple[str, ...]
 
-    @abstractmethod
-    def at(self, places: Places) -> Column:
-        """The values at some places, counted from 0; shape as that of the places."""
-
-    @abstractmethod
-    def spread(self, u: Floats, places: Places) -> Column:
-        """The values that belong to numbers between 0 and 1, ends excluded, as evenly spread as those are.
-
-        Parameters
-        ----------
-        u : ndarray
-        places : ndarray
-            Numbers of the members, for what cannot be spread.
-        """
-
-
-@dataclass(frozen=True)
-class Listed(Values):
-    """Values one by one."""
-
-    values: Column
+    @classmethod
+    def of(cls, base: Experiment, members: Members) -> Axes:
+        """Sort the paths."""
+        start: dict[str, int] = {}
+        parameters: dict[str, int] = {}
+        observers: dict[str, tuple[str, ...]] = {}
+        deviations: dict[str, tuple[Place, ...]] = {}
+        seed, others = False, []
+        nested = _nested(list(members.columns))
+        for path, column in members.columns.items():
+            keys, numeric = path.split("."), column.dtype.kind in "fi"
+            if nested:
+                others.append(path)
+            elif path == "seed" and column.dtype.kind == "i" and not _seed_decides_times(base):
+                seed = True
+            elif numeric and keys[:2] == ["plant", "initial"] and keys[2:] and _is_state(base, keys[2]):
+                start[path] = base.plant.model.states.index(keys[2])
+            elif numeric and keys[:2] == ["plant", "parameters"] and keys[2:] and _stands_alone(base, keys[2]):
+                parameters[path] = base.plant.model.parameters.index(keys[2])
+            elif keys[0] == "observers" and len(keys) > 2 and _is_number(base, keys[1], keys[2]):
+                observers[keys[1]] = (*observers.get(keys[1], ()), path)
+            elif numeric and (places := _deviations(base, path)):
+                deviations[path] = places
+            else:
+                others.append(path)
+        return cls(
+            start=start,
+            parameters=parameters,
+            observers=observers,
+            deviations=deviations,
+            seed=seed,
+            others=tuple(others),
+        )
 
     @property
-    def size(self) -> int:  # type: ignore[override]  # read-only
-        return int(self.values.size)
+    def of_plant(self) -> tuple[str, ...]:
+        """The paths of the plant's numbers."""
+        return *self.start, *self.parameters
 
-    def at(self, places: Places) -> Column:
-        return self.values[places]
-
-    def spread(self, u: Floats, places: Places) -> Column:
-        return self.values[(u * self.size).astype(np.int64)]
-
-
-@dataclass(frozen=True)
-class Linear(Values):
-    """From first to last in equal steps."""
-
-    first: float
-    last: float
-    size: int
-
-    def at(self, places: Places) -> Column:
-        return self._between(places / max(self.size - 1, 1))
-
-    def spread(self, u: Floats, places: Places) -> Column:
-        return self._between(u)
-
-    def _between(self, t: Floats) -> Floats:
-        return np.where(t == 1, self.last, self.first + (self.last - self.first) * t)
+    @property
+    def of_noise(self) -> bool:
+        """Whether members differ in their noise."""
+        return self.seed or bool(self.deviations)
 
 
-@dataclass(frozen=True)
-class Logarithmic(Values):
-    """From first to last in equal ratios."""
-
-    first: float
-    last: float
-    size: int
-
-    def at(self, places: Places) -> Column:
-        return self._between(places / max(self.size - 1, 1))
-
-    def spread(self, u: Floats, places: Places) -> Column:
-        return self._between(u)
-
-    def _between(self, t: Floats) -> Floats:
-        return np.where(t == 1, self.last, self.first * apply("pow", np.full_like(t, self.last / self.first), t))
+def _nested(paths: Sequence[str]) -> bool:
+    """Whether one path leads into what another one replaces."""
+    return any(a != b and b.startswith(f"{a}.") for a in paths for b in paths)
 
 
-@dataclass(frozen=True)
-class Drawn(Values):
-    """Random draws, seeded by the base's seed and the axis.
-
-    Attributes
-    ----------
-    a, b : float
-        Low and high end, or mean and standard deviation.
-    normal : bool
-        Which of the two.
-    """
-
-    a: float
-    b: float
-    normal: bool
-    size: int
-    seed: int
-    path: str
-
-    def at(self, places: Places) -> Column:
-        chunks, which = np.unique(places // _CHUNK, return_inverse=True)
-        draws = np.stack([_draws(self.normal, self.seed, self.path, int(k)) for k in chunks])
-        return self._scaled(draws[which.reshape(places.shape), places % _CHUNK])
-
-    def spread(self, u: Floats, places: Places) -> Column:
-        return self._scaled(normal_quantile(u) if self.normal else u)
-
-    def _scaled(self, draws: Floats) -> Floats:
-        return self.a + (self.b if self.normal else self.b - self.a) * draws
+def _seed_decides_times(base: Experiment) -> bool:
+    """Whether samples move or are lost by chance."""
+    sampled = [s for one in base.stretches for s in one if s.period is not None]
+    return any(s.regular is None for s in sampled)
 
 
-@lru_cache(maxsize=64)
-def _draws(normal: bool, seed: int, path: str, chunk: int) -> Floats:
-    random = generator(seed, "axis", path, chunk)
-    return standard_normal(random, _CHUNK) if normal else random.random(_CHUNK)
+def _is_state(base: Experiment, name: str) -> bool:
+    relative = any(is_relative(s) for one in base.stretches for s in one)
+    return name in base.plant_block.initial and not relative
 
 
-@dataclass(frozen=True)
-class Seeds(Values):
-    """The seed of the base, and those that follow."""
-
-    first: int
-    size: int
-
-    def at(self, places: Places) -> Column:
-        return self.first + places
-
-    def spread(self, u: Floats, places: Places) -> Column:
-        return self.first + places
+def _stands_alone(base: Experiment, name: str) -> bool:
+    """Whether a parameter is no part of another one, and the size of the noise does not depend on it."""
+    relative = any(is_relative(s) for one in base.stretches for s in one)
+    texts = base.plant_block.parameters
+    used = any(name in parse(text).names for other, text in texts.items() if other != name)
+    return name in base.plant.model.parameters and not used and not relative
 
 
-def values_of(axis: AnyAxis, path: str, seed: int) -> Values:
-    """The values of an axis of a sweep file.
+def _is_number(base: Experiment, label: str, key: str) -> bool:
+    """Whether a key of an observer is no word or whole number, on which its equations may depend."""
+    observer = base.observers.get(label)
+    field = None if observer is None else type(observer).model_fields.get(key)
+    return (
+        field is not None and get_origin(field.annotation) is not Literal and field.annotation not in (int, str, bool)
+    )
+
+
+def _deviations(base: Experiment, path: str) -> tuple[Place, ...]:
+    """The items of noise whose standard deviation a path is."""
+    found = []
+    for i, stretches in enumerate(base.stretches):
+        for k, s in enumerate(stretches):
+            for j, item in enumerate(s.noise):
+                own = ".".join(map(str, (*s.paths["noise"], j, "std")))
+                if own == path and isinstance(item, GaussianNoise) and item.std is not None:
+                    found.append((i, k, j))
+    return tuple(found)
+
+
+def distinct_rows(columns: Sequence[Column]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Of members that differ in some columns: the first of each kind, and the kind of every member.
 
     Parameters
     ----------
-    axis : block of the file
-    path : str
-        What it varies.
-    seed : int
-        That of the base.
+    columns : sequence of ndarray, shape (N,)
+        One at least.
     """
-    match axis:
-        case ListAxis(values=values):
-            return Listed(_column(values))
-        case LinearAxis(linear=(first, last, size)):
-            return Linear(first, last, size)
-        case LogAxis(log=(first, last, size)):
-            return Logarithmic(first, last, size)
-        case UniformAxis(uniform=(low, high), draws=size):
-            return Drawn(low, high, False, size, seed, path)
-        case NormalAxis(normal=(mean, deviation), draws=size):
-            return Drawn(mean, deviation, True, size, seed, path)
-        case SeedAxis(count=size):
-            return Seeds(seed, size)
-
-
-def _column(values: tuple[Any, ...]) -> Column:
-    """Whole numbers, numbers, or objects where one of them is neither."""
-    kinds = {type(value) for value in values}
-    if kinds == {int} and all(-(2**63) <= value < 2**63 for value in values):
-        return np.array(values, dtype=np.int64)
-    if kinds <= {int, float}:
-        return np.array(values, dtype=float)
-    column = np.empty(len(values), dtype=object)
-    column[:] = values
-    return column
+    codes = np.zeros(len(columns[0]), dtype=np.int64)
+    for column in columns:
+        values = column if column.dtype.kind == "i" else np.array([repr(value) for value in column])
+        if column.dtype.kind == "f":
+            values = np.ascontiguousarray(column, dtype=float).view(np.int64)  # zeros have signs
+        _, own = np.unique(values, return_inverse=True)
+        _, codes = np.unique(codes * (int(own.max(initial=0)) + 1) + own.ravel(), return_inverse=True)
+    _, first, kind = np.unique(codes, return_index=True, return_inverse=True)
+    return first.astype(np.int64), kind.ravel().astype(np.int64)

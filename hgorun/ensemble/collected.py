@@ -12,6 +12,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from hgorun.config.expressions import nearest
 from hgorun.errors import ConfigError, printable
 from hgorun.result.status import STATUSES
 from hgorun.result.stored import LARGEST, NAMED, StoredFile, opened
@@ -89,14 +90,39 @@ class Collected:
         return np.isin(self.status, _OK)
 
     @property
-    def chance(self) -> tuple[str, ...]:
-        """The axes over which statistics are made: the seed."""
-        return tuple(axis for axis in self.axes if axis == SEED)
+    def all_ok(self) -> bool:
+        """Whether every observer is ok in every member."""
+        return not self.status.any()
+
+    @property
+    def counts(self) -> dict[str, dict[str, int]]:
+        """Of every observer, how many members have each status that occurs."""
+        found: dict[str, dict[str, int]] = {}
+        for label, status in zip(self.observers, self.status.T, strict=True):
+            numbers = np.bincount(status, minlength=len(STATUSES))
+            found[label] = {word: int(n) for word, n in zip(STATUSES, numbers, strict=True) if n}
+        return found
 
     @property
     def chosen(self) -> tuple[str, ...]:
-        """The other axes, with more than one value."""
+        """The axes with more than one value, without the seed: chance is not chosen."""
         return tuple(a for a, values in self.axes.items() if a != SEED and len(levels(values)) > 1)
+
+    def axis(self, name: str) -> str:
+        """The axis of a name: its path, or the end of it where that tells it from the others.
+
+        Raises
+        ------
+        ConfigError
+            When there is none, or several.
+        """
+        found = [name] if name in self.axes else [axis for axis in self.axes if axis.endswith(f".{name}")]
+        if len(found) == 1:
+            return found[0]
+        known = ", ".join(found or self.axes) or "none"
+        ends = [*self.axes, *(axis.rpartition(".")[2] for axis in self.axes)]
+        what = f"several axes end with {name!r}" if found else f"no axis is called {name!r}.{nearest(name, ends)}"
+        raise ConfigError(f"{self.name}: {what} Known: {known}" if not found else f"{self.name}: {what}: {known}")
 
     def where(self, members: NDArray[np.bool_]) -> Collected:
         """Some of the members.
@@ -124,9 +150,13 @@ class Collected:
         """
         values = self.axes[axis]
         if values.dtype.kind in "iuf":
-            found = np.isclose(values.astype(float), float(value), rtol=1e-3, atol=0.0)
-            nearest = np.abs(values.astype(float) - float(value))
-            found &= nearest == np.min(nearest, initial=np.inf, where=found)
+            try:
+                value = float(value)
+            except ValueError:
+                raise ConfigError(f"expected a number, found {printable(str(value))!r}", key=axis) from None
+            found = np.isclose(values.astype(float), value, rtol=1e-3, atol=0.0)
+            distance = np.abs(values.astype(float) - value)
+            found &= distance == np.min(distance, initial=np.inf, where=found)
         else:
             found = np.array([str(v) == str(value) for v in values], dtype=bool)
         if not found.any():
@@ -219,18 +249,17 @@ class _Reader(StoredFile):
     def axes(self, dimensions: Sequence[str], shape: tuple[int, ...]) -> dict[str, NDArray[Any]]:
         """The values of every axis for every member: of a product from its dimensions, else from coordinates."""
         if list(dimensions) == ["member"]:
-            names = [n for n in self.file if self.dimensions(n) == ["member"] and n not in ("member", "error")]
-            return {name: self.values(name, *shape) for name in self._in_order(names)}
+            return {name: self.values(name, *shape) for name in self.labels_of_file("axes")}
         own = [self.values(name, size) for name, size in zip(dimensions, shape, strict=True)]
         places = np.indices(shape).reshape(len(shape), -1)
         return {name: values[place] for name, values, place in zip(dimensions, own, places, strict=True)}
 
-    def _in_order(self, names: Sequence[str]) -> list[str]:
-        """As they were written, where the file says it."""
-        if "axes" not in self.file.attrs:
-            return list(names)
-        order = [str(name) for name in np.atleast_1d(self.file.attrs["axes"])]
-        return sorted(names, key=lambda name: order.index(name) if name in order else len(order))
+    def labels_of_file(self, attribute: str) -> list[str]:
+        """Names in an attribute of the file."""
+        found = np.atleast_1d(self.file.attrs.get(attribute, np.empty(0, dtype=object)))
+        if not all(isinstance(name, str) for name in found):
+            raise self.error(f"attribute {attribute} must be a list of names")
+        return [str(name) for name in found]
 
     def dimensions(self, name: str) -> list[str]:
         """What the dimensions of a data set are called; nothing for a group."""

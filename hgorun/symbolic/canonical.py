@@ -252,6 +252,10 @@ class PlantCopy:
         """One number an output (q,), repeated along the output's chain (n,)."""
         return ca.vertcat(*[signal[i] for i, k in enumerate(self.chains) for _ in range(k)])
 
+    def at_ends(self, signal: ca.SX) -> ca.SX:
+        """One number an output (q,), at the end of the output's chain and zero before it (n,)."""
+        return ca.vertcat(*[part for i, k in enumerate(self.chains) for part in (ca.SX.zeros(k - 1), signal[i])])
+
     def heads(self, z: ca.SX) -> ca.SX:
         """The first component of every chain, shape (q,)."""
         return ca.vertcat(*[z[i] for i in self.form.heads])
