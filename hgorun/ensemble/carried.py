@@ -12,8 +12,9 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from hgorun.ensemble.block import Block, compute
+from hgorun.ensemble.block import compute
 from hgorun.ensemble.collected import Trajectories
+from hgorun.ensemble.found import Block
 from hgorun.ensemble.recipe import ensemble_of
 from hgorun.ensemble.trajectories import chosen, follow
 

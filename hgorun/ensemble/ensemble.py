@@ -13,8 +13,8 @@ from math import prod
 import numpy as np
 
 from hgorun.config.sweeps import MOST_MEMBERS, Combine, Keep, ListAxis, SweepBlocks, Worst
-from hgorun.ensemble.values import Column, Floats, Places, Seeds, Values, values_of
 from hgorun.ensemble.members import Members, written_out
+from hgorun.ensemble.values import Column, Floats, Places, Seeds, Values, values_of
 from hgorun.errors import ConfigError, KeyPath, Problem
 from hgorun.measurement.noise import generator
 from hgorun.result.metrics.base import all_metrics

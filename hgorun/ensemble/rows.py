@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hgorun.ensemble.block import Block
+from hgorun.ensemble.found import Block
 
 _NAMES = ("observers", "states")
 

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from hgorun.ensemble.block import FAILED
 from hgorun.ensemble.carried import Carried
 from hgorun.ensemble.collecting import collect, is_collected
 from hgorun.ensemble.cuts import Cuts, Range, most_members
 from hgorun.ensemble.ensemble import Ensemble
 from hgorun.ensemble.executors import Executor, processors, threads
+from hgorun.ensemble.found import FAILED
 from hgorun.ensemble.store import Damaged, Store
 from hgorun.errors import ConfigError
 
