@@ -8,7 +8,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 from hgorun.commands.options import Merge, Printing, Sweep
-from hgorun.commands.run import NOT_OK, RESULT_SUFFIXES, RESULTS, refuse_other_kinds, require_file
+from hgorun.commands.outputs import NOT_OK, RESULT_SUFFIXES, RESULTS, refuse_other_kinds
+from hgorun.commands.run import require_file
 from hgorun.ensemble.collecting import collect
 from hgorun.ensemble.executors import EXECUTORS, Executor, processes, processors, threads
 from hgorun.ensemble.outcome import Outcome, outcome_of

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +32,7 @@ from hgorun.ensemble.sweep import Count, Part, Place, finished, sweep_to
 from hgorun.ensemble.sweep import carry_out as carry_out_all
 from hgorun.errors import ConfigError, HgorunError, SimulationError
 from hgorun.result import digests
+from hgorun.result.sink import Sink
 
 
 def undisturbed(folder: Path, of: Ensemble) -> bytes:
@@ -171,7 +173,7 @@ def test_a_full_disk_leaves_no_half_file(tmp_path: Path, monkeypatch: pytest.Mon
     store = Store.opened(tmp_path / "a.sweep", of)
     carry_out_all(store)
 
-    class Full(collecting.Sink):
+    class Full(Sink):
         def write(self, data: Any) -> int:
             self.failed = OSError(28, "No space left on device")
             return memoryview(data).nbytes
@@ -234,7 +236,7 @@ def test_blocks_take_seconds_and_little_memory() -> None:
     assert all(b - a <= 50 for a, b in Cuts([(0, 1000)], most=50))
     assert most_members(small()) == 4096
     long = ensemble({"seed": [1]}, base().varied({"time.end": 5000}), keep={"trajectories": "all"})
-    assert most_members(long) < 10
+    assert most_members(long) < 20
 
 
 class _Dying:
@@ -244,7 +246,7 @@ class _Dying:
         self._processes: dict[int, Any] = {}
 
     def submit(self, *_: object) -> Any:
-        raise executors.BrokenProcessPool
+        raise BrokenProcessPool
 
     def shutdown(self, **_: object) -> None:
         """Nothing runs."""
