@@ -155,10 +155,10 @@ def _show(chosen: options.Show) -> int:
 
 
 @_command("schema", options.Schema)
-def _schema(_: options.Schema) -> int:
+def _schema(chosen: options.Schema) -> int:
     from hgorun.commands.catalogue import schema
 
-    return schema()
+    return schema(chosen)
 
 
 @_command("init", options.Init)

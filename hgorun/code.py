@@ -36,7 +36,7 @@ RUN = (
     "symbolic",
 )
 ENSEMBLE = ("config/sweeps.py", "ensemble")
-FIGURE = ("figures", "tables/typeset.py")
+FIGURE = ("ensemble/collected.py", "ensemble/fronts.py", "ensemble/statistics.py", "figures", "tables/typeset.py")
 QUANTITY = ("study/measured.py", "study/quantities.py")
 SCALING = ("study/scaling.py",)
 THEORY = ("analysis", "study/theory.py")

@@ -221,6 +221,8 @@ class Show:
 class Schema:
     """Print the JSON schema of configurations, for editors."""
 
+    sweep: Annotated[bool, typer.Option("--sweep", help="That of sweep files.")] = False
+
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Init:

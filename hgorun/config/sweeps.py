@@ -107,7 +107,7 @@ def _written(value: Any) -> Any:
     """A plain list is a mapping of one key, so that each kind of axis is a block."""
     if isinstance(value, Block):
         return value
-    if isinstance(value, (list, tuple)):
+    if isinstance(value, (list, tuple, range)):
         if not value:
             raise ValueError("expected at least one value, found an empty list")
         return {"values": list(value)}
