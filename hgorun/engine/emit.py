@@ -68,7 +68,7 @@ def _holds(b: Block, value: str) -> str:
     return b.compare("une", value, b.constant(0.0))
 
 
-@dataclass
+@dataclass(eq=False, repr=False)
 class Emitted:
     """The three parts of one function, and how much memory their results take.
 

@@ -16,7 +16,7 @@ from hgorun.symbolic.evaluate import along, compiled
 SAMPLE_BYTES = 1000  # of memory that a sample takes in the end: events, segments, actions, numbers
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Samples:
     """Samples of one output, in the order of their arrival.
 

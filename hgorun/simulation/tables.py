@@ -20,7 +20,7 @@ _MAX_PIECES = 100_000
 _MAX_STEPS = 1e10  # then a piece is still a matter of a second
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Tables:
     """The engine's tables of a run without its numbers.
 
@@ -257,7 +257,7 @@ def in_pieces(spans: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.nda
     return spans[origin], new
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class RecordedInputs:
     """Inputs as they were recorded: each is a straight line from one of its times to the next.
 

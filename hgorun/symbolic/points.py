@@ -17,7 +17,7 @@ _COUNT = 8
 _SIZES = (0.1, 1.0, 1e-3, 30.0, 1e-6, 1e3, 1e-9, 1e6)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Instant:
     """A time, a state, shape (n,), and inputs, shape (m,)."""
 
