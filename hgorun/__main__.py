@@ -11,6 +11,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 
+# Matrices here are tiny: the threads of a BLAS library would spend their time waiting for each other. Libraries read
+# these names when they are loaded.
+_ONE_THREAD = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 _GARBAGE = 200_000  # objects between two collections: while modules are imported they find nothing, and cost 10 %
 
 
@@ -21,6 +24,8 @@ def run() -> None:
     process returns anyway: they find nothing to look at.
     """
     gc.set_threshold(_GARBAGE, 20, 50)
+    for name in _ONE_THREAD:
+        os.environ.setdefault(name, "1")
     if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
         signal.signal(signal.SIGINT, _leave)  # until more is imported, there is nothing to put in order
     from hgorun.process import run as run_process

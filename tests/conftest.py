@@ -1,6 +1,9 @@
 """What holds for all tests: drawn examples are the same each time, and a busy machine makes none of them fail."""
 
+import os
 import signal
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the command does; NumPy reads it when it is imported
 
 from hypothesis import HealthCheck, settings
 

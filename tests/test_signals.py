@@ -172,3 +172,15 @@ def test_the_entry_point_ends_at_once_until_more_is_imported(
     (command,) = commands
     assert command is entry._command_line
     assert entry._command_line().__module__ == "hgorun.cli"
+
+
+def test_one_thread_for_tiny_matrices_unless_told_otherwise(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(process, "run", lambda _: None)
+    monkeypatch.setattr(os, "environ", {"MKL_NUM_THREADS": "3"})
+    was = signal.getsignal(signal.SIGINT)
+    try:
+        entry.run()
+    finally:
+        signal.signal(signal.SIGINT, was)
+    assert os.environ["OPENBLAS_NUM_THREADS"] == "1"
+    assert os.environ["MKL_NUM_THREADS"] == "3"

@@ -89,13 +89,17 @@ class Collected:
         return np.isin(self.status, _OK)
 
     @property
-    def chance(self) -> tuple[str, ...]:
-        """The axes over which statistics are made: the seed."""
-        return tuple(axis for axis in self.axes if axis == SEED)
+    def counts(self) -> dict[str, dict[str, int]]:
+        """Of every observer, how many members have each status that occurs."""
+        found: dict[str, dict[str, int]] = {}
+        for label, status in zip(self.observers, self.status.T, strict=True):
+            numbers = np.bincount(status, minlength=len(STATUSES))
+            found[label] = {word: int(n) for word, n in zip(STATUSES, numbers, strict=True) if n}
+        return found
 
     @property
     def chosen(self) -> tuple[str, ...]:
-        """The other axes, with more than one value."""
+        """The axes with more than one value, without the seed: chance is not chosen."""
         return tuple(a for a, values in self.axes.items() if a != SEED and len(levels(values)) > 1)
 
     def where(self, members: NDArray[np.bool_]) -> Collected:
@@ -219,18 +223,17 @@ class _Reader(StoredFile):
     def axes(self, dimensions: Sequence[str], shape: tuple[int, ...]) -> dict[str, NDArray[Any]]:
         """The values of every axis for every member: of a product from its dimensions, else from coordinates."""
         if list(dimensions) == ["member"]:
-            names = [n for n in self.file if self.dimensions(n) == ["member"] and n not in ("member", "error")]
-            return {name: self.values(name, *shape) for name in self._in_order(names)}
+            return {name: self.values(name, *shape) for name in self.labels_of_file("axes")}
         own = [self.values(name, size) for name, size in zip(dimensions, shape, strict=True)]
         places = np.indices(shape).reshape(len(shape), -1)
         return {name: values[place] for name, values, place in zip(dimensions, own, places, strict=True)}
 
-    def _in_order(self, names: Sequence[str]) -> list[str]:
-        """As they were written, where the file says it."""
-        if "axes" not in self.file.attrs:
-            return list(names)
-        order = [str(name) for name in np.atleast_1d(self.file.attrs["axes"])]
-        return sorted(names, key=lambda name: order.index(name) if name in order else len(order))
+    def labels_of_file(self, attribute: str) -> list[str]:
+        """Names in an attribute of the file."""
+        found = np.atleast_1d(self.file.attrs.get(attribute, np.empty(0, dtype=object)))
+        if not all(isinstance(name, str) for name in found):
+            raise self.error(f"attribute {attribute} must be a list of names")
+        return [str(name) for name in found]
 
     def dimensions(self, name: str) -> list[str]:
         """What the dimensions of a data set are called; nothing for a group."""

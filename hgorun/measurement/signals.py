@@ -77,6 +77,8 @@ def signal_numbers(stretch: Stretch) -> np.ndarray:
 
 def noise_at(stretch: Stretch, times: np.ndarray) -> np.ndarray:
     """v(t) without its random parts."""
+    if not any(isinstance(item, TimeFunction) for item in stretch.noise):
+        return np.zeros(times.shape)
     return along(_compiled(stretch).noise, times, signal_numbers(stretch))
 
 

@@ -1,4 +1,4 @@
-"""The built-in metrics of a run in machine code: a few passes over its rows, eight columns at once.
+"""The built-in metrics of a run in machine code: a few passes over its rows, up to eight columns at once.
 
 The formulas are those of :mod:`hgorun.result.metrics`, operation by operation in the same order, so the bits are
 numpy's. What takes numpy some forty passes over arrays larger than its caches takes a tenth of the time here; that
@@ -22,7 +22,7 @@ from hgorun.result.metrics.sizes import PEAK, RMSE, SUP
 from hgorun.result.metrics.smoothness import HF, TV, odd_points
 from hgorun.result.windows import MetricSettings, points_in
 
-_LANES = 8
+_LANES = (2, 4, 8)  # columns at once: the fewest that do, since there may be many rows
 # What the code takes: addresses, numbers, and in the last word a double.
 _ARRAYS = ("xhat", "truth", "places", "work", "error", "found")
 _NUMBERS = ("rows", "width", "step", "true_step", "first", "stop", "early", "late", "points")
@@ -74,15 +74,16 @@ def _passes(
     """What the code finds, arrays of shape (m, n) by name."""
     truth, values = _rows_of_doubles(x), _rows_of_doubles(estimated.values)
     count, n, m = len(x), x.shape[1], len(estimated.places)
-    width = -(-m * n // _LANES) * _LANES
+    lanes = next((lanes for lanes in _LANES if lanes >= m * n), _LANES[-1])
+    width = -(-m * n // lanes) * lanes
     places = _places(tuple(map(tuple, estimated.places)), width)
-    work, error = np.empty((2, count + 1, _LANES))
+    work, error = np.empty((2, count + 1, lanes))
     found = np.empty((len(_FOUND), width))
     addresses = [address_of(array) for array in (values, truth, places, work, error, found)]
     numbers = [count, width, values.strides[0] // 8, truth.strides[0] // 8]
     numbers += [steady.start, steady.stop, transient.start, transient.stop, points]
     taken = (ctypes.c_int64 * (len(_ARRAYS) + len(_NUMBERS)))(*addresses, *numbers)
-    _code().run(ctypes.addressof(taken), settled)
+    _code(lanes).run(ctypes.addressof(taken), settled)
     return dict(zip(_FOUND, found[:, : m * n].reshape(len(_FOUND), m, n), strict=True))
 
 
@@ -105,27 +106,27 @@ def _rows_of_doubles(values: np.ndarray) -> np.ndarray:
 class _Code:
     """The compiled function; alive as long as this is."""
 
-    def __init__(self) -> None:
-        self._native = NativeModule(_ir(), ("columns",))
+    def __init__(self, lanes: int) -> None:
+        self._native = NativeModule(_ir(lanes), ("columns",))
         self.run = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_double)(self._native.address["columns"])
 
 
 _code = cache(_Code)
 
 
-def _ir() -> str:
+def _ir(lanes: int) -> str:
     declarations: set[str] = set()
-    f = Function("columns", "ptr %taken, double %settled", _LANES, declarations)
+    f = Function("columns", "ptr %taken, double %settled", lanes, declarations)
     arrays = {name: f.word("%taken", i, "ptr") for i, name in enumerate(_ARRAYS)}
     numbers = {name: f.word("%taken", i) for i, name in enumerate(_NUMBERS, start=len(_ARRAYS))}
-    with f.count(0, f.scalar("sdiv", numbers["width"], str(_LANES))) as block:
-        _Block(f, arrays, numbers, f.scalar("mul", block, str(_LANES))).passes()
+    with f.count(0, f.scalar("sdiv", numbers["width"], str(lanes))) as block:
+        _Block(f, arrays, numbers, f.scalar("mul", block, str(lanes))).passes()
     f.do("ret void")
     return "\n".join([*sorted(declarations), f.text("dso_local")])
 
 
 class _Block:
-    """The code for eight columns, the first of them at a place."""
+    """The code for as many columns as there are lanes, the first of them at a place."""
 
     def __init__(self, f: Function, arrays: dict[str, str], numbers: dict[str, str], place: str) -> None:
         self.f, self.arrays, self.numbers, self.place = f, arrays, numbers, place
@@ -143,7 +144,7 @@ class _Block:
         """e = xhat - x of all rows; whether it is finite, and what it is differences of in the steady window."""
         f, n = self.f, self.numbers
         both = self.arrays["places"], f.at(self.arrays["places"], n["width"])
-        columns = [[f.word(f.at(of, self.place), lane) for lane in range(_LANES)] for of in both]
+        columns = [[f.word(f.at(of, self.place), lane) for lane in range(self.f.lanes)] for of in both]
         after = f.scalar("add", n["first"], "1")
         for name in "abc":
             self.start(name)
@@ -217,16 +218,16 @@ class _Block:
         self.give("rough", self.now("b"))
 
     def gathered(self, name: str, row: str, columns: Sequence[str]) -> str:
-        """Eight columns of a row."""
+        """A column of a row in each lane."""
         f, base = self.f, self.f.at(self.arrays[name], row)
         return f.gather([f.word(base, column, "double") for column in columns])
 
     def read(self, name: str, row: str) -> str:
-        """A row of an array of eight columns."""
-        return self.f.load(self.f.at(self.arrays[name], self.f.scalar("mul", row, str(_LANES))), self.f.real)
+        """A row of an array with a column a lane."""
+        return self.f.load(self.f.at(self.arrays[name], self.f.scalar("mul", row, str(self.f.lanes))), self.f.real)
 
     def write(self, name: str, row: str, value: str) -> None:
-        place = self.f.at(self.arrays[name], self.f.scalar("mul", row, str(_LANES)))
+        place = self.f.at(self.arrays[name], self.f.scalar("mul", row, str(self.f.lanes)))
         self.f.store(value, place, self.f.real)
 
     def size(self, value: str) -> str:

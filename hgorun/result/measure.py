@@ -79,7 +79,7 @@ def measure_together(
     return found
 
 
-_FEW = 4  # passes, for which loading machine code does not pay
+_FEW, _MANY = 4, 1 << 18  # passes for which loading machine code does not pay, and numbers for which it always does
 _MEASURED = count(1)  # the passes of this process
 
 
@@ -88,10 +88,10 @@ def _compiled(
 ) -> dict[Metric, np.ndarray] | None:
     """The built-in metrics from machine code, of the same bits; None where they are left to the records.
 
-    So are the first few of a process, which are the passes of a single run and of its error estimate: to load the
-    code takes as long as to measure several.
+    So are the first few short ones of a process, which are the passes of a single run and of its error estimate: to
+    load the code takes as long as to measure several.
     """
-    if next(_MEASURED) <= _FEW:
+    if next(_MEASURED) <= _FEW and x.size < _MANY:
         return None
     from hgorun.result.columns import measured
 

@@ -11,18 +11,19 @@ from __future__ import annotations
 import numpy as np
 
 from hgorun.result.data import PLANT
-from hgorun.result.metrics.base import all_metrics
+from hgorun.result.metrics.base import all_metrics, largest
 from hgorun.result.metrics.sizes import PEAK
 from hgorun.simulation.measured import Measured
 from hgorun.simulation.prepared import PreparedRun
 
 _FLOOR = 1e-6  # of the largest value of a state: what is smaller counts as that
+_PIECE = 1 << 14  # points at a time
 _SAME_TIME = 0.01  # of the time since the start: two passes that lose an observer so close agree
 
 
 def differences(run: PreparedRun, fine: Measured, coarse: Measured) -> dict[str, float]:
     """The relative difference of two passes, for the plant and for every observer; infinite where one alone is lost."""
-    size = np.max(np.abs(fine.x), axis=0, initial=0.0)
+    size = _reach(fine.x)
     found = {PLANT: _largest(_gap(fine.x, coarse.x), size)}
     for j, block in enumerate(run.observers):
         xhat, other = fine.estimates.of(j), coarse.estimates.of(j)
@@ -37,13 +38,24 @@ def differences(run: PreparedRun, fine: Measured, coarse: Measured) -> dict[str,
 
 def _reach(values: np.ndarray) -> np.ndarray:
     """Largest finite absolute value along the first axis."""
-    return np.asarray(np.max(np.abs(np.where(np.isfinite(values), values, 0.0)), axis=0, initial=0.0))
+    reach = np.zeros(values.shape[1:])
+    for start in range(0, len(values), _PIECE):
+        piece = values[start : start + _PIECE]
+        found = largest(np.abs(piece))
+        if not np.all(np.isfinite(found)):
+            found = largest(np.abs(np.where(np.isfinite(piece), piece, 0.0)))
+        np.maximum(reach, found, out=reach)
+    return reach
 
 
 def _gap(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Largest difference along the first axis, where both are numbers."""
+    """Largest difference along the first axis, where both are numbers; in pieces, since arrays may be large."""
+    largest = np.zeros(a.shape[1:])
     with np.errstate(invalid="ignore", over="ignore"):
-        return _reach(a - b)
+        for start in range(0, len(a), _PIECE):
+            piece = slice(start, start + _PIECE)
+            np.maximum(largest, _reach(a[piece] - b[piece]), out=largest)
+    return largest
 
 
 def _largest(gap: np.ndarray, size: np.ndarray) -> float:

@@ -22,7 +22,8 @@ from hgorun.simulation.prepared import PreparedRun
 
 _KEPT = 1_000_000  # numbers of an array that is kept in memory
 _INPUTS: Memo[np.ndarray] = Memo(8, lambda u: u.size < _KEPT)
-_ROWS: Memo[tuple[np.ndarray, list[np.ndarray]]] = Memo(8, lambda rows: rows[0].size * len(rows[1]) < _KEPT)
+Places = np.ndarray | slice
+_ROWS: Memo[tuple[np.ndarray, list[Places]]] = Memo(8, lambda rows: rows[0].size * len(rows[1]) < _KEPT)
 
 
 def record(run: PreparedRun, raw: Raw, found: Measured, integration: Integration, of_plant: Verdict = OK) -> Result:
@@ -122,9 +123,9 @@ def _measurements(run: PreparedRun, raw: Raw, grid: np.ndarray, y: np.ndarray) -
         values = [raw.measured[base : base + count, 0]]
         base += count
         continuous = [k for k, stretch in enumerate(c.stretches) if stretch.continuous]
-        on_grid = c.stretch_at(grid) if continuous else grid
+        on_grid = c.stretch_at(grid) if continuous and len(c.stretches) > 1 else None
         for k in continuous:
-            stretch, inside = c.stretches[k], on_grid == k
+            stretch, inside = c.stretches[k], slice(None) if on_grid is None else on_grid == k
             t, truth = grid[inside], y[inside, i]
             then = t
             if not stretch.undelayed:
@@ -137,21 +138,30 @@ def _measurements(run: PreparedRun, raw: Raw, grid: np.ndarray, y: np.ndarray) -
             taken.append(then)
             v = noise_at(stretch, t) + c.noise[k].held(t)
             values.append(truth * (1 + v) if stretch.multiplicative else truth + v)
-        measured = run.plant.model.wrapped(i, np.concatenate(values))
-        parts.append((np.concatenate(times), np.concatenate(taken), measured))
+        parts.append((_joined(times), _joined(taken), run.plant.model.wrapped(i, _joined(values))))
     key = Same(run.schedule), Same(run.grid)  # of which runs of one family have the same ones
     union, places = _ROWS.get(key, lambda: _rows([part[0] for part in parts], 1e-9 * run.step))
+    if len(parts) == 1 and isinstance(places[0], slice):
+        return Measurements(run.origin + union, run.origin + parts[0][1][:, None], parts[0][2][:, None].copy())
     taken_all, y_all = (np.full((union.size, len(parts)), np.nan) for _ in range(2))
     for i, (part, where) in enumerate(zip(parts, places, strict=True)):
         taken_all[where, i], y_all[where, i] = part[1], part[2]
     return Measurements(time=run.origin + union, taken=run.origin + taken_all, y=y_all)
 
 
-def _rows(times: list[np.ndarray], tolerance: float) -> tuple[np.ndarray, list[np.ndarray]]:
+def _joined(parts: list[np.ndarray]) -> np.ndarray:
+    """One after the other; the only one that is not empty as it is."""
+    filled = [part for part in parts if part.size]
+    return filled[0] if len(filled) == 1 else np.concatenate(parts)
+
+
+def _rows(times: list[np.ndarray], tolerance: float) -> tuple[np.ndarray, list[Places]]:
     """The times of all outputs' measurements, and where among them those of each are.
 
     Arrivals that are one event are one row, in spite of rounding.
     """
+    if len(times) == 1 and np.all(np.diff(times[0]) > tolerance):  # so do most, and there may be many of them
+        return times[0], [slice(None)]
     union = merge(np.concatenate(times), tolerance)
     if union.size < 2:
         return union, [np.zeros(one.size, dtype=int) for one in times]

@@ -51,6 +51,8 @@ class Readout:
         """
         if self.places is not None:
             return columns_of(z, self.places)
+        if not self.function.numel_out(0):
+            return np.zeros((len(times), 0))
         held = np.zeros(self.function.size1_in(3)) if w is None else w
         return evaluate(self.function, times[:, None], p, z, held)[0]
 

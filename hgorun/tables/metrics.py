@@ -202,7 +202,7 @@ def _blocks(rows: Sequence[_Row], states: Sequence[str], more: Sequence[Sequence
     return packed([row.text for row in rows], [*groups, [status], *([column] for column in more)])
 
 
-def packed(texts: Sequence[str], groups: Sequence[Sequence[Sequence[str]]]) -> list[list[str]]:
+def packed(texts: Sequence[str], groups: Sequence[Sequence[Sequence[str]]], *, title: str = "") -> list[list[str]]:
     """Lines of tables with as many columns side by side as a terminal has room for.
 
     Parameters
@@ -211,8 +211,10 @@ def packed(texts: Sequence[str], groups: Sequence[Sequence[Sequence[str]]]) -> l
         What the rows are called.
     groups : sequence of sequence of columns
         Columns that stay together where they fit. A column is its head and a cell a row.
+    title : str
+        What stands above the rows.
     """
-    labels = ["", *(shortened(printable(text), _LABEL) for text in texts)]
+    labels = [title, *(shortened(printable(text), _LABEL) for text in texts)]
     room = _WIDTH - _width(labels)
     blocks: list[list[Sequence[str]]] = [[]]
     for group in groups:
@@ -269,7 +271,7 @@ def latex(results: Sequence[Result], metrics: Sequence[str] | None = None) -> st
     lines = [rf"\begin{{tabular}}{{l{'r' * width}}}", r"\toprule"]
     for block in blocks:
         padding = [""] * (width - len(block) * len(states))
-        lines += [*([r"\midrule"] if block is not blocks[0] else []), *_latex_head(block, states, padding)]
+        lines += [*([r"\midrule"] if block is not blocks[0] else []), *latex_head(block, states, padding)]
         numbers = {(metric, s): [row.value(metric, s) for row in rows] for metric in block for s in states}
         best = {column: _best(column[0], values) for column, values in numbers.items()}
         for i, row in enumerate(rows):
@@ -281,7 +283,8 @@ def latex(results: Sequence[Result], metrics: Sequence[str] | None = None) -> st
     return "\n".join([*lines, r"\bottomrule", r"\end{tabular}"]) + "\n"
 
 
-def _latex_head(metrics: Sequence[str], states: Sequence[str], padding: Sequence[str]) -> list[str]:
+def latex_head(metrics: Sequence[str], states: Sequence[str], padding: Sequence[str]) -> list[str]:
+    """The lines above the rows: metrics, and below each of them the states; then so many empty columns."""
     n = len(states)
     if not metrics:
         return [r"\midrule"]

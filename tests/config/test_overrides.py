@@ -5,31 +5,12 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from written import EXAMPLE
 
 from hgorun.config.overrides import merge, replaced, set_path
 from hgorun.config.paths import at, walk
 from hgorun.config.yaml_source import Source, parse
 from hgorun.errors import ConfigError
-
-EXAMPLE = """\
-title: Contois, sampled
-time: {end: 40, output_step: 0.01, unit: h}
-plant:
-  type: contois
-  initial:
-    x1: 1.5
-    x2: 15
-measurement:
-  noise:
-    - type: sinusoids
-      terms: [{amplitude: 0.5, omega: 11.938},
-              {amplitude: 0.5, omega: 12.189}]
-observers:
-  SHGO: {type: shgo, theta: 1, poles: -1}
-  FHGO r=2: {type: fhgo2, theta: 2, r: 2}
-disturbance:
-"""
-
 
 # --set
 

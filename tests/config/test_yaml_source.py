@@ -13,6 +13,7 @@ import pytest
 import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from written import EXAMPLE
 
 from hgorun.config import yaml_source
 from hgorun.config.paths import walk
@@ -20,25 +21,6 @@ from hgorun.config.yaml_source import Source, parse, read
 from hgorun.errors import ConfigError
 
 PARSERS = [yaml_source._PythonLoader, *([yaml.CBaseLoader] if hasattr(yaml, "CBaseLoader") else [])]
-
-EXAMPLE = """\
-title: Contois, sampled
-time: {end: 40, output_step: 0.01, unit: h}
-plant:
-  type: contois
-  initial:
-    x1: 1.5
-    x2: 15
-measurement:
-  noise:
-    - type: sinusoids
-      terms: [{amplitude: 0.5, omega: 11.938},
-              {amplitude: 0.5, omega: 12.189}]
-observers:
-  SHGO: {type: shgo, theta: 1, poles: -1}
-  FHGO r=2: {type: fhgo2, theta: 2, r: 2}
-disturbance:
-"""
 
 
 @pytest.fixture(params=PARSERS, ids=lambda loader: loader.__name__)

@@ -41,7 +41,11 @@ def test_members_with_coordinates(tmp_path: Path) -> None:
     path = write(
         tmp_path / "z.sweep.h5", axes, {"sup": np.ones((2, 1, 3))}, observers=["F"], states=list("abc"), member=True
     )
+    with h5py.File(path, "r+") as file:  # something else that every member has is no axis
+        file["evaluations"] = np.arange(2)
+        file["evaluations"].dims[0].attach_scale(file["member"])
     found = read(path)
+    assert list(found.axes) == list(axes)
     assert found.axes["observers.F.type"].tolist() == ["shgo", "fhgo2"]
     assert found.axes[SEED].tolist() == [4, 7]
     assert found.metrics["sup"].shape == (2, 1, 3)

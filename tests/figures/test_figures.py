@@ -13,15 +13,13 @@ from typing import Any
 import matplotlib
 import numpy as np
 import pytest
+from drawn import block, lines, outline
 from examples import run
 from hypothesis import given
 from hypothesis import strategies as st
-from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
-from matplotlib.transforms import BboxBase
 
 from hgorun import ConfigError, HgorunError, Result
-from hgorun.config.models import Figure
 from hgorun.errors import Problem
 from hgorun.figures.actors import Actor
 from hgorun.figures.data import Curve, moving_maximum, state_limits, thinned
@@ -65,21 +63,6 @@ def result(tmp_path_factory: pytest.TempPathFactory) -> Result:
 @pytest.fixture(scope="module")
 def compared(result: Result) -> Any:
     return comparison([result])
-
-
-def block(*panels: dict[str, Any], **keys: Any) -> Figure:
-    return Figure.model_validate({"panels": panels, **keys})
-
-
-def outline(ax: Axes) -> BboxBase:
-    """Of the axes with all labels."""
-    box = ax.get_tightbbox()
-    assert box is not None
-    return box
-
-
-def lines(ax: Any) -> dict[str, Any]:
-    return {line.get_label(): line for line in ax.lines if not line.get_label().startswith("_")}
 
 
 def with_observers(result: Result, **estimates: np.ndarray) -> Result:

@@ -9,12 +9,11 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
+from drawn import block, lines, outline
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
-from matplotlib.transforms import BboxBase
 from PIL import Image
 
-from hgorun.config.models import Figure
 from hgorun.errors import HgorunError, Problem
 from hgorun.figures.drawing import comparison, draw
 from hgorun.figures.files import save, thumbnail
@@ -62,21 +61,6 @@ SCALED = ScalingData(
         "FHGO II": ScaledObserver("fhgo2", 2, np.array([np.nan, 0.0, 2.0, 3.0, 5.0]), VALUES**3),
     },
 )
-
-
-def block(*panels: dict[str, Any], **keys: Any) -> Figure:
-    return Figure.model_validate({"panels": panels, **keys})
-
-
-def outline(ax: Axes) -> BboxBase:
-    """Of the axes with all labels."""
-    box = ax.get_tightbbox()
-    assert box is not None
-    return box
-
-
-def lines(ax: Any) -> dict[str, Any]:
-    return {line.get_label(): line for line in ax.lines if not line.get_label().startswith("_")}
 
 
 def legend(figure: Any) -> list[str]:

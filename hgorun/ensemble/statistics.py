@@ -1,0 +1,258 @@
+"""What is said of many members: means with their uncertainty, quantiles, differences between observers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations, product
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hgorun.ensemble.collected import Collected, Floats, levels
+
+QUANTILES = {"q05": 0.05, "q25": 0.25, "median": 0.5, "q75": 0.75, "q95": 0.95}
+LEVEL = 0.95  # of the intervals
+SIGNIFICANT = 0.05  # a Holm-adjusted p below it
+
+
+@dataclass(frozen=True)
+class Summary:
+    """A metric of an observer's error in a state, over members.
+
+    Attributes
+    ----------
+    n : int
+        Members whose status is ok or inaccurate, over which the mean is taken.
+    mean, sem : float
+        With the standard error; NaN where there are too few members.
+    ci95 : (float, float)
+        Of the mean, by Student's t.
+    median, q05, q25, q75, q95 : float
+        Over all members: a lost estimate counts as an infinite one. By linear interpolation.
+    """
+
+    n: int
+    mean: float
+    sem: float
+    ci95: tuple[float, float]
+    median: float
+    q05: float
+    q25: float
+    q75: float
+    q95: float
+
+    @property
+    def half(self) -> float:
+        """Half the width of the interval."""
+        return (self.ci95[1] - self.ci95[0]) / 2
+
+
+@dataclass(frozen=True)
+class Difference:
+    """A metric of observer a minus that of b, over members in which both have numbers: the same noise for both.
+
+    Attributes
+    ----------
+    a, b, metric, state : str
+    n : int
+    mean : float
+    ci95 : (float, float)
+        By Student's t.
+    p : float
+        Of the paired t-test that the mean is zero.
+    p_holm : float
+        The same, adjusted after Holm for all pairs of observers of this metric and state.
+    """
+
+    a: str
+    b: str
+    metric: str
+    state: str
+    n: int
+    mean: float
+    ci95: tuple[float, float]
+    p: float
+    p_holm: float
+
+    @property
+    def significant(self) -> bool:
+        """Whether chance is an unlikely reason."""
+        return self.p_holm < SIGNIFICANT
+
+
+@dataclass(frozen=True)
+class Statistics:
+    """What is said of some members.
+
+    Attributes
+    ----------
+    at : mapping of str to value
+        Their values on the axes by which the ensemble was divided.
+    members : int
+    counts : mapping of str to mapping of str to int
+        Of every observer, how many members have each status that occurs.
+    summaries : mapping of (str, str, str) to Summary
+        By observer, metric and state.
+    differences : tuple of Difference
+    """
+
+    at: Mapping[str, Any]
+    members: int
+    counts: Mapping[str, Mapping[str, int]]
+    summaries: Mapping[tuple[str, str, str], Summary]
+    differences: tuple[Difference, ...]
+
+    def failed(self, observer: str) -> int:
+        """How many members have no numbers of an observer."""
+        return sum(n for status, n in self.counts[observer].items() if status not in ("ok", "inaccurate"))
+
+
+def statistics(members: Collected, metrics: Sequence[str] = (), at: Mapping[str, Any] | None = None) -> Statistics:
+    """Of all members together.
+
+    Parameters
+    ----------
+    members : Collected
+    metrics : sequence of str
+        Which; all by default.
+    at : mapping, optional
+        What they have in common.
+    """
+    names = tuple(metrics) or tuple(members.metrics)
+    summaries = {}
+    for metric in names:
+        found = _summaries(members.metrics[metric], members.sound)
+        for (i, label), (j, state) in product(enumerate(members.observers), enumerate(members.states)):
+            summaries[label, metric, state] = found[i][j]
+    return Statistics(dict(at or {}), len(members), members.counts, summaries, tuple(_differences(members, names)))
+
+
+def points(members: Collected, by: Sequence[str]) -> Iterator[tuple[dict[str, Any], Collected]]:
+    """The members divided by their values on axes; combinations that no member has are left out.
+
+    Parameters
+    ----------
+    members : Collected
+    by : sequence of str
+        Axes.
+
+    Yields
+    ------
+    (dict, Collected)
+        Values on those axes, and the members that have them.
+    """
+    for values in product(*(levels(members.axes[axis]) for axis in by)):
+        inside = np.ones(len(members), dtype=bool)
+        for axis, value in zip(by, values, strict=True):
+            inside &= members.axes[axis] == value
+        if inside.any():
+            yield dict(zip(by, values, strict=True)), members.where(inside)
+
+
+def quantiles(values: Floats, sound: NDArray[np.bool_], at: Iterable[float]) -> list[Floats]:
+    """Quantiles along the first axis by linear interpolation, where what is not sound counts as infinite.
+
+    Parameters
+    ----------
+    values : ndarray, shape (N, ...)
+    sound : ndarray of bool, of a shape that fits that of the values
+    at : iterable of float
+        Between 0 and 1.
+
+    Returns
+    -------
+    list of ndarray
+        One for each of ``at``; NaN without members.
+    """
+    if len(values) == 0:
+        return [np.full(values.shape[1:], np.nan) for _ in at]
+    ordered = np.sort(np.where(sound, values, np.inf), axis=0)
+    found = []
+    for q in at:
+        place = q * (len(ordered) - 1)
+        low, high = ordered[int(np.floor(place))], ordered[int(np.ceil(place))]
+        with np.errstate(invalid="ignore"):  # between two infinite values there is a third
+            found.append(np.where(low == high, low, low + (high - low) * (place % 1)))
+    return found
+
+
+def interval(mean: Floats | float, sem: Floats | float, n: NDArray[np.int64] | int) -> tuple[Any, Any]:
+    """The interval of a mean by Student's t; NaN where the standard error is."""
+    from scipy.stats import t
+
+    half = t.ppf((1 + LEVEL) / 2, np.maximum(np.asarray(n) - 1, 1)) * sem
+    return mean - half, mean + half
+
+
+def holm(p: Sequence[float]) -> list[float]:
+    """The p values of several tests, adjusted so that they can be read as those of one.
+
+    References
+    ----------
+    S. Holm, "A simple sequentially rejective multiple test procedure", Scand. J. Statist. 6 (1979) 65-70.
+    """
+    order = np.argsort(p, kind="stable")
+    adjusted = np.full(len(p), np.nan)
+    largest, left = 0.0, int(np.sum(~np.isnan(p)))
+    for place in order[:left]:  # NaN is sorted last
+        largest = max(largest, min(left * float(p[place]), 1.0))
+        adjusted[place] = largest
+        left -= 1
+    return [float(value) for value in adjusted]
+
+
+def _mean(values: Floats, sound: NDArray[np.bool_]) -> tuple[Floats, Floats, NDArray[np.int64]]:
+    """Mean, standard error and number of what is sound, along the first axis."""
+    n = np.sum(np.broadcast_to(sound, values.shape), axis=0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        used = np.where(sound, values, 0.0)
+        mean = np.where(n > 0, np.sum(used, axis=0) / n, np.nan)
+        squares = np.sum(np.where(sound, (values - mean) ** 2, 0.0), axis=0)
+        sem = np.where(n > 1, np.sqrt(squares / (n - 1) / n), np.nan)
+    return mean, sem, n
+
+
+def _summaries(values: Floats, sound: NDArray[np.bool_]) -> list[list[Summary]]:
+    """For every observer and state; values of shape (N, m, n), sound (N, m)."""
+    with_state = sound[:, :, None]
+    mean, sem, n = _mean(values, with_state)
+    low, high = interval(mean, sem, n)
+    spread = dict(zip(QUANTILES, quantiles(values, with_state, QUANTILES.values()), strict=True))
+    return [
+        [
+            Summary(
+                n=int(n[i, j]),
+                mean=float(mean[i, j]),
+                sem=float(sem[i, j]),
+                ci95=(float(low[i, j]), float(high[i, j])),
+                **{name: float(found[i, j]) for name, found in spread.items()},
+            )
+            for j in range(values.shape[2])
+        ]
+        for i in range(values.shape[1])
+    ]
+
+
+def _differences(members: Collected, metrics: Sequence[str]) -> Iterator[Difference]:
+    pairs = list(combinations(range(len(members.observers)), 2))
+    for metric, (j, state) in product(metrics, enumerate(members.states)):
+        values = members.metrics[metric][:, :, j]
+        tests = [_paired(values[:, a], values[:, b], members.sound[:, a] & members.sound[:, b]) for a, b in pairs]
+        for (a, b), (n, mean, ci95, p), adjusted in zip(pairs, tests, holm([p for *_, p in tests]), strict=True):
+            yield Difference(members.observers[a], members.observers[b], metric, state, n, mean, ci95, p, adjusted)
+
+
+def _paired(a: Floats, b: Floats, sound: NDArray[np.bool_]) -> tuple[int, float, tuple[float, float], float]:
+    """Number, mean, interval and p of a - b."""
+    from scipy.stats import t
+
+    with np.errstate(invalid="ignore"):
+        found = _mean(a - b, sound)
+    mean, sem, n = float(found[0]), float(found[1]), int(found[2])
+    low, high = interval(mean, sem, n)
+    if not np.isfinite(sem):
+        return n, mean, (float(low), float(high)), float("nan")
+    p = 2 * float(t.sf(abs(mean) / sem, n - 1)) if sem > 0 else float(mean == 0)
+    return n, mean, (float(low), float(high)), p

@@ -1,0 +1,317 @@
+"""Statistics of ensembles as text, JSON, CSV and LaTeX."""
+
+from __future__ import annotations
+
+import csv as csv_module
+import io
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields
+from typing import Any
+
+from hgorun.ensemble.collected import Collected, levels, shown
+from hgorun.ensemble.statistics import Difference, Statistics, Summary, points, statistics
+from hgorun.files import json_value
+from hgorun.result.metrics.base import all_metrics
+from hgorun.tables.metrics import latex_head, number, packed, wrapped
+from hgorun.tables.typeset import latex_words, printable
+from hgorun.tables.uncertain import latex_uncertain, uncertain
+
+_PAGE = 3  # numbers with their uncertainty side by side on a page
+_NUMBERS = tuple(f.name for f in fields(Summary) if f.name not in ("n", "ci95"))
+_NOTE = (
+    "±: 95 % interval of the mean, over members that are ok or inaccurate; sem: its standard error; "
+    "q05 to q95: quantiles over all members, in which a lost estimate counts as infinite"
+)
+_PAIRS = "paired differences of means with their 95 % intervals; *: p < 0.05 after Holm"
+
+
+@dataclass(frozen=True)
+class Compared:
+    """An ensemble with what is said of it: of all its members, and of those at each point of some axes.
+
+    Attributes
+    ----------
+    members : Collected
+    whole : Statistics
+    by : tuple of str
+        Axes by which it is divided.
+    points : tuple of Statistics
+        Nothing where it is not divided.
+    file : str or None
+        Where it is stored.
+    """
+
+    members: Collected
+    whole: Statistics
+    by: tuple[str, ...] = ()
+    points: tuple[Statistics, ...] = ()
+    file: str | None = None
+
+    @property
+    def parts(self) -> tuple[Statistics, ...]:
+        """What is tabulated: the points, or the whole."""
+        return self.points or (self.whole,)
+
+
+def compared(members: Collected, by: Sequence[str], metrics: Sequence[str] = (), file: str | None = None) -> Compared:
+    """The statistics of an ensemble.
+
+    Parameters
+    ----------
+    members : Collected
+    by : sequence of str
+        Axes by which it is divided; none: all members together.
+    metrics : sequence of str
+        Which; all by default, in the order of tables.
+    """
+    known = [name for name in all_metrics() if name in members.metrics]
+    names = tuple(metrics) or (*known, *(name for name in members.metrics if name not in known))
+    divided = points(members, by) if by else ()
+    parts = tuple(statistics(part, names, at) for at, part in divided)
+    return Compared(members, statistics(members, names), tuple(by), parts, file)
+
+
+def as_json(found: Compared) -> dict[str, Any]:
+    """The statistics as JSON holds them.
+
+    Returns
+    -------
+    dict
+        ``{name, file, members, planned, axes: {axis: [values]}, observers: {label: {failed, metric: {state: {mean,
+        median, sem, ci95, q05, q25, q75, q95, n}}}}, paired: [{a, b, metric, state, mean, ci95, n, p, p_holm}]}``,
+        and ``points``, each with ``at: {axis: value}`` and the same keys, where the ensemble is divided.
+        Numbers that are not finite are text, those that are not known null.
+    """
+    members = found.members
+    whole: dict[str, Any] = {
+        "name": members.name,
+        "file": found.file,
+        "members": found.whole.members,
+        "planned": members.planned,
+        "axes": {axis: levels(values) for axis, values in members.axes.items()},
+    }
+    whole |= _json_of(found.whole, members)
+    if found.by:
+        whole["points"] = [{"at": part.at, "members": part.members, **_json_of(part, members)} for part in found.points]
+    return {key: json_value(value) for key, value in whole.items()}
+
+
+def _json_of(found: Statistics, members: Collected) -> dict[str, Any]:
+    observers: dict[str, Any] = {}
+    for label in members.observers:
+        own: dict[str, Any] = {"failed": found.failed(label), "statuses": found.counts[label]}
+        for (whose, metric, state), summary in found.summaries.items():
+            if whose == label:
+                own.setdefault(metric, {})[state] = _known(
+                    {name: getattr(summary, name) for name in _NUMBERS} | {"ci95": summary.ci95, "n": summary.n}
+                )
+        observers[label] = own
+    keys = [f.name for f in fields(Difference)]
+    paired = [_known({key: getattr(d, key) for key in keys}) for d in found.differences]
+    return {"observers": observers, "paired": paired}
+
+
+def _known(values: Mapping[str, Any]) -> dict[str, Any]:
+    """NaN stands for what is not known."""
+    return {key: None if _unknown(value) else value for key, value in values.items()}
+
+
+def _unknown(value: Any) -> bool:
+    if isinstance(value, tuple):
+        return any(map(_unknown, value))
+    return isinstance(value, float) and math.isnan(value)
+
+
+def csv(found: Sequence[Compared]) -> str:
+    """One metric of one observer and state a line, differences between observers after them as ``a - b``.
+
+    Values have all their digits; what is not known is empty.
+    """
+    axes = list(dict.fromkeys(axis for one in found for axis in one.by))
+    buffer = io.StringIO()
+    writer = csv_module.writer(buffer, lineterminator="\n")
+    numbers = [*_NUMBERS, "ci95_low", "ci95_high", "n", "failed", "p", "p_holm"]
+    writer.writerow(["name", *axes, "observer", "state", "metric", *numbers])
+    for one in found:
+        for part in one.parts:
+            start = [one.members.name, *(part.at.get(axis, "") for axis in axes)]
+            for observer, metric, state, values in _rows(part):
+                cells = [_exact(values.get(name)) for name in numbers]
+                writer.writerow([*start, observer, state, metric, *cells])
+    return buffer.getvalue()
+
+
+def _rows(part: Statistics) -> Iterator[tuple[str, str, str, dict[str, float]]]:
+    for (label, metric, state), s in part.summaries.items():
+        values: dict[str, float] = {name: getattr(s, name) for name in _NUMBERS}
+        ends = {"ci95_low": s.ci95[0], "ci95_high": s.ci95[1]}
+        yield label, metric, state, values | ends | {"n": s.n, "failed": part.failed(label)}
+    for d in part.differences:
+        ends = {"ci95_low": d.ci95[0], "ci95_high": d.ci95[1]}
+        yield f"{d.a} - {d.b}", d.metric, d.state, {"mean": d.mean, "n": d.n, "p": d.p, "p_holm": d.p_holm} | ends
+
+
+def _exact(value: float | None) -> str:
+    return "" if value is None or math.isnan(value) else repr(value)
+
+
+def text(found: Sequence[Compared]) -> str:
+    """Aligned tables for a terminal, at most 100 columns wide."""
+    lines: list[str] = []
+    for one in found:
+        lines += [""] * bool(lines) + _head(one)
+        lines += _by_point(one) if one.by else _whole(one)
+    return "\n".join(lines)
+
+
+def _head(one: Compared) -> list[str]:
+    members = one.members
+    lines = wrapped(": ".join(printable(part) for part in (members.name, members.title) if part))
+    count = f"{len(members)} members"
+    if members.planned > len(members):
+        count += f" of {members.planned}"
+    axes = [f"{axis} {_span(levels(values))}" for axis, values in members.axes.items()]
+    lines += wrapped("; ".join([count, *axes]), "  ")
+    for label, statuses in members.counts.items():
+        others = ", ".join(f"{n} {status}" for status, n in statuses.items() if status != "ok")
+        if others:
+            lines += wrapped(f"{printable(label)}: {others}", "  ")
+    return lines
+
+
+def _span(values: Sequence[Any]) -> str:
+    """The values of an axis in few words."""
+    if len(values) <= 4:
+        return ", ".join(map(shown, values))
+    if all(isinstance(value, str) for value in values):
+        return f"{shown(values[0])}, ... ({len(values)} values)"
+    return f"{shown(values[0])} to {shown(values[-1])} ({len(values)} values)"
+
+
+def _whole(one: Compared) -> list[str]:
+    lines: list[str] = []
+    part = one.whole
+    for metric in dict.fromkeys(metric for _, metric, _ in part.summaries):
+        own = {f"{label} {state}": s for (label, m, state), s in part.summaries.items() if m == metric}
+        columns = [["mean", *(number(s.mean) for s in own.values())], ["±", *(_half(s) for s in own.values())]]
+        for name in ("sem", "q05", "q25", "median", "q75", "q95"):
+            columns.append([name, *(_cell(getattr(s, name)) for s in own.values())])
+        for block in packed(list(own), [[column] for column in columns], title=metric):
+            lines += ["", *block]
+    lines += ["", *wrapped(_NOTE)]
+    if part.differences:
+        pairs: dict[tuple[str, str], list[str]] = {}
+        rows = list(dict.fromkeys(f"{d.metric} {d.state}" for d in part.differences))
+        for d in part.differences:
+            pairs.setdefault((d.a, d.b), []).append(_difference(d))
+        for block in packed(rows, [[[f"{a} - {b}", *cells]] for (a, b), cells in pairs.items()]):
+            lines += ["", *block]
+        lines += ["", *wrapped(_PAIRS)]
+    return lines
+
+
+def _half(summary: Summary) -> str:
+    return _cell(summary.half)
+
+
+def _cell(value: float) -> str:
+    return "-" if math.isnan(value) else number(value)
+
+
+def _difference(d: Difference) -> str:
+    if math.isnan(d.mean):
+        return "-"
+    return uncertain(d.mean, (d.ci95[1] - d.ci95[0]) / 2) + ("*" if d.significant else " ")
+
+
+def _by_point(one: Compared) -> list[str]:
+    lines: list[str] = []
+    rows = [
+        ", ".join(f"{short_axis(axis, one.by)} = {shown(value)}" for axis, value in p.at.items()) for p in one.points
+    ]
+    observers = one.members.observers
+    for metric, state in dict.fromkeys((metric, state) for _, metric, state in one.whole.summaries):
+        columns = [[label, *(_mean_at(part, label, metric, state) for part in one.points)] for label in observers]
+        for block in packed(rows, [[column] for column in columns], title=f"{metric} {state}"):
+            lines += ["", *block]
+    return [*lines, "", *wrapped("mean ± 95 % interval; in brackets the number of members without numbers")]
+
+
+def _place(part: Statistics, one: Compared) -> str:
+    """A point's values on the axes by which the ensemble is divided."""
+    return ", ".join(f"{short_axis(axis, one.by)} = {shown(value)}" for axis, value in part.at.items())
+
+
+def _mean_at(part: Statistics, label: str, metric: str, state: str) -> str:
+    summary, failed = part.summaries[label, metric, state], part.failed(label)
+    mean = "-" if math.isnan(summary.mean) else uncertain(summary.mean, summary.half)
+    return f"{mean} ({failed})" if failed else mean
+
+
+def short_axis(axis: str, axes: Sequence[str]) -> str:
+    """The last part of an axis's path, where that tells it from the others."""
+    last = axis.rpartition(".")[2]
+    return last if sum(a.rpartition(".")[2] == last for a in axes) == 1 else axis
+
+
+def latex(found: Sequence[Compared]) -> str:
+    r"""A ``tabular`` for each ensemble, for a document that loads the package booktabs.
+
+    Cells are mean ± half the 95 % interval. The best mean of a column is bold only if it differs from that of every
+    other observer (paired test, Holm-adjusted p < 0.05) and no other observer has fewer failures.
+    """
+    return "\n".join(_tabular(one) for one in found)
+
+
+def _tabular(one: Compared) -> str:
+    states, observers = one.members.states, one.members.observers
+    metrics = list(dict.fromkeys(metric for _, metric, _ in one.whole.summaries))
+    at_once = max(_PAGE // max(len(states), 1), 1)
+    blocks = [metrics[i : i + at_once] for i in range(0, len(metrics), at_once)] or [[]]
+    width = len(blocks[0]) * len(states)
+    lines = [rf"\begin{{tabular}}{{l{'r' * width}}}", r"\toprule"]
+    for block in blocks:
+        padding = [""] * (width - len(block) * len(states))
+        lines += [*([r"\midrule"] if block is not blocks[0] else []), *latex_head(block, states, padding)]
+        for part in one.parts:
+            if part.at:
+                lines.append(rf"\multicolumn{{{width + 1}}}{{l}}{{{latex_words(_place(part, one))}}} \\")
+            for label in observers:
+                cells = [_latex_cell(part, label, metric, state) for metric in block for state in states]
+                lines.append(" & ".join([latex_words(label), *cells, *padding]) + r" \\")
+    lost = [
+        latex_words(f"{label}: {one.whole.failed(label)} of {one.whole.members} without numbers")
+        for label in observers
+        if one.whole.failed(label)
+    ]
+    if lost:
+        lines += [r"\midrule", rf"\multicolumn{{{width + 1}}}{{l}}{{{'; '.join(lost)}}} \\"]
+    return "\n".join([*lines, r"\bottomrule", r"\end{tabular}"]) + "\n"
+
+
+def _latex_cell(part: Statistics, label: str, metric: str, state: str) -> str:
+    summary = part.summaries[label, metric, state]
+    return latex_uncertain(summary.mean, summary.half, bold=best(part, metric, state) == label)
+
+
+def distance(value: float, ideal: float) -> float:
+    """How far a metric is from its best value: a ratio's logarithm, or the value itself where zero is best."""
+    return abs(math.log(value / ideal)) if ideal and value > 0 else value
+
+
+def best(part: Statistics, metric: str, state: str) -> str | None:
+    """The observer with the best mean, if it is significantly better than all others and fails no more often."""
+    own = {label: s.mean for (label, m, s_), s in part.summaries.items() if (m, s_) == (metric, state)}
+    finite = {label: mean for label, mean in own.items() if math.isfinite(mean)}
+    if not finite or len(own) < 2:
+        return None
+    known = all_metrics().get(metric)
+    ideal = known.ideal if known else 0.0
+    first = min(finite, key=lambda label: distance(finite[label], ideal))
+    against = [d for d in part.differences if (d.metric, d.state) == (metric, state) and first in (d.a, d.b)]
+    rivals = [label for label in own if label != first]
+    fails = part.failed(first)
+    if all(d.significant for d in against) and all(part.failed(label) >= fails for label in rivals):
+        return first
+    return None

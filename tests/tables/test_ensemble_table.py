@@ -1,0 +1,128 @@
+"""Statistics of ensembles as tables."""
+
+from __future__ import annotations
+
+import csv as csv_module
+import io
+import json
+import math
+
+import numpy as np
+import pytest
+
+from hgorun.ensemble.collected import Collected
+from hgorun.tables.ensemble import as_json, best, compared, csv, latex, text
+from hgorun.tables.uncertain import latex_uncertain, uncertain
+
+
+def made(seeds: int = 30, *, gap: float = 0.5, lost: int = 0) -> Collected:
+    """Two gains, some seeds; F is better than S by a gap."""
+    random = np.random.default_rng(1)
+    theta, seed = np.repeat([2.0, 4.0], seeds), np.tile(np.arange(seeds), 2)
+    noise = random.normal(size=(2 * seeds, 1, 2))
+    values = (
+        theta[:, None, None] + 0.2 * noise + np.array([0.0, gap])[:, None] + 0.01 * random.random((2 * seeds, 2, 2))
+    )
+    status = np.zeros((2 * seeds, 2), dtype=np.int8)
+    status[:lost, 0] = 2
+    values[:lost, 0] = np.inf
+    return Collected(
+        name="made",
+        axes={"observers.F.theta": theta, "seed": seed},
+        observers=("F", "S"),
+        states=("x1", "x2"),
+        metrics={"rmse": values, "tv": values},
+        status=status,
+        error=np.full(2 * seeds, "", dtype=object),
+        planned=2 * seeds,
+    )
+
+
+@pytest.mark.parametrize(
+    ("value", "half", "shown"),
+    [
+        (0.123456, 0.0056, "0.1235 ± 0.0056"),
+        (123456.0, 1234.0, "123500 ± 1200"),
+        (-1.5, 0.25, "-1.50 ± 0.25"),
+        (0.0, 0.01, "0.000 ± 0.010"),
+        (3e-7, 1.5e-6, "(0.3 ± 1.5)e-06"),
+        (1.0, 1e-12, "1.00000 ± 1.0e-12"),
+        (2.0, 0.0, "2.000"),
+        (2.0, math.nan, "2.000"),
+        (math.inf, math.nan, "inf"),
+    ],
+)
+def test_numbers_have_the_digits_that_their_uncertainty_leaves(value: float, half: float, shown: str) -> None:
+    assert uncertain(value, half) == shown
+
+
+def test_uncertain_numbers_in_latex() -> None:
+    assert latex_uncertain(0.123456, 0.0056) == r"$0.1235 \pm 0.0056$"
+    assert latex_uncertain(1.0, 1e-12) == r"$1.00000 \pm 1.0 \times 10^{-12}$"
+    assert latex_uncertain(math.inf, math.nan) == r"$\infty$"
+    assert latex_uncertain(math.nan, math.nan) == "--"
+
+
+def test_text_has_every_statistic_and_the_failures() -> None:
+    shown = text([compared(made(lost=3), ())])
+    head = next(line for line in shown.splitlines() if line.startswith("rmse"))
+    assert head.split() == ["rmse", "mean", "±", "sem", "q05", "q25", "median", "q75", "q95"]
+    assert "60 members; observers.F.theta 2, 4; seed 0 to 29 (30 values)" in shown
+    assert "F: 3 diverged" in shown
+    assert "F - S" in shown
+    assert all(len(line) <= 100 for line in shown.splitlines())
+
+
+def test_an_ensemble_divided_by_an_axis() -> None:
+    found = compared(made(lost=2), ["observers.F.theta"], ["rmse"])
+    shown = text([found])
+    row = next(line for line in shown.splitlines() if line.startswith("theta = 2"))
+    summary = found.points[0].summaries["F", "rmse", "x1"]
+    assert f"{uncertain(summary.mean, summary.half)} (2)" in row
+    assert "tv" not in shown
+    points = as_json(found)["points"]
+    assert [p["at"] for p in points] == [{"observers.F.theta": 2.0}, {"observers.F.theta": 4.0}]
+    assert [p["observers"]["F"]["failed"] for p in points] == [2, 0]
+
+
+def test_json_has_the_keys_that_were_promised() -> None:
+    found = json.loads(json.dumps(as_json(compared(made(lost=1), (), file="m.sweep.h5")), allow_nan=False))
+    assert (found["name"], found["members"], found["file"]) == ("made", 60, "m.sweep.h5")
+    assert set(found["observers"]["F"]["rmse"]["x1"]) == {
+        "mean", "median", "sem", "ci95", "q05", "q25", "q75", "q95", "n"
+    }  # fmt: skip
+    assert found["observers"]["F"]["failed"] == 1
+    assert found["observers"]["F"]["statuses"] == {"ok": 59, "diverged": 1}
+    assert {(d["a"], d["b"], d["metric"], d["state"], d["n"]) for d in found["paired"]} == {
+        ("F", "S", metric, state, 59) for metric in ("rmse", "tv") for state in ("x1", "x2")
+    }
+
+
+def test_csv_has_all_digits() -> None:
+    members = made()
+    rows = list(csv_module.DictReader(io.StringIO(csv([compared(members, ["observers.F.theta"])]))))
+    first = next(r for r in rows if (r["observer"], r["metric"], r["state"]) == ("F", "rmse", "x2"))
+    assert float(first["mean"]) == pytest.approx(members.metrics["rmse"][:30, 0, 1].mean(), rel=1e-14)
+    assert first["observers.F.theta"] == "2.0"
+    difference = next(r for r in rows if r["observer"] == "F - S")
+    assert float(difference["p_holm"]) < 1e-9
+    assert difference["median"] == ""
+
+
+def test_bold_is_what_is_significantly_best() -> None:
+    clear, chance, failing = (compared(one, ()) for one in (made(gap=0.5), made(gap=0.0), made(lost=1)))
+    assert best(clear.whole, "rmse", "x1") == "F"
+    assert best(chance.whole, "rmse", "x1") is None
+    assert best(failing.whole, "rmse", "x1") is None  # who drops out looks better than he is
+    assert latex([clear]).count(r"\mathbf") == 4
+    assert r"\mathbf" not in latex([chance])
+    assert "F: 1 of 60 without numbers" in latex([failing])
+
+
+def test_latex_rows_have_one_width() -> None:
+    made_rows = [
+        line
+        for line in latex([compared(made(), ["observers.F.theta"])]).splitlines()
+        if "&" in line and "multicolumn" not in line
+    ]
+    assert {line.count("&") for line in made_rows} == {2}
