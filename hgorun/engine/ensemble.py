@@ -8,18 +8,24 @@ integrated, while the rows are still in the cache.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
 
-from hgorun.engine.memory import Raw, Start
+from hgorun.engine.layout import HybridSystem
+from hgorun.engine.many import ManyProgram, Reducer, Worker
+from hgorun.engine.members import INPUTS
 from hgorun.engine.plan import Floats, Plan
-from hgorun.engine.program import Program
-from hgorun.errors import PlantDiverged
+from hgorun.errors import SimulationError
+from hgorun.native.compiler import vector_doubles
 
-LANES = 8
+_SLICE = 0.05  # seconds of native code between two checks for Ctrl-C
+_KEPT = 1 << 24  # numbers of rows that are kept at once for a reduction in Python
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -49,6 +55,11 @@ class MemberNumbers:
         """N."""
         return int(self.z0.shape[1])
 
+    def named(self, name: str) -> Floats:
+        """The numbers that the engine calls ``z``, ``p``, ``gain``, ``bias``, ``holds``."""
+        numbers: Floats = getattr(self, {"z": "z0"}.get(name, name))
+        return numbers
+
     def some(self, which: slice) -> MemberNumbers:
         """Some of them, as views."""
         parts = {name: getattr(self, name) for name in ("z0", "p", "gain", "bias", "holds")}
@@ -61,19 +72,34 @@ class Reduction(Protocol):
     @property
     def size(self) -> int:
         """So many numbers a member."""
+        ...
+
+    @property
+    def states(self) -> Sequence[int] | None:
+        """The states that are in the rows where it is compiled, all of them where it is None."""
+        ...
+
+    def reducer(self, lanes: int) -> Reducer | None:
+        """Compiled, with memory for a thread of its own; None where it cannot be."""
+        ...
+
+    def finished(self, found: Floats) -> Floats:
+        """The numbers, shape (size, N), from what the reducer has found, shape (reducer.size, N)."""
+        ...
 
     def of(self, rows: Floats, p: Floats) -> Floats:
-        """The numbers of the members of some lanes.
+        """The numbers of some members, not compiled.
 
         Parameters
         ----------
-        rows : ndarray, shape (grid points, states, lanes)
-        p : ndarray, shape (parameters, lanes)
+        rows : ndarray, shape (grid points, states, members)
+        p : ndarray, shape (parameters, members)
 
         Returns
         -------
-        ndarray, shape (size, lanes)
+        ndarray, shape (size, members)
         """
+        ...
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -87,9 +113,10 @@ class Outcome:
     diverged : ndarray, shape (observers, N)
         Time of divergence of each observer, infinity where there was none.
     plant_diverged : ndarray, shape (N,)
-        When the plant did; all other numbers of such a member are NaN. Infinity where it did not.
+        When the plant did; other numbers of such a member mean nothing. Infinity where it did not.
     first, last : ndarray, shape (states, N)
-        The rows at the first and the last point of the grid.
+        The states at the first and at the last point of the grid; at the first one, of a compiled reduction those
+        that are not in the rows have their initial values.
     error : ndarray, shape (states, N)
         Largest local error estimate of an embedded method, zeros otherwise.
     rows : ndarray, shape (grid points, states, N), or None
@@ -110,12 +137,17 @@ class Ensemble:
 
     Parameters
     ----------
-    program : callable
-        The compiled program for a number of lanes.
+    system : HybridSystem
+    method : str
+        ``euler``, ``rk4``, ``dopri5`` or ``rodas5p``.
+    lanes : int, optional
+        So many members side by side; by default as many as are fastest here. It changes no number.
     """
 
-    def __init__(self, program: Callable[[int], Program]) -> None:
-        self._program = program
+    def __init__(self, system: HybridSystem, method: str, lanes: int | None = None) -> None:
+        self.system, self.method = system, method
+        self.lanes = lanes_of(system) if lanes is None else lanes
+        self._programs: dict[tuple[int, ...] | None, ManyProgram] = {}
 
     def run(
         self,
@@ -135,25 +167,51 @@ class Ensemble:
         members : MemberNumbers
             Their numbers take memory: an ensemble of a million is given in parts of some thousands.
         reduction : Reduction, optional
-            The compiled one of :mod:`hgorun.result.reduction` runs in the native loop.
+            A compiled one runs in the native loop.
         rows : bool
             Keep all rows.
         threads : int
             So many at once, on as many threads.
         progress : callable, optional
             Called now and then with the number of members that are done; also the chance for Ctrl-C.
+
+        Raises
+        ------
+        SimulationError
+            Where a delay reaches further back than ``plan.reach``.
         """
-        parts = []
-        for first in range(0, members.count, LANES):
-            some = members.some(slice(first, first + LANES))
-            try:
-                parts.append(_outcome(self._run(plan, some), some.p, reduction, rows))
-            except PlantDiverged:
-                for lane in range(some.count):
-                    parts.append(self._alone(plan, some.some(slice(lane, lane + 1)), reduction, rows))
-            if progress:
-                progress(min(first + LANES, members.count))
-        return _joined(parts, rows)
+        reducers = [reduction.reducer(self.lanes) if reduction else None for _ in range(max(threads, 1))]
+        compiled = reducers[0] is not None
+        if reduction is not None and not compiled and not rows:
+            return self._in_parts(plan, members, reduction, threads, progress)
+        shown = reduction.states if reduction is not None and compiled and not rows else None
+        program, count, s = self._program(shown), members.count, self.system
+        inputs = {name: _doubles(members.named(name)) for name in INPUTS}
+        outputs = {
+            "final": np.empty((s.states, count)),
+            "first": np.empty((s.states, count)),
+            "diverged": np.empty((s.observers, count)),
+            "lost": np.empty((1, count)),
+            "error": np.empty((s.states, count)),
+            "found": np.empty((reducers[0].size if reducers[0] else 0, count)),
+            "kept": np.empty((plan.grid.size if rows else 0, s.states, count)),
+        }
+        workers = [Worker(program, plan, inputs, outputs, count, members.bound, reducer) for reducer in reducers]
+        _Queue(-(-count // self.lanes)).carry_out(workers, _told(progress, self.lanes, count))
+        if np.any(outputs["lost"] == -np.inf):
+            raise SimulationError("a delay reaches further back than the history that is kept for it")
+        reduced = np.empty((0, count))
+        if reduction is not None:
+            reduced = reduction.finished(outputs["found"]) if compiled else reduction.of(outputs["kept"], members.p)
+        return Outcome(
+            reduced=reduced,
+            diverged=outputs["diverged"],
+            plant_diverged=outputs["lost"][0],
+            first=outputs["first"],
+            last=outputs["final"],
+            error=outputs["error"],
+            rows=outputs["kept"] if rows else None,
+        )
 
     def run_each(
         self,
@@ -172,37 +230,92 @@ class Ensemble:
         parts = []
         for i, plan in enumerate(plans):
             one = replace(members.some(slice(i, i + 1)), gain=plan.gain, bias=plan.bias, holds=plan.holds)
-            parts.append(self._alone(plan, one, reduction, rows))
+            parts.append(self.run(plan, one, reduction, rows=rows))
             if progress:
                 progress(i + 1)
         return _joined(parts, rows)
 
-    def _run(self, plan: Plan, some: MemberNumbers) -> Raw:
-        own = replace(plan, gain=some.gain, bias=some.bias, holds=some.holds)
-        start = Start(np.ascontiguousarray(some.z0), np.ascontiguousarray(some.p), some.bound)
-        return self._program(some.count).run(own, start)
+    def _program(self, shown: Sequence[int] | None) -> ManyProgram:
+        key = None if shown is None else tuple(shown)
+        if key not in self._programs:
+            self._programs[key] = ManyProgram(self.system, self.method, self.lanes, key)
+        return self._programs[key]
 
-    def _alone(self, plan: Plan, one: MemberNumbers, reduction: Reduction | None, rows: bool) -> Outcome:
-        try:
-            return _outcome(self._run(plan, one), one.p, reduction, rows)
-        except PlantDiverged as error:
-            system = self._program(1).system
-            nothing = np.full((plan.grid.size, system.states, 1), np.nan)
-            raw = Raw(nothing, nothing[0], np.full((system.observers, 1), np.nan), nothing[0], nothing[0])
-            return replace(_outcome(raw, one.p, reduction, rows), plant_diverged=np.array([error.at]))
+    def _in_parts(
+        self,
+        plan: Plan,
+        members: MemberNumbers,
+        reduction: Reduction,
+        threads: int,
+        progress: Callable[[int], None] | None,
+    ) -> Outcome:
+        """With a reduction in Python, which needs the rows of a part of the members at a time."""
+        size = max(_KEPT // (plan.grid.size * self.system.states), 1)
+        parts = []
+        for first in range(0, members.count, size):
+            some = members.some(slice(first, first + size))
+            found = self.run(plan, some, reduction, rows=True, threads=threads)
+            parts.append(replace(found, rows=None))
+            if progress:
+                progress(first + some.count)
+        return _joined(parts, False)
 
 
-def _outcome(raw: Raw, p: Floats, reduction: Reduction | None, rows: bool) -> Outcome:
-    lanes = raw.rows.shape[2]
-    return Outcome(
-        reduced=np.empty((0, lanes)) if reduction is None else reduction.of(raw.rows, p),
-        diverged=raw.diverged,
-        plant_diverged=np.full(lanes, np.inf),
-        first=raw.rows[0].copy(),
-        last=raw.rows[-1].copy(),
-        error=raw.error,
-        rows=raw.rows if rows else None,
-    )
+def lanes_of(system: HybridSystem) -> int:
+    """How many members are fastest side by side."""
+    return vector_doubles()
+
+
+class _Queue:
+    """Blocks that wait for a thread."""
+
+    def __init__(self, count: int) -> None:
+        self._count, self._next, self.done = count, 0, 0
+        self._lock = threading.Lock()
+
+    def carry_out(self, workers: Sequence[Worker], told: Callable[[int], None]) -> None:
+        """All of them, by one worker in this thread or by several in theirs; told of the number of blocks done."""
+        if len(workers) == 1:
+            for _ in self._work(workers[0]):
+                told(self.done)
+            return
+        with ThreadPoolExecutor(len(workers)) as pool:
+            futures = [pool.submit(lambda one=worker: list(self._work(one))) for worker in workers]  # type: ignore[misc]
+            try:
+                while wait(futures, timeout=2 * _SLICE).not_done:
+                    told(self.done)
+            except BaseException:
+                self._next = self._count  # nothing more is begun
+                raise
+            for future in futures:
+                future.result()
+        told(self.done)
+
+    def _work(self, worker: Worker) -> Iterator[None]:
+        size = 1
+        while True:
+            with self._lock:
+                first, stop = self._next, min(self._next + size, self._count)
+                self._next = stop
+            if first >= stop:
+                return
+            before = time.perf_counter()
+            worker.run(first, stop)
+            size = max(1, int(size * min(_SLICE / max(time.perf_counter() - before, 1e-6), 8.0)))
+            with self._lock:
+                self.done += stop - first
+            yield
+
+
+def _told(progress: Callable[[int], None] | None, lanes: int, count: int) -> Callable[[int], None]:
+    """Progress in members, from that in blocks."""
+    return lambda blocks: progress(min(blocks * lanes, count)) if progress else None
+
+
+def _doubles(array: np.ndarray) -> Floats:
+    """The same, of doubles whose strides are whole words."""
+    fits = array.dtype == np.float64 and all(stride % 8 == 0 for stride in array.strides)
+    return array if fits else np.ascontiguousarray(array, dtype=float)
 
 
 def _joined(parts: Sequence[Outcome], rows: bool) -> Outcome:

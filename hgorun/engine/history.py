@@ -14,7 +14,7 @@ import casadi as ca
 
 from hgorun.engine.layout import WORD, Regime
 from hgorun.engine.parts import Module, copy, hermite, hermite_slope
-from hgorun.native.ir import Function, hexadecimal
+from hgorun.native.ir import Function
 
 REFINEMENTS = 4  # passes of a step whose delays reach into it; each one gains an order
 
@@ -58,8 +58,9 @@ class History:
         piece = self._piece(f, "%index")
         f.store("%t0", piece)
         f.store("%t1", f.at(piece, 1))
-        copy(f, "%start", f.at(piece, 2), 2 * self.width)
-        copy(f, "%end", f.at(piece, 2 + 2 * self.width), 2 * self.width)
+        values = 2 * self.width // self.m.lanes
+        copy(f, "%start", f.at(piece, 2), values)
+        copy(f, "%end", f.at(piece, 2 + 2 * self.width), values)
         f.do("ret void")
         self.m.finish(f)
 
@@ -68,12 +69,12 @@ class History:
         words = piece_words(self.m.system.outputs * self.m.system.width, self.m.lanes)
         return f.at(f.word("%ctx", WORD["ring"], "ptr"), f.scalar("mul", slot, str(words)))
 
-    def _initial(self, f: Function, first: str, words: int) -> None:
-        copy(f, f.at(f.word("%ctx", WORD["initial"], "ptr"), first), "%target", words)
+    def _initial(self, f: Function, first: str, count: int) -> None:
+        copy(f, f.at(f.word("%ctx", WORD["initial"], "ptr"), first), "%target", count)
 
-    def _nothing(self, f: Function, first: str, words: int) -> None:
-        with f.count(0, words) as i:
-            f.store(hexadecimal(0.0), f.at("%target", i))
+    def _nothing(self, f: Function, first: str, count: int) -> None:
+        with f.count(0, count) as i:
+            f.store(f.constant(0.0), f.at("%target", f.scalar("mul", i, str(f.lanes))), f.real)
 
     def _add_recall(self, name: str, value: Callable[..., str], early: Callable[[Function, str, int], None]) -> None:
         """``recall(ctx, output, t, newest, target)``: an output's channels at t, no piece after ``newest``.
@@ -96,7 +97,7 @@ class History:
         unknown = f.test("ole", "%t", f.word("%ctx", WORD["t_start"], "double"))
         f.branch(f.let(f"or i1 {unknown}, {f.test('slt', '%newest', '0')}"), before, search)
         f.place(before)
-        early(f, first, own)
+        early(f, first, self.m.system.width)
         f.do("ret i64 0")
         f.place(search)
         hint = f.at(f.word("%ctx", WORD["hints"], "ptr"), "%output")
@@ -128,11 +129,12 @@ class History:
         piece = self._piece(f, i)
         t0, t1 = f.load(piece), f.word(piece, 1, "double")
         h = f.scalar("fsub", t1, t0)
-        theta = f.scalar("fdiv", f.scalar("fsub", "%t", t0), h)
+        theta, length = f.splat(f.scalar("fdiv", f.scalar("fsub", "%t", t0), h)), f.splat(h)
         data = f.at(f.at(piece, 2), first)
-        with f.count(0, own) as k:
-            parts = [f.word(data, f.scalar("add", k, str(j * self.width)), "double") for j in range(4)]
-            f.store(value(f, theta, h, *parts), f.at("%target", k))
+        with f.count(0, self.m.system.width) as i:
+            k = f.scalar("mul", i, str(f.lanes))
+            parts = [f.load(f.at(data, f.scalar("add", k, str(j * self.width))), f.real) for j in range(4)]
+            f.store(value(f, theta, length, *parts), f.at("%target", k), f.real)
         provisional = f.test("eq", i, count)
         f.do(f"ret i64 {f.let(f'zext i1 {provisional} to i64')}")
         self.m.finish(f)

@@ -9,7 +9,7 @@ import casadi as ca
 # Words of the context, the one argument of the native functions: addresses of arrays, then scalars.
 CONTEXT = (
     "p", "c", "z", "w", "channels", "spans", "counts", "actions", "grid", "rows", "slots", "gain", "bias",
-    "measured", "holds", "alpha", "blocks", "diverged", "largest", "ring", "initial", "hints", "error", "size",
+    "measured", "holds", "alpha", "blocks", "diverged", "lost", "largest", "ring", "initial", "hints", "error", "size",
     "row", "ring_count", "ring_mask", "bound_offset", "bound_factor", "t_start", "rtol", "atol", "small", "max_step",
     "step", "now", "budget", "segment", "paused", "hopeless",
 )  # fmt: skip

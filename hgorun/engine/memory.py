@@ -111,14 +111,21 @@ class Memory:
     """The arrays of one run and the context that points to them."""
 
     def __init__(
-        self, s: HybridSystem, lanes: int, constants: int, plan: Plan, start: Start, tolerance: Tolerance | None
+        self,
+        s: HybridSystem,
+        lanes: int,
+        constants: int,
+        plan: Plan,
+        start: Start,
+        tolerance: Tolerance | None,
+        shown: int | None = None,
     ) -> None:
         channels = s.outputs * s.width
         steps = None if tolerance else plan.counts[:, 2] - plan.counts[:, 1]
         pieces = history_pieces(plan.spans[:, :2], steps, plan.reach) if s.remembers else 1
         ring = np.zeros(pieces * piece_words(channels, lanes) if s.remembers else 1)
         entries = np.array([e * lanes + lane for row in s.alpha for e in row for lane in range(lanes)], dtype=np.int64)
-        self.shape = (plan.grid.size, s.states, lanes)
+        self.shape = (plan.grid.size, s.states if shown is None else shown, lanes)
         self.arrays: dict[str, np.ndarray] = {
             "p": np.ascontiguousarray(start.p, dtype=float),
             "c": np.zeros(max(constants, 1) * lanes),
@@ -138,10 +145,11 @@ class Memory:
             "alpha": entries if entries.size else np.zeros(1, dtype=np.int64),
             "blocks": np.array(s.blocks or [(0, 0, 0)], dtype=np.int64),
             "diverged": np.full((max(s.observers, 1), lanes), np.inf),
+            "lost": np.full(lanes, np.inf),
             "largest": np.abs(start.z[: s.plant_states]).max(axis=0, initial=0.0),
             "ring": ring,
             "initial": np.zeros(max(channels, 1) * lanes),
-            "hints": np.zeros(max(s.outputs, 1), dtype=np.int64),
+            "hints": np.zeros(max(s.outputs, 1) * lanes, dtype=np.int64),
             "error": np.zeros((s.states, lanes)),
             "size": _sizes(start.z),
         }

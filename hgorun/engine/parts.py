@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+
 from hgorun.engine.emit import Emitted, emit
 from hgorun.engine.layout import (
     ACTION_WORDS,
@@ -19,17 +21,27 @@ from hgorun.engine.layout import (
 )
 from hgorun.native.ir import Function, hexadecimal
 
+_UNROLLED = 8
+
 
 class Module:
-    """The native module under construction: its functions share declarations, lanes and a system."""
+    """The native module under construction: its functions share declarations, lanes and a system.
 
-    def __init__(self, system: HybridSystem, lanes: int) -> None:
-        self.system, self.lanes = system, lanes
+    ``shown`` are the states that rows have, all of them where it is None.
+    """
+
+    def __init__(self, system: HybridSystem, lanes: int, shown: Sequence[int] | None = None) -> None:
+        self.system, self.lanes, self.shown = system, lanes, shown
         self.declarations: set[str] = set()
         self.functions: list[str] = []
         self.constants = 0
         self._offset: dict[str, int] = {}
         self._emitted: list[Emitted] = []
+
+    @property
+    def row_words(self) -> int:
+        """Words of an output point."""
+        return self.lanes * (self.system.states if self.shown is None else len(self.shown))
 
     def function(self, name: str, arguments: str, *, returns: str = "void", attributes: str = "nounwind") -> Function:
         return Function(name, arguments, self.lanes, self.declarations, returns=returns, attributes=attributes)
@@ -73,10 +85,14 @@ def counts(f: Function, segment: str) -> dict[str, str]:
     return {name: f.word(base, i) for i, name in enumerate(COUNT)}
 
 
-def copy(f: Function, source: str, target: str, words: int | str) -> None:
-    """Copy 8-byte words, rarely: a loop."""
-    with f.count(0, words) as i:
-        f.store(f.word(source, i, "double"), f.at(target, i))
+def copy(f: Function, source: str, target: str, count: int) -> None:
+    """Copy ``count`` values of all lanes, in a loop where they are many."""
+    if count <= _UNROLLED:
+        return move(f, source, target, count)
+    with f.count(0, count) as i:
+        place = f.scalar("mul", i, str(f.lanes))
+        f.store(f.load(f.at(source, place), f.real), f.at(target, place), f.real)
+    return None
 
 
 def move(f: Function, source: str, target: str, count: int) -> None:
@@ -121,10 +137,10 @@ def add_actions(m: Module) -> None:
         here = f.at(slots, f.scalar("mul", slot, str(s.width * lanes)))
         with f.when(f.test("eq", op, str(TAKE))):
             f.call("channels", f"ptr %ctx, double {t}")
-            copy(f, f.at(channels, f.scalar("mul", output, str(s.width * lanes))), here, s.width * lanes)
+            copy(f, f.at(channels, f.scalar("mul", output, str(s.width * lanes))), here, s.width)
         with f.when(f.test("eq", op, str(SET))):
             value = f.at(f.word("%ctx", WORD["holds"], "ptr"), f.scalar("mul", slot, str(lanes)))
-            copy(f, value, f.at(w, f.scalar("mul", output, str(lanes))), lanes)
+            copy(f, value, f.at(w, f.scalar("mul", output, str(lanes))), 1)
         for number in range(len(s.jumps)):
             wanted = f.test("eq", output, str(number))
             with f.when(f.let(f"and i1 {f.test('eq', op, str(JUMP))}, {wanted}")):
@@ -135,13 +151,12 @@ def add_actions(m: Module) -> None:
             gain, bias, measured = (
                 f.at(f.word("%ctx", WORD[name], "ptr"), at_slot) for name in ("gain", "bias", "measured")
             )
-            with f.count(0, lanes) as lane:
-                y = f.scalar("fmul", f.word(gain, lane, "double"), f.word(here, lane, "double"))
-                f.store(f.scalar("fadd", y, f.word(bias, lane, "double")), f.at(measured, lane))
+            y = f.mul(f.load(gain, f.real), f.load(here, f.real))
+            f.store(f.add(y, f.load(bias, f.real)), measured, f.real)
             with f.when(arrives):
-                copy(f, f.at(held, Held.OUTPUT * lanes), f.at(held, Held.PREVIOUS * lanes), lanes)
-                copy(f, measured, f.at(held, Held.OUTPUT * lanes), lanes)
-                copy(f, f.at(here, lanes), f.at(held, Held.S * lanes), s.observers * lanes)
+                copy(f, f.at(held, Held.OUTPUT * lanes), f.at(held, Held.PREVIOUS * lanes), 1)
+                copy(f, measured, f.at(held, Held.OUTPUT * lanes), 1)
+                copy(f, f.at(here, lanes), f.at(held, Held.S * lanes), s.observers)
         with f.when(f.test("eq", op, str(REBASE))), f.count(0, s.observers * lanes) as i:
             place = f.scalar("add", f.scalar("mul", output, str(s.observers * lanes)), i)
             alpha_at = f.at(z, f.word(f.word("%ctx", WORD["alpha"], "ptr"), place))
@@ -180,67 +195,75 @@ def _add_jump(m: Module, number: int) -> None:
     m.finish(f)
 
 
-def add_flag(m: Module) -> None:
-    """``flag(ctx, t, z, bound)``: mask the observers that have left the bound; 1 when the plant has."""
+def add_flag(m: Module, *, alone: bool) -> None:
+    """``flag(ctx, t, z, bound)``: mask the observers that have left the bound; 1 when the plant has.
+
+    A plant that is not ``alone`` does not end the run of the others: all its lane becomes NaN, and when that was is
+    kept in ``lost``.
+    """
     lanes = m.lanes
     f = m.function("flag", "ptr %ctx, double %t, ptr %z, ptr %bound", returns="i64", attributes="nounwind noinline")
-    bad = f.slot("i64")
+    worst, t = f.slot(f.real), f.splat("%t")
 
-    def watch(start: str, stop: str, lane: str, bound: str) -> str:
-        f.store("0", bad, "i64")
+    def watch(start: str, stop: str, bound: str) -> str:
+        """In which lanes one of some states is beyond a bound."""
+        f.store(f.constant(0.0), worst, f.real)
         with f.count(start, stop) as i:
-            value = f.word("%z", f.scalar("add", f.scalar("mul", i, str(lanes)), lane), "double")
-            size = f.let(f"call double @llvm.fabs.f64(double {value})")
-            with f.when(f.test("ugt", size, bound)):
-                f.store("1", bad, "i64")
-        return f.test("eq", f.load(bad, "i64"), "1")
+            size = f.intrinsic("fabs", f.load(f.at("%z", f.scalar("mul", i, str(lanes))), f.real))
+            beyond = f.compare("ugt", size, bound)
+            f.store(f.select(beyond, f.constant(1.0), f.load(worst, f.real)), worst, f.real)
+        return f.compare("ogt", f.load(worst, f.real), f.constant(0.0))
 
-    m.declarations.add("declare double @llvm.fabs.f64(double)")
-    lost = f.slot("i64")
-    f.store("0", lost, "i64")
+    def end(mask: str, when: str, start: str, stop: str) -> None:
+        """Nothing is left of some states in some lanes; the first time is kept."""
+        before = f.load(when, f.real)
+        first = f.let(f"and {f.mask} {mask}, {f.compare('olt', t, before)}")  # infinity until then
+        f.store(f.select(first, t, before), when, f.real)
+        with f.count(start, stop) as i:
+            place = f.at("%z", f.scalar("mul", i, str(lanes)))
+            f.store(f.select(mask, f.constant(float("nan")), f.load(place, f.real)), place, f.real)
+
+    lost = watch("0", str(m.system.plant_states), f.constant(1e300))
+    outcome = f.let(f"zext i1 {f.any(lost)} to i64")
+    if not alone:
+        with f.when(f.any(lost)):
+            end(lost, f.word("%ctx", WORD["lost"], "ptr"), "0", str(m.system.states))
+        outcome = "0"
     blocks, diverged = f.word("%ctx", WORD["blocks"], "ptr"), f.word("%ctx", WORD["diverged"], "ptr")
-    with f.count(0, lanes) as lane:
-        with f.when(watch("0", str(m.system.plant_states), lane, hexadecimal(1e300))):
-            f.store("1", lost, "i64")
-        bound = f.word("%bound", lane, "double")
-        with f.count(0, m.system.observers) as j:
-            block = f.at(blocks, f.scalar("mul", j, "3"))
-            start, stop, end = (f.word(block, i) for i in range(3))
-            with f.when(watch(start, stop, lane, bound)):
-                when = f.at(diverged, f.scalar("add", f.scalar("mul", j, str(lanes)), lane))
-                with f.when(f.test("olt", "%t", f.load(when))):  # infinity until then
-                    f.store("%t", when)
-                with f.count(start, end) as i:
-                    place = f.scalar("add", f.scalar("mul", i, str(lanes)), lane)
-                    f.store(hexadecimal(float("nan")), f.at("%z", place))
-    f.do(f"ret i64 {f.load(lost, 'i64')}")
+    bound = f.load("%bound", f.real)
+    with f.count(0, m.system.observers) as j:
+        block = f.at(blocks, f.scalar("mul", j, "3"))
+        start, stop, after = (f.word(block, i) for i in range(3))
+        beyond = watch(start, stop, bound)
+        with f.when(f.any(beyond)):
+            end(beyond, f.at(diverged, f.scalar("mul", j, str(lanes))), start, after)
+    f.do(f"ret i64 {outcome}")
     m.finish(f)
 
 
 def hermite(f: Function, theta: str, h: str, z0: str, k0: str, z1: str, k1: str) -> str:
-    """The cubic through (0, z0, k0) and (h, z1, k1) at theta h; all of them scalars."""
-    one = hexadecimal(1.0)
-    rest = f.scalar("fsub", one, theta)
-    rise = f.scalar("fsub", z1, z0)
+    """The cubic through (0, z0, k0) and (h, z1, k1) at theta h."""
+    rest = f.sub(f.constant(1.0), theta)
+    rise = f.sub(z1, z0)
     # (1-T) z0 + T z1 + T (T-1) ((1-2T)(z1-z0) + (T-1) h k0 + T h k1)
-    line = f.scalar("fadd", f.scalar("fmul", rest, z0), f.scalar("fmul", theta, z1))
-    a = f.scalar("fmul", f.scalar("fsub", rest, theta), rise)
-    b = f.scalar("fmul", rest, f.scalar("fmul", h, k0))
-    c = f.scalar("fmul", theta, f.scalar("fmul", h, k1))
-    bend = f.scalar("fsub", f.scalar("fadd", a, c), b)
-    return f.scalar("fsub", line, f.scalar("fmul", f.scalar("fmul", theta, rest), bend))
+    line = f.add(f.mul(rest, z0), f.mul(theta, z1))
+    a = f.mul(f.sub(rest, theta), rise)
+    b = f.mul(rest, f.mul(h, k0))
+    c = f.mul(theta, f.mul(h, k1))
+    bend = f.sub(f.add(a, c), b)
+    return f.sub(line, f.mul(f.mul(theta, rest), bend))
 
 
 def hermite_slope(f: Function, theta: str, h: str, z0: str, k0: str, z1: str, k1: str) -> str:
     """The time derivative of :func:`hermite`."""
-    rest = f.scalar("fsub", hexadecimal(1.0), theta)
-    bump = f.scalar("fmul", hexadecimal(3.0), f.scalar("fmul", theta, rest))
+    rest = f.sub(f.constant(1.0), theta)
+    bump = f.mul(f.constant(3.0), f.mul(theta, rest))
     # with B = 3 T (1-T): 2 B (z1-z0)/h + (1-T-B) k0 + (T-B) k1
-    rise = f.scalar("fdiv", f.scalar("fsub", z1, z0), h)
-    middle = f.scalar("fmul", f.scalar("fmul", hexadecimal(2.0), bump), rise)
-    a = f.scalar("fmul", f.scalar("fsub", rest, bump), k0)
-    b = f.scalar("fmul", f.scalar("fsub", theta, bump), k1)
-    return f.scalar("fadd", middle, f.scalar("fadd", a, b))
+    rise = f.div(f.sub(z1, z0), h)
+    middle = f.mul(f.mul(f.constant(2.0), bump), rise)
+    a = f.mul(f.sub(rest, bump), k0)
+    b = f.mul(f.sub(theta, bump), k1)
+    return f.add(middle, f.add(a, b))
 
 
 def add_rows(m: Module, *, quintic: bool) -> None:
@@ -248,7 +271,6 @@ def add_rows(m: Module, *, quintic: bool) -> None:
 
     By the cubic Hermite polynomial, or that plus T^2 (1-T)^2 q, a method's own continuous extension.
     """
-    width = m.system.states * m.lanes
     f = m.function(
         "rows",
         "ptr %ctx, double %t0, double %t1, double %snap, ptr %z0, ptr %k0, ptr %z1, ptr %k1, ptr %q",
@@ -262,20 +284,34 @@ def add_rows(m: Module, *, quintic: bool) -> None:
         row = f.load(place, "i64")
         t = f.word(grid, row, "double")
         f.leave_if(f.test("oge", t, stop), after)
-        target = f.at(rows, f.scalar("mul", row, str(width)))
+        target = f.at(rows, f.scalar("mul", row, str(m.row_words)))
         on_step = f.test("ole", t, start)
         with f.when(on_step):
-            copy(f, "%z0", target, width)
+            for source, i in shown(f, m):
+                f.store(f.load(f.at("%z0", source), f.real), f.at(target, i), f.real)
         with f.when(f.let(f"xor i1 {on_step}, true")):
-            theta = f.scalar("fdiv", f.scalar("fsub", t, "%t0"), h)
-            with f.count(0, width) as i:
-                values = [f.word(array, i, "double") for array in ("%z0", "%k0", "%z1", "%k1")]
-                value = hermite(f, theta, h, *values)
+            part = f.scalar("fdiv", f.scalar("fsub", t, "%t0"), h)
+            theta, length = f.splat(part), f.splat(h)
+            if quintic:
+                bump = f.mul(theta, f.sub(f.constant(1.0), theta))
+                bump = f.mul(bump, bump)
+            for source, i in shown(f, m):
+                values = [f.load(f.at(array, source), f.real) for array in ("%z0", "%k0", "%z1", "%k1")]
+                value = hermite(f, theta, length, *values)
                 if quintic:
-                    bump = f.scalar("fmul", theta, f.scalar("fsub", hexadecimal(1.0), theta))
-                    bump = f.scalar("fmul", bump, bump)
-                    value = f.scalar("fadd", value, f.scalar("fmul", bump, f.word("%q", i, "double")))
-                f.store(value, f.at(target, i))
+                    value = f.add(value, f.mul(bump, f.load(f.at("%q", source), f.real)))
+                f.store(value, f.at(target, i), f.real)
         f.store(f.scalar("add", row, "1"), place, "i64")
     f.do("ret void")
     m.finish(f)
+
+
+def shown(f: Function, m: Module) -> Iterator[tuple[str, str]]:
+    """Places of the states of a row: among all states, and in the row."""
+    if m.shown is None:
+        with f.count(0, m.system.states) as i:
+            place = f.scalar("mul", i, str(m.lanes))
+            yield place, place
+    else:
+        for k, state in enumerate(m.shown):
+            yield str(state * m.lanes), str(k * m.lanes)

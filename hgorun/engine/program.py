@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -38,14 +38,25 @@ class TooManySteps(Exception):
     """More steps than allowed; the arguments are their number, and the time that was reached."""
 
 
-def generate(system: HybridSystem, method: str, *, adaptive: bool = False, lanes: int = 1) -> tuple[str, int]:
-    """The IR of a system, and how many constants a lane of a run has."""
-    m, chosen = Module(system, lanes), METHODS[method]
+def generate(
+    system: HybridSystem,
+    method: str,
+    *,
+    adaptive: bool = False,
+    lanes: int = 1,
+    many: bool = False,
+    shown: Sequence[int] | None = None,
+) -> tuple[str, int]:
+    """The IR of a system, and how many constants a lane of a run has.
+
+    With the loop over ``many`` members of :mod:`hgorun.engine.members`, and the states that are ``shown`` in rows.
+    """
+    m, chosen = Module(system, lanes, shown), METHODS[method]
     implicit = isinstance(chosen, Rosenbrock)
     flows = [m.emit(regime.flow, f"flow{i}", inlined=not implicit) for i, regime in enumerate(system.regimes)]
     add_channels(m)
     add_actions(m)
-    add_flag(m)
+    add_flag(m, alone=adaptive or lanes == 1)
     add_rows(m, quintic=bool(chosen.dense))
     history = History(m, slopes=implicit) if system.remembers else None
     for i, flow in enumerate(flows):
@@ -59,6 +70,10 @@ def generate(system: HybridSystem, method: str, *, adaptive: bool = False, lanes
             add_fixed(stepper)
     _add_run(m, len(flows))
     m.setup()
+    if many:
+        from hgorun.engine.members import add_members
+
+        add_members(m)
     return m.text(), m.constants
 
 
@@ -192,6 +207,11 @@ class Program:
             chunk = max(1, int(chunk * min(_SLICE / spent, 8.0)))
             if progress:
                 progress(done / int(work[-1]))
+        lost = float(memory.arrays["lost"].min())
+        if lost < np.inf:
+            raise PlantDiverged(
+                _explain(PLANT_DIVERGED, plan.origin + lost, stiff=isinstance(self.method, Rosenbrock)), lost
+            )
         return memory.result(tries if tolerance else plan.steps)
 
 

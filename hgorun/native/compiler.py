@@ -75,6 +75,18 @@ def processor() -> tuple[str, str]:
     return str(llvm.get_host_cpu_name()), str(llvm.get_host_cpu_features().flatten())
 
 
+_WIDTHS = {"x86-64": 2, "x86-64-v2": 2, "x86-64-v3": 4, "x86-64-v4": 8}
+
+
+def vector_doubles() -> int:
+    """How many doubles a vector register of the processor to compile for has."""
+    name, features = processor()
+    if name in _WIDTHS:
+        return _WIDTHS[name]
+    known = set(features.split(","))
+    return 8 if "+avx512f" in known else 4 if "+avx" in known else 2
+
+
 def _target_machine(size: int = 0) -> Any:
     """The compiler for modules of a size in characters of IR: of large ones, of a thousand observers, it is quicker."""
     llvm.initialize_native_target()

@@ -60,3 +60,16 @@ class Differentiator(Block):
 
 class SlidingMode(Block):
     """The right-hand side is discontinuous where the error is zero: there is no linearisation."""
+
+
+class Switching(Block):
+    """Equations that an explicit method integrates across a discontinuity in every step, back and forth.
+
+    How far an estimate chatters depends on the step, which belongs to the definition of the run: no step can be found
+    by error control, and a run with other steps does not tell the error.
+    """
+
+    @property
+    def switches(self) -> bool:
+        """Whether it does with the keys that are given."""
+        return True

@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 from hgorun.config.types import NonNegative, Positive
 from hgorun.errors import Problem
 from hgorun.observers.base import Flow, Role, observer
-from hgorun.observers.capabilities import HighGain
+from hgorun.observers.capabilities import HighGain, Switching
 from hgorun.observers.levant import levant_flow, levant_gains
 from hgorun.observers.output_injection import Blend, OutputInjection
 from hgorun.symbolic.lower_triangular import LowerTriangularCopy, LowerTriangularForm
@@ -18,7 +18,7 @@ from hgorun.symbolic.symbols import Symbols
 
 
 @observer("direct")
-class DirectObserver(HighGain, OutputInjection):
+class DirectObserver(HighGain, Switching, OutputInjection):
     """High-gain observer for lower triangular plants (1), blended with a direct reconstruction of the state.
 
         xhat' = f(xhat, u) + w Theta l (y - yhat) + (1 - w) Gamma (x^d - xhat)
@@ -55,6 +55,11 @@ class DirectObserver(HighGain, OutputInjection):
     @property
     def blend(self) -> Blend | None:
         return Blend(self.mu, self.phi) if self.mu > 0 and self.phi is not None else None
+
+    @property
+    def switches(self) -> bool:
+        """With the differentiator, which the reconstruction needs."""
+        return self.mu > 0
 
     def design(self, form: LowerTriangularForm) -> dict[str, np.ndarray]:
         if self.l is None:

@@ -8,6 +8,7 @@ from pydantic import Field
 
 from hgorun.config.types import Positive
 from hgorun.observers.base import Flow, Role, observer
+from hgorun.observers.capabilities import Switching
 from hgorun.observers.levant import levant_flow, levant_gains
 from hgorun.observers.output_injection import Blend
 from hgorun.observers.praly_gain import DynamicGain
@@ -17,7 +18,7 @@ from hgorun.symbolic.symbols import Symbols
 
 
 @observer("direct_dynamic")
-class DirectDynamicObserver(DynamicGain):
+class DirectDynamicObserver(Switching, DynamicGain):
     """High-gain observer with dynamic gain and direct reconstruction, for plants of the form (5).
 
         xhat'  = A xhat + g(xhat, u) + w Theta(theta) l (y - xhat_1) + (1 - w) Gamma(theta) (x^d - xhat)

@@ -11,7 +11,7 @@ from pydantic import Field, ModelWrapValidatorHandler, model_validator
 from hgorun.config.types import Positive
 from hgorun.errors import Problem
 from hgorun.observers.base import ContinuousObserver, Flow, Observer, Sample, SampledObserver, observer
-from hgorun.observers.capabilities import Differentiator, SlidingMode
+from hgorun.observers.capabilities import Differentiator, SlidingMode, Switching
 from hgorun.symbolic.lower_triangular import DerivativeCopy, DerivativeForm, derivative_form
 from hgorun.symbolic.symbols import Symbols
 
@@ -81,7 +81,7 @@ class LevantDifferentiator(Differentiator, SlidingMode, Observer[DerivativeForm,
 
 
 @observer("levant")
-class LevantObserver(LevantDifferentiator, ContinuousObserver[DerivativeForm, DerivativeCopy]):
+class LevantObserver(Switching, LevantDifferentiator, ContinuousObserver[DerivativeForm, DerivativeCopy]):
     """Levant's arbitrary-order exact differentiator, for lower triangular plants with one output.
 
         z_0'     = v_0     = z_1 - k_0 |z_0 - y|^((n-1)/n) sign(z_0 - y)

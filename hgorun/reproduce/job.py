@@ -205,7 +205,7 @@ class Work:
             except ConfigError:  # cut short or damaged: made again
                 pass
         prepared = prepare(run.experiment)
-        # Euler's step belongs to the definition of a run: discontinuous observers have no limit without it
+        # Euler's step belongs to the definition of a run: shorter ones would be another run
         check = run.experiment.blocks.solver.method != "euler" and not prepared.adaptive
         result = simulate_prepared(prepared, check_step=check, progress=report)
         result.save(self.state.folder / file)

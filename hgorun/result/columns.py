@@ -8,7 +8,8 @@ decides what a run costs beside its integration.
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cache, lru_cache
 
 import numpy as np
@@ -28,7 +29,61 @@ _ARRAYS = ("xhat", "truth", "places", "work", "error", "found")
 _NUMBERS = ("rows", "width", "step", "true_step", "first", "stop", "early", "late", "points")
 # The rows of what it finds, one number a column: sums of e^2, |differences| of xhat and of x, and squares of the
 # deviation of e - mean(e) from its mean; maxima of |e|; the last row above the limit; zero where all e are finite.
-_FOUND = ("squares", "way", "true_way", "rough", "largest", "peak", "last", "nothing")
+FOUND = ("squares", "way", "true_way", "rough", "largest", "peak", "last", "nothing")
+
+
+@dataclass(frozen=True)
+class Windows:
+    """Where the passes look, in rows.
+
+    Attributes
+    ----------
+    steady, transient : slice
+    average : int
+        Points of the moving mean, an odd number that may be larger than the steady window.
+    settling : float
+    """
+
+    steady: slice
+    transient: slice
+    average: int
+    settling: float
+
+    @classmethod
+    def of(cls, time: np.ndarray, settings: MetricSettings) -> Windows | None:
+        """On a grid of times; None where a window has no points."""
+        steady, transient = points_in(time, settings.steady), points_in(time, settings.transient)
+        if steady.stop <= steady.start or transient.stop <= transient.start:
+            return None
+        points = odd_points(settings.average, float(time[1] - time[0]) if time.size > 1 else np.nan)
+        return cls(steady, transient, points, settings.settling)
+
+    @property
+    def length(self) -> int:
+        """Rows of the steady window."""
+        return int(self.steady.stop - self.steady.start)
+
+    @property
+    def numbers(self) -> list[int]:
+        """As the code takes them."""
+        steady, transient = self.steady, self.transient
+        return [steady.start, steady.stop, transient.start, transient.stop, min(self.average, self.length)]
+
+    def metrics(self, time: np.ndarray, found: Mapping[str, np.ndarray]) -> dict[Metric, np.ndarray]:
+        """The metrics from what the passes have found, arrays of one shape."""
+        points = self.average
+        averaged = max(self.length - points + 1, 0)  # rows of which the moving mean has all points
+        with np.errstate(divide="ignore", invalid="ignore"):
+            rough = np.sqrt(found["rough"] / averaged) if averaged else np.full(found["rough"].shape, np.nan)
+            way = found["way"] / found["true_way"]
+        return {
+            RMSE: np.sqrt(found["squares"] / self.length),
+            SUP: found["largest"],
+            PEAK: found["peak"],
+            SETTLING: time[np.maximum(found["last"], 0).astype(int)],
+            HF: rough if points > 1 else np.zeros_like(rough),  # the mean of a point is the point itself
+            TV: way,
+        }
 
 
 def measured(
@@ -46,31 +101,14 @@ def measured(
     estimated : Estimated
     settings : MetricSettings
     """
-    steady, transient = points_in(time, settings.steady), points_in(time, settings.transient)
-    length = steady.stop - steady.start
-    if x.shape[1] < 2 or not len(estimated.places) or length < 1 or transient.stop <= transient.start:
+    windows = Windows.of(time, settings)
+    if x.shape[1] < 2 or not len(estimated.places) or windows is None:
         return None
-    points = odd_points(settings.average, float(time[1] - time[0]) if time.size > 1 else np.nan)
-    found = _passes(x, estimated, steady, transient, min(points, length), settings.settling)
-    if found["nothing"].any():
-        return None
-    averaged = max(length - points + 1, 0)  # rows of which the moving mean has all points
-    with np.errstate(divide="ignore", invalid="ignore"):
-        rough = np.sqrt(found["rough"] / averaged) if averaged else np.full(found["rough"].shape, np.nan)
-        way = found["way"] / found["true_way"]
-    return {
-        RMSE: np.sqrt(found["squares"] / length),
-        SUP: found["largest"],
-        PEAK: found["peak"],
-        SETTLING: time[np.maximum(found["last"], 0).astype(int)],
-        HF: rough if points > 1 else np.zeros_like(rough),  # the mean of a point is the point itself
-        TV: way,
-    }
+    found = _passes(x, estimated, windows)
+    return None if found["nothing"].any() else windows.metrics(time, found)
 
 
-def _passes(
-    x: np.ndarray, estimated: Estimated, steady: slice, transient: slice, points: int, settled: float
-) -> dict[str, np.ndarray]:
+def _passes(x: np.ndarray, estimated: Estimated, windows: Windows) -> dict[str, np.ndarray]:
     """What the code finds, arrays of shape (m, n) by name."""
     truth, values = _rows_of_doubles(x), _rows_of_doubles(estimated.values)
     count, n, m = len(x), x.shape[1], len(estimated.places)
@@ -78,13 +116,12 @@ def _passes(
     width = -(-m * n // lanes) * lanes
     places = _places(tuple(map(tuple, estimated.places)), width)
     work, error = np.empty((2, count + 1, lanes))
-    found = np.empty((len(_FOUND), width))
+    found = np.empty((len(FOUND), width))
     addresses = [address_of(array) for array in (values, truth, places, work, error, found)]
-    numbers = [count, width, values.strides[0] // 8, truth.strides[0] // 8]
-    numbers += [steady.start, steady.stop, transient.start, transient.stop, points]
+    numbers = [count, width, values.strides[0] // 8, truth.strides[0] // 8, *windows.numbers]
     taken = (ctypes.c_int64 * (len(_ARRAYS) + len(_NUMBERS)))(*addresses, *numbers)
-    _code(lanes).run(ctypes.addressof(taken), settled)
-    return dict(zip(_FOUND, found[:, : m * n].reshape(len(_FOUND), m, n), strict=True))
+    _code(lanes).run(ctypes.addressof(taken), windows.settling)
+    return dict(zip(FOUND, found[:, : m * n].reshape(len(FOUND), m, n), strict=True))
 
 
 @lru_cache(maxsize=64)
@@ -120,16 +157,52 @@ def _ir(lanes: int) -> str:
     arrays = {name: f.word("%taken", i, "ptr") for i, name in enumerate(_ARRAYS)}
     numbers = {name: f.word("%taken", i) for i, name in enumerate(_NUMBERS, start=len(_ARRAYS))}
     with f.count(0, f.scalar("sdiv", numbers["width"], str(lanes))) as block:
-        _Block(f, arrays, numbers, f.scalar("mul", block, str(lanes))).passes()
+        place = f.scalar("mul", block, str(lanes))
+        both = arrays["places"], f.at(arrays["places"], numbers["width"])
+        columns = [[f.word(f.at(of, place), lane) for lane in range(lanes)] for of in both]
+
+        def gathered(name: str, step: str, of: Sequence[str]) -> Callable[[str], str]:
+            """As many columns of a row as there are lanes."""
+
+            def read(row: str) -> str:
+                base = f.at(arrays[name], f.scalar("mul", row, numbers[step]))
+                return f.gather([f.word(base, column, "double") for column in of])
+
+            return read
+
+        xhat, x = gathered("xhat", "step", columns[0]), gathered("truth", "true_step", columns[1])
+        Passes(f, arrays, numbers | {"settled": "%settled"}, place, xhat, x).passes()
     f.do("ret void")
     return "\n".join([*sorted(declarations), f.text("dso_local")])
 
 
-class _Block:
-    """The code for as many columns as there are lanes, the first of them at a place."""
+class Passes:
+    """The code for the columns of one vector.
 
-    def __init__(self, f: Function, arrays: dict[str, str], numbers: dict[str, str], place: str) -> None:
+    Parameters
+    ----------
+    f : Function
+    arrays : dict of str to str
+        ``work`` and ``error``, for one vector a row and one more, and ``found``.
+    numbers : dict of str to str
+        ``rows``, the windows' numbers, ``settled``, and the ``width`` of ``found``.
+    place : str
+        Where in a row of ``found`` the columns stand.
+    xhat, x : callable
+        The estimates and the truth of a row.
+    """
+
+    def __init__(
+        self,
+        f: Function,
+        arrays: Mapping[str, str],
+        numbers: Mapping[str, str],
+        place: str,
+        xhat: Callable[[str], str],
+        x: Callable[[str], str],
+    ) -> None:
         self.f, self.arrays, self.numbers, self.place = f, arrays, numbers, place
+        self.xhat, self.x = xhat, x
         self.kept = {name: f.slot(f.real) for name in ("a", "b", "c", "x", "xhat", "peak")}
 
     def passes(self) -> None:
@@ -143,14 +216,11 @@ class _Block:
     def errors(self) -> None:
         """e = xhat - x of all rows; whether it is finite, and what it is differences of in the steady window."""
         f, n = self.f, self.numbers
-        both = self.arrays["places"], f.at(self.arrays["places"], n["width"])
-        columns = [[f.word(f.at(of, self.place), lane) for lane in range(self.f.lanes)] for of in both]
         after = f.scalar("add", n["first"], "1")
         for name in "abc":
             self.start(name)
         with f.count(0, n["rows"]) as i:
-            xhat = self.gathered("xhat", f.scalar("mul", i, n["step"]), columns[0])
-            x = self.gathered("truth", f.scalar("mul", i, n["true_step"]), columns[1])
+            xhat, x = self.xhat(i), self.x(i)
             e = f.sub(xhat, x)
             self.write("error", i, e)
             self.add("c", f.mul(e, f.constant(0.0)))
@@ -172,7 +242,7 @@ class _Block:
     def settling(self) -> None:
         """The number of the last row where |e| is above a part of the peak; -1 without one."""
         f = self.f
-        limit = f.mul(f.splat("%settled"), self.now("peak"))
+        limit = f.mul(f.splat(self.numbers["settled"]), self.now("peak"))
         self.start("a", -1.0)
         self.start("b")
         with f.count(0, self.numbers["rows"]) as i:
@@ -217,13 +287,8 @@ class _Block:
             self.add("b", f.mul(aside, aside))
         self.give("rough", self.now("b"))
 
-    def gathered(self, name: str, row: str, columns: Sequence[str]) -> str:
-        """A column of a row in each lane."""
-        f, base = self.f, self.f.at(self.arrays[name], row)
-        return f.gather([f.word(base, column, "double") for column in columns])
-
     def read(self, name: str, row: str) -> str:
-        """A row of an array with a column a lane."""
+        """A row of an array of one vector a row."""
         return self.f.load(self.f.at(self.arrays[name], self.f.scalar("mul", row, str(self.f.lanes))), self.f.real)
 
     def write(self, name: str, row: str, value: str) -> None:
@@ -253,5 +318,5 @@ class _Block:
     def give(self, name: str, value: str) -> None:
         """Write a number for each column."""
         f = self.f
-        row = f.scalar("mul", self.numbers["width"], str(_FOUND.index(name)))
+        row = f.scalar("mul", self.numbers["width"], str(FOUND.index(name)))
         f.store(value, f.at(f.at(self.arrays["found"], row), self.place), f.real)

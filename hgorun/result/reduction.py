@@ -4,12 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 
+from hgorun.engine.many import Reducer
+from hgorun.result.columns import Windows
 from hgorun.result.estimated import Estimated
+from hgorun.result.lanes import LaneMetrics
 from hgorun.result.measure import measure_together
 from hgorun.result.metrics.base import Metric
+from hgorun.result.metrics.settling import SETTLING
+from hgorun.result.metrics.sizes import PEAK, RMSE, SUP
+from hgorun.result.metrics.smoothness import HF, TV
 from hgorun.result.windows import MetricSettings
 
 
@@ -30,6 +37,8 @@ class MetricReduction:
     metrics : sequence of Metric
     estimated : callable
         The estimates along a run, from its p, shape (parameters,), and its rows, shape (grid points, states).
+    places : sequence of sequence of int, optional
+        Of every observer the states that are its estimates, where all are.
     """
 
     time: np.ndarray
@@ -40,10 +49,48 @@ class MetricReduction:
     metrics: Sequence[Metric]
     estimated: Callable[[np.ndarray, np.ndarray], Estimated]
 
+    places: Sequence[Sequence[int]] | None = None
+
     @property
     def size(self) -> int:
         """Numbers of a member."""
         return len(self.metrics) * self.m * self.n
+
+    @property
+    def states(self) -> Sequence[int] | None:
+        """Those of the plant and the estimates, where these are states."""
+        return None if self.places is None else sorted({*range(self.n), *chain(*self.places)})
+
+    def reducer(self, lanes: int) -> Reducer | None:
+        """The built-in metrics compiled; None where they are left to numpy."""
+        windows = Windows.of(self.time, self.settings)
+        known = {RMSE, SUP, PEAK, SETTLING, HF, TV}
+        if self.places is None or self.n < 2 or windows is None or not known.issuperset(self.metrics):
+            return None
+        code = self._code(windows, lanes)
+        return Reducer(address=code.address, arrays=code.workspace(), size=code.size)
+
+    def _code(self, windows: Windows, lanes: int) -> LaneMetrics:
+        assert self.places is not None
+        assert self.states is not None
+        at = {state: place for place, state in enumerate(self.states)}
+        return LaneMetrics(
+            time=self.time,
+            every=self.every,
+            width=len(at),
+            xhat=[at[state] for state in chain(*self.places)],
+            x=[at[state] for state in range(self.n)] * self.m,
+            windows=windows,
+            lanes=lanes,
+        )
+
+    def finished(self, found: np.ndarray) -> np.ndarray:
+        """The metrics from what the compiled passes have found; infinite where an estimate is not finite."""
+        windows = Windows.of(self.time, self.settings)
+        assert windows is not None
+        values, lost = self._code(windows, 1).metrics(found)
+        lost = np.repeat(lost.reshape(self.m, self.n, -1).any(axis=1), self.n, axis=0)
+        return np.concatenate([np.where(lost, np.inf, values[metric]) for metric in self.metrics])
 
     def of(self, rows: np.ndarray, p: np.ndarray) -> np.ndarray:
         """As :class:`hgorun.engine.ensemble.Reduction` has it."""

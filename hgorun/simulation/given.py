@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from hgorun.errors import SimulationError
-from hgorun.observers.base import ContinuousObserver
-from hgorun.observers.capabilities import SlidingMode
+from hgorun.observers.base import AnyObserver, ContinuousObserver
+from hgorun.observers.capabilities import Switching
 from hgorun.result.data import PLANT
 from hgorun.simulation.confirmation import ended
 from hgorun.simulation.error_estimate import differences
@@ -90,8 +90,13 @@ class LaterEstimate:
 
     def _labels(self, run: PreparedRun) -> list[str]:
         """Of what there are errors: of the plant, and of observers that have numbers and a limit."""
-        limited = [(j, b.label) for j, b in enumerate(run.observers) if not isinstance(b.observer, SlidingMode)]
+        limited = [(j, b.label) for j, b in enumerate(run.observers) if not _switches(b.observer)]
         return [PLANT, *(label for j, label in limited if np.all(np.isfinite(self.found.estimates.of(j))))]
+
+
+def _switches(observer: AnyObserver) -> bool:
+    """Whether its numbers are those of its steps, and have no limit as these get shorter."""
+    return isinstance(observer, Switching) and observer.switches
 
 
 def _integrates(run: PreparedRun) -> bool:

@@ -14,7 +14,7 @@ from hgorun.measurement.noise import is_relative
 from hgorun.measurement.schedule import Channel, Schedule, build_schedule, check_delays, find_channels
 from hgorun.measurement.signals import extremes_of, kinks_of, signal_remarks
 from hgorun.memo import Memo, Same
-from hgorun.observers.capabilities import SlidingMode
+from hgorun.observers.capabilities import Switching
 from hgorun.plants.build import BuiltPlant, SymbolicPlant
 from hgorun.result.data import DesignNumbers
 from hgorun.simulation.checks import check_run
@@ -60,7 +60,7 @@ def _check_limits(experiment: Experiment) -> None:
     if not experiment.blocks.solver.controlled:
         return
     for label, observer in experiment.observers.items():
-        if isinstance(observer, SlidingMode):
+        if isinstance(observer, Switching) and observer.switches:
             raise Problem(
                 ("solver", "step"),
                 f"observer {label} ({observer.type}) switches in every step and has no limit as steps get shorter, "

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field
 from itertools import chain
+from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
@@ -27,6 +28,9 @@ from hgorun.simulation.system import Group, build_system, has_past
 from hgorun.simulation.truth import PlantNumbers, Truth
 from hgorun.symbolic.evaluate import Floats, evaluate
 from hgorun.symbolic.parameters import Parameters
+
+if TYPE_CHECKING:
+    from hgorun.engine.ensemble import Ensemble
 
 Stretches = Sequence[Sequence[Stretch]]  # of every output
 
@@ -87,6 +91,7 @@ class Structure:
     outputs: Readout
     estimates: tuple[Readout, ...]
     _programs: dict[Hashable, Program] = field(default_factory=dict, repr=False)
+    _ensembles: dict[Hashable, Ensemble] = field(default_factory=dict, repr=False)
 
     def estimates_along(self, times: Floats, p: Floats, z: Floats) -> Estimated:
         """xhat of all observers along a run; arguments as of :class:`Readout`."""
@@ -109,6 +114,15 @@ class Structure:
         if key not in self._programs:
             self._programs[key] = Program(self.system, method, adaptive=adaptive, lanes=lanes)
         return self._programs[key]
+
+    def ensemble(self, method: str, lanes: int | None = None) -> Ensemble:
+        """Many runs side by side, with fixed steps; ``lanes`` as of :class:`hgorun.engine.ensemble.Ensemble`."""
+        from hgorun.engine.ensemble import Ensemble  # single runs do without it
+
+        key = method, lanes
+        if key not in self._ensembles:
+            self._ensembles[key] = Ensemble(self.system, method, lanes)
+        return self._ensembles[key]
 
 
 _STRUCTURES: Memo[list[tuple[list[Reads[AnyObserver]], Structure]]] = Memo(32)

@@ -276,17 +276,40 @@ def test_the_same_run_has_the_same_bits() -> None:
     assert np.array_equal(first, second)
 
 
-def test_observers_without_a_limit_need_a_given_step(tmp_path: Path) -> None:
+SWITCHING: dict[str, dict[str, Any]] = {
+    "levant": {"G": 10},
+    "direct": {"theta": 2, "mu": 5, "phi": 40, "G": 10},
+    "direct_dynamic": {"a": 1, "b": 2.5, "q": 0.15, "gamma": "y**2", "mu_0": 5, "phi": 40, "G": 10},
+}
+
+
+@pytest.mark.parametrize("name", SWITCHING)
+def test_observers_without_a_limit_need_a_given_step(tmp_path: Path, name: str) -> None:
     config = {
         "time": {"end": 1, "output_step": 0.1},
         "plant": VAN_DER_POL,
-        "observers": {"L": {"type": "levant", "G": 10, "initial": {"x1": 1, "x2": 0}}},
+        "observers": {"L": {"type": name, **SWITCHING[name], "initial": {"x1": 1, "x2": 0}}},
     }
-    with pytest.raises(ConfigError, match=r"experiment.yaml:\d+: solver.step: observer L \(levant\) switches"):
+    with pytest.raises(ConfigError, match=rf"experiment.yaml:\d+: solver.step: observer L \({name}\) switches"):
         prepare(load(tmp_path, config))
-    assert simulate(load(tmp_path, config, "solver.step=1e-3")).integration_error == pytest.approx(
-        {"plant": 0.0}, abs=1e-6
+    given = simulate(load(tmp_path, config, "solver.step=1e-3"))
+    assert given.integration_error == pytest.approx({"plant": 0.0}, abs=1e-6)
+
+
+def test_observers_that_do_not_switch_have_a_limit(tmp_path: Path) -> None:
+    """Without differentiator, and with implicit steps at the samples, which do not depend on the solver's."""
+    observers = {
+        "D": {"type": "direct", "theta": 2, "poles": -1},
+        "L": {"type": "levant", "G": 10, "discretisation": "implicit"},
+    }
+    sampled = {"sampling": {"period": 0.05}}
+    found, given = (
+        simulate(experiment(VAN_DER_POL, observers, end=5, measurement=sampled, solver=solver))
+        for solver in ({}, {"method": "dopri5", "step": 1e-3})
     )
+    assert found.status == "ok"
+    for label in observers:
+        assert np.allclose(found.observers[label].xhat, given.observers[label].xhat, rtol=1e-4, atol=1e-4)
 
 
 def test_extremes_are_events_of_automatic_steps_only() -> None:

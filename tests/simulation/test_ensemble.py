@@ -7,10 +7,8 @@ import pytest
 import yaml
 
 import hgorun
-from hgorun.engine.ensemble import Ensemble, MemberNumbers
-from hgorun.result.metrics.base import all_metrics
-from hgorun.result.reduction import MetricReduction
-from hgorun.result.windows import MetricSettings
+from hgorun.engine.ensemble import MemberNumbers
+from hgorun.simulation.lanes import reduction_of
 from hgorun.simulation.passes import as_given, plan_of
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import prepare, simulate_prepared
@@ -51,31 +49,20 @@ def members(of: list[PreparedRun]) -> MemberNumbers:
     )
 
 
-def reduction_of(run: PreparedRun) -> MetricReduction:
-    blocks, every = run.experiment.blocks, run.experiment.grid[2]
-    return MetricReduction(
-        time=run.grid[::every],
-        every=every,
-        n=run.plant.model.n,
-        m=len(run.observers),
-        settings=MetricSettings.of(blocks.metrics, blocks.time).since(run.origin),
-        metrics=tuple(all_metrics().values()),
-        estimated=lambda p, z: run.structure.estimates_along(run.grid, p, z),
-    )
-
-
 @pytest.mark.parametrize("threads", [1, 2])
 def test_members_have_the_bits_of_runs_alone(threads: int) -> None:
     of = runs(11)
     plan, reduction = plan_of(of[0], as_given(of[0]))[0], reduction_of(of[0])
-    ensemble = Ensemble(lambda lanes: of[0].structure.program("rk4", lanes=lanes))
-    found = ensemble.run(plan, members(of), reduction, rows=True, threads=threads)
+    ensemble = of[0].structure.ensemble("rk4")
+    found = ensemble.run(plan, members(of), reduction, threads=threads)
     values = reduction.named(found.reduced)
-    assert found.rows is not None
+    kept = ensemble.run(plan, members(of), rows=True, threads=threads)
+    assert kept.rows is not None
+    np.testing.assert_array_equal(kept.rows[0], kept.first)
     for k, run in enumerate(of):
         alone = simulate_prepared(run)
         for j, (label, one) in enumerate(alone.observers.items()):
             for name, own in one.metrics.items():
                 np.testing.assert_array_equal(values[name][j, :, k], own, err_msg=f"{name} of {label}, member {k}")
-        np.testing.assert_array_equal(found.rows[:, :2, k], alone.x)
+        np.testing.assert_array_equal(kept.rows[:, :2, k], alone.x)
         np.testing.assert_array_equal(found.last[:2, k], alone.x[-1])

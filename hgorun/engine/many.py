@@ -1,0 +1,117 @@
+"""The compiled loop over members, and the memory of one thread that runs it."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from hgorun.engine.layout import HybridSystem
+from hgorun.engine.members import INPUTS, JOB, OUTPUTS, PLACE
+from hgorun.engine.memory import Memory, Start
+from hgorun.engine.plan import Floats, Plan
+from hgorun.engine.program import generate
+from hgorun.native.compiler import NativeModule, address_of
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Reducer:
+    """Native code that makes numbers of the rows of some lanes.
+
+    Attributes
+    ----------
+    address : int
+        Of ``void reduce(int64 *arrays, double *rows, double *found)``.
+    arrays : sequence of ndarray
+        What it works with, the first one being its argument; each thread has its own.
+    size : int
+        So many numbers a lane.
+    """
+
+    address: int
+    arrays: Sequence[np.ndarray]
+    size: int
+
+
+class ManyProgram:
+    """Native code that runs members of an ensemble, W of them at a time.
+
+    Parameters
+    ----------
+    system : HybridSystem
+    method : str
+        With fixed steps.
+    lanes : int
+        W.
+    shown : sequence of int, optional
+        The states of a row, all of them by default.
+    """
+
+    def __init__(self, system: HybridSystem, method: str, lanes: int, shown: Sequence[int] | None = None) -> None:
+        self.system, self.lanes, self.shown = system, lanes, shown
+        ir, self.constants = generate(system, method, lanes=lanes, many=True, shown=shown)
+        self._native = NativeModule(ir, ("members",))
+        kinds = ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64, ctypes.c_int64
+        self.members = ctypes.CFUNCTYPE(None, *kinds)(self._native.address["members"])
+
+    @property
+    def width(self) -> int:
+        """States of a row."""
+        return self.system.states if self.shown is None else len(self.shown)
+
+
+class Worker:
+    """What one thread needs to run blocks of members: the memory of one block, and where members are read and written.
+
+    Parameters
+    ----------
+    program : ManyProgram
+    plan : Plan
+    inputs : mapping of str to ndarray, shape (rows, N) or (rows,)
+        Of the names in ``INPUTS``, of doubles.
+    outputs : mapping of str to ndarray, shape (rows, N)
+        Of some of the names in ``OUTPUTS``.
+    count : int
+        N.
+    bound : (offset, factor)
+        As of :class:`~hgorun.engine.memory.Start`.
+    reducer : Reducer, optional
+    """
+
+    def __init__(
+        self,
+        program: ManyProgram,
+        plan: Plan,
+        inputs: Mapping[str, Floats],
+        outputs: Mapping[str, Floats],
+        count: int,
+        bound: tuple[float, float],
+        reducer: Reducer | None = None,
+    ) -> None:
+        s, lanes = program.system, program.lanes
+        start = Start(np.zeros((s.states, lanes)), np.zeros((s.parameters, lanes)), bound)
+        self._program, self._kept = program, (inputs, outputs, reducer)
+        self._memory = Memory(s, lanes, program.constants, plan, start, None, program.width)
+        job = np.zeros(len(JOB), dtype=np.int64)
+        for name in INPUTS:
+            array = inputs[name]
+            strides = [stride // 8 for stride in array.strides]
+            strides += [0] * (2 - len(strides))  # the same for all members
+            place = PLACE[f"{name}_address"]
+            job[place : place + 4] = array.__array_interface__["data"][0], len(array), *strides
+        for name in OUTPUTS:
+            if name in outputs and outputs[name].size:
+                job[PLACE[name]] = address_of(outputs[name])
+        job[PLACE["count"]], job[PLACE["segments"]] = count, len(plan.counts)
+        job[PLACE["points"]], job[PLACE["slots"]] = plan.grid.size, plan.slots * s.width
+        if reducer is not None:
+            self._reduced = np.zeros((reducer.size, lanes))
+            job[PLACE["reduce"]], job[PLACE["numbers"]] = reducer.address, reducer.size
+            job[PLACE["workspace"]], job[PLACE["reduced"]] = address_of(reducer.arrays[0]), address_of(self._reduced)
+        self._job = job
+
+    def run(self, first: int, stop: int) -> None:
+        """Some of the blocks of W members; the interpreter is free meanwhile."""
+        self._program.members(self._memory.address, address_of(self._job), first, stop)

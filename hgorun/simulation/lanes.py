@@ -1,0 +1,34 @@
+"""Runs of one structure as members of an ensemble."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from hgorun.result.metrics.base import Metric, all_metrics
+from hgorun.result.reduction import MetricReduction
+from hgorun.result.windows import MetricSettings
+from hgorun.simulation.prepared import PreparedRun
+
+
+def reduction_of(run: PreparedRun, metrics: Sequence[Metric] | None = None) -> MetricReduction:
+    """The metrics of runs that have the grids and windows of this one, with times since the run's origin.
+
+    Parameters
+    ----------
+    run : PreparedRun
+    metrics : sequence of Metric, optional
+        Which; by default all that are known.
+    """
+    blocks, every, structure = run.experiment.blocks, run.experiment.grid[2], run.structure
+    known = [readout.places for readout in structure.estimates]
+    places = [of for of in known if of]
+    return MetricReduction(
+        time=run.grid[::every],
+        every=every,
+        n=run.plant.model.n,
+        m=len(run.observers),
+        settings=MetricSettings.of(blocks.metrics, blocks.time).since(run.origin),
+        metrics=tuple(all_metrics().values()) if metrics is None else tuple(metrics),
+        estimated=lambda p, z: structure.estimates_along(run.grid, p, z),
+        places=places if len(places) == len(known) else None,
+    )
