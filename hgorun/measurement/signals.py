@@ -14,7 +14,7 @@ from hgorun.config.literals import Template, template
 from hgorun.errors import Problem, called
 from hgorun.measurement.availability import Stretch
 from hgorun.measurement.events import Irregular, Kinks, extremes, infinite, not_followed, too_many
-from hgorun.measurement.sampling import SAMPLE_BYTES
+from hgorun.measurement.sampling import EVENT_BYTES
 from hgorun.memo import Memo
 from hgorun.noise.base import TimeFunction
 from hgorun.symbolic.clock import on_the_clock
@@ -93,7 +93,7 @@ def kinks_of(stretch: Stretch, max_memory: float) -> Irregular:
     compiled, found = _compiled(stretch), []
     for key, one in (("noise", compiled.kinks), ("delay", compiled.delay_kinks)):
         try:
-            limit = max_memory / SAMPLE_BYTES
+            limit = max_memory / EVENT_BYTES
             found.append(one.between(signal_numbers(stretch), stretch.start, stretch.end, limit))
         except TooMany as error:
             raise Problem(stretch.paths[key], too_many(error, f"the functions of {key}", max_memory)) from None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -54,6 +55,10 @@ class MetricSettings:
             metrics.average or span / 100,
             metrics.settling,
         )
+
+    def told(self) -> dict[str, Any]:
+        """Everything by its name, for files."""
+        return dict(vars(self))
 
     def since(self, origin: float) -> MetricSettings:
         """The same windows, counted from some time on."""
