@@ -98,6 +98,13 @@ def _compare(chosen: options.Compare) -> int:
     return compare(chosen)
 
 
+@_command("report", options.Report)
+def _report(chosen: options.Report) -> int:
+    from hgorun.commands.ensembles import report
+
+    return report(chosen)
+
+
 @_command("analyze", options.Analyze)
 def _analyze(chosen: options.Analyze) -> int:
     from hgorun.commands.analyze import analyze

@@ -29,7 +29,7 @@ FLOORS: list[set[str]] = [
     {"analysis", "ensemble", "testing"},
     {"tables"},
     {"figures"},
-    {"study"},
+    {"explore", "study"},
     {"reproduce"},
     {"hgorun"},  # __init__.py, what `import hgorun` offers
     {"commands"},

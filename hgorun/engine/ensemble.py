@@ -76,11 +76,17 @@ class Reduction(Protocol):
 
     @property
     def states(self) -> Sequence[int] | None:
-        """The states that are in the rows where it is compiled, all of them where it is None."""
+        """The states that are in the rows where it is compiled and rows are not kept; all of them where it is None."""
         ...
 
-    def reducer(self, lanes: int) -> Reducer | None:
-        """Compiled, with memory for a thread of its own; None where it cannot be."""
+    def reducer(self, lanes: int, *, whole: int | None) -> Reducer | None:
+        """Compiled, with memory for a thread of its own; None where it cannot be.
+
+        Parameters
+        ----------
+        whole : int or None
+            How many states the rows hold, where these are all of them.
+        """
         ...
 
     def finished(self, found: Floats) -> Floats:
@@ -180,7 +186,8 @@ class Ensemble:
         SimulationError
             Where a delay reaches further back than ``plan.reach``.
         """
-        reducers = [reduction.reducer(self.lanes) if reduction else None for _ in range(max(threads, 1))]
+        whole = self.system.states if rows else None
+        reducers = [reduction.reducer(self.lanes, whole=whole) if reduction else None for _ in range(max(threads, 1))]
         compiled = reducers[0] is not None
         if reduction is not None and not compiled and not rows:
             return self._in_parts(plan, members, reduction, threads, progress)

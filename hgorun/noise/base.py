@@ -21,6 +21,7 @@ from hgorun.config.plugin import Plugin
 from hgorun.config.reads import frozen
 from hgorun.config.types import Positive
 from hgorun.errors import Problem
+from hgorun.noise.streams import Streams
 from hgorun.registry import Registry
 from hgorun.symbolic.evaluate import along
 from hgorun.symbolic.intervals import Enclosure
@@ -140,6 +141,11 @@ class RandomNoise(Noise):
     @abstractmethod
     def draw(self, random: np.random.Generator, count: int) -> np.ndarray:
         """The first draws of a run, shape (count,): the same ones, whatever the count."""
+
+    def draw_many(self, streams: Streams, count: int) -> np.ndarray:
+        """What :meth:`draw` gives for each of several generators, shape (len(streams), count)."""
+        drawn = [self.draw(streams.generator(i), count) for i in range(len(streams))]
+        return np.array(drawn, dtype=float).reshape(len(streams), count)
 
     def relative(self) -> bool:
         """Whether the size is given relative to that of the noise-free output."""

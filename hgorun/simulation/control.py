@@ -45,7 +45,7 @@ _FINEST = 200  # doubles: no step is shorter
 _PART, _OTHER_PART = 1 / 100, 1 / 137  # of the run: the longest controlled steps of two passes
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Controlled:
     """A run as accurate as asked for, or as it could be made.
 
@@ -68,7 +68,7 @@ class _Exhausted(Exception):
     """No evaluations are left."""
 
 
-@dataclass(kw_only=True, eq=False)
+@dataclass(kw_only=True, eq=False, repr=False)
 class _Budget:
     """Evaluations of the right-hand side that are left."""
 
@@ -79,7 +79,7 @@ class _Budget:
 
     def steps(self, method: Method) -> float:
         """How many steps they are enough for."""
-        return float(np.floor((self.left - self.spent) / Pass(method=method, step=1.0).evaluations_of_a_step))
+        return steps_left(method, self.left, self.spent)
 
     def carry_out(self, how: Pass) -> _Finished:
         """A pass, paid for."""
@@ -93,7 +93,7 @@ class _Budget:
         return _Finished(how, raw, verdicts, measured(self.run, raw, verdicts))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class _Finished:
     """What a pass has given: its numbers, and the observers that are lost in it."""
 
@@ -103,7 +103,7 @@ class _Finished:
     measured: Measured
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class _Attempt:
     """A pass, and how far it may be from the exact solution."""
 
@@ -116,7 +116,7 @@ class _Attempt:
         return max(self.error.values())
 
 
-@dataclass(kw_only=True, eq=False)
+@dataclass(kw_only=True, eq=False, repr=False)
 class _Search:
     """The search for steps that are short enough.
 
@@ -144,7 +144,7 @@ class _Search:
     def fixed(self, method: Method, limit: float) -> bool:
         """Down the ladder with fixed steps, ``limit`` in number; whether that was enough."""
         k = rung(self.run)
-        before: tuple[int, float] | None = None
+        down, before = 1, np.inf
         while True:
             step = self.run.span / 2.0**k
             if not self._affordable(method, step, limit) or k > finest_rung(self.run):
@@ -153,14 +153,12 @@ class _Search:
             error = self._compared(how, replace(how, uneven=UNEVEN))
             if self.enough():
                 return self._certain()
-            order = float(METHODS[method].order)
-            if before is not None and 0 < error < np.inf:
-                order = float(np.clip(np.log2(before[1] / error) / (k - before[0]), 0.5, order))
-            before = (k, error) if error < np.inf else None
-            k += _down(error / self.accuracy, order)
+            order = order_of(method, np.array(error), np.array(before), np.array(down))
+            down, before = int(further_down(np.array(error / self.accuracy), order)), error
+            k += down
 
     def _affordable(self, method: Method, step: float, limit: float = np.inf) -> bool:
-        count, other = _counts(self.run, step)
+        count, other = step_counts(self.run, step)
         return count <= limit and count + other <= self.budget.steps(method)
 
     def something(self, method: Method) -> bool:
@@ -323,23 +321,34 @@ def _doubt(error: float, run: PreparedRun, spent: int) -> Verdict:
     )
 
 
-def _stages(search: _Search) -> Iterator[Callable[[], bool]]:
-    """What is tried, one after the other."""
-    solver = search.run.solver
+def steps_left(method: Method, evaluations: float, spent: int) -> float:
+    """How many steps the evaluations that are left are enough for."""
+    return float(np.floor((evaluations - spent) / Pass(method=method, step=1.0).evaluations_of_a_step))
+
+
+def first_stage(run: PreparedRun) -> tuple[Method, float] | None:
+    """The method and the largest number of fixed steps with which the search begins; None where it does not so."""
+    solver = run.solver
     if solver.method == "auto":
         method: Method = "rk4" if solver.accuracy >= _PRECISE else "dopri5"
-        limit = max(_UNIFORM, 8 * search.run.schedule.events.size)
-        yield lambda: search.fixed(method, limit)
-        yield lambda: search.controlled(("dopri5", "rodas5p"))
-        yield lambda: search.fixed(method, np.inf)
-        yield lambda: search.something(method)
-    elif METHODS[solver.method].error:
+        return method, max(_UNIFORM, 8 * run.schedule.events.size)
+    return None if METHODS[solver.method].error else (solver.method, np.inf)
+
+
+def _stages(search: _Search) -> Iterator[Callable[[], bool]]:
+    """What is tried, one after the other."""
+    solver, first = search.run.solver, first_stage(search.run)
+    if first is None:
+        assert solver.method != "auto"
         chosen = solver.method
         yield lambda: search.controlled((chosen,))
-    else:
-        given = solver.method
-        yield lambda: search.fixed(given, np.inf)
-        yield lambda: search.something(given)
+        return
+    method, limit = first
+    yield lambda: search.fixed(method, limit)
+    if solver.method == "auto":
+        yield lambda: search.controlled(("dopri5", "rodas5p"))
+        yield lambda: search.fixed(method, np.inf)
+    yield lambda: search.something(method)
 
 
 def rung(run: PreparedRun) -> int:
@@ -353,14 +362,29 @@ def finest_rung(run: PreparedRun) -> int:
     return int(np.floor(np.log2(run.span / finest)))
 
 
-def _down(excess: float, order: float) -> int:
-    """How many rungs further down, where the error is so many times too large."""
-    if not np.isfinite(excess):
-        return 2
-    return int(np.clip(np.ceil(np.log2(max(excess, 1.0) * 2) / order), 1, _STEEP))
+def further_down(excess: np.ndarray, order: np.ndarray) -> np.ndarray:
+    """How many rungs further down, where errors are so many times too large; 2 where they are not finite."""
+    with np.errstate(invalid="ignore"):
+        down = np.clip(np.ceil(np.log2(np.maximum(excess, 1.0) * 2) / order), 1, _STEEP)
+    return np.where(np.isfinite(excess), down, 2).astype(int)
 
 
-def _counts(run: PreparedRun, step: float) -> tuple[float, float]:
+def order_of(method: Method, error: np.ndarray, before: np.ndarray, rungs: np.ndarray) -> np.ndarray:
+    """With which power of the step errors fall: the method's order, or less where two passes show that.
+
+    Parameters
+    ----------
+    error, before : ndarray
+        With a step, and with one so many ``rungs`` longer; not finite where that is not known.
+    """
+    order = float(METHODS[method].order)
+    known = np.isfinite(before) & (error > 0) & (error < np.inf)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        seen = np.clip(np.log2(before / error) / rungs, 0.5, order)
+    return np.where(known, seen, order)
+
+
+def step_counts(run: PreparedRun, step: float) -> tuple[float, float]:
     """Fixed steps of a run, and those of the pass beside it; infinite where there are too many to be counted."""
     try:
         steps = fixed_steps(run, step)

@@ -9,8 +9,8 @@ import numpy as np
 
 from hgorun.analysis.reasons import NoValue
 from hgorun.errors import HgorunError
-from hgorun.observers.base import SampledObserver
-from hgorun.observers.capabilities import HighGain
+from hgorun.observers.base import AnyObserver, SampledObserver
+from hgorun.observers.capabilities import HighGain, Switching
 from hgorun.result.result import Result
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.outcome import since_start
@@ -102,10 +102,15 @@ def chain(run: PreparedRun, label: str) -> tuple[PreparedRun, Result]:
             "initial": dict.fromkeys(states, 0.0),
         },
         "observers": {label: block},
-        "solver": {"method": "rk4", "step": "auto"},
+        "solver": {"method": "rk4", "step": _step(run, observer)},
     }
     failure = "the observer does not take a chain of integrators"
     return _simulated(lambda: Experiment(config, name="chain"), failure)
+
+
+def _step(run: PreparedRun, observer: AnyObserver) -> float | str:
+    """For the chain at rest: the run's own step for observers that need a given one."""
+    return run.step if isinstance(observer, Switching) and observer.switches else "auto"
 
 
 def chain_lengths(form: Form) -> tuple[int, ...] | None:

@@ -88,6 +88,13 @@ def test_delays_of_three_integrators() -> None:
         assert 3 * chain_delay(run, f"r={r}") == pytest.approx(d, abs=6e-4)
 
 
+def test_a_blend_has_the_limit_of_the_observer_near_the_truth() -> None:
+    """w = 1 where the error is zero, so that direct has the limit of shgo, whatever its differentiator does."""
+    blend = {"type": "direct", "theta": 2, "mu": 5, "phi": 40, "G": 1}
+    run = prepared({"shgo": {"type": "shgo", "theta": 2}, "blend": blend}, solver={"method": "euler", "step": 0.01})
+    assert chain_period(run, "blend") == pytest.approx(chain_period(run, "shgo"))
+
+
 def test_one_integrator_in_closed_form() -> None:
     """x' = 0, poles at -1: e(t) = e_k exp(-theta t) for ever; with a delay the same."""
     run = prepared({"o": SHGO}, chain(1, start=0))
