@@ -27,7 +27,8 @@ _COMMA = f"{DECIMAL_POINT[0].upper()}{DECIMAL_POINT[1:]}"
 class Block(BaseModel):
     """A mapping of the configuration: unknown keys are errors, values do not change."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, protected_namespaces=())
+    # built when first used: most blocks are only ever parts of others, or what others are derived from
+    model_config = ConfigDict(extra="forbid", frozen=True, protected_namespaces=(), defer_build=True)
     read_before: ClassVar[tuple[str, ...]] = ()
     """Keys of the mapping that are taken out of it before it is checked: known to a reader of messages."""
 

@@ -15,7 +15,7 @@ from hgorun.native.compiler import address_of
 ADAPTIVE_HISTORY = 1 << 16  # pieces kept where the number of steps is not known before
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Tolerance:
     """Control of an adaptive method.
 
@@ -35,7 +35,7 @@ class Tolerance:
     first_step: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Start:
     """Where a run starts, for every lane.
 
@@ -52,7 +52,7 @@ class Start:
     bound: tuple[float, float] = (1e6, 1e6)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Raw:
     """The result of a run, one lane after the other in the last axis.
 

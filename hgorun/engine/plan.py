@@ -12,7 +12,7 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Segments:
     """Some segments one after the other, and what happens at the events that they start with.
 
@@ -27,7 +27,7 @@ class Segments:
     actions: Integers
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Following:
     """The rest of a long run, which is tabulated part by part while it is carried out.
 
@@ -46,7 +46,7 @@ class Following:
     end: float
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Plan:
     """Everything of a run that is known before it starts.
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from hgorun.figures.scaling import ScalingData
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class RunNames:
     """What the panels of a figure can refer to in one run; known before a simulation.
 

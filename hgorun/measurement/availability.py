@@ -17,7 +17,7 @@ from hgorun.noise.base import Noise, RandomNoise, TimeFunction
 from hgorun.symbolic.evaluate import along, compiled
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Stretch:
     """What one output is between ``start`` and ``end``, counted from the start of the run.
 

@@ -32,7 +32,7 @@ _FAR = np.array([0.1, 0.5])
 _POLE = 1e6  # times larger near a pole than far from it
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Irregular:
     """What is not smooth in a span of time.
 
@@ -51,7 +51,7 @@ class Irregular:
     infinite: float | None = None
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Kinks:
     """Kinks and jumps of expressions at times that depend on t and p alone, not on a state."""
 
@@ -135,7 +135,7 @@ def too_many(error: TooMany, what: str, memory: float) -> str:
     )
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class _Span:
     """Expressions in pieces, in a span of time."""
 

@@ -19,7 +19,7 @@ SAMPLE_BYTES = 250  # of memory that a sample takes in the end: its times and nu
 EVENT_BYTES = 1000  # that an event takes where the tables of all events are made at once
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Samples:
     """Samples of one output, in the order of their arrival.
 

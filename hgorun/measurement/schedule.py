@@ -23,7 +23,7 @@ _SHORT = 1e-9  # events closer than this part of a step are one
 _DRAW_BYTES = 16  # of memory that a draw takes until those that a stretch needs are left
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Channel:
     """One output: its stretches, its samples, and its noise in each stretch."""
 
@@ -121,7 +121,7 @@ class Channel:
         return np.column_stack([kind, np.where(continuous[stretch], stretch, 0)])
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Schedule:
     """When something happens in a run.
 

@@ -26,7 +26,7 @@ from hgorun.symbolic.parameters import Parameters, flat
 _POINTS = 4_000  # at which a delay is looked at beside its kinks and extremes
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class _Compiled:
     """A stretch's noise, its kinks, those of the delay, and the extremes of both."""
 
@@ -39,7 +39,7 @@ class _Compiled:
 _COMPILED: Memo[_Compiled] = Memo(256)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Signal:
     """A continuous output in one phase: v(t) without its held part, how it enters, and the delay."""
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from hgorun.noise.normal import standard_normal
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Streams:
     """Generators of several seeds.
 

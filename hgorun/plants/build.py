@@ -23,7 +23,7 @@ from hgorun.symbolic.symbols import Symbols
 Map: TypeAlias = Callable[[ca.SX, ca.SX], ca.SX]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class SymbolicPlant:
     """A plant without numbers: one object for all plants that differ in nothing else.
 
@@ -47,7 +47,7 @@ class SymbolicPlant:
         return ca.vertcat(self.model.p, self.numbers)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class BuiltPlant:
     """A plant ready to be simulated.
 
@@ -90,7 +90,7 @@ class BuiltPlant:
         return units_of(self.block)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class _Signals:
     """Expressions of time by the name of what they are for, their numbers apart."""
 

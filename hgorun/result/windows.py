@@ -26,7 +26,7 @@ def points_in(time: np.ndarray, window: tuple[float, float]) -> slice:
     return slice(int(first), int(np.searchsorted(time, window[1] + slack, side="right")))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class MetricSettings:
     """Where the metrics look, with nothing omitted.
 

@@ -13,7 +13,7 @@ from hgorun.measurement.schedule import Channel, nearest_event
 _RANKS = 8  # what happens at one event has ranks from -3 to 4
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Numbered:
     """The number of each thing, counted from ``first`` on: an array that takes no memory."""
 
@@ -26,7 +26,7 @@ class Numbered:
 Column = int | np.ndarray | Numbered
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Kind:
     """Actions of one kind, in the order of their events.
 
@@ -61,7 +61,7 @@ class Kind:
             rows[:, i] = column if isinstance(column, int) else column[items]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class RecordedInputs:
     """Inputs as they were recorded: each is a straight line from one of its times to the next.
 

@@ -45,7 +45,7 @@ _FINEST = 200  # doubles: no step is shorter
 _PART, _OTHER_PART = 1 / 100, 1 / 137  # of the run: the longest controlled steps of two passes
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Controlled:
     """A run as accurate as asked for, or as it could be made.
 
@@ -68,7 +68,7 @@ class _Exhausted(Exception):
     """No evaluations are left."""
 
 
-@dataclass(kw_only=True, eq=False)
+@dataclass(kw_only=True, eq=False, repr=False)
 class _Budget:
     """Evaluations of the right-hand side that are left."""
 
@@ -93,7 +93,7 @@ class _Budget:
         return _Finished(how, raw, verdicts, measured(self.run, raw, verdicts))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class _Finished:
     """What a pass has given: its numbers, and the observers that are lost in it."""
 
@@ -103,7 +103,7 @@ class _Finished:
     measured: Measured
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class _Attempt:
     """A pass, and how far it may be from the exact solution."""
 
@@ -116,7 +116,7 @@ class _Attempt:
         return max(self.error.values())
 
 
-@dataclass(kw_only=True, eq=False)
+@dataclass(kw_only=True, eq=False, repr=False)
 class _Search:
     """The search for steps that are short enough.
 

@@ -17,7 +17,7 @@ from hgorun.simulation.loss import of_estimate
 from hgorun.simulation.prepared import PreparedRun
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Measured:
     """Trajectories, and the metrics of the estimates.
 

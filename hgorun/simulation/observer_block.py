@@ -20,7 +20,7 @@ from hgorun.symbolic.states import StateBlock, Symmetric
 from hgorun.symbolic.symbols import Symbols
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Design:
     """An observer with the numbers that its keys give for a plant.
 
@@ -131,7 +131,7 @@ class Design:
         )
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ObserverBlock:
     """An observer with a place in the state vector and its numbers among the parameters.
 

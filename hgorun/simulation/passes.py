@@ -22,7 +22,7 @@ _SURE_ORDER = 2
 _BOUND = (1e6, 1e6)  # an observer has diverged beyond 1e6 (1 + max |x|)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Pass:
     """How the equations are integrated once.
 
@@ -135,7 +135,7 @@ def _start(run: PreparedRun, bound: tuple[float, float]) -> Start:
     return Start(run.numbers.z0[:, None], run.numbers.p[:, None], bound)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Again:
     """The same pass once more, see :class:`hgorun.simulation.loss.Again`."""
 

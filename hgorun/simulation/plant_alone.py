@@ -94,7 +94,7 @@ def _each(plant: BuiltPlant, time: Time) -> Iterator[tuple[KeyPath, Irregular]]:
             yield path, kinks.between(plant.everything, time.start, time.end)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class PlantRun:
     """x(t) and the integral of y^2, with steps that land on the kinks.
 

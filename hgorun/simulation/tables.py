@@ -21,7 +21,7 @@ _MAX_PIECES = 100_000
 _MAX_STEPS = 1e10  # then a piece is still a matter of a second
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Tables:
     """The engine's tables of a run without its numbers.
 

@@ -33,7 +33,7 @@ class TooMany(Exception):
     """More crossings than there is memory for; the argument is their number as far as it is known."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Smooth:
     """A smooth function of time, with its slope.
 
@@ -88,7 +88,7 @@ def _wide(bounds: Bounds, like: Floats) -> Bounds:
     return np.broadcast_to(bounds[0], like.shape), np.broadcast_to(bounds[1], like.shape)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Cells:
     """Parts of the time axis, each inside a piece on which the function is smooth; arrays of one shape (N,)."""
 
@@ -115,7 +115,7 @@ def _together(cells: list[Cells]) -> Cells:
     return Cells(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Found:
     """What :func:`crossings` finds.
 
@@ -131,7 +131,7 @@ class Found:
     lost: tuple[tuple[float, float], ...] = ()
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Search:
     """A search for the crossings of a function.
 

@@ -58,7 +58,7 @@ def evaluate(function: ca.Function, *arguments: ArrayLike) -> list[Floats]:
     return [_shaped(sparsity, array) for sparsity, array in zip(ports.given, results, strict=True)]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class _Ports:
     """What a function takes and gives, asked for once: each question to CasADi takes a microsecond."""
 

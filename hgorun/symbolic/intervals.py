@@ -251,7 +251,7 @@ def enclose(function: ca.Function, argument: Callable[[int, int], Bounds]) -> li
     return found
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Enclosure:
     """A function of a vector, evaluated on boxes.
 
@@ -282,7 +282,7 @@ class Enclosure:
         return np.asarray(self.function(ca.DM(points.T)).full()).ravel()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Extent:
     """The largest modulus of a function on a box: it lies between ``reached`` and ``bound``."""
 

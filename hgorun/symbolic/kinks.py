@@ -32,7 +32,7 @@ _STEPS |= {ca.OP_NOT, ca.OP_AND, ca.OP_OR}  # constant between kinks
 _POWERS = {ca.OP_POW, ca.OP_CONSTPOW}
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Kink:
     """A place where an expression is not smooth: where an argument crosses a level.
 
@@ -59,7 +59,7 @@ class Kink:
     held: list[int]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Pieces:
     """Expressions of (t, p) in pieces.
 
@@ -87,7 +87,7 @@ class Pieces:
         return _Reader(t, p).read(ca.cse(ca.vertcat(*[ca.vec(ca.densify(e)) for e in expressions])))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class _Node:
     """A value: the expression, the same with constants in the place of steps, and the kinks inside it."""
 

@@ -11,7 +11,7 @@ from hgorun.symbolic.evaluate import Floats
 from hgorun.symbolic.intervals import Bounds
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Levels:
     """The values whose crossings are looked for, numbered in ascending order.
 

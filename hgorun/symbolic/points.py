@@ -19,7 +19,7 @@ _KEPT = 16  # inputs and times that are drawn once
 _SIZES = (0.1, 1.0, 1e-3, 30.0, 1e-6, 1e3, 1e-9, 1e6)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Instant:
     """A time, a state, shape (n,), and inputs, shape (m,)."""
 
