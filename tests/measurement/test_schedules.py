@@ -18,6 +18,7 @@ from naive_schedule import Formula, Layer, Noise, Sampling
 
 from hgorun.config.models import Time
 from hgorun.errors import Problem
+from hgorun.measurement import events as irregular
 from hgorun.measurement import schedule as measured
 from hgorun.measurement.availability import resolve
 from hgorun.measurement.blocks import Measurement
@@ -280,7 +281,7 @@ def test_what_comes_back_onto_an_event_is_not_followed_again(delay: float, monke
     time = Time(end=20, output_step=0.1)
     channels = find_channels(resolve(block, ["a", "b"], time), ("a", "b"), time, 0, None)
     followed: list[int] = []
-    original = measured.repeated
+    original = irregular.repeated
 
     def repeated(events: np.ndarray, *others: Any) -> Irregular:
         followed.append(events.size)
