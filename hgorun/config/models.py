@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
 
+from hgorun.config.tuning import Tune
 from hgorun.config.types import (
     NUMBER_SCHEMA,
     Block,
@@ -301,6 +302,7 @@ class StudyBlocks(Block):
     runs: dict[str, Any] = Field(default_factory=dict)
     figures: dict[str, Figure] = Field(default_factory=dict)
     claims: tuple[Claim, ...] = ()
+    tune: Tune | None = None
 
 
 class ExperimentBlocks(Block):
@@ -320,6 +322,7 @@ class ExperimentBlocks(Block):
     metrics: Metrics = Field(default_factory=Metrics)
     figures: dict[str, Figure] = Field(default_factory=dict)
     claims: tuple[Claim, ...] = Field(default=(), description="sentences and the inequalities that decide them")
+    tune: Tune | None = Field(default=None, description="gains that are sought by hgorun tune, and for what")
 
 
 class File(ExperimentBlocks):
