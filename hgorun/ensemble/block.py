@@ -29,7 +29,7 @@ _PREPARED = 512  # runs that are kept prepared at once
 _NUMBERS = (
     4_000_000  # doubles of the members of a lot: of their numbers, and of their trajectories where these are kept
 )
-_MOST = 4096  # members of a lot
+_LEAST, _MOST = 64, 4096  # members of a lot
 
 
 def compute(
@@ -224,7 +224,7 @@ def _size(run: PreparedRun) -> int:
     numbers += sum(channel.samples.arrival.size + channel.held_changes[0].size for channel in run.channels)
     if run.solver.controlled:
         numbers += 4 * run.grid.size * run.structure.system.states
-    return int(np.clip(_NUMBERS // numbers, 8, _MOST))
+    return int(np.clip(_NUMBERS // numbers, _LEAST, _MOST))
 
 
 def _known(metrics: Sequence[str]) -> tuple[str, ...]:

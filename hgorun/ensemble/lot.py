@@ -11,7 +11,7 @@ import numpy as np
 from hgorun.engine.ensemble import MemberNumbers
 from hgorun.engine.plan import Plan
 from hgorun.ensemble.found import Floats, Integers
-from hgorun.measurement.schedule import Channel
+from hgorun.measurement.schedule import Channel, joined
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.symbolic.evaluate import evaluate
 
@@ -39,8 +39,8 @@ class Numbers:
     def with_noise(cls, z0: Floats, p: Floats, channels: Sequence[Channel]) -> Numbers:
         """With the noise of some channels: of all members alike, or of each its own."""
         measured = [channel.gain_and_bias for channel in channels]
-        gain, bias = (np.concatenate([both[i] for both in measured], axis=-1) for i in (0, 1))
-        held = np.concatenate([channel.held_changes[1] for channel in channels], axis=-1)
+        gain, bias = (joined([both[i] for both in measured]) for i in (0, 1))
+        held = joined([channel.held_changes[1] for channel in channels])
         return cls(z0, p, gain, bias, held)
 
     @classmethod
@@ -62,14 +62,12 @@ class Numbers:
 
     def beside(self, plan: Plan, bound: tuple[float, float]) -> MemberNumbers:
         """As the engine takes them; what is held besides noise is the plan's."""
-        rest = plan.holds[self.held.shape[-1] :]
-        held = self.held
-        if held.ndim == 2:
-            held = np.concatenate([held, np.broadcast_to(rest, (held.shape[0], rest.size))], axis=1).T
-        else:
-            held = plan.holds
+        holds = plan.holds
+        if self.held.ndim == 2:
+            rest = plan.holds[self.held.shape[-1] :]
+            holds = joined([self.held, np.broadcast_to(rest, (len(self.held), rest.size))]).T
         gain, bias = (part if part.ndim == 1 else part.T for part in (self.gain, self.bias))
-        return MemberNumbers(z0=self.z0, p=self.p, gain=gain, bias=bias, holds=held, bound=bound)
+        return MemberNumbers(z0=self.z0, p=self.p, gain=gain, bias=bias, holds=holds, bound=bound)
 
 
 @dataclass(frozen=True, eq=False)
