@@ -20,6 +20,7 @@ from hgorun.ensemble.lot import Lot, Numbers, times_of
 from hgorun.ensemble.members import Members
 from hgorun.errors import HgorunError, Problem
 from hgorun.measurement.schedule import Channel
+from hgorun.memo import Memo, Same
 from hgorun.simulation.checks import check_run
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.preparation import (
@@ -32,6 +33,9 @@ from hgorun.simulation.preparation import (
 from hgorun.simulation.prepared import PreparedRun
 
 _BETWEEN = 3  # members that are prepared in full, beside those at the ends of the axes
+
+
+_CHECKED: Memo[dict[str, tuple[float, float]]] = Memo(16)  # between what values members of a base were as expected
 
 
 class Differs(Exception):
@@ -67,7 +71,8 @@ class Family:
             Where a member that has been prepared in full has other numbers.
         """
         steps = self.steps
-        for i in self._samples():
+        known = _CHECKED.get((Same(self.run), tuple(self.members.columns)), dict)
+        for i in self._samples(known):
             try:
                 full = prepare(self.base.varied(self.members.changes(i)))
             except HgorunError as error:
@@ -79,17 +84,29 @@ class Family:
             own, expected = self.numbers(run, one).at(0), Numbers.of([full]).at(0)
             if any(a.tobytes() != b.tobytes() for a, b in zip(own, expected, strict=True)):
                 raise Differs
+        for path, (low, high) in self._ends().items():
+            before = known.get(path, (low, high))
+            known[path] = min(low, before[0]), max(high, before[1])
         return self
 
-    def _samples(self) -> list[int]:
-        """The members at the ends of every axis, and some in between."""
+    def _ends(self) -> dict[str, tuple[float, float]]:
+        """The smallest and the largest value on every axis of numbers."""
+        columns = {path: column[self.sound] for path, column in self.members.columns.items()}
+        numbers = {path: column for path, column in columns.items() if column.size and column.dtype.kind in "fi"}
+        return {path: (column.min(), column.max()) for path, column in numbers.items()}
+
+    def _samples(self, known: Mapping[str, tuple[float, float]]) -> list[int]:
+        """The members at the ends of every axis, and some in between; none between ends that are known."""
         sound = np.flatnonzero(self.sound)
         if not sound.size:
             return []
-        found = list(sound[np.linspace(0, sound.size - 1, _BETWEEN).astype(int)])
-        for column in self.members.columns.values():
-            if column.dtype.kind in "fi":
-                found += [sound[np.argmin(column[sound])], sound[np.argmax(column[sound])]]
+        found = [] if known else list(sound[np.linspace(0, sound.size - 1, _BETWEEN).astype(int)])
+        for path, (low, high) in self._ends().items():
+            column = self.members.columns[path][sound]
+            if path not in known or low < known[path][0]:
+                found.append(sound[np.argmin(column)])
+            if path not in known or high > known[path][1]:
+                found.append(sound[np.argmax(column)])
         return sorted({int(i) for i in found})
 
     @cached_property

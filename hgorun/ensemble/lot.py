@@ -55,7 +55,7 @@ class Numbers:
         noise = (part if part.ndim == 1 else part[i] for part in (self.gain, self.bias, self.held))
         return self.z0[:, i], self.p[:, i], *noise
 
-    def some(self, which: Integers | np.ndarray) -> Numbers:
+    def some(self, which: np.ndarray) -> Numbers:
         """Those of some members."""
         noise = (part if part.ndim == 1 else part[which] for part in (self.gain, self.bias, self.held))
         return Numbers(self.z0[:, which], self.p[:, which], *noise)
@@ -77,19 +77,30 @@ class Lot:
     Attributes
     ----------
     run : PreparedRun
-        Whose plan all of them have.
+        Whose equations, grid and settings all of them have.
     which : ndarray of int64, shape (N,)
         Which members they are.
     numbers : Numbers
+    own : tuple of PreparedRun, optional
+        Their runs, where events are at other times in each; else they are those of ``run``.
     """
 
     run: PreparedRun
     which: Integers
     numbers: Numbers
+    own: tuple[PreparedRun, ...] | None = None
+
+    @classmethod
+    def of(cls, which: Sequence[int], runs: Sequence[PreparedRun]) -> Lot:
+        """Of runs that are prepared, with events at times of their own."""
+        start = np.stack([run.numbers.z0 for run in runs], axis=1), np.stack([run.numbers.p for run in runs], axis=1)
+        nothing = np.zeros(0)  # the plans have it
+        return cls(runs[0], np.array(which), Numbers(*start, nothing, nothing, nothing), tuple(runs))
 
     def some(self, among: np.ndarray) -> Lot:
         """Some of them."""
-        return Lot(self.run, self.which[among], self.numbers.some(among))
+        own = None if self.own is None else tuple(run for run, taken in zip(self.own, among, strict=True) if taken)
+        return Lot(self.run, self.which[among], self.numbers.some(among), own)
 
     def starts(self) -> np.ndarray:
         """Which of them have right-hand sides that are numbers at the start, shape (N,)."""
