@@ -14,6 +14,7 @@ from hgorun.commands.outputs import DRAWING_SUFFIXES, NOT_OK, RESULT_SUFFIXES, R
 from hgorun.engine.methods import METHODS
 from hgorun.errors import ConfigError
 from hgorun.files import remove_leftovers
+from hgorun.progress import shown
 from hgorun.reproduce.shipped import experiments
 from hgorun.result.data import PLANT, Integration
 from hgorun.result.result import Result
@@ -183,17 +184,9 @@ def _experiments(path: Path, options: Configured) -> list[Experiment]:
 
 
 def run_with_progress(run: PreparedRun, *, show: bool, check_step: bool = False) -> Result:
-    """Run, with progress if it is to be shown and somebody is at a terminal."""
-    show = show and sys.stderr.isatty()
-
-    def progress(part: float) -> None:
-        print(f"\r{run.experiment.name}: {100 * part:3.0f} %", end="", file=sys.stderr, flush=True)
-
-    try:
-        return simulate_prepared(run, check_step=check_step, progress=progress if show else None)
-    finally:
-        if show:
-            print("\r\033[K", end="", file=sys.stderr, flush=True)
+    """Run, with progress if it is to be shown."""
+    with shown(1.0, run.experiment.name, show=show) as progress:
+        return simulate_prepared(run, check_step=check_step, progress=progress.update if show else None)
 
 
 def warn(result: Result) -> None:

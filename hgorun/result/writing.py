@@ -7,12 +7,11 @@ are equal files but for the attribute ``created``.
 from __future__ import annotations
 
 import hashlib
-import io
 import json
 import platform
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import h5py
 import numpy as np
@@ -21,10 +20,8 @@ from hgorun.files import written_whole
 from hgorun.result import digests
 from hgorun.result.data import PLANT, DesignNumbers, ObserverResult, ResultData
 from hgorun.result.metrics.base import all_metrics
+from hgorun.result.sink import Sink
 from hgorun.result.status import OK, Verdict
-
-if TYPE_CHECKING:
-    from _typeshed import ReadableBuffer
 
 FORMAT = "hgorun-result-1"
 _CHUNK = 2**20
@@ -49,7 +46,7 @@ def save(result: ResultData, path: Path) -> Path:
     HgorunError
         When the file cannot be written.
     """
-    with written_whole(path) as part, _Sink(part) as sink:
+    with written_whole(path) as part, Sink(part) as sink:
         with h5py.File(sink, "w", track_order=True, libver=_form(result)) as file:
             _write(result, file)
         if sink.failed is not None:
@@ -67,31 +64,6 @@ def digests_of(result: ResultData) -> dict[str, str]:
 def _form(result: ResultData) -> tuple[str, str] | None:
     """The form of the file: in the oldest one a dimension cannot have more than some 4,000 data sets."""
     return ("v108", "v108") if len(result.observers) > _MANY else None
-
-
-class _Sink(io.FileIO):
-    """A file for HDF5, which crashes where a write fails: it never sees one fail, and we say what happened."""
-
-    def __init__(self, path: Path) -> None:
-        super().__init__(path, "w+")
-        self.failed: OSError | None = None
-
-    def write(self, data: ReadableBuffer) -> int:
-        left = memoryview(data).cast("B")
-        size = len(left)
-        try:
-            while left and self.failed is None:
-                left = left[super().write(left) or 0 :]
-        except OSError as error:
-            self.failed = error
-        return size
-
-    def truncate(self, size: int | None = None) -> int:
-        try:
-            return super().truncate(size) if self.failed is None else size or 0
-        except OSError as error:
-            self.failed = error
-            return size or 0
 
 
 class _Writer:
