@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +12,41 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
+class Segments:
+    """Some segments one after the other, and what happens at the events that they start with.
+
+    Attributes
+    ----------
+    spans, counts, actions
+        As those of a :class:`Plan`; the ranges of actions are those of these segments.
+    """
+
+    spans: Floats
+    counts: Integers
+    actions: Integers
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Following:
+    """The rest of a long run, which is tabulated part by part while it is carried out.
+
+    Attributes
+    ----------
+    parts : callable
+    steps, work : int
+        Its steps, and about how many there are together with its segments.
+    end : float
+        When the run ends.
+    """
+
+    parts: Callable[[], Iterator[Segments]]
+    steps: int
+    work: int
+    end: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Plan:
     """Everything of a run that is known before it starts.
 
@@ -37,6 +72,8 @@ class Plan:
         The longest continuous delay.
     origin : float
         What is added to a time where it is told to somebody.
+    following : Following, optional
+        What comes behind these segments, where they are not those of the whole run.
     """
 
     spans: Floats
@@ -49,8 +86,28 @@ class Plan:
     holds: Floats
     reach: float = 0.0
     origin: float = 0.0
+    following: Following | None = None
+
+    def parts(self) -> Iterator[Segments]:
+        """The segments of the whole run, some of them at a time."""
+        yield Segments(self.spans, self.counts, self.actions)
+        if self.following is not None:
+            yield from self.following.parts()
 
     @property
     def steps(self) -> int:
         """Steps of the whole run (fixed step)."""
-        return int(np.sum(self.counts[:, 2] - self.counts[:, 1]))
+        own = int(np.sum(self.counts[:, 2] - self.counts[:, 1]))
+        return own if self.following is None else own + self.following.steps
+
+    @property
+    def work(self) -> int:
+        """Steps and segments of the whole run."""
+        own = int(np.sum(self.counts[:, 2] - self.counts[:, 1])) + len(self.counts)
+        return own if self.following is None else own + self.following.work
+
+    @property
+    def span(self) -> float:
+        """How long the run lasts."""
+        end = self.spans[-1, 1] if self.following is None else self.following.end
+        return float(end - self.spans[0, 0])

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from hashlib import blake2b
 
 import numpy as np
 
@@ -14,7 +13,7 @@ from hgorun.errors import Problem
 from hgorun.measurement.availability import Stretch
 from hgorun.measurement.events import LEVELS, merge, repeated
 from hgorun.measurement.noise import StretchNoise, absolute
-from hgorun.measurement.sampling import SAMPLE_BYTES, Samples, find_samples
+from hgorun.measurement.sampling import EVENT_BYTES, SAMPLE_BYTES, Samples, find_samples
 from hgorun.measurement.signals import delay_range
 from hgorun.measurement.variants import CONTINUOUS, DELAYED, HELD, SILENT, Variant
 from hgorun.noise.base import RandomNoise
@@ -24,7 +23,7 @@ _SHORT = 1e-9  # events closer than this part of a step are one
 _DRAW_BYTES = 16  # of memory that a draw takes until those that a stretch needs are left
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Channel:
     """One output: its stretches, its samples, and its noise in each stretch."""
 
@@ -36,11 +35,8 @@ class Channel:
     @cached_property
     def timing(self) -> Hashable:
         """What decides when something happens; equal for channels whose noise alone differs."""
-        digest = blake2b(digest_size=16)
-        for array in (self.samples.arrival, self.samples.taken, self.samples.used, self.held_changes[0]):
-            digest.update(array.tobytes())
         stretches = tuple((s.start, s.end, s.continuous, s.delay) for s in self.stretches)
-        return stretches, self.samples.arrival.size, digest.digest()
+        return stretches, self.samples, self.held_changes[0].tobytes()
 
     @cached_property
     def gain_and_bias(self) -> tuple[np.ndarray, np.ndarray]:
@@ -131,7 +127,7 @@ def joined(parts: list[np.ndarray]) -> np.ndarray:
     return whole[0] if len(whole) == 1 else np.concatenate(parts, axis=-1)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Schedule:
     """When something happens in a run.
 
@@ -198,7 +194,7 @@ def _held_bytes(stretch: Stretch, time: Time, left: float) -> float:
         if isinstance(item, RandomNoise) and item.hold is not None:
             draws = (stretch.end - time.start) / item.hold
             events = (stretch.end - stretch.start) / item.hold if stretch.continuous else 0.0
-            total += draws * _DRAW_BYTES + events * SAMPLE_BYTES
+            total += draws * _DRAW_BYTES + events * (SAMPLE_BYTES if stretch.undelayed else EVENT_BYTES)
             if total > left:
                 raise Problem(
                     (*stretch.paths["noise"], j, "hold"),
@@ -243,7 +239,9 @@ def build_schedule(
     tolerance = max(_SHORT * step, rounding)
     times = [np.array([time.start, time.end]), kinks, np.zeros(0) if extremes is None else extremes]
     for c in channels:
-        times += [c.samples.arrival, c.samples.taken, np.array([s.start for s in c.stretches])]
+        times += [c.samples.arrival, np.array([s.start for s in c.stretches])]
+        if c.samples.taken is not c.samples.arrival:
+            times.append(c.samples.taken)
         for s, noise in zip(c.stretches, c.noise, strict=True):
             if s.continuous:
                 changes = noise.change_times()
@@ -261,11 +259,11 @@ def build_schedule(
         )
         newest = fresh[away > tolerance]
         events = _clipped(np.concatenate([events, newest]), time, tolerance)
-        if events.size * SAMPLE_BYTES > time.max_memory:
+        if events.size * EVENT_BYTES > time.max_memory:
             raise Problem(
                 continuous_delays(channels)[0].paths["delay"],
                 f"samples and noise that come back after the delay make {events.size} events, about "
-                f"{events.size * SAMPLE_BYTES / 2**30:.3g} GiB; time.max_memory allows "
+                f"{events.size * EVENT_BYTES / 2**30:.3g} GiB; time.max_memory allows "
                 f"{time.max_memory / 2**30:.3g} GiB",
             )
     sides = np.concatenate(sharp)
@@ -275,12 +273,20 @@ def build_schedule(
     inward, at = np.zeros(events.size), nearest_event(events, sides)
     margin = 4 * np.spacing(np.maximum(np.abs(sides), step))
     np.maximum.at(inward, at, np.abs(sides - events[at]) + margin)
-    # in the middle: what happens at an event may be written a rounding error later than the event
-    middle = 0.5 * (events[:-1] + events[1:])
-    kinds = np.concatenate([c.kinds_at(middle) for c in channels], axis=1)
+    kinds = np.concatenate([_kinds(channels, events[k : k + _PIECE + 1]) for k in range(0, events.size - 1, _PIECE)])
     distinct, variant = _distinct(kinds)
     variants = tuple(tuple((int(a), int(b)) for a, b in row.reshape(-1, 2)) for row in distinct)
     return Schedule(events=events, inward=inward, variants=variants, variant=variant.ravel())
+
+
+_PIECE = 1 << 15  # events at a time: there may be many of them
+
+
+def _kinds(channels: list[Channel], events: np.ndarray) -> np.ndarray:
+    """What every output is between any two events, and in which phase, shape (len(events) - 1, 2 q)."""
+    # in the middle: what happens at an event may be written a rounding error later than the event
+    middle = 0.5 * (events[:-1] + events[1:])
+    return np.concatenate([c.kinds_at(middle) for c in channels], axis=1).astype(np.int32)
 
 
 def _distinct(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -22,7 +22,7 @@ _WORD = 0xFFFFFFFF
 _SHIFT = np.uint32(16)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Streams:
     """Generators of several seeds.
 

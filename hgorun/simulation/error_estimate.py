@@ -24,7 +24,7 @@ _PIECE = 1 << 14  # points at a time
 _SAME_TIME = 0.01  # of the time since the start: two passes that lose an observer so close agree
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Estimate:
     """What a pass says of one observer; several runs lie along the last axes.
 

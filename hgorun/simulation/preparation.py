@@ -83,10 +83,10 @@ def _prepared(experiment: Experiment, design: DesignNumbers | None) -> PreparedR
     _ = experiment.grid, experiment.forms  # what is wrong with them is said first
     step = nominal_step(experiment) if design is None else design.step
     sizes = _mean_squares(experiment, step)
-    key = Same(stretches), experiment.blocks.seed, None if sizes is None else tuple(sizes)
-    channels = _CHANNELS.get(
-        key, lambda: find_channels(stretches, plant.model.outputs, time, experiment.blocks.seed, sizes)
-    )
+    seed = experiment.blocks.seed
+    chance = seed if any(s.by_chance for one in stretches for s in one) else None
+    key = Same(stretches), chance, None if sizes is None else tuple(sizes)
+    channels = _CHANNELS.get(key, lambda: find_channels(stretches, plant.model.outputs, time, seed, sizes))
     smallest_delay, reach = check_delays(channels)
     schedule = schedule_of(experiment, channels, step)
     designs = list(experiment.designs.values())
