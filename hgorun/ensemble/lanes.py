@@ -14,8 +14,7 @@ from hgorun.ensemble.lot import Lot
 from hgorun.errors import Problem, SimulationError
 from hgorun.result.measure import from_origin
 from hgorun.result.metrics.base import Metric, all_metrics
-from hgorun.result.reduction import MetricReduction
-from hgorun.result.windows import MetricSettings
+from hgorun.simulation.lanes import reduction_of
 from hgorun.simulation.passes import Pass, as_given, plan_of
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.verdict import may_have_left
@@ -59,7 +58,7 @@ def carry_out(lot: Lot, how: Pass, metrics: Sequence[Metric], *, rows: bool = Fa
         Where it cannot be made with the memory that there is.
     """
     run = lot.run
-    reduction, ensemble = _reduction(run, metrics), run.structure.ensemble(how.method)
+    reduction, ensemble = reduction_of(run, metrics), run.structure.ensemble(how.method)
     if lot.own is None:
         plan, start = plan_of(run, how)
         numbers, steps = lot.numbers.beside(plan, start.bound), np.full(lot.which.size, plan.steps)
@@ -70,22 +69,6 @@ def carry_out(lot: Lot, how: Pass, metrics: Sequence[Metric], *, rows: bool = Fa
         found = ensemble.run_each(plans, numbers, reduction, rows=rows, threads=threads)
     named = dict(reduction.named(found.reduced))
     return Passed(metrics=named, sound=_sound(lot, found, named), steps=steps, rows=found.rows)
-
-
-def _reduction(run: PreparedRun, metrics: Sequence[Metric]) -> MetricReduction:
-    blocks, every = run.experiment.blocks, run.experiment.grid[2]
-    places = [readout.places for readout in run.structure.estimates]
-    known = [of for of in places if of is not None]
-    return MetricReduction(
-        time=run.grid[::every],
-        every=every,
-        n=run.plant.model.n,
-        m=len(run.observers),
-        settings=MetricSettings.of(blocks.metrics, blocks.time).since(run.origin),
-        metrics=tuple(metrics),
-        estimated=lambda p, z: run.structure.estimates_along(run.grid, p, z),
-        places=known if len(known) == len(places) else None,
-    )
 
 
 def _sound(lot: Lot, found: Outcome, metrics: dict[str, Floats]) -> np.ndarray:
