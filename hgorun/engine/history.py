@@ -132,8 +132,8 @@ class History:
         h = f.scalar("fsub", t1, t0)
         theta, length = f.splat(f.scalar("fdiv", f.scalar("fsub", "%t", t0), h)), f.splat(h)
         data = f.at(f.at(piece, 2), first)
-        with f.count(0, self.m.system.width) as i:
-            k = f.scalar("mul", i, str(f.lanes))
+        with f.count(0, self.m.system.width) as channel:
+            k = f.scalar("mul", channel, str(f.lanes))
             parts = [f.load(f.at(data, f.scalar("add", k, str(j * self.width))), f.real) for j in range(4)]
             f.store(value(f, theta, length, *parts), f.at("%target", k), f.real)
         provisional = f.test("eq", i, count)
