@@ -15,7 +15,6 @@ from hgorun.engine.methods import METHODS
 from hgorun.errors import ConfigError
 from hgorun.files import remove_leftovers
 from hgorun.progress import shown
-from hgorun.reproduce.shipped import experiments
 from hgorun.result.data import PLANT, Integration
 from hgorun.result.result import Result
 from hgorun.simulation.experiment import Experiment
@@ -117,6 +116,8 @@ def require_file(path: Path) -> None:
     """Where a file is missing that has the name of an experiment of ours, say how to get that."""
     if os.path.exists(path):  # of a name that is too long, too, there is none
         return
+    from hgorun.reproduce.shipped import experiments
+
     name = next((n for n in experiments() if str(path.with_suffix("")) in (n, Path(n).name)), None)
     if name is not None:
         short = Path(name).name

@@ -71,14 +71,18 @@ class _Writer:
 
     def __init__(self, file: h5py.File) -> None:
         self.file = file
+        # kept, since h5py needs as long to find one as to write it
+        self._groups: dict[str, h5py.Group] = {"": file}
+        self._scales: dict[str, h5py.Dataset] = {}
 
     def group(self, path: str) -> h5py.Group:
-        return self.file.require_group(path) if path in self.file else self.file.create_group(path, track_order=True)
+        if path not in self._groups:
+            self._groups[path] = self.file.create_group(path, track_order=True)
+        return self._groups[path]
 
     def data(self, path: str, values: Any, dimensions: tuple[str, ...] = (), **attributes: Any) -> h5py.Dataset:
         parent, _, name = path.rpartition("/")
-        group = self.group(parent) if parent else self.file
-        array = np.asarray(values)
+        group, array = self.group(parent), np.asarray(values)
         if array.dtype.kind == "O":
             data = group.create_dataset(name, data=values, track_times=False)
             data.attrs[digests.ATTRIBUTE] = digests.of_names([str(name) for name in array])
@@ -86,7 +90,7 @@ class _Writer:
             data = group.create_dataset(name, data=array, track_times=False, **_checked(array))
             data.attrs[digests.ATTRIBUTE] = digests.of_numbers(array)
         for axis, dimension in enumerate(dimensions):
-            data.dims[axis].attach_scale(self.file[dimension])
+            data.dims[axis].attach_scale(self._scales[dimension])
         for key, value in attributes.items():
             if value is not None:
                 data.attrs[key] = value
@@ -95,19 +99,19 @@ class _Writer:
     def scale(self, path: str, values: Any, **attributes: Any) -> None:
         data = self.data(path, values, **attributes)
         data.make_scale(path.rpartition("/")[2])
+        self._scales[path] = data
 
-    def index(self, size: int) -> h5py.Dataset:
+    def index(self, data: h5py.Dataset, axis: int, size: int) -> None:
         """A dimension without coordinates: netCDF wants every axis to have one, and those of one length share it."""
         dimension = f"index_{size}"
-        if dimension not in self.file:
+        if dimension not in self._scales:
             self.scale(dimension, np.arange(1, size + 1))
-        return self.file[dimension]
+        data.dims[axis].attach_scale(self._scales[dimension])
 
     def names(self, path: str, names: tuple[str, ...]) -> None:
         """A dimension whose coordinate is a list of names."""
         if names:
-            data = self.data(path, np.array(names, dtype=object).astype(h5py.string_dtype()))
-            data.make_scale(path.rpartition("/")[2])
+            self.scale(path, np.array(names, dtype=object).astype(h5py.string_dtype()))
 
 
 def _checked(array: np.ndarray) -> dict[str, Any]:
@@ -160,7 +164,7 @@ def _write(result: ResultData, file: h5py.File) -> None:
         measures=_measured_states(result),
     )
     if result.verdict != OK:
-        w.file["plant"].attrs.update(_said(result.verdict))
+        w.group("plant").attrs.update(_said(result.verdict))
     m = result.measurements
     # their dimension is the number of the measurement: a second dimension called time would clash with the grid
     w.scale("measurement/number", np.arange(m.time.size), long_name="number of the measurement")
@@ -186,7 +190,7 @@ def _write(result: ResultData, file: h5py.File) -> None:
     w.group("metrics")
     for label, o in result.observers.items():
         _write_observer(w, result, label, o, of_states)
-    groups = {label: file["observers"][label] for label in result.observers} | {PLANT: file["plant"]}
+    groups = {label: w.group(f"observers/{label}") for label in result.observers} | {PLANT: w.group("plant")}
     errors = result.integration_error or {}
     for label in groups.keys() & errors.keys():
         groups[label].attrs["integration_error"] = errors[label]
@@ -200,8 +204,8 @@ def _write_design(w: _Writer, design: DesignNumbers) -> None:
     ):
         data = w.data(f"design/{name}", values, long_name=meaning)
         if values.size:  # netCDF wants every axis to have a dimension
-            data.dims[0].attach_scale(w.index(values.size))
-    w.file["design"].attrs["step"] = design.step
+            w.index(data, 0, values.size)
+    w.group("design").attrs["step"] = design.step
 
 
 def _write_observer(w: _Writer, result: ResultData, label: str, o: ObserverResult, units: str | None) -> None:
@@ -216,11 +220,10 @@ def _write_observer(w: _Writer, result: ResultData, label: str, o: ObserverResul
     )
     w.group(f"{base}/state")
     for name, values in o.internal.items():
-        data = w.data(f"{base}/state/{name}", values)
-        data.dims[0].attach_scale(w.file["time"])
+        data = w.data(f"{base}/state/{name}", values, ("time",))
         for axis, size in enumerate(values.shape[1:], start=1):
-            data.dims[axis].attach_scale(w.index(size))
-    attributes = w.file[base].attrs
+            w.index(data, axis, size)
+    attributes = w.group(base).attrs
     attributes["type"] = o.type
     attributes["gains"] = json.dumps(o.gains)
     attributes.update(_said(o.verdict))
