@@ -23,6 +23,7 @@ RUN = (
     "config/literals.py",
     "config/models.py",
     "config/reads.py",
+    "config/study.py",
     "config/types.py",
     "engine",
     "measurement",
