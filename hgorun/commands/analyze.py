@@ -8,7 +8,8 @@ from pathlib import Path
 from hgorun.analysis.report import analysis_of
 from hgorun.analysis.subject import Context
 from hgorun.commands.options import Analyze
-from hgorun.commands.run import RESULTS, refuse_other_kinds, require_file, run_with_progress, warn
+from hgorun.commands.outputs import RESULTS, refuse_other_kinds
+from hgorun.commands.run import require_file, run_with_progress, warn
 from hgorun.errors import ConfigError
 from hgorun.simulation.simulate import prepare
 from hgorun.study.loading import load

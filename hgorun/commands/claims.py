@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 from hgorun.commands.figures import warn
 from hgorun.commands.options import Claims
-from hgorun.commands.run import refuse_other_kinds
+from hgorun.commands.outputs import refuse_other_kinds
 from hgorun.reproduce import pool
 from hgorun.reproduce.choice import choose
 from hgorun.reproduce.job import Folders

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from hgorun.commands.options import Figures
-from hgorun.commands.run import refuse_other_kinds
+from hgorun.commands.outputs import refuse_other_kinds
 from hgorun.files import json_value
 from hgorun.reproduce import pool
 from hgorun.reproduce.choice import choose

@@ -64,13 +64,36 @@ class Rerun(Printing):
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Compare(Configured):
-    """Compare metrics side by side, and draw comparison plots."""
+    """Compare metrics side by side, and draw comparison plots.
 
-    sources: Annotated[list[Path], typer.Argument(metavar="SOURCE...", help="Configurations or result files.")]
+    Of an ensemble (NAME.sweep.h5, or the folder NAME.sweep while it is carried out): statistics over its members.
+    """
+
+    sources: Annotated[
+        list[Path], typer.Argument(metavar="SOURCE...", help="Configurations, result files, or ensembles.")
+    ]
     format: Annotated[str, typer.Option("--format", help="Format of the table: text, csv or latex.")] = "text"
     plots: Annotated[bool, typer.Option("--plots/--no-plots", help="Draw comparison plots (PNG and PDF).")] = True
     strict: Annotated[bool, typer.Option("--strict", help="Exit with code 3 if a status is not ok.")] = False
     analyze: Annotated[bool, typer.Option("--analyze", help="Add the numbers that theory predicts.")] = False
+    metrics: Annotated[
+        list[str], typer.Option("--metric", metavar="NAME", help="Ensembles: only this metric; repeatable.")
+    ] = field(default_factory=list)
+    by: Annotated[
+        list[str],
+        typer.Option(
+            "--by", metavar="AXIS", help="Ensembles: a row for each value of this axis, or `none`; repeatable."
+        ),
+    ] = field(default_factory=list)
+    at: Annotated[
+        list[str],
+        typer.Option("--at", metavar="AXIS=VALUE", help="Ensembles: only members with this value; repeatable."),
+    ] = field(default_factory=list)
+
+    @property
+    def of_ensembles(self) -> bool:
+        """Whether something is asked for that only ensembles have."""
+        return bool(self.metrics or self.by or self.at)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)

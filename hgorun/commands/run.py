@@ -5,11 +5,12 @@ from __future__ import annotations
 import json as json_text
 import os
 import sys
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
 from hgorun.commands.options import Compare, Configured, Simulate
+from hgorun.commands.outputs import DRAWING_SUFFIXES, NOT_OK, RESULT_SUFFIXES, RESULTS, refuse_other_kinds
 from hgorun.engine.methods import METHODS
 from hgorun.errors import ConfigError
 from hgorun.files import remove_leftovers
@@ -25,12 +26,7 @@ from hgorun.study.loading import load, load_study, refuse_twins
 if TYPE_CHECKING:
     from hgorun.tables.metrics import Predicted
 
-RESULTS = Path("results")
-NOT_OK = 3
 _COARSE, _FINE = 1e-2, 1e-3  # errors of given steps that are told, and that would do
-RESULT_SUFFIXES = {".h5", ".hdf5", ".nc"}
-_DRAWING_SUFFIXES = {".png", ".pdf"}
-_OF_OTHERS = {".csv", ".json", ".mat", ".npz", ".svg", ".tex", ".txt", ".yaml", ".yml"}
 
 Style: TypeAlias = "Callable[[Sequence[Result], Sequence[Predicted]], str]"
 
@@ -59,7 +55,14 @@ def simulate(options: Simulate) -> int:
 
 def compare(options: Compare) -> int:
     """Show metrics of configurations and result files side by side, and draw plots of them."""
-    refuse_other_kinds(options.output, _DRAWING_SUFFIXES)
+    if any(map(_may_be_ensemble, options.sources)):
+        from hgorun.commands.ensembles import all_ensembles, compare_ensembles
+
+        if all_ensembles(options.sources):
+            return compare_ensembles(options)
+    if options.of_ensembles:
+        raise ConfigError("--metric, --by and --at are for ensembles (NAME.sweep.h5); these are single runs")
+    refuse_other_kinds(options.output, DRAWING_SUFFIXES)
     from hgorun.result.reading import read  # not for simulate, which has to be quick
 
     style = _style(options)
@@ -109,19 +112,6 @@ def _style(options: Compare) -> Style:
     return styles[options.format]
 
 
-def refuse_other_kinds(output: Path | None, suffixes: Collection[str]) -> None:
-    """Refuse an ``--output`` that is called like a file of a kind that the command does not write."""
-    if output is None or output.is_dir():
-        return
-    suffix = output.suffix.lower()
-    known = RESULT_SUFFIXES | _DRAWING_SUFFIXES | _OF_OTHERS
-    if suffix in suffixes or (suffix not in known and not output.is_file()):
-        return
-    kinds = f"a file {', '.join(sorted(suffixes))} or a folder" if suffixes else "a folder"
-    tables = "; a table is printed with compare --format csv" if suffix in {".csv", ".txt", ".tex"} else ""
-    raise ConfigError(f"--output: expected {kinds}, found {output}{tables}")
-
-
 def require_file(path: Path) -> None:
     """Where a file is missing that has the name of an experiment of ours, say how to get that."""
     if os.path.exists(path):  # of a name that is too long, too, there is none
@@ -132,20 +122,25 @@ def require_file(path: Path) -> None:
         raise ConfigError(f"there is no such file; `hgorun init {short}` copies the experiment {name}", file=str(path))
 
 
+def _may_be_ensemble(path: Path) -> bool:
+    """Whether a look into it is worth while."""
+    return path.is_dir() or _is_result(path)
+
+
 def _is_result(path: Path) -> bool:
     return path.suffix.lower() in RESULT_SUFFIXES
 
 
 def _folder_of_plots(options: Compare) -> Path:
     output = options.output or RESULTS
-    return output.parent if output.suffix.lower() in _DRAWING_SUFFIXES else output
+    return output.parent if output.suffix.lower() in DRAWING_SUFFIXES else output
 
 
 def _draw(results: Sequence[Result], options: Compare) -> list[Path]:
     from hgorun.figures.drawing import comparison
     from hgorun.figures.files import save
 
-    if options.output is not None and options.output.suffix.lower() in {".png", ".pdf"}:
+    if options.output is not None and options.output.suffix.lower() in DRAWING_SUFFIXES:
         return save(comparison(results), options.output.with_suffix(""))
     several = len(options.sources) > 1
     name = "comparison" if several else f"{options.sources[0].stem}-comparison"

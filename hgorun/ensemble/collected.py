@@ -12,6 +12,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from hgorun.config.expressions import nearest
 from hgorun.errors import ConfigError, printable
 from hgorun.result.status import STATUSES
 from hgorun.result.stored import LARGEST, NAMED, StoredFile, opened
@@ -89,6 +90,11 @@ class Collected:
         return np.isin(self.status, _OK)
 
     @property
+    def all_ok(self) -> bool:
+        """Whether every observer is ok in every member."""
+        return not self.status.any()
+
+    @property
     def counts(self) -> dict[str, dict[str, int]]:
         """Of every observer, how many members have each status that occurs."""
         found: dict[str, dict[str, int]] = {}
@@ -101,6 +107,22 @@ class Collected:
     def chosen(self) -> tuple[str, ...]:
         """The axes with more than one value, without the seed: chance is not chosen."""
         return tuple(a for a, values in self.axes.items() if a != SEED and len(levels(values)) > 1)
+
+    def axis(self, name: str) -> str:
+        """The axis of a name: its path, or the end of it where that tells it from the others.
+
+        Raises
+        ------
+        ConfigError
+            When there is none, or several.
+        """
+        found = [name] if name in self.axes else [axis for axis in self.axes if axis.endswith(f".{name}")]
+        if len(found) == 1:
+            return found[0]
+        known = ", ".join(found or self.axes) or "none"
+        ends = [*self.axes, *(axis.rpartition(".")[2] for axis in self.axes)]
+        what = f"several axes end with {name!r}" if found else f"no axis is called {name!r}.{nearest(name, ends)}"
+        raise ConfigError(f"{self.name}: {what} Known: {known}" if not found else f"{self.name}: {what}: {known}")
 
     def where(self, members: NDArray[np.bool_]) -> Collected:
         """Some of the members.
@@ -128,9 +150,13 @@ class Collected:
         """
         values = self.axes[axis]
         if values.dtype.kind in "iuf":
-            found = np.isclose(values.astype(float), float(value), rtol=1e-3, atol=0.0)
-            nearest = np.abs(values.astype(float) - float(value))
-            found &= nearest == np.min(nearest, initial=np.inf, where=found)
+            try:
+                value = float(value)
+            except ValueError:
+                raise ConfigError(f"expected a number, found {printable(str(value))!r}", key=axis) from None
+            found = np.isclose(values.astype(float), value, rtol=1e-3, atol=0.0)
+            distance = np.abs(values.astype(float) - value)
+            found &= distance == np.min(distance, initial=np.inf, where=found)
         else:
             found = np.array([str(v) == str(value) for v in values], dtype=bool)
         if not found.any():

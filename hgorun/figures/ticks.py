@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from matplotlib.axes import Axes
-from matplotlib.ticker import AutoMinorLocator, LogLocator, MaxNLocator, NullFormatter, ScalarFormatter
+from matplotlib.ticker import AutoMinorLocator, FixedLocator, LogLocator, MaxNLocator, NullFormatter, ScalarFormatter
 
 _SHORT = 30  # logarithmic axes that span less are labelled between the powers of ten
 
@@ -20,8 +20,13 @@ class PlainFormatter(ScalarFormatter):
 
 
 def tick(ax: Axes, limit: int | None = None) -> None:
-    """Ticks at round numbers, one small one between them; on either axis at most ``limit`` of them."""
+    """Ticks at round numbers, one small one between them; on either axis at most ``limit`` of them.
+
+    Ticks at places of their own stay.
+    """
     for axis, scale in ((ax.xaxis, ax.get_xscale()), (ax.yaxis, ax.get_yscale())):
+        if isinstance(axis.get_major_locator(), FixedLocator):
+            continue  # whoever has set them knows which
         low, high = sorted(axis.get_view_interval())
         if scale == "log":
             axis.set_major_locator(LogLocator(numticks=limit or 6))

@@ -1,0 +1,127 @@
+"""``compare`` for ensembles: statistics over their members, and figures of them."""
+
+from __future__ import annotations
+
+import json as json_text
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from hgorun.commands.options import Compare
+from hgorun.commands.outputs import DRAWING_SUFFIXES, NOT_OK, RESULTS, refuse_other_kinds
+from hgorun.config.expressions import nearest
+from hgorun.ensemble.collected import Collected, is_sweep, levels, read
+from hgorun.errors import ConfigError
+from hgorun.tables import ensemble as tables
+from hgorun.tables.ensemble import Compared, compared
+
+_MOST_POINTS = 40  # that a table has without being asked for
+_TOGETHER = "none"
+
+Style = Callable[[Sequence[Compared]], str]
+
+
+def compare_ensembles(options: Compare) -> int:
+    """Show statistics of ensembles.
+
+    Raises
+    ------
+    ConfigError
+        For options that do not fit, axes, values and metrics that do not exist, and files that cannot be read.
+    """
+    refuse_other_kinds(options.output, DRAWING_SUFFIXES)
+    style = _style(options)
+    found = [_compared(read(path), options, str(path)) for path in options.sources]
+    if options.json:
+        objects = [tables.as_json(one) for one in found]
+        print(json_text.dumps(objects[0] if len(objects) == 1 else objects, indent=2, allow_nan=False))
+    elif not options.quiet:
+        print(style(found))
+    if options.plots:
+        written = [path for one in found for path in draw(one, options)]
+        if options.text and options.format == "text":
+            print("written: " + ", ".join(map(str, written)))
+    return NOT_OK if options.strict and not all(one.members.all_ok for one in found) else 0
+
+
+def draw(found: Compared, options: Compare) -> list[Path]:
+    """Draw the figures that an ensemble has the numbers for; into one file only the first of them."""
+    from hgorun.figures.ensembles import figures_of
+    from hgorun.figures.files import save
+
+    output = options.output or RESULTS
+    figures = figures_of(found.members, options.metrics)
+    if output.suffix.lower() in DRAWING_SUFFIXES:
+        return save(next(figures)[1], output.with_suffix(""))
+    return [path for kind, figure in figures for path in save(figure, output / f"{found.members.name}-{kind}")]
+
+
+def _style(options: Compare) -> Style:
+    """The table asked for, once it is sure that the options fit each other."""
+    styles: dict[str, Style] = {"text": tables.text, "csv": tables.csv, "latex": tables.latex}
+    if options.format not in styles:
+        raise ConfigError(f"--format: expected one of {', '.join(styles)}, found {options.format!r}")
+    refused = {
+        "--set": options.overrides,
+        "--seed": options.seed is not None,
+        "--run": options.run is not None,
+        "--analyze": options.analyze,
+    }
+    for option, given in refused.items():
+        if given:
+            raise ConfigError(f"{option} is for configurations; these are ensembles that have been carried out")
+    return styles[options.format]
+
+
+def _compared(members: Collected, options: Compare, file: str) -> Compared:
+    """The statistics that are asked for."""
+    for name in options.metrics:
+        if name not in members.metrics:
+            hint = nearest(name, members.metrics)
+            known = ", ".join(members.metrics)
+            raise ConfigError(f"--metric: the ensemble has no metric {name!r}.{hint} Known: {known}", file=file)
+    members = selected(members, options.at)
+    return compared(members, _axes(members, options), options.metrics, file)
+
+
+def selected(members: Collected, at: Sequence[str]) -> Collected:
+    """The members with certain values.
+
+    Parameters
+    ----------
+    members : Collected
+    at : sequence of str
+        ``axis=value`` each.
+    """
+    for text in at:
+        name, sign, value = text.partition("=")
+        if not sign:
+            raise ConfigError(f"--at: expected AXIS=VALUE, found {text!r}")
+        members = members.where(members.at(members.axis(name.strip()), value.strip()))
+    return members
+
+
+def _axes(members: Collected, options: Compare) -> tuple[str, ...]:
+    """By which axes the members are divided: those named, or all but the seed while that makes a readable table."""
+    if options.by == [_TOGETHER]:
+        return ()
+    if options.by:
+        return tuple(members.axis(name) for name in options.by)
+    points = 1
+    for axis in members.chosen:
+        points *= len(levels(members.axes[axis]))
+    return members.chosen if points <= _MOST_POINTS else ()
+
+
+def all_ensembles(sources: Sequence[Path]) -> bool:
+    """Whether the sources are ensembles.
+
+    Raises
+    ------
+    ConfigError
+        Where only some of them are.
+    """
+    kinds = [is_sweep(path) for path in sources]
+    if any(kinds) and not all(kinds):
+        other = sources[kinds.index(False)]
+        raise ConfigError("a single run is not compared with ensembles", file=str(other))
+    return all(kinds)

@@ -1,0 +1,191 @@
+"""Trajectories of many members: how they are spread at every time, or all of them coloured by what differs."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hgorun.ensemble.collected import Collected, Floats, Trajectories, levels, shown
+from hgorun.ensemble.statistics import QUANTILES, quantiles
+from hgorun.errors import ConfigError
+from hgorun.figures.data import MAX_POINTS, Curve, magnitude_limits, state_limits, thinned
+from hgorun.figures.ensemble import Cast, axis_label, drawable
+from hgorun.figures.layout import TOP, finished, grid
+from hgorun.figures.looks import Look
+from hgorun.figures.style import TRUTH, styled
+from hgorun.tables.typeset import symbol, unit
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_WIDTH, _ROW = 7.2, 1.8
+_WIDE, _NARROW = 0.13, 0.22
+_POINTS = 1_000  # of a band, along time
+_TICKS = 8  # of a scale of colours
+
+
+def bands(members: Collected) -> Figure:
+    """Every state on the left, the size of the errors on the right: medians, 50 % and 90 % of the members at each time.
+
+    Raises
+    ------
+    ConfigError
+        When no trajectories were kept.
+    """
+    cast, kept = Cast(members), _kept(members)
+    step = max(len(kept.time) // _POINTS, 1)
+    time = kept.time[::step]
+    one_truth = bool(np.all(kept.x == kept.x[:1]))
+    with styled():
+        figure, axes = grid(2 * len(cast.states), 2, _WIDTH, _ROW * len(cast.states) + TOP, share=True)
+        for j, (state, left, right) in enumerate(zip(cast.states, axes[::2], axes[1::2], strict=True)):
+            truth = kept.x[:, ::step, j]
+            estimates, sizes = [], []
+            right.set_yscale("log")
+            for i, look in enumerate(cast.looks.values()):
+                xhat = kept.xhat[:, i, ::step, j]
+                estimates.append(_band(left, time, xhat, look))
+                sizes.append(_band(right, time, np.abs(xhat - truth), look))
+            left.plot(*thinned(Curve(time, truth[0] if one_truth else np.median(truth, axis=0))), **_truth(one_truth))
+            healthy = [found[np.isfinite(found)] for found in estimates]
+            left.set_ylim(state_limits([truth[np.isfinite(truth)]], healthy, []) or (0, 1))
+            right.set_ylim(magnitude_limits([found[np.isfinite(found)] for found in sizes], []) or (0.1, 1))
+            measured_in = unit(members.units.get(state, ""))
+            left.set_ylabel(rf"${symbol(state)},\ {symbol(state, hat=True)}$" + measured_in)
+            right.set_ylabel(rf"$|{symbol(state, hat=True)} - {symbol(state)}|$" + measured_in)
+            for ax in (left, right):
+                _time_axis(ax, members, kept)
+        title = f"medians, 50 % and 90 % of {len(kept.member)} members at each time"
+        return finished(figure, axes, 2, title, grow=True)
+
+
+def _kept(members: Collected) -> Trajectories:
+    kept = members.trajectories
+    if kept is None or not kept.member.size:
+        raise ConfigError(
+            f"{members.name}: no trajectories were kept of these members; see keep: {{trajectories: ...}}"
+        )
+    return kept
+
+
+def _truth(one: bool) -> dict[str, Any]:
+    return TRUTH if one else {**TRUTH, "label": "true (median)"}
+
+
+def _time_axis(ax: Axes, members: Collected, kept: Trajectories) -> None:
+    ax.set_xlim(float(kept.time[0]), float(kept.time[-1]))
+    ax.set_xlabel("time" + unit(members.units.get("time", "")))
+
+
+def _band(ax: Axes, time: Floats, values: Floats, look: Look) -> Floats:
+    """Draw quantiles over the members, (K, Nt); those drawn, with NaN where most members are lost."""
+    sound = np.isfinite(values)
+    q05, q25, median, q75, q95 = (drawable(q) for q in quantiles(values, sound, QUANTILES.values()))
+    for low, high, alpha in ((q05, q95, _WIDE), (q25, q75, _NARROW)):
+        ax.fill_between(time, low, high, color=look.colour, alpha=alpha, linewidth=0)
+    ax.plot(time, median, color=look.colour, linestyle=look.dashes, label=look.text, zorder=3)
+    return np.concatenate([q05, median, q95])
+
+
+def family(members: Collected, axis: str, *, observers: tuple[str, ...] = (), error: bool = False) -> Figure:
+    """The estimates of every member that was kept, in one panel for each state and observer, coloured by an axis.
+
+    Parameters
+    ----------
+    members : Collected
+    axis : str
+        What tells the members apart.
+    observers : tuple of str
+        Which; by default those whose estimates differ from member to member.
+    error : bool
+        Draw the estimate minus the truth.
+
+    Raises
+    ------
+    ConfigError
+        When no trajectories were kept.
+    """
+    cast, kept = Cast(members), _kept(members)
+    shown_ones = observers or _different(members, kept)
+    values = members.axes[axis][kept.member]
+    with styled():
+        columns = len(shown_ones)
+        width = max(_WIDTH, 3.0 * columns)
+        figure, axes = grid(len(cast.states) * columns, columns, width, 2.0 * len(cast.states) + TOP, share=True)
+        colours = _colours(values)
+        for k, ax in enumerate(axes):
+            state, label = cast.states[k // columns], shown_ones[k % columns]
+            i, j = members.observers.index(label), members.states.index(state)
+            drawn = _family(ax, kept, i, j, values, colours, error=error)
+            truth = kept.x[:, :, j]
+            if not error:
+                for one in truth[:1] if np.all(truth == truth[:1]) else truth:
+                    ax.plot(*thinned(Curve(kept.time, one)), **TRUTH)
+            ax.set_ylim(state_limits([] if error else [truth[np.isfinite(truth)]], drawn, []) or (0, 1))
+            name, hat = symbol(state), symbol(state, hat=True)
+            ax.set_ylabel((f"${hat} - {name}$" if error else rf"${name},\ {hat}$") + unit(members.units.get(state, "")))
+            if k < columns and len(members.observers) > 1:
+                ax.set_title(cast.looks[label].text, loc="center")
+            _time_axis(ax, members, kept)
+        _level(axes, columns)
+        _scale(figure, axes, axis_label(axis, members.units.get("time", "")), colours)
+        return finished(figure, axes, columns, None, grow=True)
+
+
+def _level(axes: list[Axes], columns: int) -> None:
+    """One range for the panels of a row."""
+    for start in range(0, len(axes), columns):
+        row = axes[start : start + columns]
+        ends = [ax.get_ylim() for ax in row]
+        for ax in row:
+            ax.set_ylim(min(low for low, _ in ends), max(high for _, high in ends))
+
+
+def _different(members: Collected, kept: Trajectories) -> tuple[str, ...]:
+    """Observers whose estimates differ from member to member; all where none does."""
+    found = [
+        label
+        for i, label in enumerate(members.observers)
+        if not np.array_equal(kept.xhat[:, i], np.broadcast_to(kept.xhat[:1, i], kept.xhat[:, i].shape), equal_nan=True)
+    ]
+    return tuple(found or members.observers)
+
+
+def _family(
+    ax: Axes, kept: Trajectories, i: int, j: int, values: Any, colours: dict[Any, Any], *, error: bool
+) -> list[Floats]:
+    drawn = []
+    for k, value in enumerate(values.tolist()):
+        xhat = kept.xhat[k, i, :, j]
+        curve = drawable(xhat - kept.x[k, :, j] if error else xhat)
+        known = np.isfinite(curve)
+        line = thinned(Curve(kept.time[known], curve[known]), MAX_POINTS // 2)
+        ax.plot(*line, color=colours[value], linewidth=0.8, label="_", zorder=3)
+        drawn.append(curve[known])
+    return drawn
+
+
+def _colours(values: Any) -> dict[Any, Any]:
+    """A colour for each value, from dark to light."""
+    import matplotlib
+
+    known = levels(values)
+    return {v: matplotlib.colormaps["viridis"](0.92 * i / max(len(known) - 1, 1)) for i, v in enumerate(known)}
+
+
+def _scale(figure: Figure, axes: list[Axes], label: str, colours: dict[Any, Any]) -> None:
+    """What the colours mean."""
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import BoundaryNorm, ListedColormap
+
+    known = list(colours)
+    norm = BoundaryNorm(np.arange(len(known) + 1) - 0.5, len(known))
+    scale = ScalarMappable(norm, ListedColormap(list(colours.values())))
+    every = -(-len(known) // _TICKS)
+    bar = figure.colorbar(scale, ax=axes, pad=0.02, aspect=30, ticks=range(0, len(known), every))
+    bar.ax.set_yticklabels([shown(v) for v in known[::every]])
+    bar.ax.tick_params(which="both", length=0)
+    bar.ax.minorticks_off()
+    bar.set_label(label)

@@ -1,0 +1,143 @@
+"""What figures of ensembles have in common: whose lines they are, what axes are called, in which order they go."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hgorun.ensemble.collected import Collected, Floats, levels
+from hgorun.figures.actors import Actor, texts
+from hgorun.figures.looks import Look, looks
+from hgorun.figures.scaling import quantities
+from hgorun.figures.style import LARGEST_NUMBER
+from hgorun.result.metrics.base import all_metrics
+from hgorun.tables.typeset import symbol, unit, words
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+WIDTH, PANEL_WIDTH = 7.2, 2.4  # inches: of a figure, and of a panel at least
+MOST_STATES = 6  # side by side
+_BINS = 16  # of an axis with more values than can be told apart
+_TIMES = ("period", "delay", "jitter", "start", "end", "step", "output_step")
+_LOGARITHMIC = 5.0  # an axis whose values span more is logarithmic
+
+
+@dataclass(frozen=True, eq=False)
+class Cast:
+    """The observers of an ensemble as figures show them.
+
+    Attributes
+    ----------
+    members : Collected
+    """
+
+    members: Collected
+    _unknown: tuple[str, None] = field(default=("", None), repr=False)
+
+    @cached_property
+    def looks(self) -> dict[str, Look]:
+        """The look of each observer, by its label."""
+        members = self.members
+        actors = [
+            Actor(i, members.name, label, *members.families.get(label, self._unknown))
+            for i, label in enumerate(members.observers)
+        ]
+        found = looks([actors], texts(actors, {}))
+        return {actor.label: found[actor.order] for actor in actors}
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Those that a figure has room for."""
+        return self.members.states[:MOST_STATES]
+
+    def column(self, metric: str, label: str, state: str) -> tuple[Floats, NDArray[np.bool_]]:
+        """A metric of an observer for every member, and whether it can be used."""
+        i, j = self.members.observers.index(label), self.members.states.index(state)
+        return self.members.metrics[metric][:, i, j], self.members.sound[:, i]
+
+    def quantity(self, metric: str, state: str, *, short: bool = False) -> str:
+        """What a metric of a state's error is called on an axis, with its unit."""
+        error = f"{symbol(state, hat=True)} - {symbol(state)}"
+        known = all_metrics().get(metric)
+        named = quantities().get(metric, f"{metric} of ${{}}$")
+        text = f"{metric} of ${symbol(state)}$" if short else named.format(error)
+        units = self.members.units
+        return text + unit(
+            {"state": units.get(state, ""), "time": units.get("time", "")}.get(known.unit if known else "", "")
+        )
+
+    @property
+    def width(self) -> float:
+        """Of a figure with a column for every state."""
+        return max(WIDTH, PANEL_WIDTH * len(self.states))
+
+
+def axis_label(axis: str, time: str = "") -> str:
+    r"""An axis of an ensemble as mathematics: the last part of its path, and whose it is.
+
+    Parameters
+    ----------
+    axis : str
+    time : str
+        The unit of time, for what is a time.
+
+    Examples
+    --------
+    >>> axis_label("observers.FHGO.theta"), axis_label("measurement.sampling.period", "h")
+    ('$\\theta$ of FHGO', 'period [h]')
+    """
+    parts = axis.split(".")
+    name = parts[-1]
+    if name in _TIMES:
+        return name + unit(time)
+    if name == axis and len(name) > 2:
+        return words(name)
+    shown = f"${symbol(name)}$" if name.isascii() and name.replace("_", "").isalnum() else words(name)
+    if parts[0] == "observers" and len(parts) > 2 and parts[1] != "*":
+        return f"{shown} of {words(parts[1])}"
+    return shown
+
+
+def places(values: NDArray[Any]) -> tuple[Floats, NDArray[np.int64]]:
+    """Where the members stand on an axis, and which of those places is whose.
+
+    Numbers stand at their values, or, where there are too many, in bins with equally many members at their median;
+    texts stand side by side.
+    """
+    known = levels(values)
+    if values.dtype.kind not in "iuf":
+        return np.arange(len(known), dtype=float), np.array([known.index(v) for v in values.tolist()], dtype=np.int64)
+    if len(known) <= 4 * _BINS:
+        return np.array(known, dtype=float), np.searchsorted(np.array(known), values)
+    edges = np.quantile(values, np.linspace(0, 1, _BINS + 1)[1:-1])
+    whose = np.searchsorted(edges, values, side="right")
+    return np.array([float(np.median(values[whose == k])) for k in range(_BINS)]), whose
+
+
+def scale_axis(ax: Axes, which: str, values: Sequence[float] | Floats) -> None:
+    """A logarithmic axis where numbers are positive and span much."""
+    found = np.asarray(values, dtype=float)
+    found = found[np.isfinite(found) & (np.abs(found) <= LARGEST_NUMBER)]
+    if found.size and found.min() > 0 and found.max() > _LOGARITHMIC * found.min():
+        (ax.set_xscale if which == "x" else ax.set_yscale)("log")
+
+
+def limits(low: float, high: float, *, logarithmic: bool, margin: float = 0.06) -> tuple[float, float]:
+    """A range with some room at both ends."""
+    if logarithmic:
+        ratio = (high / low) ** margin if high > low else 1.5
+        return low / ratio, high * ratio
+    room = margin * (high - low) or 0.1 * abs(high) or 0.1
+    return low - room, high + room
+
+
+def drawable(values: Floats) -> Floats:
+    """What axes can show; NaN for the rest."""
+    return np.where(np.abs(values) <= LARGEST_NUMBER, values, math.nan)

@@ -1,0 +1,136 @@
+"""Heat maps: a metric of an ensemble over two of its axes."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hgorun.ensemble.collected import Collected, Floats, levels
+from hgorun.ensemble.statistics import quantiles
+from hgorun.figures.ensemble import Cast, axis_label, drawable, places
+from hgorun.figures.layout import TOP, finished, grid
+from hgorun.figures.style import styled
+from hgorun.tables.typeset import words
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.colors import Normalize
+    from matplotlib.figure import Figure
+
+_PANEL, _LEAST, _ROW, _BAR = 2.4, 4.2, 1.9, 0.9  # inches
+_MOST_LABELS = 7  # of an axis
+_WRITTEN = 40  # cells that have room for a number
+_LOGARITHMIC = 5.0
+
+
+def heat_map(members: Collected, axes: tuple[str, str], metric: str) -> Figure:
+    """The median of a metric in each cell of two axes, over all that the members differ in besides.
+
+    Parameters
+    ----------
+    members : Collected
+    axes : (str, str)
+        The horizontal and the vertical one.
+    metric : str
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        A row of panels for each state, a column for each observer; a row has one scale of colours. Cells in which
+        more than half of the members are lost are hatched.
+    """
+    cast = Cast(members)
+    labels = list(cast.looks)
+    time = members.units.get("time", "")
+    cells = [_cells(members.axes[axis]) for axis in axes]
+    with styled():
+        width = max(_PANEL * len(labels) + _BAR, _LEAST)
+        figure, panels = grid(
+            len(labels) * len(cast.states), len(labels), width, _ROW * len(cast.states) + TOP, share=False
+        )
+        for j, state in enumerate(cast.states):
+            row = panels[j * len(labels) : (j + 1) * len(labels)]
+            medians = [_medians(*cast.column(metric, label, state), cells[0][1], cells[1][1]) for label in labels]
+            norm = _norm(medians)
+            for i, (ax, label, found) in enumerate(zip(row, labels, medians, strict=True)):
+                mesh = _draw(ax, found, norm)
+                _axis(ax, "x", cells[0][0], axis_label(axes[0], time) if j == len(cast.states) - 1 else "")
+                _axis(ax, "y", cells[1][0], axis_label(axes[1], time) if i == 0 else "")
+                if j == 0:
+                    ax.set_title(words(label), loc="center")
+            bar = figure.colorbar(mesh, ax=row, pad=0.02, aspect=14)
+            bar.set_label(cast.quantity(metric, state))
+        return finished(figure, panels, len(labels), _title(members, axes), grow=False)
+
+
+def _title(members: Collected, axes: tuple[str, str]) -> str:
+    each = len(members) // max(math.prod(len(levels(members.axes[axis])) for axis in axes), 1)
+    return f"median of {each} members in each cell" if each > 1 else "each cell is a member"
+
+
+def _cells(values: NDArray[Any]) -> tuple[list[str], NDArray[np.int64]]:
+    """What the places along an axis are called, and whose they are."""
+    at, whose = places(values)
+    if values.dtype.kind in "iuf":
+        return [f"{v:.3g}" for v in at], whose
+    return [words(str(v), limit=12) for v in levels(values)], whose
+
+
+def _medians(values: Floats, sound: NDArray[np.bool_], x: NDArray[np.int64], y: NDArray[np.int64]) -> Floats:
+    """The median in each cell, shape (rows, columns): infinite where most are lost, NaN where there is no member."""
+    found = np.full((int(y.max()) + 1, int(x.max()) + 1), np.nan)
+    for row, column in np.ndindex(*found.shape):
+        here = (y == row) & (x == column)
+        found[row, column] = float(quantiles(values[here], sound[here], [0.5])[0])
+    return found
+
+
+def _norm(medians: list[Floats]) -> Normalize:
+    from matplotlib.colors import LogNorm, Normalize
+
+    known = drawable(np.concatenate([found.ravel() for found in medians]))
+    known = known[np.isfinite(known)]
+    low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
+    return LogNorm(low, high) if low > 0 and high > _LOGARITHMIC * low else Normalize(low, high)
+
+
+def _draw(ax: Axes, found: Floats, norm: Normalize) -> Any:
+    ax.grid(False)
+    lost = np.isposinf(found)
+    for row, column in zip(*np.nonzero(lost), strict=True):
+        ax.add_patch(_hatched(column, row))
+    mesh = ax.pcolormesh(
+        np.where(np.isfinite(drawable(found)), found, np.nan), norm=norm, cmap="viridis", rasterized=True
+    )
+    if found.size <= _WRITTEN:
+        for (row, column), value in np.ndenumerate(found):
+            if math.isfinite(value):
+                dark = float(norm(value)) < 0.6
+                ax.text(column + 0.5, row + 0.5, _short(value), ha="center", va="center", fontsize=6.5,
+                        color="white" if dark else "black")  # fmt: skip
+    return mesh
+
+
+def _short(value: float) -> str:
+    """A number that fits into a cell; nothing where none does."""
+    if 100 <= abs(value) < 1e4:
+        return f"{value:.0f}"
+    text = f"{value:.2g}"
+    return text if "e" not in text else ""
+
+
+def _hatched(column: int, row: int) -> Any:
+    from matplotlib.patches import Rectangle
+
+    return Rectangle((column, row), 1, 1, facecolor="0.93", edgecolor="0.6", hatch="////", linewidth=0)
+
+
+def _axis(ax: Axes, which: str, names: list[str], label: str) -> None:
+    every = -(-len(names) // _MOST_LABELS)
+    at = [i + 0.5 for i in range(0, len(names), every)]
+    (ax.set_xticks if which == "x" else ax.set_yticks)(at, names[::every] if label else [])
+    ax.tick_params(axis=which, which="both", length=0)  # type: ignore[arg-type]  # x or y
+    (ax.set_xlabel if which == "x" else ax.set_ylabel)(label)

@@ -1,0 +1,166 @@
+"""How metrics are spread over the members of an ensemble: against an axis, or as boxes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hgorun.ensemble.collected import Collected, Floats, levels
+from hgorun.ensemble.statistics import QUANTILES, quantiles
+from hgorun.figures.ensemble import Cast, axis_label, drawable, limits, places, scale_axis
+from hgorun.figures.layout import TOP, finished, grid
+from hgorun.figures.looks import Look
+from hgorun.figures.style import PANEL, styled
+from hgorun.tables.typeset import words
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_WIDE, _NARROW = 0.13, 0.22  # how dark bands are: from q05 to q95, from q25 to q75
+
+
+def against(members: Collected, axis: str, metrics: Sequence[str]) -> Figure:
+    """Metrics against an axis: medians, with bands from q05 to q95 and from q25 to q75 over all other axes.
+
+    Parameters
+    ----------
+    members : Collected
+    axis : str
+    metrics : sequence of str
+        A row of panels for each.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        A column of panels for each state.
+    """
+    cast = Cast(members)
+    at, whose = places(members.axes[axis])
+    with styled():
+        columns = len(cast.states)
+        figure, axes = grid(len(metrics) * columns, columns, cast.width, PANEL * len(metrics) + TOP, share=True)
+        for k, ax in enumerate(axes):
+            metric, state = metrics[k // columns], cast.states[k % columns]
+            drawn = []
+            for label, look in cast.looks.items():
+                values, sound = cast.column(metric, label, state)
+                drawn.append(_band(ax, at, _at_places(values, sound, whose, len(at)), look))
+            _scale(ax, drawn)
+            ax.set_ylabel(cast.quantity(metric, state))
+            ax.set_xlabel(axis_label(axis, members.units.get("time", "")))
+            _ticks(ax, members, axis, at)
+        title = f"medians, 50 % and 90 % of {_count(members, axis)}"
+        return finished(figure, axes, columns, title, grow=True)
+
+
+def _count(members: Collected, axis: str) -> str:
+    each = len(members) // max(len(levels(members.axes[axis])), 1)
+    return f"{each} members at each value" if each > 1 else "members"
+
+
+def _at_places(values: Floats, sound: NDArray[np.bool_], whose: NDArray[np.int64], size: int) -> Floats:
+    """Quantiles at every place, shape (5, size)."""
+    found = [quantiles(values[whose == k], sound[whose == k], QUANTILES.values()) for k in range(size)]
+    return drawable(np.array(found, dtype=float).T)
+
+
+def _band(ax: Axes, at: Floats, found: Floats, look: Look) -> Floats:
+    q05, q25, median, q75, q95 = found
+    ceiling = np.nanmax(found, initial=0.0, where=np.isfinite(found))
+    for low, high, alpha in ((q05, q95, _WIDE), (q25, q75, _NARROW)):
+        top = np.where(np.isfinite(low) & ~np.isfinite(high), 1e3 * ceiling, high)  # lost members: it leaves the panel
+        ax.fill_between(at, low, top, color=look.colour, alpha=alpha, linewidth=0)
+    marker = {"marker": look.marker, "markersize": 3.2} if len(at) <= 24 else {}
+    ax.plot(at, median, color=look.colour, linestyle=look.dashes, label=look.text, zorder=3, **marker)  # type: ignore[arg-type]  # matplotlib wants each one's type
+    return found
+
+
+def _scale(ax: Axes, drawn: Sequence[Floats]) -> None:
+    values = np.concatenate([found[np.isfinite(found)] for found in drawn] or [np.empty(0)])
+    if values.size:
+        scale_axis(ax, "y", values)
+        low, high = float(values.min()), float(values.max())
+        ax.set_ylim(limits(low, high, logarithmic=ax.get_yscale() == "log"))
+
+
+def _ticks(ax: Axes, members: Collected, axis: str, at: Floats) -> None:
+    """Of numbers the axis's own, of texts their words."""
+    values = members.axes[axis]
+    if values.dtype.kind in "iuf":
+        scale_axis(ax, "x", at)
+        ax.set_xlim(limits(float(at.min()), float(at.max()), logarithmic=ax.get_xscale() == "log", margin=0.04))
+    else:
+        ax.set_xticks(at, [words(str(v), limit=16) for v in levels(values)])
+        ax.set_xlim(-0.5, len(at) - 0.5)
+
+
+def boxes(members: Collected, metrics: Sequence[str]) -> Figure:
+    """Metrics of all members as boxes: median, quartiles, q05 and q95, with the members lost above them.
+
+    Parameters
+    ----------
+    members : Collected
+    metrics : sequence of str
+        A row of panels for each; a column for each state.
+    """
+    cast = Cast(members)
+    with styled():
+        columns = len(cast.states)
+        height = PANEL * len(metrics) + TOP
+        figure, axes = grid(len(metrics) * columns, columns, cast.width, height, share=False)
+        for k, ax in enumerate(axes):
+            metric, state = metrics[k // columns], cast.states[k % columns]
+            drawn = [
+                _box(ax, i, *cast.column(metric, label, state), look)
+                for i, (label, look) in enumerate(cast.looks.items())
+            ]
+            _scale(ax, drawn)
+            ax.set_ylabel(cast.quantity(metric, state))
+            _names(ax, cast, metric, state, tall=figure.get_figwidth() / columns)
+        title = f"{len(members)} members: median, 50 % and 90 %"
+        return finished(figure, axes, columns, title, grow=True)
+
+
+def _box(ax: Axes, place: int, values: Floats, sound: NDArray[np.bool_], look: Look) -> Floats:
+    found = drawable(np.array([float(q) for q in quantiles(values, sound, QUANTILES.values())]))
+    known = found[np.isfinite(found)]
+    if not known.size:
+        return found
+    beyond = 1e3 * abs(known.max())  # what is infinite leaves the panel
+    q05, q25, median, q75, q95 = np.where(np.isfinite(found), found, beyond)
+    shape = {"med": median, "q1": q25, "q3": q75, "whislo": q05, "whishi": q95, "fliers": []}
+    line = {"color": look.colour, "linewidth": 1.0}
+    ax.bxp(
+        [shape],
+        positions=[place],
+        widths=0.55,
+        patch_artist=True,
+        boxprops={"facecolor": f"{look.colour}33", "edgecolor": look.colour, "linewidth": 1.0},
+        medianprops={**line, "linewidth": 1.6},
+        whiskerprops=line,
+        capprops=line,
+        manage_ticks=False,
+    )
+    return found
+
+
+def _names(ax: Axes, cast: Cast, metric: str, state: str, *, tall: float) -> None:
+    """Observers below their boxes, and above them how many members they have lost."""
+    labels = [words(label, limit=18) for label in cast.looks]
+    ax.set_xticks(range(len(labels)), labels)
+    crowded = sum(map(len, labels)) * 0.075 > tall - 0.8
+    ax.tick_params(axis="x", which="both", length=0, rotation=35 if crowded else 0)
+    if crowded:
+        for text in ax.get_xticklabels():
+            text.set_horizontalalignment("right")
+            text.set_rotation_mode("anchor")
+    ax.set_xlim(-0.6, len(labels) - 0.4)
+    ax.grid(False, axis="x")
+    for i, label in enumerate(cast.looks):
+        lost = int(np.sum(~cast.column(metric, label, state)[1]))
+        if lost:
+            ax.text(i, 1.01, f"{lost} lost", transform=ax.get_xaxis_transform(), ha="center", va="bottom", fontsize=7)

@@ -1,0 +1,92 @@
+"""``hgorun compare`` of ensembles, as typed."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from collected_files import write
+from shell import Shell
+
+THETA = "observers.F.theta"
+VALUES = 1 + np.random.default_rng(2).random((3, 10, 2, 2))
+
+
+@pytest.fixture
+def shell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Shell:
+    axes = {THETA: [2.0, 4.0, 8.0], "seed": range(10)}
+    status = np.zeros((3, 10, 2))
+    status[2, 0, 1] = 2
+    write(tmp_path / "a.sweep.h5", axes, {"rmse": VALUES}, observers=["F", "S"], states=["x1", "x2"], status=status)
+    return Shell(tmp_path, monkeypatch, capsys)
+
+
+def test_statistics_of_an_ensemble(shell: Shell) -> None:
+    code, out, err = shell("compare", "a.sweep.h5", "--json", "--no-plots")
+    assert (code, err) == (0, "")
+    found = json.loads(out)
+    assert (found["name"], found["members"]) == ("a", 30)
+    assert found["observers"]["S"]["failed"] == 1
+    assert found["observers"]["F"]["rmse"]["x2"]["mean"] == pytest.approx(VALUES[:, :, 0, 1].mean(), rel=1e-13)
+    assert [p["at"] for p in found["points"]] == [{THETA: 2.0}, {THETA: 4.0}, {THETA: 8.0}]
+
+
+def test_figures_and_tables_are_written(shell: Shell) -> None:
+    code, out, _ = shell("compare", "a.sweep.h5", "-o", "figures")
+    assert code == 0
+    assert "theta = 4" in out
+    assert (shell.folder / "figures" / "a-against-theta.png").is_file()
+    assert out.splitlines()[-1].startswith("written: figures/a-against-theta.png")
+    assert shell("compare", "a.sweep.h5", "-o", "one.png", "-q")[0] == 0
+    assert (shell.folder / "one.png").is_file()
+
+
+def test_a_point_of_an_axis(shell: Shell) -> None:
+    code, out, _ = shell("compare", "a.sweep.h5", "--at", "theta=4", "--format", "csv", "--no-plots")
+    assert code == 0
+    first = out.splitlines()[1].split(",")
+    assert float(first[4]) == pytest.approx(VALUES[1, :, 0, 0].mean(), rel=1e-13)
+
+
+def test_all_members_together(shell: Shell) -> None:
+    _, out, _ = shell("compare", "a.sweep.h5", "--by", "none", "--no-plots")
+    assert "F - S" in out
+    assert "theta = 4" not in out
+    assert "S: 1 diverged" in out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--at", "theta=5"], "no member has the value 5; there are 2, 4, 8"),
+        (["--at", "theta"], "expected AXIS=VALUE"),
+        (["--by", "thta"], "Did you mean"),
+        (["--metric", "rsme"], "Did you mean"),
+        (["--seed", "3"], "is for configurations"),
+        (["--set", "seed=3"], "is for configurations"),
+        (["--format", "xml"], "expected one of text, csv, latex"),
+        (["-o", "a.yaml"], "--output: expected a file"),
+    ],
+)
+def test_what_does_not_fit_is_refused(shell: Shell, arguments: list[str], message: str) -> None:
+    code, _, err = shell("compare", "a.sweep.h5", *arguments)
+    assert code == 2
+    assert message in err
+
+
+def test_single_runs_are_not_compared_with_ensembles(shell: Shell) -> None:
+    with h5py.File(shell.folder / "r.h5", "w") as file:
+        file.attrs["format"] = "hgorun-result-1"
+    code, _, err = shell("compare", "a.sweep.h5", "r.h5")
+    assert code == 2
+    assert "r.h5: a single run is not compared with ensembles" in err
+    code, _, err = shell("compare", "r.h5", "--by", "seed")
+    assert "for ensembles" in err
+
+
+def test_strict(shell: Shell) -> None:
+    assert shell("compare", "a.sweep.h5", "--strict", "-q", "--no-plots")[0] == 3
+    assert shell("compare", "a.sweep.h5", "--strict", "-q", "--no-plots", "--at", "theta=2")[0] == 0

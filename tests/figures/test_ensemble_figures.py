@@ -1,0 +1,174 @@
+"""Figures of ensembles: what is drawn are the numbers, computed naively from the members."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.collections import QuadMesh
+from matplotlib.figure import Figure
+
+from hgorun.ensemble.collected import Collected, Trajectories
+from hgorun.errors import ConfigError
+from hgorun.figures.bands import bands, family
+from hgorun.figures.ensemble import axis_label, places
+from hgorun.figures.ensembles import figures_of
+from hgorun.figures.files import save
+from hgorun.figures.fronts import front
+from hgorun.figures.looks import family_colour
+from hgorun.figures.maps import heat_map
+from hgorun.figures.spread import against, boxes
+
+THETA, PERIOD = "observers.F.theta", "measurement.sampling.period"
+THETAS, PERIODS, SEEDS = np.array([2.0, 4.0, 8.0, 16.0]), np.array([0.1, 0.2, 0.3]), np.arange(9)
+
+
+def made(*, lost: bool = True) -> Collected:
+    """Gains, periods and seeds; at the largest gain most members of S are lost."""
+    random = np.random.default_rng(5)
+    theta, period, seed = (grid.ravel() for grid in np.meshgrid(THETAS, PERIODS, SEEDS, indexing="ij"))
+    size = theta.size
+    noise = random.lognormal(sigma=0.2, size=(size, 2, 2))
+    growing = noise * theta[:, None, None] * (1 + period[:, None, None])
+    status = np.zeros((size, 2), dtype=np.int8)
+    if lost:
+        status[(theta == THETAS[-1]) & (seed > 2), 1] = 2
+    metrics = {"hf": growing, "settling": 20 * noise / theta[:, None, None], "rmse": growing + 3}
+    for values in metrics.values():
+        values[status > 1] = np.inf
+    time, followed = np.linspace(0, 5, 51), np.arange(0, size, 12)
+    x = np.repeat(np.stack([np.sin(time), np.cos(time)], axis=-1)[None], followed.size, axis=0)
+    decay = np.exp(-np.minimum(theta[followed], 5)[:, None, None, None] * time[:, None])
+    xhat = x[:, None] + decay * random.normal(size=(followed.size, 2, 1, 2))
+    return Collected(
+        name="made",
+        axes={THETA: theta, PERIOD: period, "seed": seed},
+        observers=("F", "S"),
+        states=("x1", "x2"),
+        metrics=metrics,
+        status=status,
+        error=np.full(size, "", dtype=object),
+        units={"time": "h", "x1": "g/L", "x2": "1"},
+        families={"F": ("fhgo2", 2), "S": ("shgo", None)},
+        planned=size,
+        trajectories=Trajectories(member=followed, time=time, x=x, xhat=xhat),
+    )
+
+
+def lines(figure: Figure, panel: int, text: str) -> tuple[np.ndarray, np.ndarray]:
+    """Points of a line with a text in the legend."""
+    line = next(line for line in figure.axes[panel].lines if line.get_label() == text)
+    return np.asarray(line.get_xdata()), np.asarray(line.get_ydata())
+
+
+def test_medians_against_an_axis() -> None:
+    members = made()
+    figure = against(members, THETA, ["hf", "settling"])
+    x, y = lines(figure, 2, "F")  # second row, first column
+    np.testing.assert_array_equal(x, THETAS)
+    naive = [np.median(members.metrics["settling"][members.axes[THETA] == t, 0, 0]) for t in THETAS]
+    np.testing.assert_allclose(y, naive, rtol=1e-12)
+    assert figure.axes[2].get_ylabel() == "settling time of $\\hat{x}_{1} - x_{1}$ [h]"
+    assert figure.axes[2].get_xlabel() == "$\\theta$ of F"
+    assert figure.axes[0].get_xscale() == "log"
+
+
+def test_where_most_members_are_lost_the_median_ends() -> None:
+    _, y = lines(against(made(), THETA, ["rmse"]), 0, "S")
+    assert np.isfinite(y).tolist() == [True, True, True, False]
+
+
+def test_observers_have_their_colours_of_everywhere() -> None:
+    figure = against(made(), THETA, ["rmse"])
+    colours = {line.get_label(): line.get_color() for line in figure.axes[0].lines}
+    assert colours["F"] == family_colour("fhgo2", 2)
+    assert colours["S"] == family_colour("shgo", None)
+
+
+def test_cells_of_a_map_are_medians() -> None:
+    members = made()
+    figure = heat_map(members, (THETA, PERIOD), "hf")
+    mesh = next(c for c in figure.axes[0].collections if isinstance(c, QuadMesh))
+    drawn = np.asarray(mesh.get_array()).reshape(len(PERIODS), len(THETAS))
+    here = (members.axes[THETA] == THETAS[2]) & (members.axes[PERIOD] == PERIODS[1])
+    assert drawn[1, 2] == pytest.approx(np.median(members.metrics["hf"][here, 0, 0]), rel=1e-12)
+    assert len(figure.axes[0].patches) == 0
+    assert len(figure.axes[1].patches) == len(PERIODS)  # hatched: S is lost at the largest gain
+
+
+def test_fronts_join_medians_over_seeds() -> None:
+    members = made()
+    x, y = lines(front(members, "hf", "settling"), 0, "F")
+    assert np.all(np.diff(x) > 0)
+    assert np.all(np.diff(y) < 0)
+    here = (members.axes[THETA] == THETAS[0]) & (members.axes[PERIOD] == PERIODS[0])
+    assert x[0] == pytest.approx(np.median(members.metrics["hf"][here, 0, 0]), rel=1e-12)
+
+
+def test_boxes_tell_how_many_are_lost() -> None:
+    members = made()
+    figure = boxes(members.where(members.axes[THETA] == THETAS[-1]), ["hf"])
+    assert [text.get_text() for text in figure.axes[0].texts] == ["18 lost"]
+    assert [label.get_text() for label in figure.axes[0].get_xticklabels()] == ["F", "S"]
+
+
+def test_bands_along_time() -> None:
+    members = made()
+    figure = bands(members)
+    kept = members.trajectories
+    assert kept is not None
+    _, median = lines(figure, 0, "F")
+    np.testing.assert_allclose(median, np.median(kept.xhat[:, 0, :, 0], axis=0), rtol=1e-12)
+    _, error = lines(figure, 1, "F")
+    np.testing.assert_allclose(error, np.median(np.abs(kept.xhat - kept.x[:, None])[:, 0, :, 0], axis=0), rtol=1e-12)
+
+
+def test_a_family_has_a_line_for_every_member_that_was_kept() -> None:
+    members = made()
+    kept = members.trajectories
+    assert kept is not None
+    figure = family(members, THETA, observers=("F",))
+    own = [line for line in figure.axes[0].lines if line.get_label() != "true"]
+    assert len(own) == len(kept.member)
+    assert len({line.get_color() for line in own}) == len(THETAS)
+    assert figure.axes[-1].get_ylabel() == "$\\theta$ of F"  # the scale of colours
+
+
+def test_trajectories_that_were_not_kept_are_not_drawn() -> None:
+    with pytest.raises(ConfigError, match="no trajectories"):
+        bands(replace(made(), trajectories=None))
+
+
+def test_an_ensemble_has_the_figures_that_it_has_numbers_for(tmp_path: Path) -> None:
+    members = made()
+    names = [name for name, _ in figures_of(members)]
+    assert names == [
+        "against-theta", "against-period", "map-rmse", "map-hf", "front", "bands", "family-theta", "family-period"
+    ]  # fmt: skip
+    seeds = members.where((members.axes[THETA] == 2) & (members.axes[PERIOD] == 0.1))
+    assert [name for name, _ in figures_of(replace(seeds, trajectories=None))] == ["boxes"]
+    (name, figure), *_ = figures_of(seeds)
+    assert save(figure, tmp_path / name, ["png"])[0].stat().st_size > 10_000
+
+
+def test_text_on_an_axis_stands_side_by_side() -> None:
+    members = made()
+    kinds = np.where(members.axes[THETA] > 3, "fhgo2", "shgo").astype(object)
+    figure = against(replace(members, axes={"observers.F.type": kinds}), "observers.F.type", ["rmse"])
+    assert [label.get_text() for label in figure.axes[0].get_xticklabels()] == ["shgo", "fhgo2"]
+
+
+def test_many_values_are_put_into_bins() -> None:
+    values = np.random.default_rng(0).random(1000)
+    at, whose = places(values)
+    assert len(at) == 16
+    assert np.ptp(np.bincount(whose)) <= 1
+    assert np.all(np.diff(at) > 0)
+
+
+def test_names_of_axes() -> None:
+    assert axis_label("seed") == "seed"
+    assert axis_label("observers.*.theta") == "$\\theta$"
+    assert axis_label("plant.parameters.mu_max") == "$\\mu_{\\mathrm{max}}$"
