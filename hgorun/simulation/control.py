@@ -23,11 +23,13 @@ from hgorun.engine.program import TooManySteps
 from hgorun.errors import Problem, SimulationError
 from hgorun.result.data import PLANT, Integration
 from hgorun.result.status import OK, Verdict
+from hgorun.simulation.between_steps import Missed, may_jump, missed
 from hgorun.simulation.checks import longest_step
 from hgorun.simulation.confirmation import ended
 from hgorun.simulation.error_estimate import differences
 from hgorun.simulation.measured import Measured, measured
 from hgorun.simulation.passes import Again, Pass, fixed_steps, integrate, part_of_error
+from hgorun.simulation.preparation import with_events
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.tables import uneven_steps
 from hgorun.simulation.why_diverged import why_diverged
@@ -41,6 +43,8 @@ _UNIFORM = 1 << 17  # fixed steps, before those of a controlled run are tried
 _TRIES, _MORE = 20_000, 8  # controlled steps that a method may try at first, and how many times more next time
 _TOLERANCE = 1e-3  # of the accuracy, to begin with
 _TIGHTEST = 1e-13
+_AGAIN, _ADVANCE = 4, 1e-6  # times that a search is repeated whatever comes; of the run, a later feature then
+_MOST_EVENTS = 5_000
 _FINEST = 200  # doubles: no step is shorter
 _PART, _OTHER_PART = 1 / 100, 1 / 137  # of the run: the longest controlled steps of two passes
 
@@ -124,6 +128,8 @@ class _Search:
     ----------
     best : _Attempt or None
         The last that could be finished.
+    tried : bool
+        Whether controlled steps have been tried.
     failure : SimulationError or None
         Why controlled steps could not.
     """
@@ -131,11 +137,20 @@ class _Search:
     run: PreparedRun
     budget: _Budget
     best: _Attempt | None = None
+    tried: bool = False
     failure: SimulationError | None = field(default=None)
 
     @property
     def accuracy(self) -> float:
         return self.run.solver.accuracy
+
+    def again(self, run: PreparedRun, *, fixed: bool = True) -> None:
+        """Search for the steps of a run with other events; ``fixed``: not only for controlled ones."""
+        self.run = self.budget.run = run
+        self.best, self.tried = None, False
+        for stage in _stages(self) if fixed else [lambda: self.controlled(("dopri5", "rodas5p"))]:
+            if stage():
+                break
 
     def enough(self) -> bool:
         """Whether what was found last is accurate, and no observer has been lost in it that must be looked at."""
@@ -151,6 +166,8 @@ class _Search:
                 return False
             how = Pass(method=method, step=step, bounded=False)
             error = self._compared(how, replace(how, uneven=UNEVEN))
+            if before is None and self._jumps(how):
+                return False
             if self.enough():
                 return self._certain()
             order = float(METHODS[method].order)
@@ -158,6 +175,11 @@ class _Search:
                 order = float(np.clip(np.log2(before[1] / error) / (k - before[0]), 0.5, order))
             before = (k, error) if error < np.inf else None
             k += _down(error / self.accuracy, order)
+
+    def _jumps(self, how: Pass) -> bool:
+        """Whether controlled steps should be tried, since equations jump where the run passes."""
+        asked = self.run.solver.method == "auto" and not self.tried and may_jump(self.run)
+        return asked and missed(self.run, how).jumps
 
     def _affordable(self, method: Method, step: float, limit: float = np.inf) -> bool:
         count, other = _counts(self.run, step)
@@ -193,6 +215,7 @@ class _Search:
 
     def controlled(self, methods: tuple[Method, ...]) -> bool:
         """With controlled steps; whether that was enough."""
+        self.tried = True
         tolerance = max(_TOLERANCE * self.accuracy, _TIGHTEST)
         first = self._cheapest(methods, tolerance)
         if first is None:
@@ -268,9 +291,8 @@ def controlled(run: PreparedRun, progress: Progress = None) -> Controlled:
         When there are not enough evaluations for a single pass.
     """
     search = _Search(run=run, budget=_Budget(run=run, progress=progress, left=run.solver.max_evaluations))
-    for stage in _stages(search):
-        if stage():
-            break
+    search.again(run)
+    unseen = _followed(search)
     found = search.best
     if found is None:
         raise search.failure or Problem(
@@ -288,7 +310,7 @@ def controlled(run: PreparedRun, progress: Progress = None) -> Controlled:
     )
     late = {label: error for label, error in found.error.items() if not error <= run.solver.accuracy}
     verdicts = {label: _doubt(error, run, search.budget.spent) for label, error in late.items()}
-    verdicts |= _lost(run, found.finished, progress)
+    verdicts |= unseen | _lost(run, found.finished, progress)
     observers = tuple(verdicts.get(b.label, v) for b, v in zip(run.observers, known.verdicts, strict=True))
     return Controlled(
         raw=found.finished.raw,
@@ -296,6 +318,46 @@ def controlled(run: PreparedRun, progress: Progress = None) -> Controlled:
         integration=integration,
         of_plant=verdicts.get(PLANT, OK),
     )
+
+
+def _followed(search: _Search) -> dict[str, Verdict]:
+    """Repeat a search where its steps may have passed over something; what is said where they still may.
+
+    The times at which a trajectory passes what is narrow in a state become events. What follows the first of them
+    changes with it, so that others are met at other times. Jumps are left to steps that errors control.
+    """
+    known, before, rounds = np.zeros(0), -np.inf, 0
+    while search.best is not None and search.enough():
+        found, kept = missed(search.run, search.best.finished.how), search.best
+        auto = search.run.solver.method == "auto"
+        if found.nothing:
+            break
+        times = np.concatenate([known, *found.narrow.values()])
+        first = min((float(np.min(when)) for when in found.narrow.values()), default=np.inf)
+        late = rounds > _AGAIN and not first > before + _ADVANCE * search.run.span
+        if found.countless or late or times.size > _MOST_EVENTS or not (auto or found.narrow):
+            return _passed(search.run, found)
+        rounds, known, before = rounds + 1, times, max(before, first)
+        search.again(with_events(search.run, known), fixed=not auto)
+        if not search.enough():
+            search.best = kept
+            return _passed(search.run, found)
+    return {}
+
+
+def _passed(run: PreparedRun, found: Missed) -> dict[str, Verdict]:
+    """What is said of the plant and of observers that pass features between steps."""
+    labels = [PLANT, *(block.label for block in run.observers)]
+    if found.countless:
+        reason = "there are too many jumps or kinks in its equations to tell whether its steps see all of them"
+        return dict.fromkeys(labels, Verdict("inaccurate", reason=reason))
+    reason = "at t = {:.6g} its steps pass over a part of the equations that is narrow in a state, which may matter"
+    first = {label: float(np.min(times)) for label, times in found.narrow.items()}
+    first |= {label: min(first[PLANT], first.get(label, np.inf)) for label in labels if PLANT in first}
+    said = {label: Verdict("inaccurate", reason=reason.format(run.origin + when)) for label, when in first.items()}
+    reason = "its equations jump at t = {:.6g} shortly before or after those of the plant, within one step"
+    lagging = {label: run.origin + float(np.min(times)) for label, times in found.lagging.items()}
+    return {label: Verdict("inaccurate", reason=reason.format(when)) for label, when in lagging.items()} | said
 
 
 def _lost(run: PreparedRun, found: _Finished, progress: Progress) -> dict[str, Verdict]:

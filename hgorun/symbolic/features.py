@@ -2,8 +2,8 @@
 
 A force that acts within 1e-4 of a position, or a peak exp(-(x/1e-4)^2), lasts as long as the state takes to pass it,
 which may be less than a step. Comparisons, signs and the like have such features where their arguments cross a value,
-exponentials and quotients where their arguments have an extreme. Along a trajectory that is a cubic between neighbouring
-times these are functions of time, whose crossings and extremes are found as those of inputs are.
+exponentials and quotients where their arguments have an extreme. Along a trajectory that is a cubic between
+neighbouring times these are functions of time, whose crossings and extremes are found as those of inputs are.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 from hgorun.symbolic.crossings import Search, Smooth
 from hgorun.symbolic.evaluate import Floats
 from hgorun.symbolic.instructions import read
-from hgorun.symbolic.intervals import Bounds
+from hgorun.symbolic.intervals import Bounds, enclose
 from hgorun.symbolic.kinks import STEPS, apply_to, levels_of
 from hgorun.symbolic.levels import Levels, distinct, zero
 
@@ -27,6 +27,10 @@ _EXPONENTIALS = {ca.OP_EXP, ca.OP_EXPM1, ca.OP_COSH, ca.OP_SINH}
 _QUOTIENTS = {ca.OP_DIV, ca.OP_INV}
 _POWERS = {ca.OP_POW, ca.OP_CONSTPOW}
 _HIGH_POWER = 16.0
+_TOGETHER = 64  # cells
+_BEYOND = 0.32  # of what four values differ by: no cubic through them goes further
+_MOST = 20_000  # passages of a feature
+_NOTHING = 40.0  # e to the power of minus that is nothing beside 1
 _CHANGE = 1.0  # of an argument, or of the logarithm of a divisor: less makes nothing narrow
 _ZERO = zero(reached=False)
 
@@ -40,11 +44,15 @@ class Curve:
     low, high : ndarray, shape (cells,)
     coefficients : ndarray, shape (cells, states, 4)
         Of 1, r, r^2 and r^3, where r goes from 0 to 1 on each cell.
+    least, most : ndarray, shape (cells, states)
+        Bounds of the states on each cell.
     """
 
     low: Floats
     high: Floats
     coefficients: Floats
+    least: Floats
+    most: Floats
 
     @classmethod
     def through(cls, low: Floats, high: Floats, values: Floats) -> Curve:
@@ -52,7 +60,20 @@ class Curve:
         whole = np.all(np.isfinite(values), axis=(1, 2)) & (high > low)
         thirds = np.array([[0.0, 0.0, 0.0], [1, 1, 1], [2, 4, 8], [3, 9, 27]]) / np.array([3, 9, 27])
         inverse = np.linalg.inv(np.column_stack([np.ones(4), thirds]))
-        return cls(low[whole], high[whole], np.einsum("kj,cjs->csk", inverse, values[whole]))
+        values = values[whole]
+        least, most = values.min(axis=1), values.max(axis=1)
+        beyond = _BEYOND * (most - least)
+        coefficients = np.einsum("kj,cjs->csk", inverse, values)
+        return cls(low[whole], high[whole], coefficients, least - beyond, most + beyond)
+
+    def where(self, chosen: np.ndarray) -> Curve:
+        """The cells that are chosen."""
+        parts = (self.low, self.high, self.coefficients, self.least, self.most)
+        return Curve(*(part[chosen] for part in parts))
+
+    def at(self, times: Floats) -> np.ndarray:
+        """The cells in which times lie."""
+        return np.clip(np.searchsorted(self.low, times, side="right") - 1, 0, None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +85,8 @@ class Feature:
     argument : Smooth
         What decides it, as a function of time on a cell: s are the cell's start, 1 over its length, and the
         coefficients of the states.
+    states_alone : casadi.Function
+        The same from (t, p, states).
     slope : Smooth or None
         Of what has a peak: the slope of the argument.
     levels : Levels or None
@@ -74,49 +97,108 @@ class Feature:
         Whether the argument counts by its logarithm.
     ramp : bool
         Whether it switches smoothly.
+    jump : bool
+        Whether it switches from one value to another, so that equations are not continuous there.
+    even : bool
+        Whether both signs of the argument make a peak.
     """
 
     argument: Smooth
+    states_alone: ca.Function
     slope: Smooth | None
     levels: Levels | None
     states: tuple[int, ...]
     ratio: bool = False
     ramp: bool = False
+    jump: bool = False
+    even: bool = False
 
-    def found(self, curve: Curve, p: Floats) -> Floats:
-        """When a curve passes it, in ascending order."""
+    def found(self, curve: Curve, p: Floats, step: int = 1) -> Floats:
+        """When a curve passes it, in ascending order; ``step``: how many cells a step may be as long as."""
+        curve = curve.where(self._near(curve, p)) if step == 1 else curve
+        if not curve.low.size:
+            return np.zeros(0)
         s = self._cells(curve)
         value, _ = self.argument.bounds(curve.low, curve.high, p, s)
-        some = np.ones(curve.low.size, dtype=bool) if self.levels is None else self.levels.inside(value)
-        if self.levels is None or self.ramp:
-            some &= self._changes(value)
-        some = np.flatnonzero(some)
+        some = np.flatnonzero(self._may(value, step))
         if not some.size:
             return np.zeros(0)
-        search = Search(self.slope or self.argument, p, s[some], self.levels or _ZERO)
-        return search.between(curve.low[some], curve.high[some]).times
+        search = Search(self.slope or self.argument, p, s[some], self.levels or _ZERO, limit=_MOST)
+        times = search.between(curve.low[some], curve.high[some]).times
+        return times if self.slope is None else times[self._counts(curve, p, times)]
+
+    def _near(self, curve: Curve, p: Floats) -> np.ndarray:
+        """The cells of those neighbourhoods in which it may be passed, by bounds of the states alone."""
+        first = np.arange(0, curve.low.size, _TOGETHER)
+        if not first.size:
+            return np.zeros(0, dtype=bool)
+        low = np.minimum.reduceat(curve.least[:, list(self.states)], first)
+        high = np.maximum.reduceat(curve.most[:, list(self.states)], first)
+        last = np.append(first[1:], curve.low.size) - 1
+
+        def bounds(which: int, entry: int) -> Bounds:
+            if which == 0:
+                return curve.low[first], curve.high[last]
+            same = np.array(p[entry]) if which == 1 else None
+            return (low[:, entry], high[:, entry]) if same is None else (same, same)
+
+        a, b = enclose(self.states_alone, bounds)[0][0]
+        may = self._may((np.broadcast_to(a, first.shape), np.broadcast_to(b, first.shape)))
+        return np.repeat(may, last - first + 1)
+
+    def _may(self, value: Bounds, step: int = 1) -> np.ndarray:
+        """Whether it may be passed where the argument has such bounds."""
+        some = np.ones(value[0].size, dtype=bool) if self.levels is None else self.levels.inside(value)
+        return some & self._changes(_over(value, step)) if self.levels is None or self.ramp else some
+
+    def _counts(self, curve: Curve, p: Floats, times: Floats) -> np.ndarray:
+        """Whether the peaks at some times are not nothing beside others, or what is there at the ends of cells."""
+        s = self._cells(curve)
+        size = self._size(self.argument.at(times, p, s[curve.at(times)]))
+        elsewhere = self._size(self.argument.at(curve.low, p, s))
+        return size >= max(np.max(size, initial=-np.inf), np.max(elsewhere, initial=-np.inf)) - _NOTHING
+
+    def _size(self, argument: Floats) -> Floats:
+        """The logarithm of what an argument brings about."""
+        if not self.ratio:
+            return np.abs(argument) if self.even else argument
+        with np.errstate(divide="ignore"):
+            return -np.log(np.abs(argument))
 
     def differs(self, curve: Curve, p: Floats, times: Floats, others: Floats) -> np.ndarray:
-        """Whether the argument at some times is far from what it is at others, each on the cell of the first."""
-        cell = np.clip(np.searchsorted(curve.low, times, side="right") - 1, 0, None)
-        s = self._cells(curve)[cell]
-        a, b = self.argument.at(times, p, s), self.argument.at(others, p, s)
+        """Whether the argument at some times is far from what it is at others, or these are on cells farther away."""
+        s, cells, there = self._cells(curve), curve.at(times), curve.at(others)
+        a, b = self.argument.at(times, p, s[cells]), self.argument.at(others, p, s[there])
         with np.errstate(all="ignore"):
             gap = np.log(np.abs(a / b)) if self.ratio else a - b
-        return ~(np.abs(gap) <= _CHANGE)
+        return np.asarray(~((np.abs(gap) <= _CHANGE) & (np.abs(cells - there) <= 1)))
 
     def _changes(self, value: Bounds) -> np.ndarray:
         """Whether an argument within such bounds may change much."""
+        low, high = value
         if not self.ratio:
-            return ~(value[1] - value[0] <= _CHANGE)
+            return np.asarray(~(high - low <= _CHANGE))
         with np.errstate(all="ignore"):
-            return ~((value[0] > 0) & (value[1] <= np.exp(_CHANGE) * value[0])) & ~(
-                (value[1] < 0) & (value[0] >= np.exp(_CHANGE) * value[1])
-            )
+            little = (low > 0) & (high <= np.exp(_CHANGE) * low) | (high < 0) & (low >= np.exp(_CHANGE) * high)
+        return np.asarray(~little)
 
     def _cells(self, curve: Curve) -> Floats:
         own = curve.coefficients[:, list(self.states)].reshape(curve.low.size, -1)
         return np.column_stack([curve.low, 1 / (curve.high - curve.low), own])
+
+
+def _over(value: Bounds, step: int) -> Bounds:
+    """Bounds over all cells that a step may share with each."""
+    if step == 1:
+        return value
+    first = np.arange(0, value[0].size, step)
+    low, high = np.minimum.reduceat(value[0], first), np.maximum.reduceat(value[1], first)
+    low, high = np.append(low, np.inf), np.append(high, -np.inf)
+    around = np.arange(value[0].size) // step
+    return (
+        np.minimum(np.minimum(low[around - 1], low[around]), low[around + 1]),
+        np.maximum(np.maximum(high[around - 1], high[around]), high[around + 1]),
+    )
 
 
 def features_of(functions: Sequence[ca.Function], states: Sequence[int]) -> tuple[Feature, ...]:
@@ -160,15 +242,15 @@ def _narrow(op: int, parts: list[ca.SX]) -> Iterator[tuple[str, ca.SX, Levels | 
     """The kind of an operation, its argument, and the levels that this crosses."""
     if op in _SWITCHES:
         for argument, levels, *_ in levels_of(op, parts):
-            yield "switch", argument, levels
+            yield "jump" if op in STEPS else "kink", argument, levels
     elif op in _RAMPS:
         yield "ramp", parts[0], _ZERO
     elif op in _EXPONENTIALS:
-        yield "peak", parts[0], None
+        yield "peak" if op in (ca.OP_EXP, ca.OP_EXPM1) else "even", parts[0], None
     elif op in _QUOTIENTS:
         yield "ratio", parts[-1], None
     elif parts[-1].is_constant() and (float(parts[-1]) < 0 or float(parts[-1]) >= _HIGH_POWER):
-        yield "ratio", parts[0] ** np.ceil(abs(float(parts[-1]))), None
+        yield "peak", 0.5 * parts[-1] * ca.log(parts[0] ** 2), None  # e to the power of that
 
 
 def _within(argument: ca.SX, z: ca.SX, states: Sequence[int]) -> tuple[int, ...]:
@@ -187,37 +269,67 @@ def _feature(
     curves = [s[j] + r * (s[j + 1] + r * (s[j + 2] + r * s[j + 3])) for j in range(2, s.numel(), 4)]
     along = ca.substitute(argument, z[list(states)], ca.vertcat(*curves))
     slope = None if levels is not None else Smooth.of(ca.jacobian(along, t), t, p, s)
-    return Feature(Smooth.of(along, t, p, s), slope, levels, states, ratio=kind == "ratio", ramp=kind == "ramp")
+    return Feature(
+        Smooth.of(along, t, p, s),
+        ca.Function("g", [t, p, z[list(states)]], [ca.densify(argument)]),
+        slope,
+        levels,
+        states,
+        ratio=kind == "ratio",
+        ramp=kind == "ramp",
+        jump=kind == "jump",
+        even=kind == "even",
+    )
 
 
-def unseen(features: Sequence[Feature], curve: Curve, p: Floats, seen: Floats, longest: float) -> Floats:
-    """When a curve passes features between the times at which the equations were evaluated.
+@dataclass(frozen=True, eq=False)
+class Passages:
+    """When a curve passes features of one block of states.
 
-    Parameters
+    Attributes
     ----------
-    features : sequence of Feature
-        Of one block of states, whose switches are looked at together.
-    seen : ndarray
-        The times of evaluation, in ascending order.
-    longest : float
-        Pieces of time between two switches that are longer are not narrow.
-
-    Returns
-    -------
-    ndarray
-        In ascending order.
+    switches : ndarray
+        Of those that have levels, in ascending order.
+    jumps : ndarray
+        Of those among them at which equations are not continuous.
+    peaks : ndarray
+        Of those between the times at which the equations were evaluated.
     """
-    switches, missed = [np.zeros(0)], [np.zeros(0)]
-    for feature in features:
-        times = feature.found(curve, p)
-        if feature.levels is not None:
-            switches.append(times)
-        elif times.size:
-            after = np.clip(np.searchsorted(seen, times), 1, seen.size - 1)
-            alone = np.all([feature.differs(curve, p, times, seen[k]) for k in (after - 1, after)], axis=0)
-            missed.append(times[alone])
-    times = distinct(np.concatenate(switches))
-    short = np.diff(times) < longest
+
+    switches: Floats
+    jumps: Floats
+    peaks: Floats
+
+    @classmethod
+    def of(cls, features: Sequence[Feature], curve: Curve, p: Floats, seen: Floats, step: int = 1) -> Passages:
+        """Those of a curve.
+
+        Parameters
+        ----------
+        seen : ndarray
+            The times of evaluation, in ascending order.
+        step : int
+            How many cells a step may be as long as.
+        """
+        switches, jumps, peaks = [np.zeros(0)], [np.zeros(0)], [np.zeros(0)]
+        for feature in features:
+            times = feature.found(curve, p, step)
+            if feature.levels is not None:
+                switches.append(times)
+                jumps += [times] if feature.jump else []
+            elif times.size:
+                after = np.clip(np.searchsorted(seen, times), 1, seen.size - 1)
+                alone = np.all([feature.differs(curve, p, times, seen[k]) for k in (after - 1, after)], axis=0)
+                peaks.append(times[alone])
+        return cls(*(distinct(np.concatenate(times)) for times in (switches, jumps, peaks)))
+
+    def narrow(self, seen: Floats, longest: float = np.inf) -> Floats:
+        """The ends of what lies between two evaluations; what lasts longer than ``longest`` does not."""
+        return distinct(np.concatenate([between(self.switches, seen, longest), self.peaks]))
+
+
+def between(times: Floats, seen: Floats, longest: float = np.inf) -> Floats:
+    """Those of some times, in ascending order, that follow one another without an evaluation between them."""
     empty = np.searchsorted(seen, times[:-1], side="left") == np.searchsorted(seen, times[1:], side="right")
-    narrow = short & empty
-    return distinct(np.concatenate([times[:-1][narrow], times[1:][narrow], *missed]))
+    narrow = empty & (np.diff(times) < longest)
+    return distinct(np.concatenate([times[:-1][narrow], times[1:][narrow]]))
