@@ -1,4 +1,4 @@
-"""``compare`` for ensembles: statistics over their members, and figures of them."""
+"""``compare`` for ensembles, and ``report``: statistics over their members, figures and a page of them."""
 
 from __future__ import annotations
 
@@ -6,16 +6,18 @@ import json as json_text
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from hgorun.commands.options import Compare
+from hgorun.commands.options import Compare, OfEnsembles, Report
 from hgorun.commands.outputs import DRAWING_SUFFIXES, NOT_OK, RESULTS, refuse_other_kinds
 from hgorun.config.expressions import nearest
-from hgorun.ensemble.collected import Collected, is_sweep, levels, read
+from hgorun.ensemble.collected import Collected, is_sweep, levels
+from hgorun.ensemble.growing import read_sweep
 from hgorun.errors import ConfigError
 from hgorun.tables import ensemble as tables
 from hgorun.tables.ensemble import Compared, compared
 
 _MOST_POINTS = 40  # that a table has without being asked for
 _TOGETHER = "none"
+_PAGES = {".html", ".htm"}
 
 Style = Callable[[Sequence[Compared]], str]
 
@@ -30,7 +32,7 @@ def compare_ensembles(options: Compare) -> int:
     """
     refuse_other_kinds(options.output, DRAWING_SUFFIXES)
     style = _style(options)
-    found = [_compared(read(path), options, str(path)) for path in options.sources]
+    found = [_compared(read_sweep(path), options, str(path)) for path in options.sources]
     if options.json:
         objects = [tables.as_json(one) for one in found]
         print(json_text.dumps(objects[0] if len(objects) == 1 else objects, indent=2, allow_nan=False))
@@ -41,6 +43,29 @@ def compare_ensembles(options: Compare) -> int:
         if options.text and options.format == "text":
             print("written: " + ", ".join(map(str, written)))
     return NOT_OK if options.strict and not all(one.members.all_ok for one in found) else 0
+
+
+def report(options: Report) -> int:
+    """Write the page of an ensemble.
+
+    Raises
+    ------
+    ConfigError
+        For axes, values and metrics that do not exist, and a file that cannot be read.
+    HgorunError
+        When bokeh is missing, or the page cannot be written.
+    """
+    from hgorun.explore.page import write_page
+
+    refuse_other_kinds(options.output, _PAGES)
+    found = _compared(read_sweep(options.source), options, str(options.source))
+    output = options.output or RESULTS
+    path = write_page(found, output if output.suffix.lower() in _PAGES else output / f"{found.members.name}.html")
+    if options.json:
+        print(json_text.dumps({"file": str(path)}, indent=2))
+    elif not options.quiet:
+        print(f"written: {path}")
+    return 0
 
 
 def draw(found: Compared, options: Compare) -> list[Path]:
@@ -72,7 +97,7 @@ def _style(options: Compare) -> Style:
     return styles[options.format]
 
 
-def _compared(members: Collected, options: Compare, file: str) -> Compared:
+def _compared(members: Collected, options: OfEnsembles, file: str) -> Compared:
     """The statistics that are asked for."""
     for name in options.metrics:
         if name not in members.metrics:
@@ -100,7 +125,7 @@ def selected(members: Collected, at: Sequence[str]) -> Collected:
     return members
 
 
-def _axes(members: Collected, options: Compare) -> tuple[str, ...]:
+def _axes(members: Collected, options: OfEnsembles) -> tuple[str, ...]:
     """By which axes the members are divided: those named, or all but the seed while that makes a readable table."""
     if options.by == [_TOGETHER]:
         return ()

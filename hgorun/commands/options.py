@@ -50,6 +50,40 @@ class Simulate(Configured):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Sweep(Printing):
+    """Carry out the members of a sweep file, and collect them in results/NAME.sweep.h5.
+
+    Started again, it carries out what is missing.
+    """
+
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A YAML file with base, axes and keep.")]
+    fresh: Annotated[bool, typer.Option("--fresh", help="Begin anew, whatever was finished before.")] = False
+    part: Annotated[
+        str | None, typer.Option("--part", metavar="K/N", help="Only this part of N, for array jobs; see hgorun merge.")
+    ] = None
+    collect: Annotated[bool, typer.Option("--collect", help="Carry nothing out; write the file of what is there.")] = (
+        False
+    )
+    executor: Annotated[str, typer.Option("--executor", help="threads, processes or dask.")] = "threads"
+    scheduler: Annotated[
+        str | None,
+        typer.Option("--scheduler", metavar="ADDRESS", help="Of dask (default: workers of its own on this machine)."),
+    ] = None
+    jobs: Annotated[
+        int | None, typer.Option("--jobs", min=1, help="Threads, processes or workers (default: one per processor).")
+    ] = None
+    strict: Annotated[bool, typer.Option("--strict", help="Exit with code 3 if a status is not ok.")] = False
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Merge(Printing):
+    """Put the parts of a sweep together, and collect them in results/NAME.sweep.h5."""
+
+    folders: Annotated[list[Path], typer.Argument(metavar="FOLDER...", help="Folders NAME.sweep with finished parts.")]
+    strict: Annotated[bool, typer.Option("--strict", help="Exit with code 3 if a status is not ok.")] = False
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Rerun(Printing):
     """Compute a result again from its own file, and compare the two bit for bit.
 
@@ -63,7 +97,26 @@ class Rerun(Printing):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Compare(Configured):
+class OfEnsembles(Printing):
+    """What is told of ensembles."""
+
+    metrics: Annotated[
+        list[str], typer.Option("--metric", metavar="NAME", help="Of ensembles: only this metric; repeatable.")
+    ] = field(default_factory=list)
+    by: Annotated[
+        list[str],
+        typer.Option(
+            "--by", metavar="AXIS", help="Of ensembles: a row for each value of this axis, or `none`; repeatable."
+        ),
+    ] = field(default_factory=list)
+    at: Annotated[
+        list[str],
+        typer.Option("--at", metavar="AXIS=VALUE", help="Of ensembles: only members with this value; repeatable."),
+    ] = field(default_factory=list)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Compare(Configured, OfEnsembles):
     """Compare metrics side by side, and draw comparison plots.
 
     Of an ensemble (NAME.sweep.h5, or the folder NAME.sweep while it is carried out): statistics over its members.
@@ -76,24 +129,21 @@ class Compare(Configured):
     plots: Annotated[bool, typer.Option("--plots/--no-plots", help="Draw comparison plots (PNG and PDF).")] = True
     strict: Annotated[bool, typer.Option("--strict", help="Exit with code 3 if a status is not ok.")] = False
     analyze: Annotated[bool, typer.Option("--analyze", help="Add the numbers that theory predicts.")] = False
-    metrics: Annotated[
-        list[str], typer.Option("--metric", metavar="NAME", help="Ensembles: only this metric; repeatable.")
-    ] = field(default_factory=list)
-    by: Annotated[
-        list[str],
-        typer.Option(
-            "--by", metavar="AXIS", help="Ensembles: a row for each value of this axis, or `none`; repeatable."
-        ),
-    ] = field(default_factory=list)
-    at: Annotated[
-        list[str],
-        typer.Option("--at", metavar="AXIS=VALUE", help="Ensembles: only members with this value; repeatable."),
-    ] = field(default_factory=list)
 
     @property
     def of_ensembles(self) -> bool:
         """Whether something is asked for that only ensembles have."""
         return bool(self.metrics or self.by or self.at)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Report(OfEnsembles):
+    """Write a report of an ensemble: one HTML page with figures to zoom and tables to sort.
+
+    The page holds all that it shows and needs no network. It is written to results/NAME.html; needs hgorun[explore].
+    """
+
+    source: Annotated[Path, typer.Argument(metavar="SWEEP", help="NAME.sweep.h5, or the folder NAME.sweep.")]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -170,6 +220,8 @@ class Show:
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Schema:
     """Print the JSON schema of configurations, for editors."""
+
+    sweep: Annotated[bool, typer.Option("--sweep", help="That of sweep files.")] = False
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)

@@ -11,7 +11,7 @@ RESULTS = Path("results")
 NOT_OK = 3  # exit code of --strict
 RESULT_SUFFIXES = {".h5", ".hdf5", ".nc"}
 DRAWING_SUFFIXES = {".png", ".pdf"}
-_OF_OTHERS = {".csv", ".json", ".mat", ".npz", ".svg", ".tex", ".txt", ".yaml", ".yml"}
+_OF_OTHERS = {".csv", ".htm", ".html", ".json", ".mat", ".npz", ".svg", ".tex", ".txt", ".yaml", ".yml"}
 
 
 def refuse_other_kinds(output: Path | None, suffixes: Collection[str]) -> None:

@@ -73,12 +73,13 @@ def replaced(source: Source, path: str, value: Any) -> tuple[Source, KeyPath]:
         lacking = ".".join(map(str, (*old, *new[:index])))
         raise ConfigError(f"there is no list `{lacking}`: set the whole list", file=file, line=line, key=path)
     data = _removed(source.data, place) if value is None else _replaced(source.data, place, value)
-    positions = source.positions
-    if new or isinstance(above, (dict, list)) or isinstance(value, (dict, list)):
+    positions, has_parts = source.positions, not new and isinstance(above, (dict, list))
+    if has_parts:  # which are gone
         positions = {p: where for p, where in positions.items() if p[: len(place)] != place or p == place}
-        if value is not None:
-            positions |= {place[:length]: (file, line) for length in range(len(old) + 1, len(place))}
-            positions |= {(*place, *below): (file, line) for below, _ in walk(value)}
+    if value is not None and (new or has_parts or isinstance(value, (dict, list))):
+        created = [place[:length] for length in range(len(old) + 1, len(place))]
+        created += [(*place, *below) for below, _ in walk(value)]
+        positions = positions | dict.fromkeys(created, (file, line))
     return Source(data, positions), place
 
 

@@ -27,7 +27,8 @@ _COMMA = f"{DECIMAL_POINT[0].upper()}{DECIMAL_POINT[1:]}"
 class Block(BaseModel):
     """A mapping of the configuration: unknown keys are errors, values do not change."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, protected_namespaces=())
+    # built when first used: most blocks are only ever parts of others, or what others are derived from
+    model_config = ConfigDict(extra="forbid", frozen=True, protected_namespaces=(), defer_build=True)
     read_before: ClassVar[tuple[str, ...]] = ()
     """Keys of the mapping that are taken out of it before it is checked: known to a reader of messages."""
 
@@ -137,6 +138,7 @@ def _above(limit: str) -> dict[str, Any]:
 Number = Annotated[float, BeforeValidator(number), WithJsonSchema(NUMBER_SCHEMA)]
 Positive = Annotated[float, BeforeValidator(number), Field(gt=0), WithJsonSchema(_above("exclusiveMinimum"))]
 NonNegative = Annotated[float, BeforeValidator(number), Field(ge=0), WithJsonSchema(_above("minimum"))]
+Window = tuple[Number, Number]
 ExpressionText = Annotated[str, BeforeValidator(expression), WithJsonSchema(NUMBER_SCHEMA)]
 Name = Annotated[str, BeforeValidator(_name)]
 Poles = Annotated[

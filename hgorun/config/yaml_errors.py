@@ -33,7 +33,7 @@ _ENTRY = "a list entry `- ` cannot start here: put it on a line of its own"
 _MISFIT = "this does not fit the lines above: check indentation, brackets and quotes"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class _Place:
     """A character of the text; lines and columns count from 0."""
 

@@ -31,7 +31,7 @@ _MAX_BRACKETS = 10 * MAX_DEPTH
 _MAX_DIGITS = 300  # no float has more than 309; Python's int() refuses more than 4,300
 
 # U+0085, U+2028 and U+2029 end a line for YAML but not for editors: with them lines would be miscounted.
-_REFUSED = re.compile("[^\t\n\r\x20-\x7e\xa0-\u2027\u202a-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00010000-\U0010ffff]")
+_REFUSED = re.compile("[\0-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff\ufeff\ufffe\uffff]")
 # What could steer a terminal, or write right to left.
 _CONTROL = re.compile("[\0-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
 _BRACKETS = re.compile(r"[][{}]")
@@ -78,6 +78,11 @@ class Source:
         """Return the file and line of ``path``, or of the nearest thing around it."""
         around = (path[:length] for length in range(len(path), -1, -1))
         return next((self.positions[p] for p in around if p in self.positions), ("", 0))
+
+    def below(self, path: KeyPath) -> Source:
+        """The part at a path as a source of its own."""
+        places = {place[len(path) :]: where for place, where in self.positions.items() if place[: len(path)] == path}
+        return Source(at(self.data, path), places)
 
     @contextmanager
     def located(self) -> Iterator[None]:

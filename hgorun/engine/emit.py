@@ -19,7 +19,7 @@ from hgorun.symbolic.instructions import CLOCK, read, rounds
 from hgorun.symbolic.interpreter import CALLS
 
 
-@dataclass
+@dataclass(eq=False, repr=False)
 class Emitted:
     """The three parts of one function, and how much memory their results take.
 

@@ -49,10 +49,8 @@ def add_fixed(s: Stepper) -> None:
                 s.keep(t_before, t, h)
             s.note_error(s.errors(h))
         f.leave_if(is_last, after)
-        move(f, s.z, s.before, s.size)
-        move(f, s.slope, s.slope_before, s.size)
-        move(f, s.trace, s.trace_before, 2 * s.width // m.lanes)
         following = f.scalar("add", step, "1")
+        s.hold(exact(following), h)
         s.step(t, h, clocked(following), exact(following))
         move(f, s.clock[1.0], s.clock[0.0], s.flow.clocked)
         if s.delayed:

@@ -27,7 +27,7 @@ TAKE, ARRIVE, RECORD, SET, REBASE, JUMP = range(6)
 DONE, PLANT_DIVERGED, HISTORY_TOO_SHORT, STEP_TOO_SMALL, PAUSED = range(5)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Held:
     """Where everything lies in w, the vector of what changes at events only.
 
@@ -79,7 +79,7 @@ class Held:
         return self.size - 1
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Regime:
     """The right-hand side while every output stays what it is to the observers.
 
@@ -98,7 +98,7 @@ class Regime:
     delayed: tuple[int, ...] = ()
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class HybridSystem:
     """Everything that the native code is generated from.
 

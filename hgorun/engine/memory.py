@@ -8,14 +8,14 @@ import numpy as np
 
 from hgorun.engine.allowance import SMALL
 from hgorun.engine.history import piece_words
-from hgorun.engine.layout import CONTEXT, WORD, HybridSystem
-from hgorun.engine.plan import Floats, Integers, Plan
+from hgorun.engine.layout import ACTION_WORDS, CONTEXT, WORD, HybridSystem
+from hgorun.engine.plan import Floats, Integers, Plan, Segments
 from hgorun.native.compiler import address_of
 
 ADAPTIVE_HISTORY = 1 << 16  # pieces kept where the number of steps is not known before
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Tolerance:
     """Control of an adaptive method.
 
@@ -35,7 +35,7 @@ class Tolerance:
     first_step: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Start:
     """Where a run starts, for every lane.
 
@@ -52,7 +52,7 @@ class Start:
     bound: tuple[float, float] = (1e6, 1e6)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Raw:
     """The result of a run, one lane after the other in the last axis.
 
@@ -132,9 +132,6 @@ class Memory:
             "z": np.ascontiguousarray(start.z, dtype=float).copy(),
             "w": np.zeros(s.held.size * lanes),
             "channels": np.zeros(max(channels, 1) * lanes),
-            "spans": np.ascontiguousarray(plan.spans),
-            "counts": np.ascontiguousarray(plan.counts),
-            "actions": np.ascontiguousarray(plan.actions) if plan.actions.size else np.zeros(5, dtype=np.int64),
             "grid": np.append(plan.grid, np.inf),
             "rows": np.empty(self.shape),  # every row is written, by the native code or at the end
             "slots": np.zeros(max(plan.slots, 1) * s.width * lanes),
@@ -169,6 +166,7 @@ class Memory:
                 ("step", tolerance.first_step),
             ):
                 reals[WORD[word]] = value
+        self.take(next(plan.parts()))
         self.address = address_of(self.context)
         self.slots, self.observers = plan.slots, s.observers
 
@@ -183,6 +181,15 @@ class Memory:
 
     def set_real(self, word: str, value: float) -> None:
         self.context.view(float)[WORD[word]] = value
+
+    def take(self, segments: Segments) -> None:
+        """The segments that are carried out next."""
+        self["segment"] = 0
+        nothing = np.zeros(ACTION_WORDS, dtype=np.int64)
+        actions = segments.actions if segments.actions.size else nothing
+        for name, array in (("spans", segments.spans), ("counts", segments.counts), ("actions", actions)):
+            self.arrays[name] = np.ascontiguousarray(array)
+            self[name] = address_of(self.arrays[name])
 
     def keep_initial(self) -> None:
         """The channels before the start are those at the start."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Row:
     """z + h * scale * sum_j weights[j] k_j: weights of one cost no multiplication."""
 
@@ -13,7 +13,7 @@ class Row:
     scale: float = 1.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Method:
     """An explicit Runge-Kutta method.
 
@@ -78,7 +78,7 @@ DOPRI5 = Method(
 )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Rosenbrock:
     """A Rosenbrock method, linearly implicit: one matrix W = 1/(h gamma) - df/dz a step, and no iteration.
 

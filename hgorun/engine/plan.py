@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,8 +11,44 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
+_OF_ACTIONS = np.array([0, 0, 0, 0, 1, 1, 0])  # the counts of a segment that number actions
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Segments:
+    """Some segments one after the other, and what happens at the events that they start with.
+
+    Attributes
+    ----------
+    spans, counts, actions
+        As those of a :class:`Plan`; the ranges of actions are those of these segments.
+    """
+
+    spans: Floats
+    counts: Integers
+    actions: Integers
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Following:
+    """The rest of a long run, which is tabulated part by part while it is carried out.
+
+    Attributes
+    ----------
+    parts : callable
+    steps, work : int
+        Its steps, and about how many there are together with its segments.
+    end : float
+        When the run ends.
+    """
+
+    parts: Callable[[], Iterator[Segments]]
+    steps: int
+    work: int
+    end: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Plan:
     """Everything of a run that is known before it starts.
 
@@ -37,6 +74,8 @@ class Plan:
         The longest continuous delay.
     origin : float
         What is added to a time where it is told to somebody.
+    following : Following, optional
+        What comes behind these segments, where they are not those of the whole run.
     """
 
     spans: Floats
@@ -49,8 +88,43 @@ class Plan:
     holds: Floats
     reach: float = 0.0
     origin: float = 0.0
+    following: Following | None = None
+
+    def whole(self) -> Plan:
+        """The same with the segments of the whole run at once."""
+        if self.following is None:
+            return self
+        parts = list(self.parts())
+        first = np.cumsum([0, *(len(part.actions) for part in parts[:-1])])
+        counts = [part.counts + at * _OF_ACTIONS for part, at in zip(parts, first, strict=True)]
+        return replace(
+            self,
+            spans=np.concatenate([part.spans for part in parts]),
+            counts=np.concatenate(counts),
+            actions=np.concatenate([part.actions for part in parts]),
+            following=None,
+        )
+
+    def parts(self) -> Iterator[Segments]:
+        """The segments of the whole run, some of them at a time."""
+        yield Segments(self.spans, self.counts, self.actions)
+        if self.following is not None:
+            yield from self.following.parts()
 
     @property
     def steps(self) -> int:
         """Steps of the whole run (fixed step)."""
-        return int(np.sum(self.counts[:, 2] - self.counts[:, 1]))
+        own = int(np.sum(self.counts[:, 2] - self.counts[:, 1]))
+        return own if self.following is None else own + self.following.steps
+
+    @property
+    def work(self) -> int:
+        """Steps and segments of the whole run."""
+        own = int(np.sum(self.counts[:, 2] - self.counts[:, 1])) + len(self.counts)
+        return own if self.following is None else own + self.following.work
+
+    @property
+    def span(self) -> float:
+        """How long the run lasts."""
+        end = self.spans[-1, 1] if self.following is None else self.following.end
+        return float(end - self.spans[0, 0])

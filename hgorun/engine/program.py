@@ -175,38 +175,42 @@ class Program:
         memory = Memory(self.system, self.lanes, self._constants, plan, start, tolerance)
         self._begin(memory.address)
         memory.keep_initial()
-        work = (plan.counts[:, 2] - plan.counts[:, 1] + 1).cumsum()  # a segment's steps, and what happens before
         chunk = 1 if tolerance or progress else _FIRST  # adaptive segments may be long
-        stop, done, tries = 0, 0, 0
-        while stop < work.size:
-            before = time.perf_counter()
-            stop = max(stop + 1, int(work.searchsorted(done + chunk, side="right")))
-            done = int(work[stop - 1])
-            granted = memory["budget"] = _granted(limit - tries)
-            verdict = self._run(memory.address, stop)
-            pauses, reached = 0, memory.real("now")
-            while verdict == PAUSED:
-                tries += granted
-                if tries >= limit:
-                    raise TooManySteps(tries, memory.real("now"))
-                pauses += 1
-                if pauses * _BUDGET >= _PATIENCE:
-                    if memory.real("now") - reached < _PROGRESS * (plan.spans[-1, 1] - plan.spans[0, 0]):
-                        memory.set_real("hopeless", 2 * memory.real("step"))
-                    pauses, reached = 0, memory.real("now")
+        passed, tries = 0, 0
+        for segments in plan.parts():
+            memory.take(segments)
+            work = (segments.counts[:, 2] - segments.counts[:, 1] + 1).cumsum()  # steps, and what happens before
+            stop, done = 0, 0
+            while stop < work.size:
+                before = time.perf_counter()
+                stop = max(stop + 1, int(work.searchsorted(done + chunk, side="right")))
+                done = int(work[stop - 1])
                 granted = memory["budget"] = _granted(limit - tries)
                 verdict = self._run(memory.address, stop)
-            tries += granted - memory["budget"]
-            if verdict != DONE:
-                stiff = isinstance(self.method, Rosenbrock)
-                message = _explain(verdict, plan.origin + memory.real("now"), stiff=stiff)
-                if verdict == PLANT_DIVERGED:
-                    raise PlantDiverged(message, memory.real("now"))
-                raise SimulationError(message)
-            spent = max(time.perf_counter() - before, 1e-6)
-            chunk = max(1, int(chunk * min(_SLICE / spent, 8.0)))
-            if progress:
-                progress(done / int(work[-1]))
+                pauses, reached = 0, memory.real("now")
+                while verdict == PAUSED:
+                    tries += granted
+                    if tries >= limit:
+                        raise TooManySteps(tries, memory.real("now"))
+                    pauses += 1
+                    if pauses * _BUDGET >= _PATIENCE:
+                        if memory.real("now") - reached < _PROGRESS * plan.span:
+                            memory.set_real("hopeless", 2 * memory.real("step"))
+                        pauses, reached = 0, memory.real("now")
+                    granted = memory["budget"] = _granted(limit - tries)
+                    verdict = self._run(memory.address, stop)
+                tries += granted - memory["budget"]
+                if verdict != DONE:
+                    stiff = isinstance(self.method, Rosenbrock)
+                    message = _explain(verdict, plan.origin + memory.real("now"), stiff=stiff)
+                    if verdict == PLANT_DIVERGED:
+                        raise PlantDiverged(message, memory.real("now"))
+                    raise SimulationError(message)
+                spent = max(time.perf_counter() - before, 1e-6)
+                chunk = max(1, int(chunk * min(_SLICE / spent, 8.0)))
+                if progress:
+                    progress(min((passed + done) / plan.work, 1.0))
+            passed += done
         lost = float(memory.arrays["lost"].min())
         if lost < np.inf:
             raise PlantDiverged(

@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 from hgorun.engine.emit import Emitted
 from hgorun.engine.history import REFINEMENTS, History
 from hgorun.engine.layout import WORD
-from hgorun.engine.parts import Module, span
+from hgorun.engine.parts import Module, move, span
 from hgorun.native.ir import Function, hexadecimal
 
 
@@ -63,6 +63,7 @@ class Stepper(ABC):
         Channels and their slopes at the end and the start, where there is a history.
     """
 
+    in_place = False  # whether the step overwrites the state and the slope at its start
     room = 0  # places behind the state at the start, for what a method adds to it
     order: int
     roundings: float  # of z' and of the method's own sums, in units of 2^-52
@@ -196,14 +197,32 @@ class Stepper(ABC):
             size, old = f.intrinsic("fabs", error), f.load(place, f.real)
             f.store(f.select(f.compare("ogt", size, old), size, old), place, f.real)
 
-    def rows_before(self, t0: str, t1: str, h: str) -> None:
-        """The output points of the step, when there are any."""
+    def hold(self, t1: str, h: str) -> None:
+        """Keep the start of a step that ends at t1; where it is overwritten by the step, for output points alone."""
+        f = self.f
+        if self.in_place:
+            with f.when(self._due(t1, h)[0]):
+                move(f, self.z, self.before, self.size)
+                move(f, self.slope, self.slope_before, self.size)
+            return
+        move(f, self.z, self.before, self.size)
+        move(f, self.slope, self.slope_before, self.size)
+        move(f, self.trace, self.trace_before, 2 * self.width // self.m.lanes)
+
+    def _due(self, t1: str, h: str) -> tuple[str, str]:
+        """Whether there are output points in the step that ends at t1, and how far from them a time is theirs."""
         f = self.f
         start, now = self.absolute(self.start), self.absolute(t1)  # what times in between are rounded like
         largest = f.let(f"select i1 {f.test('ogt', start, now)}, double {start}, double {now}")
         snap = f.scalar("fadd", f.scalar("fmul", h, hexadecimal(1e-9)), f.scalar("fmul", largest, hexadecimal(1e-15)))
         due = f.word(f.word("%ctx", WORD["grid"], "ptr"), f.word("%ctx", WORD["row"]), "double")
-        with f.when(f.test("olt", due, f.scalar("fsub", t1, snap))):
+        return f.test("olt", due, f.scalar("fsub", t1, snap)), snap
+
+    def rows_before(self, t0: str, t1: str, h: str) -> None:
+        """The output points of the step, when there are any."""
+        f = self.f
+        due, snap = self._due(t1, h)
+        with f.when(due):
             first, last, quintic = self.interpolant(h)
             f.call(
                 "rows",

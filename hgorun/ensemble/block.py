@@ -1,115 +1,35 @@
-"""A block of members: their metrics and statuses as arrays, without trajectories."""
+"""The members of an ensemble carried out: side by side where that can be, alone where it has to be."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hgorun.ensemble.axes import Axes, distinct_rows
+from hgorun.ensemble.family import Differs, Family
+from hgorun.ensemble.found import Block, Integers
+from hgorun.ensemble.ladder import found_steps, steps_in_lanes
+from hgorun.ensemble.lanes import fits, given_steps
+from hgorun.ensemble.lot import Lot, Numbers, settings_of, times_of
 from hgorun.ensemble.members import Members
-from hgorun.errors import ConfigError, HgorunError
-from hgorun.result.data import PLANT
+from hgorun.errors import ConfigError, HgorunError, Problem
 from hgorun.result.metrics.base import all_metrics
-from hgorun.result.result import Result
-from hgorun.result.status import STATUSES
 from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.preparation import prepare
+from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import simulate
 
-Floats = NDArray[np.float64]
-FAILED = STATUSES.index("failed")
+__all__ = ["Block", "compute"]
 
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Block:
-    """What became of the members of an ensemble, N of them with m observers of a plant of n states.
-
-    Attributes
-    ----------
-    observers, states : tuple of str
-        Labels and names, in the order of the arrays.
-    metrics : mapping of str to ndarray, shape (N, m, n)
-        Infinite where an estimate is lost or a member has failed.
-    status : ndarray of int8, shape (N, m)
-        Places in :data:`hgorun.result.status.STATUSES`: ok, inaccurate, diverged, undefined, failed.
-    status_at, diverged_at : ndarray, shape (N, m)
-        The time that the status is about, and that of divergence; NaN without one.
-    reason : ndarray of text, shape (N, m)
-        Why the status is not ok; empty where nothing is said.
-    plant_status : ndarray of int8, shape (N,)
-        Of the plant's own numbers: ok, inaccurate or failed.
-    error : ndarray of text, shape (N,)
-        Why a member has failed; empty where it has not.
-    method : ndarray of text, shape (N,)
-        Of integration; empty where a member has failed.
-    step, rtol : ndarray, shape (N,)
-        The longest fixed step, or the relative tolerance of controlled ones; NaN where there is none.
-    evaluations : ndarray of int64, shape (N,)
-        Of the right-hand side.
-    integration_error : ndarray, shape (N, 1 + m)
-        Of the plant and of every observer, where the step was found by error control; NaN where none was estimated.
-    """
-
-    observers: tuple[str, ...]
-    states: tuple[str, ...]
-    metrics: Mapping[str, Floats]
-    status: NDArray[np.int8]
-    status_at: Floats
-    diverged_at: Floats
-    reason: NDArray[np.object_]
-    plant_status: NDArray[np.int8]
-    error: NDArray[np.object_]
-    method: NDArray[np.object_]
-    step: Floats
-    rtol: Floats
-    evaluations: NDArray[np.int64]
-    integration_error: Floats
-
-    def __len__(self) -> int:
-        return int(self.status.shape[0])
-
-    @classmethod
-    def empty(cls, base: Experiment, size: int, metrics: Sequence[str]) -> Block:
-        """A block of members that have all failed so far, to be filled in."""
-        observers, states = tuple(base.observers), base.plant.model.states
-        m = len(observers)
-        return cls(
-            observers=observers,
-            states=states,
-            metrics={name: np.full((size, m, len(states)), np.inf) for name in metrics},
-            status=np.full((size, m), FAILED, dtype=np.int8),
-            status_at=np.full((size, m), np.nan),
-            diverged_at=np.full((size, m), np.nan),
-            reason=np.full((size, m), "", dtype=object),
-            plant_status=np.full(size, FAILED, dtype=np.int8),
-            error=np.full(size, "", dtype=object),
-            method=np.full(size, "", dtype=object),
-            step=np.full(size, np.nan),
-            rtol=np.full(size, np.nan),
-            evaluations=np.zeros(size, dtype=np.int64),
-            integration_error=np.full((size, 1 + m), np.nan),
-        )
-
-    def record(self, i: int, result: Result) -> None:
-        """Write down the result of member i."""
-        for j, label in enumerate(self.observers):
-            one = result.observers[label]
-            for name, values in self.metrics.items():
-                values[i, j] = one.metrics[name]
-            self.status[i, j] = STATUSES.index(one.status)
-            self.status_at[i, j] = np.nan if one.status_at is None else one.status_at
-            self.diverged_at[i, j] = np.nan if one.diverged_at is None else one.diverged_at
-            self.reason[i, j] = one.reason or ""
-        self.plant_status[i] = STATUSES.index(result.verdict.status)
-        how = result.integration
-        assert how is not None  # of a run that has just been carried out
-        self.method[i] = how.method
-        self.step[i] = np.nan if how.step is None else how.step
-        self.rtol[i] = np.nan if how.rtol is None else how.rtol
-        self.evaluations[i] = how.evaluations or 0
-        if not callable(how.error):  # else it takes a second pass
-            self.integration_error[i] = [how.error.get(label, np.nan) for label in (PLANT, *self.observers)]
+_FEW = 24  # members of a family that are prepared one by one
+_PREPARED = 512  # runs that are kept prepared at once
+_NUMBERS = (
+    4_000_000  # doubles of the members of a lot: of their numbers, and of their trajectories where these are kept
+)
+_MOST = 4096  # members of a lot
 
 
 def compute(
@@ -145,31 +65,166 @@ def compute(
         For an unknown metric, and for a path ``observers.*`` that no observer has.
     """
     block = Block.empty(base, len(members), _known(metrics))
-    members = members.of_observers(base)
-    _one_by_one(base, members, range(len(members)), block, progress)
+    _Work(base, members.of_observers(base), block, threads, progress).carry_out()
     return block
 
 
-def _one_by_one(
-    base: Experiment,
-    members: Members,
-    which: Iterable[int],
-    block: Block,
-    progress: Callable[[int], None] | None = None,
-) -> None:
-    """Members that are run alone."""
-    for done, i in enumerate(which, start=1):
+@dataclass(eq=False)
+class _Work:
+    """An ensemble that is being carried out.
+
+    Attributes
+    ----------
+    done : int
+        Members that are finished.
+    """
+
+    base: Experiment
+    members: Members
+    block: Block
+    threads: int
+    progress: Callable[[int], None] | None
+    done: int = 0
+
+    def carry_out(self) -> None:
+        """All members."""
+        left: list[Integers] = []
+        for which in _families(self.base, self.members):
+            own = self._side_by_side(which)
+            if own is None:
+                left.append(which)
+            else:
+                self._alone(own)
+        if left:
+            self._prepared(np.concatenate(left))
+
+    def _side_by_side(self, which: Integers) -> Integers | None:
+        """Members that differ in numbers alone; those to be carried out alone, or None where numbers are not all."""
+        if which.size < _FEW:
+            return None
+        members = self.members[which]
         try:
-            block.record(i, simulate(base.varied(members.changes(i))))
+            family = _family(self.base, members)
+        except (Differs, HgorunError, Problem):
+            return None
+        if not _able(family.run):
+            return which
+        rest = [which[~family.sound]]
+        taken = np.zeros(which.size, dtype=bool)
+        taken[~family.sound] = True
+        for lot in family.lots(_size(family.run)):
+            taken[lot.which] = True
+            rest.append(self._lot(Lot(lot.run, which[lot.which], lot.numbers)))
+        return np.concatenate([*rest, which[~taken]])
+
+    def _lot(self, lot: Lot) -> Integers:
+        """Carry a lot out; the members that have to be carried out alone."""
+        starts = lot.starts()
+        rest = [lot.which[~starts]]
+        if starts.any():
+            steps = found_steps if lot.run.solver.controlled else given_steps
+            rest.append(steps(lot.some(starts), self.block, threads=self.threads))
+        alone = np.concatenate(rest)
+        self._finished(lot.which.size - alone.size)
+        return alone
+
+    def _prepared(self, which: Integers) -> None:
+        """Members that are prepared one by one, and carried out side by side as far as they have one plan."""
+        for start in range(0, which.size, _PREPARED):
+            groups: dict[object, list[tuple[int, PreparedRun]]] = {}
+            alone: list[int] = []
+            for i in which[start : start + _PREPARED].tolist():
+                try:
+                    run = prepare(self.base.varied(self.members.changes(i)))
+                except Exception as error:  # whatever it is, the others go on
+                    self.block.fail(i, error)
+                    self._finished(1)
+                    continue
+                if _able(run):
+                    groups.setdefault((settings_of(run), times_of(run)), []).append((i, run))
+                else:
+                    alone.append(i)
+            for group in groups.values():
+                runs = [run for _, run in group]
+                own = np.array([i for i, _ in group])
+                size = _size(runs[0])
+                for first in range(0, own.size, size):
+                    part = slice(first, first + size)
+                    alone += self._lot(Lot(runs[0], own[part], Numbers.of(runs[part]))).tolist()
+            self._alone(np.array(alone, dtype=np.int64))
+
+    def _alone(self, which: Integers) -> None:
+        """Members that are carried out one by one, or on threads."""
+        if self.threads == 1 or which.size < 2:
+            for i in which.tolist():
+                self._one(i)
+                self._finished(1)
+            return
+        pool = ThreadPoolExecutor(self.threads)
+        try:
+            for _ in pool.map(self._one, which.tolist()):
+                self._finished(1)
+        finally:
+            pool.shutdown(cancel_futures=True)  # where the user has had enough
+
+    def _one(self, i: int) -> None:
+        try:
+            self.block.record(i, simulate(self.base.varied(self.members.changes(i))))
         except Exception as error:  # whatever it is, the others go on
-            block.error[i] = failure(error)
-        if progress is not None:
-            progress(done)
+            self.block.fail(i, error)
+
+    def _finished(self, count: int) -> None:
+        self.done += count
+        if self.progress is not None and count:
+            self.progress(self.done)
 
 
-def failure(error: Exception) -> str:
-    """What is recorded of a member that has failed."""
-    return str(error) if isinstance(error, HgorunError) else f"{type(error).__name__}: {error}"
+def _families(base: Experiment, members: Members) -> Iterator[Integers]:
+    """Members that agree in all that may change the equations or the times of events."""
+    others = Axes.of(base, members).others
+    if not others or not len(members):
+        yield np.arange(len(members))
+        return
+    _, kind = distinct_rows([members.columns[path] for path in others])
+    order = np.argsort(kind, kind="stable")
+    yield from np.split(order, np.flatnonzero(np.diff(kind[order])) + 1)
+
+
+def _family(base: Experiment, members: Members) -> Family:
+    """Members of one family, with what they agree in as their base.
+
+    Raises
+    ------
+    Differs
+        Where numbers are not all that they differ in.
+    HgorunError, Problem
+        Where the base cannot be prepared.
+    """
+    others = Axes.of(base, members).others
+    common = {path: value for path, value in members.changes(0).items() if path in others}
+    own = base.varied(common) if common else base
+    if own.coordinates != base.coordinates:  # members take those of the base where they can
+        raise Differs
+    rest = Members({path: column for path, column in members.columns.items() if path not in others}, len(members))
+    axes = Axes.of(own, rest)
+    if axes.others:
+        raise Differs
+    return Family(own, rest, axes, prepare(own)).checked()
+
+
+def _able(run: PreparedRun) -> bool:
+    """Whether runs like this one can be carried out side by side."""
+    method = steps_in_lanes(run) if run.solver.controlled else run.solver.given_method
+    return method is not None and fits(run, method)
+
+
+def _size(run: PreparedRun) -> int:
+    """How many members of a lot fit into the memory that is allowed for one."""
+    numbers = run.numbers.z0.size + run.numbers.p.size
+    numbers += sum(channel.samples.arrival.size + channel.held_changes[0].size for channel in run.channels)
+    if run.solver.controlled:
+        numbers += 4 * run.grid.size * run.structure.system.states
+    return int(np.clip(_NUMBERS // numbers, 8, _MOST))
 
 
 def _known(metrics: Sequence[str]) -> tuple[str, ...]:

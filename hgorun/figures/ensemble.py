@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 WIDTH, PANEL_WIDTH = 7.2, 2.4  # inches: of a figure, and of a panel at least
 MOST_STATES = 6  # side by side
 _BINS = 16  # of an axis with more values than can be told apart
-_TIMES = ("period", "delay", "jitter", "start", "end", "step", "output_step")
+TIMES = ("period", "delay", "jitter", "start", "end", "step", "output_step")
 _LOGARITHMIC = 5.0  # an axis whose values span more is logarithmic
 
 
@@ -95,7 +95,7 @@ def axis_label(axis: str, time: str = "") -> str:
     """
     parts = axis.split(".")
     name = parts[-1]
-    if name in _TIMES:
+    if name in TIMES:
         return name + unit(time)
     if name == axis and len(name) > 2:
         return words(name)

@@ -13,11 +13,11 @@ from hgorun.config.expressions import ExpressionError, nearest, parse
 from hgorun.config.models import Time
 from hgorun.errors import KeyPath, Problem
 from hgorun.measurement.blocks import Availability, Measurement, Periodic, Sampling, Steps
-from hgorun.noise.base import Noise, TimeFunction
+from hgorun.noise.base import Noise, RandomNoise, TimeFunction
 from hgorun.symbolic.evaluate import along, compiled
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Stretch:
     """What one output is between ``start`` and ``end``, counted from the start of the run.
 
@@ -58,7 +58,17 @@ class Stretch:
     def regular(self) -> Periodic | None:
         """Its sampling, where that is periodic and none of the samples moves or is lost."""
         sampling = self.sampling
-        return sampling if isinstance(sampling, Periodic) and not (sampling.jitter or sampling.dropout) else None
+        return sampling if isinstance(sampling, Periodic) and not self.sampled_by_chance else None
+
+    @property
+    def sampled_by_chance(self) -> bool:
+        """Whether random numbers decide when its samples are taken, or which of them are lost."""
+        return isinstance(self.sampling, Periodic) and bool(self.sampling.jitter or self.sampling.dropout)
+
+    @property
+    def by_chance(self) -> bool:
+        """Whether random numbers decide anything about it."""
+        return self.sampled_by_chance or any(isinstance(item, RandomNoise) for item in self.noise)
 
     @property
     def steps(self) -> str | None:

@@ -9,14 +9,14 @@ Both are found for certain, however close to each other they are; what cannot be
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import casadi as ca
 import numpy as np
 
 from hgorun.config.expressions import parse
-from hgorun.measurement.sampling import SAMPLE_BYTES
+from hgorun.measurement.sampling import EVENT_BYTES
 from hgorun.memo import Memo
 from hgorun.symbolic.clock import on_the_clock
 from hgorun.symbolic.crossings import Found, Search, TooMany
@@ -32,7 +32,7 @@ _FAR = np.array([0.1, 0.5])
 _POLE = 1e6  # times larger near a pole than far from it
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Irregular:
     """What is not smooth in a span of time.
 
@@ -51,7 +51,7 @@ class Irregular:
     infinite: float | None = None
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Kinks:
     """Kinks and jumps of expressions at times that depend on t and p alone, not on a state."""
 
@@ -77,10 +77,13 @@ class Kinks:
         TooMany
             Where there are more of them than ``limit``.
         """
-        key = self, values[self.pieces.needed].tobytes(), start, end, limit
-        return _FOUND.get(key, lambda: _Span(self.pieces, values, start, end, limit).irregular())
+        pieces, span = self.pieces, _Span(self.pieces, values, start, end, limit)
+        key = self, values[pieces.deciding].tobytes(), start, end, limit
+        crossings = _CROSSINGS.get(key, span.crossings)
+        return _FOUND.get((*key, values[pieces.shown].tobytes()), lambda: span.irregular(crossings))
 
 
+_CROSSINGS: Memo[list[Found]] = Memo(32)
 _FOUND: Memo[Irregular] = Memo(32)
 
 
@@ -128,11 +131,11 @@ def too_many(error: TooMany, what: str, memory: float) -> str:
     (count,) = error.args
     return (
         f"{what} have at least {count:.4g} kinks and jumps in this run, about "
-        f"{count * SAMPLE_BYTES / 2**30:.3g} GiB; time.max_memory allows {memory / 2**30:.3g} GiB"
+        f"{count * EVENT_BYTES / 2**30:.3g} GiB; time.max_memory allows {memory / 2**30:.3g} GiB"
     )
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class _Span:
     """Expressions in pieces, in a span of time."""
 
@@ -141,28 +144,31 @@ class _Span:
     start: float
     end: float
     limit: float
-    found: dict[int, Found] = field(default_factory=dict)
 
-    def irregular(self, last: Levels | None = None) -> Irregular:
-        """All kinks; ``last``: other levels for the outermost."""
+    def crossings(self, last: Levels | None = None) -> list[Found]:
+        """Of every kink when its argument crosses a level; ``last``: other levels for the outermost."""
         kinks = list(self.pieces.kinks)
         if last is not None:
             kinks[-1] = replace(kinks[-1], levels=last)
-        for number, kink in enumerate(kinks):
-            self.found[number] = self._crossings(kink)
-        times = self._union(range(len(self.found)))
-        lost = tuple(sorted({span for found in self.found.values() for span in found.lost}))
-        return Irregular(times, lost, self._infinite(times))
+        found: list[Found] = []
+        for kink in kinks:
+            found.append(self._crossings(kink, _union(found[k] for k in kink.inside)))
+        return found
 
-    def _union(self, numbers: Iterable[int]) -> Floats:
-        return distinct(np.concatenate([np.zeros(0), *(self.found[k].times for k in numbers)]))
+    def irregular(self, crossings: list[Found]) -> Irregular:
+        """All that is irregular, from what :meth:`crossings` has found."""
+        times = _union(crossings)
+        lost = tuple(sorted({span for found in crossings for span in found.lost}))
+        poles = _union(found for found, kink in zip(crossings, self.pieces.kinks, strict=True) if kink.singular)
+        return Irregular(times, lost, self._infinite(times, poles))
 
     def _edges(self, times: Floats) -> Floats:
         inner = times[(times > self.start) & (times < self.end)]
         return np.concatenate([[self.start], inner, [self.end]])
 
-    def _crossings(self, kink: Kink) -> Found:
-        edges = self._edges(self._union(kink.inside))
+    def _crossings(self, kink: Kink, inside: Floats) -> Found:
+        """``inside``: the times of the kinks that its argument has itself."""
+        edges = self._edges(inside)
         low, high = edges[:-1], edges[1:]
         states = np.zeros((low.size, 0))
         if kink.held:
@@ -170,8 +176,8 @@ class _Span:
         search = Search(kink.argument, self.p, states, kink.levels, kink.touches, self.limit)
         return search.between(low, high)
 
-    def _infinite(self, times: Floats) -> float | None:
-        """The first time at which a watched value is not finite, or grows beyond all bounds."""
+    def _infinite(self, times: Floats, poles: Floats) -> float | None:
+        """The first time at which a watched value is not finite, or grows beyond all bounds near one of the poles."""
         if not self.pieces.watched.numel_out(0):
             return None
         edges = self._edges(times)
@@ -180,8 +186,7 @@ class _Span:
         places = np.column_stack([low, 0.5 * (low + high), high])[high > low].ravel()
         bad = places[~np.all(np.isfinite(self._watched(places)), axis=1)]
         found = [float(bad[0])] if bad.size else []
-        poles = self._edges(self._union(k for k, kink in enumerate(self.pieces.kinks) if kink.singular))[1:-1]
-        return min([*found, *self._poles(poles, edges)], default=None)
+        return min([*found, *self._poles(self._edges(poles)[1:-1], edges)], default=None)
 
     def _poles(self, candidates: Floats, edges: Floats) -> list[float]:
         """Those of the candidates near which a watched value is much larger than elsewhere on its piece."""
@@ -203,6 +208,10 @@ class _Span:
             return evaluate(self.pieces.watched, times[:, None], self.p)[0]
 
 
+def _union(found: Iterable[Found]) -> Floats:
+    return distinct(np.concatenate([np.zeros(0), *(one.times for one in found)]))
+
+
 def repeated(events: Floats, delay: str, start: float, end: float, origin: float = 0.0) -> Irregular:
     """The times t in (start, end] with t - d(t) = an event; ``delay`` is d as text, of the time origin + t."""
     expression = parse(delay, names=("t",))
@@ -210,10 +219,10 @@ def repeated(events: Floats, delay: str, start: float, end: float, origin: float
         times = events + expression.number()
         return Irregular(times[(times > start) & (times <= end)])
     pieces, nothing = _late(delay, origin), np.zeros(0)
-    found = _Span(pieces, nothing, start, end, np.inf)
-    irregular = found.irregular(listed(distinct(events), reached=False))
-    times = found.found[len(pieces.kinks) - 1].times
-    return Irregular(times[times > start], irregular.lost)
+    span = _Span(pieces, nothing, start, end, np.inf)
+    crossings = span.crossings(listed(distinct(events), reached=False))
+    times = crossings[-1].times
+    return Irregular(times[times > start], span.irregular(crossings).lost)
 
 
 @lru_cache(maxsize=64)

@@ -7,7 +7,8 @@ the seed and on the channel and on nothing else.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from copy import copy
 from functools import cached_property
 
 import numpy as np
@@ -15,14 +16,19 @@ import numpy as np
 from hgorun.errors import PluginError
 from hgorun.measurement.availability import Stretch
 from hgorun.noise.base import Noise, RandomNoise, TimeFunction
+from hgorun.noise.streams import Streams
 from hgorun.symbolic.levels import distinct
 
 
 def generator(seed: int, *channel: object) -> np.random.Generator:
     """The random numbers of a channel."""
+    return streams(np.array([seed]), *channel).generator(0)
+
+
+def streams(seeds: np.ndarray, *channel: object) -> Streams:
+    """The random numbers of a channel, for each of several seeds."""
     digest = hashlib.sha256("/".join(map(str, channel)).encode()).digest()
-    key = tuple(int(word) for word in np.frombuffer(digest[:16], dtype="<u4"))
-    return np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed, spawn_key=key)))
+    return Streams(seeds, tuple(int(word) for word in np.frombuffer(digest[:16], dtype="<u4")))
 
 
 def absolute(items: tuple[Noise, ...], mean_square: float) -> tuple[Noise, ...]:
@@ -71,7 +77,11 @@ class StretchNoise:
     ----------
     functions : tuple of TimeFunction
     random : tuple of RandomNoise
+    many : tuple of int
+        The leading axes of what is drawn: none for a single run.
     """
+
+    many: tuple[int, ...]
 
     def __init__(
         self, stretch: Stretch, items: tuple[Noise, ...], seed: int, channel: str, start: float, end: float
@@ -81,28 +91,52 @@ class StretchNoise:
         self.random = tuple(item for item in items if isinstance(item, RandomNoise))
         self.items = items
         self._span, self._origin = (stretch.start, stretch.end), stretch.origin
-        self._seed, self._channel = seed, channel
+        self._channel = channel
+        self._seeds = np.array([seed])
+        self.many = ()
+        self._deviations: Mapping[int, np.ndarray] = {}
+
+    def of_many(self, count: int, seeds: np.ndarray, deviations: Mapping[int, np.ndarray]) -> StretchNoise:
+        """The noise of several runs at once, along the first axis of all that is drawn.
+
+        Parameters
+        ----------
+        count : int
+            How many runs.
+        seeds : ndarray of int64, shape (count,) or (1,)
+        deviations : mapping of int to ndarray, shape (count,)
+            By the place among the items: the standard deviation of gaussian noise in each run.
+        """
+        new = copy(self)
+        new.__dict__.pop("_held", None)
+        random = [i for i, item in enumerate(self.items) if isinstance(item, RandomNoise)]
+        new._seeds, new.many = seeds, (count,)
+        new._deviations = {random.index(i): values for i, values in deviations.items()}
+        return new
 
     def change_times(self) -> np.ndarray:
         """When a held part changes."""
-        times = [self.start + np.arange(first, first + draws.size) * hold for hold, first, draws in self._held]
+        times = [self.start + np.arange(first, first + draws.shape[-1]) * hold for hold, first, draws in self._held]
         return distinct(np.concatenate(times)) if times else np.zeros(0)
 
     def held(self, times: np.ndarray) -> np.ndarray:
-        """The sum of the held parts at several times."""
-        total = np.zeros(times.size)
+        """The sum of the held parts at several times, shape (..., len(times))."""
+        total = np.zeros((*self.many, times.size))
         for hold, first, draws in self._held:
             index = self._index(times, hold) - first
-            total += draws[np.clip(index, 0, draws.size - 1)]
+            total += draws[..., np.clip(index, 0, draws.shape[-1] - 1)]
         return total
 
     def sampled(self, times: np.ndarray, numbers: np.ndarray) -> np.ndarray:
-        """The noise of samples at times t_k, numbered k: held parts at t_k, one draw a sample of the others."""
+        """The noise of samples at times t_k, numbered k: held parts at t_k, one draw a sample of the others.
+
+        Shape (..., len(times)).
+        """
         drawn = self.held(times)
         count = int(numbers.max()) + 1 if numbers.size else 0
         for j, item in enumerate(self.random):
             if item.hold is None:
-                drawn += self._draw(j, count)[numbers]
+                drawn += self._draw(j, count)[..., numbers]
         total = np.zeros(times.size)
         for function in self.functions if times.size else ():
             total += function.at(self._origin + times, numbers)
@@ -115,7 +149,7 @@ class StretchNoise:
         for j, item in enumerate(self.random):
             if item.hold is not None:
                 first, stop = self._needed(item.hold)
-                found.append((item.hold, first, self._draw(j, stop)[first:].copy()))
+                found.append((item.hold, first, self._draw(j, stop)[..., first:].copy()))
         return found
 
     def _needed(self, hold: float) -> tuple[int, int]:
@@ -133,10 +167,18 @@ class StretchNoise:
 
     def _draw(self, j: int, count: int) -> np.ndarray:
         """The first draws of an item: the same ones at every call."""
-        item = self.random[j]
-        drawn = np.asarray(item.draw(generator(self._seed, "noise", self._channel, j), count), dtype=float)
-        if drawn.shape != (count,):
-            raise PluginError(
-                f"noise {item.type!r}: draw returned an array of shape {drawn.shape}, expected ({count},)"
-            )
+        item, of = self.random[j], streams(self._seeds, "noise", self._channel, j)
+        if not self.many:
+            return self._drawn(item, item.draw(of.generator(0), count), (count,))
+        shape = len(of), count
+        if j in self._deviations:
+            unit = item.model_copy(update={"std": 1.0})
+            drawn = self._drawn(item, unit.draw_many(of, count), shape)
+            return np.asarray(drawn * self._deviations[j][:, None])
+        return self._drawn(item, item.draw_many(of, count), shape)
+
+    def _drawn(self, item: RandomNoise, values: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+        drawn = np.asarray(values, dtype=float)
+        if drawn.shape != shape:
+            raise PluginError(f"noise {item.type!r}: draw returned an array of shape {drawn.shape}, expected {shape}")
         return drawn

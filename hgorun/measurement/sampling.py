@@ -11,12 +11,15 @@ from hgorun.errors import KeyPath, Problem
 from hgorun.measurement.availability import Stretch
 from hgorun.measurement.blocks import Periodic, Steps, Times
 from hgorun.measurement.noise import generator
+from hgorun.memo import Memo
 from hgorun.symbolic.evaluate import along, compiled
 
-SAMPLE_BYTES = 1000  # of memory that a sample takes in the end: events, segments, actions, numbers
+_KEPT = 100_000  # samples that are kept in memory
+SAMPLE_BYTES = 250  # of memory that a sample takes in the end: its times and numbers, its event
+EVENT_BYTES = 1000  # that an event takes where the tables of all events are made at once
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Samples:
     """Samples of one output, in the order of their arrival.
 
@@ -39,14 +42,23 @@ class Samples:
     used: np.ndarray
 
 
+_FOUND: Memo[Samples] = Memo(16, lambda samples: samples.arrival.size < _KEPT)
+
+
 def find_samples(stretches: list[Stretch], start: float, seed: int, output: str, limit: int) -> Samples:
-    """All samples of an output.
+    """All samples of an output: one object for all runs in which they are the same.
 
     Raises
     ------
     Problem
         For a negative delay or more than ``limit`` samples.
     """
+    timing = tuple((s.start, s.end, s.origin, s.sampling, s.delay) for s in stretches)
+    chance = (seed, output) if any(s.sampled_by_chance for s in stretches) else None
+    return _FOUND.get((timing, start, chance, limit), lambda: _samples(stretches, start, seed, output, limit))
+
+
+def _samples(stretches: list[Stretch], start: float, seed: int, output: str, limit: int) -> Samples:
     arrival, taken, number, which = [], [], [], []
     left = limit
     for i, stretch in enumerate(stretches):
@@ -59,18 +71,20 @@ def find_samples(stretches: list[Stretch], start: float, seed: int, output: str,
         inside = _belong(times, stretch, last)
         times, k = np.clip(times[inside], stretch.start, stretch.end), k[inside]
         arrival.append(times)
-        taken.append(np.maximum(times - stretch.valid_delay_at(times), start))
+        delays = stretch.valid_delay_at(times)
+        taken.append(np.maximum(times - delays, start) if delays.any() else times)
         number.append(k)
         which.append(np.full(times.size, i))
     if not arrival:
         empty, none = np.zeros(0), np.zeros(0, dtype=np.int64)
         return Samples(empty, empty, none, none, none.astype(bool))
-    all_taken = np.concatenate(taken)
+    arrivals = np.concatenate(arrival)
+    all_taken = arrivals if all(a is b for a, b in zip(arrival, taken, strict=True)) else np.concatenate(taken)
     newest = np.maximum.accumulate(np.concatenate([[-np.inf], all_taken]))[:-1]
     # times that are equal on paper may differ by rounding
     tolerance = _rounding(stretches[0], stretches[-1])
     used = all_taken >= newest - tolerance
-    return Samples(np.concatenate(arrival), all_taken, np.concatenate(number), np.concatenate(which), used)
+    return Samples(arrivals, all_taken, np.concatenate(number), np.concatenate(which), used)
 
 
 def _rounding(first: Stretch, last: Stretch) -> float:

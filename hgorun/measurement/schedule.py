@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable
-from dataclasses import dataclass
+from collections.abc import Hashable, Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property
-from hashlib import blake2b
 
 import numpy as np
 
@@ -14,7 +13,7 @@ from hgorun.errors import Problem
 from hgorun.measurement.availability import Stretch
 from hgorun.measurement.events import LEVELS, merge, repeated
 from hgorun.measurement.noise import StretchNoise, absolute
-from hgorun.measurement.sampling import SAMPLE_BYTES, Samples, find_samples
+from hgorun.measurement.sampling import EVENT_BYTES, SAMPLE_BYTES, Samples, find_samples
 from hgorun.measurement.signals import delay_range
 from hgorun.measurement.variants import CONTINUOUS, DELAYED, HELD, SILENT, Variant
 from hgorun.noise.base import RandomNoise
@@ -24,7 +23,7 @@ _SHORT = 1e-9  # events closer than this part of a step are one
 _DRAW_BYTES = 16  # of memory that a draw takes until those that a stretch needs are left
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Channel:
     """One output: its stretches, its samples, and its noise in each stretch."""
 
@@ -36,15 +35,12 @@ class Channel:
     @cached_property
     def timing(self) -> Hashable:
         """What decides when something happens; equal for channels whose noise alone differs."""
-        digest = blake2b(digest_size=16)
-        for array in (self.samples.arrival, self.samples.taken, self.samples.used, self.held_changes[0]):
-            digest.update(array.tobytes())
         stretches = tuple((s.start, s.end, s.continuous, s.delay) for s in self.stretches)
-        return stretches, self.samples.arrival.size, digest.digest()
+        return stretches, self.samples, self.held_changes[0].tobytes()
 
     @cached_property
     def gain_and_bias(self) -> tuple[np.ndarray, np.ndarray]:
-        """How every sample is measured, y_k = gain h + bias: shapes (Nk,).
+        """How every sample is measured, y_k = gain h + bias: shapes (..., Nk).
 
         Raises
         ------
@@ -52,25 +48,30 @@ class Channel:
             Where the noise is not a number.
         """
         s = self.samples
-        gain, bias = np.ones(s.arrival.size), np.zeros(s.arrival.size)
+        shape = *self._many, s.arrival.size
+        gain, bias = np.ones(shape), np.zeros(shape)
         for i, (stretch, noise) in enumerate(zip(self.stretches, self.noise, strict=True)):
             inside = s.stretch == i
             if inside.any():
                 times, numbers = s.arrival[inside], s.number[inside]
                 v = noise.sampled(times, numbers)
                 if not np.all(np.isfinite(v)):
-                    first = stretch.origin + times[np.argmin(np.isfinite(v))]
+                    finite = np.all(np.isfinite(v), axis=tuple(range(v.ndim - 1)))
+                    first = stretch.origin + times[np.argmin(finite)]
                     raise Problem(stretch.paths["noise"], f"the noise is not a finite number at t = {first:g}")
                 if stretch.multiplicative:
-                    gain[inside] = 1 + v
+                    gain[..., inside] = 1 + v
                 else:
-                    bias[inside] = v
+                    bias[..., inside] = v
         return gain, bias
 
     @cached_property
     def held_changes(self) -> tuple[np.ndarray, np.ndarray]:
-        """Times and values of the held noise in the continuous stretches; each of them starts with its own."""
-        times, values = [np.zeros(0)], [np.zeros(0)]
+        """Times and values of the held noise in the continuous stretches; each of them starts with its own.
+
+        Shapes (changes,) and (..., changes).
+        """
+        times, values = [np.zeros(0)], [np.zeros((*self._many, 0))]
         if any(noise.random for noise in self.noise):
             for stretch, noise in zip(self.stretches, self.noise, strict=True):
                 if stretch.continuous:
@@ -78,7 +79,25 @@ class Channel:
                     inside = changes[(changes > stretch.start) & (changes < stretch.end)]
                     times.append(np.concatenate([[stretch.start], inside]))
                     values.append(noise.held(times[-1]))
-        return np.concatenate(times), np.concatenate(values)
+        return np.concatenate(times), np.concatenate(values, axis=-1)
+
+    def of_many(self, count: int, seeds: np.ndarray, deviations: Mapping[tuple[int, int], np.ndarray]) -> Channel:
+        """The channel of several runs that share its samples, with the noise of each.
+
+        Parameters
+        ----------
+        count, seeds
+            As in :meth:`StretchNoise.of_many`.
+        deviations : mapping of (stretch, place among its items) to ndarray, shape (count,)
+        """
+        own = [{item: values for (k, item), values in deviations.items() if k == i} for i in range(len(self.noise))]
+        noise = [one.of_many(count, seeds, given) for one, given in zip(self.noise, own, strict=True)]
+        return replace(self, noise=noise)
+
+    @property
+    def _many(self) -> tuple[int, ...]:
+        """The leading axes of noise that is drawn for several runs at once."""
+        return self.noise[0].many
 
     def stretch_at(self, times: np.ndarray) -> np.ndarray:
         """Index of the stretch that starts at or before each time."""
@@ -102,7 +121,7 @@ class Channel:
         return np.column_stack([kind, np.where(continuous[stretch], stretch, 0)])
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Schedule:
     """When something happens in a run.
 
@@ -169,7 +188,7 @@ def _held_bytes(stretch: Stretch, time: Time, left: float) -> float:
         if isinstance(item, RandomNoise) and item.hold is not None:
             draws = (stretch.end - time.start) / item.hold
             events = (stretch.end - stretch.start) / item.hold if stretch.continuous else 0.0
-            total += draws * _DRAW_BYTES + events * SAMPLE_BYTES
+            total += draws * _DRAW_BYTES + events * (SAMPLE_BYTES if stretch.undelayed else EVENT_BYTES)
             if total > left:
                 raise Problem(
                     (*stretch.paths["noise"], j, "hold"),
@@ -214,7 +233,9 @@ def build_schedule(
     tolerance = max(_SHORT * step, rounding)
     times = [np.array([time.start, time.end]), kinks, np.zeros(0) if extremes is None else extremes]
     for c in channels:
-        times += [c.samples.arrival, c.samples.taken, np.array([s.start for s in c.stretches])]
+        times += [c.samples.arrival, np.array([s.start for s in c.stretches])]
+        if c.samples.taken is not c.samples.arrival:
+            times.append(c.samples.taken)
         for s, noise in zip(c.stretches, c.noise, strict=True):
             if s.continuous:
                 changes = noise.change_times()
@@ -232,11 +253,11 @@ def build_schedule(
         )
         newest = fresh[away > tolerance]
         events = _clipped(np.concatenate([events, newest]), time, tolerance)
-        if events.size * SAMPLE_BYTES > time.max_memory:
+        if events.size * EVENT_BYTES > time.max_memory:
             raise Problem(
                 continuous_delays(channels)[0].paths["delay"],
                 f"samples and noise that come back after the delay make {events.size} events, about "
-                f"{events.size * SAMPLE_BYTES / 2**30:.3g} GiB; time.max_memory allows "
+                f"{events.size * EVENT_BYTES / 2**30:.3g} GiB; time.max_memory allows "
                 f"{time.max_memory / 2**30:.3g} GiB",
             )
     sides = np.concatenate(sharp)
@@ -246,12 +267,20 @@ def build_schedule(
     inward, at = np.zeros(events.size), nearest_event(events, sides)
     margin = 4 * np.spacing(np.maximum(np.abs(sides), step))
     np.maximum.at(inward, at, np.abs(sides - events[at]) + margin)
-    # in the middle: what happens at an event may be written a rounding error later than the event
-    middle = 0.5 * (events[:-1] + events[1:])
-    kinds = np.concatenate([c.kinds_at(middle) for c in channels], axis=1)
+    kinds = np.concatenate([_kinds(channels, events[k : k + _PIECE + 1]) for k in range(0, events.size - 1, _PIECE)])
     distinct, variant = _distinct(kinds)
     variants = tuple(tuple((int(a), int(b)) for a, b in row.reshape(-1, 2)) for row in distinct)
     return Schedule(events=events, inward=inward, variants=variants, variant=variant.ravel())
+
+
+_PIECE = 1 << 15  # events at a time: there may be many of them
+
+
+def _kinds(channels: list[Channel], events: np.ndarray) -> np.ndarray:
+    """What every output is between any two events, and in which phase, shape (len(events) - 1, 2 q)."""
+    # in the middle: what happens at an event may be written a rounding error later than the event
+    middle = 0.5 * (events[:-1] + events[1:])
+    return np.concatenate([c.kinds_at(middle) for c in channels], axis=1).astype(np.int32)
 
 
 def _distinct(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

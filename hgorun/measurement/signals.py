@@ -14,7 +14,7 @@ from hgorun.config.literals import Template, template
 from hgorun.errors import Problem, called
 from hgorun.measurement.availability import Stretch
 from hgorun.measurement.events import Irregular, Kinks, extremes, infinite, not_followed, too_many
-from hgorun.measurement.sampling import SAMPLE_BYTES
+from hgorun.measurement.sampling import EVENT_BYTES
 from hgorun.memo import Memo
 from hgorun.noise.base import TimeFunction
 from hgorun.symbolic.clock import on_the_clock
@@ -26,7 +26,7 @@ from hgorun.symbolic.parameters import Parameters, flat
 _POINTS = 4_000  # at which a delay is looked at beside its kinks and extremes
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class _Compiled:
     """A stretch's noise, its kinks, those of the delay, and the extremes of both."""
 
@@ -39,7 +39,7 @@ class _Compiled:
 _COMPILED: Memo[_Compiled] = Memo(256)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Signal:
     """A continuous output in one phase: v(t) without its held part, how it enters, and the delay."""
 
@@ -93,7 +93,7 @@ def kinks_of(stretch: Stretch, max_memory: float) -> Irregular:
     compiled, found = _compiled(stretch), []
     for key, one in (("noise", compiled.kinks), ("delay", compiled.delay_kinks)):
         try:
-            limit = max_memory / SAMPLE_BYTES
+            limit = max_memory / EVENT_BYTES
             found.append(one.between(signal_numbers(stretch), stretch.start, stretch.end, limit))
         except TooMany as error:
             raise Problem(stretch.paths[key], too_many(error, f"the functions of {key}", max_memory)) from None

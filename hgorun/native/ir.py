@@ -190,7 +190,8 @@ class Function(Block):
     def slot(self, kind: str, count: int = 1) -> str:
         """Stack memory for ``count`` values of a type."""
         name = f"%s{len(self._slots)}"
-        self._slots.append(f"  {name} = alloca {kind}, i64 {max(count, 1)}, align 64")
+        array = kind if count <= 1 else f"[{count} x {kind}]"  # such a one may become registers
+        self._slots.append(f"  {name} = alloca {array}, align 64")
         return name
 
     def load(self, pointer: str, kind: str = "double") -> str:

@@ -21,9 +21,9 @@ from hgorun.config.plugin import Plugin
 from hgorun.config.reads import frozen
 from hgorun.config.types import Positive
 from hgorun.errors import Problem
+from hgorun.noise.streams import Streams
 from hgorun.registry import Registry
 from hgorun.symbolic.evaluate import along
-from hgorun.symbolic.intervals import Enclosure
 
 _PIECES = 4096  # of a span of time, in which a function of time is enclosed
 
@@ -113,6 +113,8 @@ class TimeFunction(Noise):
 
     def bound(self, start: float, end: float) -> float:
         """A number that |v(t)| does not exceed between start and end: by interval arithmetic, unless overridden."""
+        from hgorun.symbolic.enclosures import Enclosure  # theory asks for it, not a run
+
         t = ca.SX.sym("t")
         edges = np.linspace(start, end, _PIECES + 1)[:, None]
         low, high = Enclosure(ca.Function("v", [t], [ca.densify(self._of(t))]))(edges[:-1], edges[1:])
@@ -140,6 +142,11 @@ class RandomNoise(Noise):
     @abstractmethod
     def draw(self, random: np.random.Generator, count: int) -> np.ndarray:
         """The first draws of a run, shape (count,): the same ones, whatever the count."""
+
+    def draw_many(self, streams: Streams, count: int) -> np.ndarray:
+        """What :meth:`draw` gives for each of several generators, shape (len(streams), count)."""
+        drawn = [self.draw(streams.generator(i), count) for i in range(len(streams))]
+        return np.array(drawn, dtype=float).reshape(len(streams), count)
 
     def relative(self) -> bool:
         """Whether the size is given relative to that of the noise-free output."""

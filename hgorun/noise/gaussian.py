@@ -11,6 +11,7 @@ from hgorun.config.types import NonNegative, Number
 from hgorun.native.elementary import apply
 from hgorun.noise.base import Draws, RandomNoise, Spectrum, noise
 from hgorun.noise.normal import standard_normal
+from hgorun.noise.streams import Streams
 
 
 @noise("gaussian")
@@ -43,6 +44,9 @@ class GaussianNoise(RandomNoise):
 
     def draw(self, random: np.random.Generator, count: int) -> np.ndarray:
         return standard_normal(random, count) * self._deviation
+
+    def draw_many(self, streams: Streams, count: int) -> np.ndarray:
+        return streams.normal(count) * self._deviation
 
     def spectrum(self) -> Spectrum:
         return Spectrum(draws=(Draws(0.0, self._deviation**2, self.hold),))

@@ -9,6 +9,7 @@ from pydantic import model_validator
 
 from hgorun.config.types import Number
 from hgorun.noise.base import Draws, RandomNoise, Spectrum, noise
+from hgorun.noise.streams import Streams
 
 
 @noise("uniform")
@@ -29,7 +30,13 @@ class UniformNoise(RandomNoise):
         return self
 
     def draw(self, random: np.random.Generator, count: int) -> np.ndarray:
-        return self.low + (self.high - self.low) * random.random(count)  # NumPy's own formula may be fused elsewhere
+        return self._between(random.random(count))  # NumPy's own formula may be fused elsewhere
+
+    def draw_many(self, streams: Streams, count: int) -> np.ndarray:
+        return self._between(streams.uniform(count))
+
+    def _between(self, parts: np.ndarray) -> np.ndarray:
+        return self.low + (self.high - self.low) * parts
 
     def spectrum(self) -> Spectrum:
         mean, variance = 0.5 * (self.low + self.high), (self.high - self.low) ** 2 / 12

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any, TypeAlias
 
 import casadi as ca
@@ -23,7 +23,7 @@ from hgorun.symbolic.symbols import Symbols
 Map: TypeAlias = Callable[[ca.SX, ca.SX], ca.SX]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class SymbolicPlant:
     """A plant without numbers: one object for all plants that differ in nothing else.
 
@@ -47,7 +47,7 @@ class SymbolicPlant:
         return ca.vertcat(self.model.p, self.numbers)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class BuiltPlant:
     """A plant ready to be simulated.
 
@@ -90,7 +90,7 @@ class BuiltPlant:
         return units_of(self.block)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class _Signals:
     """Expressions of time by the name of what they are for, their numbers apart."""
 
@@ -152,12 +152,7 @@ def build_plant(block: Plant, origin: float = 0.0) -> BuiltPlant:
     if missing:
         raise Problem(("plant", "initial"), f"the initial value of {', '.join(missing)} is missing")
     known = (*values, "t")
-    signals = (
-        _signals("inputs", _ordered(("plant", "inputs"), block.inputs, known)),
-        _signals(
-            "disturbance", [(s, _read(("plant", "disturbance", s), t, known)) for s, t in block.disturbance.items()]
-        ),
-    )
+    signals = _inputs(tuple(block.inputs.items()), known), _disturbance(tuple(block.disturbance.items()), known)
     key = type(block), origin, states, outputs, inputs, tuple(values), *(s.templates for s in signals)
     bucket = _BUILT.get(key, list)
     symbolic = next((plant for reads, plant in bucket if reads.hold_for(block)), None)
@@ -221,6 +216,19 @@ def _symbolic(
         ca.vertcat(*[found[name] for name in input_names]) if input_names else ca.SX(0, 1),
         ca.vertcat(*[pushed.get(state, ca.SX(0)) for state in states]),
     )
+
+
+Texts: TypeAlias = tuple[tuple[str, str], ...]
+
+
+@lru_cache(maxsize=256)  # of a family of plants most have the same
+def _inputs(texts: Texts, known: tuple[str, ...]) -> _Signals:
+    return _signals("inputs", _ordered(("plant", "inputs"), dict(texts), known))
+
+
+@lru_cache(maxsize=256)
+def _disturbance(texts: Texts, known: tuple[str, ...]) -> _Signals:
+    return _signals("disturbance", [(s, _read(("plant", "disturbance", s), text, known)) for s, text in texts])
 
 
 def _signals(key: str, expressions: list[tuple[str, Expression]]) -> _Signals:
@@ -325,11 +333,17 @@ def _parameter_values(block: Plant) -> dict[str, float]:
     missing = [name for name in known if name not in texts]
     if missing:
         raise Problem(("plant", "parameters"), f"the value of {', '.join(missing)} is missing")
+    values = _values(tuple(texts.items()))
+    order = [*known, *(n for n in texts if n not in known)]
+    return {name: values[name] for name in order}
+
+
+@lru_cache(maxsize=256)
+def _values(texts: Texts) -> dict[str, float]:
     values: dict[str, float] = {}
-    for name, expression in _ordered(("plant", "parameters"), texts, ()):
+    for name, expression in _ordered(("plant", "parameters"), dict(texts), ()):
         try:
             values[name] = expression.number(values)
         except ExpressionError as error:
             raise Problem(("plant", "parameters", name), str(error)) from error
-    order = [*known, *(n for n in texts if n not in known)]
-    return {name: values[name] for name in order}
+    return values

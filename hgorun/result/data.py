@@ -13,7 +13,7 @@ from hgorun.errors import printable
 from hgorun.result.status import OK, Status, Verdict, worst
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Measurements:
     """What the observers got.
 
@@ -35,7 +35,7 @@ class Measurements:
         return replace(self, time=self.time - origin, taken=self.taken - origin)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class DesignNumbers:
     """The numbers that a run was carried out with, as far as they follow from its configuration.
 
@@ -81,7 +81,7 @@ class Coordinates:
         return f"{self.map} ({', '.join(f'{name}: {length}' for name, length in self.chains.items())})"
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class ObserverResult:
     """One observer's trajectories.
 
@@ -144,7 +144,7 @@ class ObserverResult:
         return self.verdict.lost or not bool(np.all(np.isfinite(self.xhat)))
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Integration:
     """How the equations were integrated, and how far that may be from their solution.
 
@@ -173,7 +173,7 @@ class Integration:
         return {"method": self.method, "step": self.step, "rtol": self.rtol, "evaluations": self.evaluations}
 
 
-@dataclass(frozen=True, kw_only=True, repr=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class ResultData:
     """A finished run.
 

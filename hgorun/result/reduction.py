@@ -61,19 +61,20 @@ class MetricReduction:
         """Those of the plant and the estimates, where these are states."""
         return None if self.places is None else sorted({*range(self.n), *chain(*self.places)})
 
-    def reducer(self, lanes: int) -> Reducer | None:
+    def reducer(self, lanes: int, *, whole: int | None = None) -> Reducer | None:
         """The built-in metrics compiled; None where they are left to numpy."""
         windows = Windows.of(self.time, self.settings)
         known = {RMSE, SUP, PEAK, SETTLING, HF, TV}
         if self.places is None or self.n < 2 or windows is None or not known.issuperset(self.metrics):
             return None
-        code = self._code(windows, lanes)
+        code = self._code(windows, lanes, whole=whole)
         return Reducer(address=code.address, arrays=code.workspace(), size=code.size)
 
-    def _code(self, windows: Windows, lanes: int) -> LaneMetrics:
+    def _code(self, windows: Windows, lanes: int, *, whole: int | None = None) -> LaneMetrics:
         assert self.places is not None
         assert self.states is not None
-        at = {state: place for place, state in enumerate(self.states)}
+        shown = self.states if whole is None else range(whole)
+        at = {state: place for place, state in enumerate(shown)}
         return LaneMetrics(
             time=self.time,
             every=self.every,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -25,7 +26,7 @@ def points_in(time: np.ndarray, window: tuple[float, float]) -> slice:
     return slice(int(first), int(np.searchsorted(time, window[1] + slack, side="right")))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class MetricSettings:
     """Where the metrics look, with nothing omitted.
 
@@ -54,6 +55,10 @@ class MetricSettings:
             metrics.average or span / 100,
             metrics.settling,
         )
+
+    def told(self) -> dict[str, Any]:
+        """Everything by its name, for files."""
+        return dict(vars(self))
 
     def since(self, origin: float) -> MetricSettings:
         """The same windows, counted from some time on."""

@@ -21,6 +21,7 @@ from hgorun.symbolic.levels import distinct
 
 _CELLS = 1 << 14  # of a run with controlled steps, whose times are not known
 _NUMBERS = 6e6  # that are recorded of a run: with more steps than that a cell has several
+_ROWS = 8  # of the output grid are looked at together
 _SHORT = 1e-2  # of a run: what lasts longer is seen by every controlled step
 
 _FEATURES: Memo[dict[str, tuple[Feature, ...]]] = Memo(64)
@@ -60,6 +61,36 @@ def may_jump(run: PreparedRun) -> bool:
 
 def _features_of(run: PreparedRun) -> dict[str, tuple[Feature, ...]]:
     return _FEATURES.get(Same(run.structure), lambda: _features(run.structure))
+
+
+def may_miss(run: PreparedRun, p: Floats, grid: Floats, rows: Floats) -> np.ndarray:
+    """Which of several runs of one structure may pass something between steps, from what is known on a grid.
+
+    Parameters
+    ----------
+    run : PreparedRun
+        One of them.
+    p : ndarray, shape (parameters, N)
+    grid : ndarray, shape (Nt,)
+    rows : ndarray, shape (Nt, states, N)
+
+    Returns
+    -------
+    ndarray of bool, shape (N,)
+    """
+    found = np.zeros(rows.shape[2], dtype=bool)
+    features = [feature for own in _features_of(run).values() for feature in own]
+    if not features or len(grid) < 2:
+        return found
+    first = np.arange(0, len(grid) - 1, _ROWS)
+    last = np.append(first[1:], len(grid) - 1)
+    groups = [rows[a : b + 1] for a, b in zip(first, last, strict=True)]
+    least, most = (np.stack([side(group, axis=0) for group in groups]) for side in (np.min, np.max))
+    beyond = 0.5 * (most - least)
+    for feature in features:
+        near = feature.near(grid[first], grid[last], least - beyond, most + beyond, p)
+        found |= np.any(near, axis=0)
+    return found
 
 
 def missed(run: PreparedRun, how: Pass) -> Missed:

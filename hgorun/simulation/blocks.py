@@ -26,7 +26,7 @@ T = TypeVar("T")
 _LONGEST_LABEL = 100
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Checked:
     """The parts of a configuration, each checked by its class."""
 

@@ -10,7 +10,7 @@ from hgorun.measurement.schedule import continuous_delays
 from hgorun.measurement.signals import delay_range
 from hgorun.observers.base import SampledObserver, SampleSchedule
 from hgorun.simulation.prepared import PreparedRun
-from hgorun.simulation.tables import count_steps
+from hgorun.simulation.tables import steps_between
 from hgorun.symbolic.evaluate import roughly_at
 
 _COARSE = 0.01  # of a step: so far apart neighbouring numbers may be
@@ -80,12 +80,13 @@ def check_steps(run: PreparedRun, step: float, *, adaptive: bool) -> None:
     adaptive : bool
         Whether steps are controlled.
     """
-    events, longest = run.schedule.events, longest_step(run, step, adaptive=adaptive)
+    longest = longest_step(run, step, adaptive=adaptive)
     if adaptive:
-        count_steps(np.diff(events), run.solver.max_step or np.inf, "max_step")
-    steps = None if adaptive else count_steps(np.diff(events), longest)
+        steps_between(run.schedule, run.solver.max_step or np.inf, "max_step")
+    steps = None if adaptive else steps_between(run.schedule, longest)
     if not run.structure.system.remembers:
         return
+    events = run.schedule.events
     pieces = history_pieces(np.column_stack([events[:-1], events[1:]]), steps, run.reach)
     size = history_bytes(run.structure.system, pieces)
     if size > run.time.max_memory:
@@ -144,12 +145,13 @@ def _check_schedules(run: PreparedRun, intervals: np.ndarray) -> None:
 
 def _held_at_start(run: PreparedRun) -> np.ndarray:
     """The vector w as if every output had just been measured."""
-    system = run.structure.system
-    held, layout = np.zeros(system.held.size), system.held
+    system, layout = run.structure.system, run.structure.system.held
+    held = np.zeros(layout.size)
     (channels,) = roughly_at(system.channels, run.time.start, run.numbers.p, run.numbers.z0, held)
-    for i, output in enumerate(channels.reshape(system.outputs, system.width)):
-        held[layout.previous(i)] = output[0]
-        held[layout.output(i) : layout.output(i) + output.size] = output
+    for i in range(system.outputs):
+        first, output = i * system.width, layout.output(i)
+        held[layout.previous(i)] = channels[first]
+        held[output : output + system.width] = channels[first : first + system.width]
     held[layout.interval] = 1.0
     return held
 
@@ -158,13 +160,16 @@ def _check_start(run: PreparedRun) -> None:
     """The right-hand sides must be numbers at the start."""
     system, numbers = run.structure.system, run.numbers
     (rates,) = roughly_at(system.regimes[0].flow, run.time.start, numbers.p, numbers.z0, _held_at_start(run))
-    bad = np.flatnonzero(~np.isfinite(rates[: system.plant_states]))
+    sound = np.isfinite(rates)
+    if sound.all():
+        return
+    bad = np.flatnonzero(~sound[: system.plant_states])
     if bad.size:
         name = run.plant.model.states[int(bad[0])]
         path = ("plant", *run.plant.block.place_of(name))
         raise Problem(path, f"the right-hand side of {name} is not a finite number at the start of the run")
     for b in numbers.observers:
-        if not np.all(np.isfinite(rates[b.start : b.end])):
+        if not sound[b.start : b.end].all():
             internal = ", ".join(name for name in b.states if name not in ("xhat", "alpha"))
             raise Problem(
                 ("observers", b.label),

@@ -45,7 +45,7 @@ def confirmed(run: PreparedRun, raw: Raw, again: Again) -> tuple[Raw, dict[str, 
     dict of str to Verdict
         Of those that are not ok.
     """
-    suspects = [j for j in range(len(run.observers)) if _is_suspect(run, raw, j)]
+    suspects = _suspects(run, raw)
     if not suspects:
         return raw, {}
     if run.solver.divergence is not None:
@@ -91,7 +91,7 @@ def ended(run: PreparedRun, raw: Raw, again: Again | None = None) -> tuple[Raw, 
     dict of str to Verdict
         Of those that are.
     """
-    suspects = [j for j in range(len(run.observers)) if _is_suspect(run, raw, j)]
+    suspects = _suspects(run, raw)
     if run.solver.divergence is not None:
         left = [j for j in suspects if np.isfinite(raw.diverged[j, 0])]
         return raw, {run.observers[j].label: _beyond_given(run, raw, j) for j in left}
@@ -128,7 +128,7 @@ def judged(run: PreparedRun, raw: Raw, j: int, again: Again | None = None) -> Ve
     It is undefined if some operation was undefined for its arguments before the estimate had left for good; what
     operation that was is found by carrying out the run ``again``, where that is given.
     """
-    x, xhat = _estimate(run, raw, j, slice(None))
+    x, xhat = _estimate(run, raw, j)
     left = left_for_good(x, xhat)
     overflow = float(raw.diverged[j, 0])
     if left is None and not np.isfinite(overflow):
@@ -145,14 +145,21 @@ def judged(run: PreparedRun, raw: Raw, j: int, again: Again | None = None) -> Ve
     return Verdict("diverged" if reason is None else "undefined", overflow, reason)
 
 
-def _is_suspect(run: PreparedRun, raw: Raw, j: int) -> bool:
-    return bool(np.isfinite(raw.diverged[j, 0])) or may_have_left(*_estimate(run, raw, j, [0, -1]))
+def _suspects(run: PreparedRun, raw: Raw) -> list[int]:
+    """The observers that were given up, or whose estimates may have left for good."""
+    if not run.observers:
+        return []
+    ends = [0, -1]
+    rows = raw.rows[ends, :, 0]
+    xhat = run.structure.estimates_along(run.grid[ends], run.numbers.p, rows).stack().swapaxes(1, 2)
+    left = may_have_left(rows[:, : run.plant.model.n, None], xhat)
+    return np.flatnonzero(left | np.isfinite(raw.diverged[:, 0])).tolist()
 
 
-def _estimate(run: PreparedRun, raw: Raw, j: int, points: slice | list[int]) -> tuple[Floats, Floats]:
-    """Truth and estimate at some points of the grid."""
-    rows = raw.rows[points, :, 0]
-    xhat = run.structure.estimates[j].along(run.grid[points], run.numbers.p, rows)
+def _estimate(run: PreparedRun, raw: Raw, j: int) -> tuple[Floats, Floats]:
+    """Truth and estimate on the grid."""
+    rows = raw.rows[:, :, 0]
+    xhat = run.structure.estimates[j].along(run.grid, run.numbers.p, rows)
     return rows[:, : run.plant.model.n], xhat
 
 

@@ -8,6 +8,9 @@ of an estimate over that of a state that rests.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
+
 import numpy as np
 
 from hgorun.result.data import PLANT
@@ -21,19 +24,56 @@ _PIECE = 1 << 14  # points at a time
 _SAME_TIME = 0.01  # of the time since the start: two passes that lose an observer so close agree
 
 
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Estimate:
+    """What a pass says of one observer; several runs lie along the last axes.
+
+    Attributes
+    ----------
+    xhat : ndarray, shape (Nt, n, ...)
+    metrics : mapping of str to ndarray, shape (n, ...)
+    """
+
+    xhat: np.ndarray
+    metrics: Mapping[str, np.ndarray]
+
+
 def differences(run: PreparedRun, fine: Measured, coarse: Measured) -> dict[str, float]:
     """The relative difference of two passes, for the plant and for every observer; infinite where one alone is lost."""
-    size = _reach(fine.x)
-    found = {PLANT: _largest(_gap(fine.x, coarse.x), size)}
+    found = {PLANT: float(plant_difference(fine.x, coarse.x))}
     for j, block in enumerate(run.observers):
-        xhat, other = fine.estimates.of(j), coarse.estimates.of(j)
         if not _same_end(run, fine.lost(j), coarse.lost(j)):
             found[block.label] = np.inf
             continue
-        own = np.maximum(size, _FLOOR * _reach(xhat))
-        apart = _largest(_gap(xhat, other), np.maximum(own, _reach(xhat)))
-        found[block.label] = max(apart, _metrics(run, fine, coarse, j, own))
+        ours, theirs = (
+            Estimate(xhat=one.estimates.of(j), metrics={name: values[j] for name, values in one.metrics.items()})
+            for one in (fine, coarse)
+        )
+        found[block.label] = float(difference(run, ours, theirs, size_of(fine.x), fine.moved))
     return found
+
+
+def size_of(x: np.ndarray) -> np.ndarray:
+    """max |x_i| over a run, shape (n, ...) from (Nt, n, ...)."""
+    return _reach(x)
+
+
+def plant_difference(x: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """The relative difference of two truths, shape (...) from (Nt, n, ...)."""
+    return _largest(_gap(x, other), size_of(x))
+
+
+def difference(run: PreparedRun, fine: Estimate, coarse: Estimate, size: np.ndarray, moved: np.ndarray) -> np.ndarray:
+    """The relative difference of two estimates that are not lost, shape (...).
+
+    Parameters
+    ----------
+    size, moved : ndarray, shape (n, ...)
+        max |x_i|, and the variation of x_i in the steady window.
+    """
+    own = np.maximum(size, _FLOOR * _reach(fine.xhat))
+    apart = _largest(_gap(fine.xhat, coarse.xhat), np.maximum(own, _reach(fine.xhat)))
+    return np.asarray(np.maximum(apart, _metrics(run, fine.metrics, coarse.metrics, own, moved)))
 
 
 def _reach(values: np.ndarray) -> np.ndarray:
@@ -58,10 +98,10 @@ def _gap(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return largest
 
 
-def _largest(gap: np.ndarray, size: np.ndarray) -> float:
-    """The largest of some differences over what they are relative to; none is none of nothing."""
+def _largest(gap: np.ndarray, size: np.ndarray) -> np.ndarray:
+    """The largest along the first axis of some differences over what they are relative to; none is none of nothing."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        return float(np.max(np.where(gap == 0, 0.0, gap / size), initial=0.0))
+        return np.asarray(np.max(np.where(gap == 0, 0.0, gap / size), axis=0, initial=0.0))
 
 
 def _same_end(run: PreparedRun, a: float, b: float) -> bool:
@@ -71,12 +111,19 @@ def _same_end(run: PreparedRun, a: float, b: float) -> bool:
     return bool(abs(a - b) <= max(_SAME_TIME * (min(a, b) - run.time.start), run.grid[1] - run.grid[0]))
 
 
-def _metrics(run: PreparedRun, fine: Measured, coarse: Measured, observer: int, size: np.ndarray) -> float:
-    """The largest relative difference of the metrics of an observer."""
-    known, time, worst = all_metrics(), run.time, 0.0
-    settled = fine.settings.settling * fine.metrics[PEAK.name][observer] > run.solver.accuracy * _FLOOR * size
-    for name, values in fine.metrics.items():
-        a, b = values[observer], coarse.metrics[name][observer]
+def _metrics(
+    run: PreparedRun,
+    fine: Mapping[str, np.ndarray],
+    coarse: Mapping[str, np.ndarray],
+    size: np.ndarray,
+    moved: np.ndarray,
+) -> np.ndarray:
+    """The largest relative difference of the metrics of an observer, shape (...) from (n, ...)."""
+    known, time, worst = all_metrics(), run.time, np.zeros(size.shape[1:])
+    part = run.experiment.blocks.metrics.settling
+    settled = part * fine[PEAK.name] > run.solver.accuracy * _FLOOR * size
+    for name, a in fine.items():
+        b = coarse[name]
         unit, counts = known[name].unit, np.ones(a.shape, dtype=bool)
         with np.errstate(invalid="ignore", divide="ignore"):
             gap, value, floor = np.abs(a - b), np.abs(a), _FLOOR * size
@@ -85,9 +132,9 @@ def _metrics(run: PreparedRun, fine: Measured, coarse: Measured, observer: int, 
                 value, floor = np.abs(a - time.start), np.full(a.shape, _FLOOR * run.span)
                 counts = settled
             elif unit == "1":  # a ratio to how much the state moves
-                counts, floor = fine.moved > floor, floor / fine.moved
-        if np.any(np.isfinite(a[counts]) != np.isfinite(b[counts])):
-            return float("inf")
+                counts, floor = moved > floor, floor / moved
+        lost = np.any(counts & (np.isfinite(a) != np.isfinite(b)), axis=0)
         counts = counts & np.isfinite(a)
-        worst = max(worst, _largest(gap[counts], np.maximum(value, floor)[counts]))
+        apart = _largest(np.where(counts, gap, 0.0), np.maximum(value, floor))
+        worst = np.where(lost, np.inf, np.maximum(worst, apart))
     return worst

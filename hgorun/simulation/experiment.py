@@ -12,7 +12,7 @@ import numpy as np
 from hgorun.config.models import ExperimentBlocks, Time
 from hgorun.config.overrides import replaced
 from hgorun.config.yaml_source import Source, parse
-from hgorun.errors import ConfigError, Problem
+from hgorun.errors import ConfigError
 from hgorun.measurement.availability import Stretch, resolve
 from hgorun.measurement.blocks import Measurement
 from hgorun.measurement.noise import deviations
@@ -21,18 +21,18 @@ from hgorun.observers.base import AnyObserver
 from hgorun.plants.base import Plant
 from hgorun.plants.build import BuiltPlant, build_plant
 from hgorun.result.data import Coordinates
-from hgorun.result.windows import points_in
 from hgorun.simulation.blocks import Checked, check, check_again, plain, resolved
 from hgorun.simulation.forms import form_of
+from hgorun.simulation.grid import grid_of, metric_step
 from hgorun.simulation.observer_block import Design
 from hgorun.symbolic.canonical import CanonicalForm
 from hgorun.symbolic.forms import Form
 
 # what the runs of a family share, and by which their schedules are known again
 _STRETCHES: Memo[list[list[Stretch]]] = Memo(16)
-_POINTS: Memo[np.ndarray] = Memo(16, lambda points: points.size < 1_000_000)
 
 _ONLY_A_FILE = "only a file can extend another one; see hgorun.load"
+_OF_FORMS = {"_forms", "forms", "coordinates"}  # what follows from the forms of the plant
 _KEPT = ("name", "text", "source", "_checked", "_noise", "_chosen")  # in a copy; all else follows from these
 
 
@@ -135,9 +135,9 @@ class Experiment:
         known["_designed"] = known.get("_designed", {}) | known.get("designs", {})
         stale = {"designs"}
         if now.plant is not before.plant or now.blocks.time.start != before.blocks.time.start:
-            stale |= {"plant", "_forms", "stretches", "grid"}
+            stale |= {"plant", *_OF_FORMS, "stretches", "grid"}
         if now.observers is not before.observers:
-            stale |= {"_forms"} if now.observers.keys() == before.observers.keys() else {"_forms", "grid"}
+            stale |= _OF_FORMS if now.observers.keys() == before.observers.keys() else {*_OF_FORMS, "grid"}
         if now.measurement is not before.measurement or now.blocks.time != before.blocks.time:
             stale |= {"stretches"}
         if now.blocks.time != before.blocks.time or now.blocks.metrics != before.blocks.metrics:
@@ -192,12 +192,12 @@ class Experiment:
         """Coordinates taken by the experiment that this one varies: they are chosen once."""
         return {}
 
-    @property
+    @cached_property
     def forms(self) -> dict[str, Form]:
         """For every observer the plant in the form that it needs."""
         return {label: form for label, (form, _) in self._forms.items()}
 
-    @property
+    @cached_property
     def coordinates(self) -> dict[str, Coordinates]:
         """Of every observer with constant gain the coordinates in which it corrects."""
         chains = {label: form for label, form in self.forms.items() if isinstance(form, CanonicalForm)}
@@ -249,60 +249,13 @@ class Experiment:
     @property
     def metric_step(self) -> float:
         """Spacing of the points that metrics are taken from."""
-        return self.blocks.metrics.record or self.blocks.time.output_step
+        return metric_step(self.blocks.time, self.blocks.metrics)
 
     @cached_property
     def grid(self) -> tuple[np.ndarray, int, int]:
-        """The finer of output and metric grid, from 0 on, and how many of its points make a step of each.
-
-        Raises
-        ------
-        ConfigError
-            When one grid is not a multiple of the other, or the output is larger than allowed.
-        """
-        time, record, origin = self.time, self.metric_step, self.origin
-        fine = min(record, time.output_step)
-        ratios = [round(step / fine) for step in (time.output_step, record)]
+        """The finer of output and metric grid, from 0 on, and how many of its points make a step of each."""
         with self.located():
-            for ratio, step in zip(ratios, (time.output_step, record), strict=True):
-                if abs(ratio * fine - step) > 1e-6 * fine:
-                    raise Problem(
-                        ("metrics", "record"),
-                        f"record {record:g} and output_step {time.output_step:g}: one must be a multiple of the other",
-                    )
-            rounding = 1e-9 + 2 * np.spacing(time.end) / fine
-            count = np.floor(time.end / fine * (1 + 1e-12) + rounding) + 1
-            width = self.plant.model.n + sum(
-                self.plant.model.n * 2 + 8 for _ in self.observers
-            )  # states and estimates, before the exact size is known
-            size = count * width * 8
-            if size > time.max_memory:
-                raise Problem(
-                    ("time", "output_step"),
-                    f"the output grid has {count:.4g} points, about {size / 2**30:.3g} GiB; "
-                    f"time.max_memory allows {time.max_memory / 2**30:.3g} GiB",
-                )
-            for path, step in ((("time", "output_step"), time.output_step), (("metrics", "record"), record)):
-                if step > time.end * (1 + 1e-9):
-                    raise Problem(path, f"{step:g} is longer than the run, {time.end:g}: shorten it")
-            points = _POINTS.get((int(count), fine), lambda: np.arange(int(count)) * fine)
-            measured = points[:: ratios[1]]
-            for key in ("window", "transient"):
-                window = getattr(self.blocks.metrics, key)
-                if window is None:
-                    continue
-                since = window[0] - origin, window[1] - origin
-                slack = 1e-9 * fine + np.spacing(max(map(abs, window)))
-                outside = since[0] < -slack or since[1] > time.end + slack
-                if outside and key == "window":  # of the transient of a shortened run there may be less
-                    raise Problem(
-                        ("metrics", key),
-                        f"[{window[0]:g}, {window[1]:g}] reaches outside the run, which lasts from "
-                        f"{origin:g} to {self.blocks.time.end:g}",
-                    )
-                if measured[points_in(measured, since)].size == 0:
-                    raise Problem(("metrics", key), f"no output point lies in [{window[0]:g}, {window[1]:g}]")
-        return points, ratios[0], ratios[1]
+            return grid_of(self.blocks.time, self.blocks.metrics, self.plant.model.n, len(self.observers))
 
     def resolved(self) -> dict[str, Any]:
         """The configuration after ``extends``, ``--set`` and defaults, as plain data."""

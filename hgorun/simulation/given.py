@@ -26,7 +26,7 @@ _PLAIN = 1e-3  # errors above this are worth a second pass that is nearer to the
 _LOOSER = 10.0  # times the tolerances
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class LaterEstimate:
     """The errors of a run, estimated when called: of the plant, and of the observers that are not lost.
 

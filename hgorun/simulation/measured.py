@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from hgorun.simulation.loss import of_estimate
 from hgorun.simulation.prepared import PreparedRun
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Measured:
     """Trajectories, and the metrics of the estimates.
 
@@ -34,8 +35,8 @@ class Measured:
         Moments are counted from the run's origin, too.
     settings : MetricSettings
         Where the metrics look, on the clock of the configuration.
-    moved : ndarray, shape (n,)
-        Total variation of the truth in the steady window.
+    steady : ndarray, shape (any, n)
+        The truth in the steady window, at the points of the metrics.
     """
 
     rows: np.ndarray
@@ -44,7 +45,12 @@ class Measured:
     verdicts: tuple[Verdict, ...]
     metrics: Mapping[str, np.ndarray]
     settings: MetricSettings
-    moved: np.ndarray
+    steady: np.ndarray
+
+    @cached_property
+    def moved(self) -> np.ndarray:
+        """Total variation of the truth in the steady window, shape (n,)."""
+        return np.asarray(np.abs(np.diff(self.steady, axis=0)).sum(axis=0))
 
     def lost(self, observer: int) -> float:
         """When an observer is lost; infinite where it is not."""
@@ -61,7 +67,6 @@ def measured(run: PreparedRun, raw: Raw, known: Mapping[str, Verdict]) -> Measur
     estimates = run.structure.estimates_along(run.grid, run.numbers.p, rows)
     settings = MetricSettings.of(run.experiment.blocks.metrics, run.experiment.blocks.time)
     since, x = settings.since(run.origin), rows[points, :n]
-    steady = x[points_in(run.grid[points], since.steady)]
     return Measured(
         rows=kept,
         x=kept[:, :n],
@@ -69,7 +74,7 @@ def measured(run: PreparedRun, raw: Raw, known: Mapping[str, Verdict]) -> Measur
         verdicts=_verdicts(run, raw, estimates, known),
         metrics=measure_together(run.grid[points], x, estimates.at(points), since),
         settings=settings,
-        moved=np.abs(np.diff(steady, axis=0)).sum(axis=0),
+        steady=x[points_in(run.grid[points], since.steady)],
     )
 
 

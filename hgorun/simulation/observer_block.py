@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cached_property
 from typing import cast
 
 import casadi as ca
@@ -19,7 +20,7 @@ from hgorun.symbolic.states import StateBlock, Symmetric
 from hgorun.symbolic.symbols import Symbols
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Design:
     """An observer with the numbers that its keys give for a plant.
 
@@ -110,7 +111,7 @@ class Design:
     def _fail(self, key: str, message: str) -> Problem:
         return Problem(("observers", self.label, key), message)
 
-    @property
+    @cached_property
     def structure(self) -> Hashable:
         """What the equations depend on, besides the keys that they read themselves."""
         gains = tuple((name, np.shape(value)) for name, value in self.gains.items())
@@ -122,7 +123,7 @@ class Design:
         own = self.label, type(observer), observer.coordinates, tuple(observer.saturation)
         return own, Same(self.origin), gains, states
 
-    @property
+    @cached_property
     def numbers(self) -> np.ndarray:
         """Its part of the parameters: gains, then saturation bounds."""
         return np.concatenate(
@@ -130,7 +131,7 @@ class Design:
         )
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ObserverBlock:
     """An observer with a place in the state vector and its numbers among the parameters.
 
@@ -185,7 +186,8 @@ class ObserverBlock:
 
     def of(self, design: Design) -> ObserverBlock:
         """The same place and equations with the numbers of another observer."""
-        return replace(self, observer=design.observer, form=design.form, design=design.gains)
+        mine = self.label, design.observer, design.form
+        return ObserverBlock(*mine, self.start, self.states, self.k, self.bounds, design.gains)
 
     @property
     def canonical(self) -> bool:

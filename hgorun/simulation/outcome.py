@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -37,7 +37,7 @@ def record(run: PreparedRun, raw: Raw, found: Measured, integration: Integration
         What is said of the plant.
     """
     structure, numbers, blocks, model = run.structure, run.numbers, run.experiment.blocks, run.plant.model
-    grid, origin = run.grid[:: run.experiment.grid[1]].copy(), run.origin
+    grid, origin = run.grid[:: run.experiment.grid[1]], run.origin
     u = _inputs(run, grid)
     y = np.ascontiguousarray(structure.outputs.along(grid, numbers.p, found.rows))
     if not np.all(np.isfinite(y)):
@@ -60,7 +60,7 @@ def record(run: PreparedRun, raw: Raw, found: Measured, integration: Integration
         config=run.experiment.text,
         resolved=run.experiment.resolved_later,
         seed=blocks.seed,
-        windows=asdict(found.settings),
+        windows=found.settings.told(),
         integration=integration,
         verdict=of_plant,
         measures=model.measures,
@@ -97,7 +97,7 @@ def since_start(run: PreparedRun, result: Result) -> Result:
     return replace(
         result,
         time=run.grid[:: run.experiment.grid[1]].copy(),
-        windows=asdict(settings.since(run.origin)),
+        windows=settings.since(run.origin).told(),
         measurements=result.measurements.since(run.origin),
         observers={
             label: replace(one, verdict=one.verdict.since(run.origin), metrics=from_origin(one.metrics, -run.origin))

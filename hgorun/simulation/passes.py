@@ -14,7 +14,7 @@ from hgorun.engine.plan import Plan
 from hgorun.simulation.checks import check_steps, longest_step
 from hgorun.simulation.loss import UNBOUNDED
 from hgorun.simulation.prepared import PreparedRun
-from hgorun.simulation.tables import build_plan, count_steps, part_of_difference
+from hgorun.simulation.tables import build_plan, part_of_difference, steps_between
 
 _DEFAULT_RTOL = 1e-8
 _FIRST = 1e-4  # of the run: the first step where errors control them and none is given
@@ -22,7 +22,7 @@ _SURE_ORDER = 2
 _BOUND = (1e6, 1e6)  # an observer has diverged beyond 1e6 (1 + max |x|)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Pass:
     """How the equations are integrated once.
 
@@ -69,7 +69,7 @@ def as_given(run: PreparedRun) -> Pass:
 
 def integrate(run: PreparedRun, how: Pass, progress: Callable[[float], None] | None = None) -> Raw:
     """One pass, as the engine gives it."""
-    return carry_out(run, how, *plan_of(run, how), progress)
+    return carry_out(run, how, *plan_of(run, how, in_parts=True), progress)
 
 
 def carry_out(
@@ -91,7 +91,7 @@ def integrate_lanes(runs: Sequence[PreparedRun], how: Pass) -> Raw:
 
 def fixed_steps(run: PreparedRun, step: float) -> np.ndarray:
     """How many steps no longer than the nominal one there are between any two events."""
-    return count_steps(np.diff(run.schedule.events), longest_step(run, step))
+    return steps_between(run.schedule, longest_step(run, step))
 
 
 def part_of_error(run: PreparedRun, how: Pass) -> float:
@@ -104,8 +104,8 @@ def part_of_error(run: PreparedRun, how: Pass) -> float:
     return part_of_difference(fixed_steps(run, how.step), how.uneven, min(METHODS[how.method].order, _SURE_ORDER))
 
 
-def plan_of(run: PreparedRun, how: Pass) -> tuple[Plan, Start]:
-    """The tables of a pass, and where it starts.
+def plan_of(run: PreparedRun, how: Pass, *, in_parts: bool = False) -> tuple[Plan, Start]:
+    """The tables of a pass, and where it starts; ``in_parts`` as of :func:`build_plan`.
 
     Raises
     ------
@@ -124,6 +124,7 @@ def plan_of(run: PreparedRun, how: Pass) -> tuple[Plan, Start]:
         reach=run.reach,
         origin=run.origin,
         uneven=how.uneven,
+        in_parts=in_parts,
     )
     divergence = run.solver.divergence
     bound = (_BOUND if how.bounded else UNBOUNDED) if divergence is None else (divergence, 0.0)
@@ -134,7 +135,7 @@ def _start(run: PreparedRun, bound: tuple[float, float]) -> Start:
     return Start(run.numbers.z0[:, None], run.numbers.p[:, None], bound)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Again:
     """The same pass once more, see :class:`hgorun.simulation.loss.Again`."""
 

@@ -15,7 +15,7 @@ from hgorun.engine.plan import Plan
 from hgorun.engine.program import Program
 from hgorun.errors import KeyPath, Problem
 from hgorun.measurement.events import Irregular, Kinks, extremes, infinite, merge, not_followed, too_many
-from hgorun.measurement.sampling import SAMPLE_BYTES
+from hgorun.measurement.sampling import EVENT_BYTES
 from hgorun.memo import Memo
 from hgorun.plants.build import BuiltPlant, SymbolicPlant
 from hgorun.simulation.tables import count_steps, in_pieces
@@ -39,7 +39,7 @@ def plant_kinks(plant: BuiltPlant, time: Time, origin: float) -> Irregular:
     """
     symbolic, model = plant.symbolic, plant.model
     kinks = _KINKS.get(symbolic, lambda: Kinks.of(_functions(symbolic), model.t, symbolic.everything))
-    limit = time.max_memory / SAMPLE_BYTES
+    limit = time.max_memory / EVENT_BYTES
     try:
         found = kinks.between(plant.everything, time.start, time.end, limit)
     except TooMany as error:
@@ -94,7 +94,7 @@ def _each(plant: BuiltPlant, time: Time) -> Iterator[tuple[KeyPath, Irregular]]:
             yield path, kinks.between(plant.everything, time.start, time.end)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class PlantRun:
     """x(t) and the integral of y^2, with steps that land on the kinks.
 

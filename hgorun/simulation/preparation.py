@@ -8,12 +8,14 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 
+from hgorun.config.models import Time
 from hgorun.errors import Problem
 from hgorun.measurement.events import Irregular, pulses_missed
 from hgorun.measurement.noise import is_relative
 from hgorun.measurement.schedule import Channel, Schedule, build_schedule, check_delays, find_channels
 from hgorun.measurement.signals import extremes_of, kinks_of, signal_remarks
 from hgorun.memo import Memo, Same
+from hgorun.observers.base import AnyObserver
 from hgorun.observers.capabilities import Switching
 from hgorun.plants.build import BuiltPlant, SymbolicPlant
 from hgorun.result.data import DesignNumbers
@@ -24,7 +26,8 @@ from hgorun.simulation.plant_alone import PlantRun, plant_extremes, plant_kinks,
 from hgorun.simulation.prepared import Numbers, PreparedRun
 from hgorun.simulation.structure import Structure, parameter_values, structure_of
 from hgorun.simulation.truth import SimulatedPlant
-from hgorun.symbolic.evaluate import at
+from hgorun.symbolic.evaluate import evaluate
+from hgorun.symbolic.forms import Form
 
 _EVENTS = 100_000  # of schedules that are kept in memory
 _CHANNELS: Memo[list[Channel]] = Memo(16, lambda channels: all(c.samples.arrival.size < _EVENTS for c in channels))
@@ -49,14 +52,19 @@ def prepare(experiment: Experiment, design: DesignNumbers | None = None) -> Prep
     ConfigError
     """
     with experiment.located():
-        _check_limits(experiment)
+        check_limits(experiment)
         run = _prepared(experiment, design)
         check_run(run)
     return run
 
 
-def _check_limits(experiment: Experiment) -> None:
-    """What has no limit as the step falls cannot have its step found by error control."""
+def check_limits(experiment: Experiment) -> None:
+    """What has no limit as the step falls cannot have its step found by error control.
+
+    Raises
+    ------
+    Problem
+    """
     if not experiment.blocks.solver.controlled:
         return
     for label, observer in experiment.observers.items():
@@ -73,12 +81,12 @@ def _prepared(experiment: Experiment, design: DesignNumbers | None) -> PreparedR
     _ = experiment.grid, experiment.forms  # what is wrong with them is said first
     step = nominal_step(experiment) if design is None else design.step
     sizes = _mean_squares(experiment, step)
-    key = Same(stretches), experiment.blocks.seed, None if sizes is None else tuple(sizes)
-    channels = _CHANNELS.get(
-        key, lambda: find_channels(stretches, plant.model.outputs, time, experiment.blocks.seed, sizes)
-    )
+    seed = experiment.blocks.seed
+    chance = seed if any(s.by_chance for one in stretches for s in one) else None
+    key = Same(stretches), chance, None if sizes is None else tuple(sizes)
+    channels = _CHANNELS.get(key, lambda: find_channels(stretches, plant.model.outputs, time, seed, sizes))
     smallest_delay, reach = check_delays(channels)
-    schedule = _schedule(experiment, channels, step)
+    schedule = schedule_of(experiment, channels, step)
     designs = list(experiment.designs.values())
     stepped = plant.block.discretise == "euler"
     truth = _TRUTHS.get((plant.symbolic, stepped), lambda: SimulatedPlant(plant.symbolic, stepped))
@@ -129,11 +137,13 @@ def _mean_squares(experiment: Experiment, step: float) -> np.ndarray | None:
 
 def with_events(run: PreparedRun, times: np.ndarray) -> PreparedRun:
     """The same run with more times at which a step ends."""
-    return replace(run, schedule=_schedule(run.experiment, run.channels, run.step, times))
+    return replace(run, schedule=schedule_of(run.experiment, run.channels, run.step, times))
 
 
-def _schedule(experiment: Experiment, channels: list[Channel], step: float, more: np.ndarray | None = None) -> Schedule:
-    """All events; ``more``: times at which a step is to end besides."""
+def schedule_of(
+    experiment: Experiment, channels: list[Channel], step: float, more: np.ndarray | None = None
+) -> Schedule:
+    """All that happens in a run, for a nominal step; ``more``: times at which a step is to end besides."""
     time = experiment.time
     found = [plant_kinks(experiment.plant, time, experiment.origin)]
     found += [kinks_of(s, time.max_memory) for channel in channels for s in channel.stretches if s.continuous]
@@ -178,21 +188,43 @@ def nominal_step(experiment: Experiment) -> float:
     """
     if experiment.given_step is not None:
         return experiment.given_step
-    time, rates = experiment.time, []
-    for label, observer in experiment.observers.items():
-        try:
-            rates.append(float(observer.fastest_rate(experiment.forms[label])))
-        except Problem as problem:
-            raise Problem(("observers", label, *problem.path), problem.message) from problem
-    rates = [rate for rate in rates if np.isfinite(rate)]  # others are not known
-    plant = experiment.plant
+    rates = [rate_of(label, observer, experiment.forms[label]) for label, observer in experiment.observers.items()]
+    rates += plant_rates(experiment.plant, experiment.time, experiment.plant.initial, experiment.plant.everything)
+    return step_for(experiment, max((rate for rate in rates if np.isfinite(rate)), default=0.0))
+
+
+def rate_of(label: str, observer: AnyObserver, form: Form) -> float:
+    """The fastest rate of an observer's error dynamics; not finite or zero where it is not known."""
+    try:
+        return float(observer.fastest_rate(form))
+    except Problem as problem:
+        raise Problem(("observers", label, *problem.path), problem.message) from problem
+
+
+def plant_rates(plant: BuiltPlant, time: Time, initial: np.ndarray, everything: np.ndarray) -> list[float]:
+    """The fastest rate of a plant at the start of one run or of several; NaN where it is not known.
+
+    Parameters
+    ----------
+    initial : ndarray, shape (n,) or (N, n)
+    everything : ndarray, shape (parameters,) or (N, parameters)
+    """
     slopes = _SLOPES.get(plant.symbolic, lambda: _slopes(plant.symbolic))
-    (at_start,) = at(slopes, time.start, plant.initial, plant.everything)
-    if np.all(np.isfinite(at_start)):
-        rates.append(float(np.max(np.abs(np.linalg.eigvals(at_start.reshape(plant.model.n, plant.model.n))))))
-    step = (time.end - time.start) / 1000
-    if max(rates, default=0.0) > 0:
-        step = min(step, 0.05 / max(rates))
+    (matrices,) = evaluate(slopes, np.array([time.start]), initial, everything)
+    matrices = matrices.reshape(-1, plant.model.n, plant.model.n)
+    known = np.all(np.isfinite(matrices), axis=(1, 2))
+    rates = np.full(len(matrices), np.nan)
+    rates[known] = np.max(np.abs(np.linalg.eigvals(matrices[known])), axis=1)
+    return [float(rate) for rate in rates]
+
+
+def step_for(experiment: Experiment, rate: float) -> float:
+    """The step that a fastest rate asks for, where none is given."""
+    time = experiment.time
+    span = time.end - time.start
+    step = span / 1000
+    if rate > 0:
+        step = min(step, 0.05 / rate)
     for stretches in experiment.stretches:
         for s in stretches:
             fastest = s.fastest() if s.continuous else 0.0
@@ -200,7 +232,6 @@ def nominal_step(experiment: Experiment) -> float:
                 step = min(step, 2 * np.pi / fastest / 60)
     if experiment.blocks.solver.method == "euler":
         step /= 100
-    span = time.end - time.start
     if experiment.adaptive:
         return step
     return float(span / 2.0 ** np.clip(np.floor(np.log2(span / step)), 10, 20))

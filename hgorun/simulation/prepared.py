@@ -17,7 +17,7 @@ from hgorun.simulation.structure import Structure
 from hgorun.symbolic.forms import Form
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Numbers:
     """What two runs of one structure differ in.
 
@@ -34,7 +34,7 @@ class Numbers:
     observers: tuple[ObserverBlock, ...]
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class PreparedRun:
     """All that is decided before the first step.
 

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 Stretches = Sequence[Sequence[Stretch]]  # of every output
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Readout:
     """What is shown of a run: some of its states, or where these are None a function of (t, p, z, w)."""
 
@@ -61,7 +61,7 @@ class Readout:
         return evaluate(self.function, times[:, None], p, z, held)[0]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Structure:
     """The equations of a family of runs, and the code compiled from them.
 

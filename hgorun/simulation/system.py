@@ -21,7 +21,7 @@ from hgorun.simulation.truth import Placed, PlantNumbers, Truth
 from hgorun.symbolic.plant import PlantModel
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Group:
     """A truth and the observers of it, with their places in z: the truth's states, then the observers'."""
 
@@ -35,7 +35,7 @@ class Group:
         return self.observers[-1].end if self.observers else self.start + self.truth.size
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class _Symbols:
     """What everything is written in."""
 

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from functools import partial
 
 import numpy as np
 
-from hgorun.engine.layout import ARRIVE, JUMP, REBASE, RECORD, SET, TAKE, Held, HybridSystem
-from hgorun.engine.plan import Plan
+from hgorun.engine.layout import HybridSystem
+from hgorun.engine.plan import Following, Plan, Segments
 from hgorun.errors import Problem
-from hgorun.measurement.schedule import Channel, Schedule, nearest_event
+from hgorun.measurement.schedule import Channel, Schedule
 from hgorun.memo import Memo, Same
+from hgorun.simulation.actions import Actions, RecordedInputs
 from hgorun.symbolic.levels import distinct
 
 _PIECE = 1 << 14  # steps between two checks for Ctrl-C, more only where there were too many pieces
@@ -20,21 +21,20 @@ _MAX_PIECES = 100_000
 _MAX_STEPS = 1e10  # then a piece is still a matter of a second
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Tables:
     """The engine's tables of a run without its numbers.
 
     Attributes
     ----------
-    spans, counts, actions, slots
-        As in :class:`~hgorun.engine.plan.Plan`.
+    segments : Segments
+    slots : int
+        Samples on their way, over all outputs.
     intervals : ndarray
         The times between samples, for what jumps at them.
     """
 
-    spans: np.ndarray
-    counts: np.ndarray
-    actions: np.ndarray
+    segments: Segments
     slots: int
     intervals: np.ndarray
 
@@ -52,6 +52,7 @@ def build_plan(
     uneven: float | None = None,
     inputs: RecordedInputs | None = None,
     samples: Sequence[np.ndarray] | None = None,
+    in_parts: bool = False,
 ) -> Plan:
     """The engine's tables, with the numbers of a run.
 
@@ -77,18 +78,25 @@ def build_plan(
         Where the system takes its inputs from the tables.
     samples : sequence of ndarray, shape (Nk,) each, optional
         What arrives of every output, where it is recorded: the system's own outputs are zero then.
+    in_parts : bool
+        A plan of many events may be given part by part, so that its tables need not fit into memory.
     """
     key = schedule, system, Same(grid), always_slope, longest, uneven, None if inputs is None else Same(inputs)
-    tables = _TABLES.get(key, lambda: _build(schedule, channels, grid, system, always_slope, longest, uneven, inputs))
+    following = None
+    if in_parts and schedule.events.size > 2 * _PART_EVENTS and not system.remembers:
+        tables, following = _parts(schedule, channels, grid, system, always_slope, longest, uneven, inputs)
+    else:
+        build = partial(_build, schedule, channels, grid, system, always_slope, longest, uneven, inputs)
+        tables = _TABLES.get(key, build)
     changes = [channel.held_changes[1] for channel in channels]
     recorded = [] if inputs is None else [inputs.values(channels)]
     measured = [channel.gain_and_bias for channel in channels]
     if samples is not None:
         measured = [(np.ones(values.size), np.asarray(values, dtype=float)) for values in samples]
     return Plan(
-        spans=tables.spans,
-        counts=tables.counts,
-        actions=tables.actions,
+        spans=tables.segments.spans,
+        counts=tables.segments.counts,
+        actions=tables.segments.actions,
         grid=grid,
         slots=tables.slots,
         gain=np.concatenate([np.zeros(0), *(gain for gain, _ in measured)]),
@@ -96,11 +104,12 @@ def build_plan(
         holds=np.concatenate([np.zeros(0), *changes, tables.intervals, *recorded]),
         reach=reach,
         origin=origin,
+        following=following,
     )
 
 
 _KEPT = 500_000  # actions and segments of tables that are kept in memory
-_TABLES: Memo[Tables] = Memo(16, lambda tables: len(tables.actions) + len(tables.counts) < _KEPT)
+_TABLES: Memo[Tables] = Memo(16, lambda tables: len(tables.segments.actions) + len(tables.segments.counts) < _KEPT)
 
 
 def _build(
@@ -113,32 +122,90 @@ def _build(
     uneven: float | None,
     inputs: RecordedInputs | None,
 ) -> Tables:
-    events = schedule.events
-    gaps = np.diff(events)
-    steps = count_steps(gaps, longest)
-    table = _Actions(events, channels, system, inputs)
-    always = system.remembers or always_slope
-    slope = np.full(gaps.size, int(always))
-    if not always:
-        slope = _row_in_last_step(events, steps, grid).astype(int)
-    inner = events[:-1] + schedule.inward[:-1], events[1:] - schedule.inward[1:]
-    spans = np.column_stack([events[:-1], events[1:], *inner])
-    counts = np.column_stack(
-        [steps, np.zeros_like(steps), steps, schedule.variant, table.first[:-1], table.first[1:], slope]
-    )
-    if uneven is not None:
-        spans, counts = _unevenly(spans, counts, uneven)
-    spans, counts = in_pieces(spans, counts)
-    # what happens at the very end: one more segment without steps
-    last = np.array([[1, 0, 0, counts[-1, 3], table.first[-1], table.rows.shape[0], 0]])
-    end = np.full((1, 4), events[-1])
-    return Tables(
-        spans=np.concatenate([spans, end]),
-        counts=np.concatenate([counts, last]).astype(np.int64),
-        actions=table.rows,
-        slots=table.slots,
-        intervals=table.intervals,
-    )
+    of = _Tabulated(schedule, channels, grid, system, always_slope, longest, uneven, inputs)
+    return Tables(of.segments(0, schedule.events.size), of.actions.slots, of.actions.intervals)
+
+
+_PART_EVENTS = 1 << 15  # of a part: its tables stay in the processor's cache
+
+
+def _parts(
+    schedule: Schedule,
+    channels: Sequence[Channel],
+    grid: np.ndarray,
+    system: HybridSystem,
+    always_slope: bool,
+    longest: float,
+    uneven: float | None,
+    inputs: RecordedInputs | None,
+) -> tuple[Tables, Following]:
+    """The first events of a run, and the others part by part."""
+    of = _Tabulated(schedule, channels, grid, system, always_slope, longest, uneven, inputs)
+    count = schedule.events.size
+    first = of.segments(0, _PART_EVENTS)
+    steps = of.steps - int(np.sum(first.counts[:, 2] - first.counts[:, 1]))
+
+    def rest() -> Iterator[Segments]:
+        for start in range(_PART_EVENTS, count, _PART_EVENTS):
+            yield of.segments(start, min(start + _PART_EVENTS, count))
+
+    following = Following(rest, steps, steps + count - _PART_EVENTS, float(schedule.events[-1]))
+    return Tables(first, of.actions.slots, of.actions.intervals), following
+
+
+class _Tabulated:
+    """The tables of a run, of as many of its events as are asked for; parameters as of :func:`build_plan`."""
+
+    def __init__(
+        self,
+        schedule: Schedule,
+        channels: Sequence[Channel],
+        grid: np.ndarray,
+        system: HybridSystem,
+        always_slope: bool,
+        longest: float,
+        uneven: float | None,
+        inputs: RecordedInputs | None,
+    ) -> None:
+        self.schedule, self.grid, self.longest, self.uneven = schedule, grid, longest, uneven
+        self.always_slope = system.remembers or always_slope
+        self.actions = Actions(schedule.events, channels, system, inputs)
+        steps = steps_between(schedule, longest)
+        total = int(np.sum(steps if uneven is None else uneven_steps(steps, uneven)))
+        self.steps, self.piece = total, steps_of_a_piece(total)
+
+    def segments(self, first: int, stop: int) -> Segments:
+        """From event ``first`` on, with what happens at the events before ``stop``.
+
+        Behind the last event of the run, one more segment without steps has what happens at the very end.
+        """
+        events, schedule = self.schedule.events, self.schedule
+        ends = slice(first, min(stop + 1, events.size))
+        at, inward = events[ends], schedule.inward[ends]
+        steps = count_steps(np.diff(at), self.longest)
+        slope = np.full(steps.size, int(self.always_slope))
+        if not self.always_slope:
+            slope = _row_in_last_step(at, steps, self.grid).astype(int)
+        actions, places = self.actions.at(first, stop)
+        spans = np.column_stack([at[:-1], at[1:], at[:-1] + inward[:-1], at[1:] - inward[1:]])
+        variant, none = schedule.variant[ends.start : ends.stop - 1], np.zeros_like(steps)
+        of_segments = places[: steps.size], places[1 : steps.size + 1]
+        counts = np.column_stack([steps, none, steps, variant, *of_segments, slope])
+        if self.uneven is not None:
+            spans, counts = _unevenly(spans, counts, self.uneven)
+        spans, counts = in_pieces(spans, counts, self.piece)
+        if stop == events.size:
+            last = np.array([[1, 0, 0, schedule.variant[-1], places[-2], places[-1], 0]])
+            spans, counts = np.concatenate([spans, np.full((1, 4), events[-1])]), np.concatenate([counts, last])
+        return Segments(spans, counts.astype(np.int64, copy=False), actions)
+
+
+_STEPS: Memo[np.ndarray] = Memo(32, lambda steps: steps.size < _KEPT // 10)
+
+
+def steps_between(schedule: Schedule, longest: float, key: str = "step") -> np.ndarray:
+    """How many equal steps each gap between two events of a schedule takes, as :func:`count_steps`."""
+    return _STEPS.get((schedule, longest, key), lambda: count_steps(np.diff(schedule.events), longest, key))
 
 
 def count_steps(gaps: np.ndarray, longest: float, key: str = "step") -> np.ndarray:
@@ -236,13 +303,18 @@ def _row_in_last_step(events: np.ndarray, steps: np.ndarray, grid: np.ndarray) -
     return np.asarray(np.searchsorted(grid, end - snap, side="left") > first)
 
 
-def in_pieces(spans: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def steps_of_a_piece(total: int) -> int:
+    """How many steps a piece has, of so many in the run: see :func:`in_pieces`."""
+    return max(_PIECE, -(-total // _MAX_PIECES))
+
+
+def in_pieces(spans: np.ndarray, counts: np.ndarray, piece: int | None = None) -> tuple[np.ndarray, np.ndarray]:
     """Long segments in pieces, so that the native code comes back soon; numbering of the steps goes on.
 
     A piece has 16,384 steps. In runs of more than 1.6e9 steps it is longer, since the pieces themselves
     take memory: up to 100,000 steps, well below a second for all but the largest systems.
     """
-    piece = max(_PIECE, -(-int(counts[:, 0].sum()) // _MAX_PIECES))
+    piece = steps_of_a_piece(int(counts[:, 0].sum())) if piece is None else piece
     pieces = np.maximum(-(-counts[:, 0] // piece), 1)
     if np.all(pieces == 1):
         return spans, counts
@@ -255,131 +327,3 @@ def in_pieces(spans: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.nda
     new[inner, 6] = 1
     new[part > 0, 4] = new[part > 0, 5]
     return spans[origin], new
-
-
-@dataclass(frozen=True, eq=False)
-class RecordedInputs:
-    """Inputs as they were recorded: each is a straight line from one of its times to the next.
-
-    Attributes
-    ----------
-    times : ndarray, shape (N,)
-        From these times on the lines hold; the first is not after the start of the run.
-    levels, slopes : ndarray, shape (N, m)
-        u(t) = level + slope (t - time); held values have slope zero.
-    """
-
-    times: np.ndarray
-    levels: np.ndarray
-    slopes: np.ndarray
-
-    def at(self, times: np.ndarray) -> np.ndarray:
-        """u at several times, shape (len(times), m)."""
-        i = np.clip(np.searchsorted(self.times, times, side="right") - 1, 0, None)
-        return np.asarray(self.levels[i] + self.slopes[i] * (times - self.times[i])[:, None])
-
-    def values(self, channels: Sequence[Channel]) -> np.ndarray:
-        """What is set in w, in the order of :meth:`actions`."""
-        since = np.repeat(self.times, self.levels.shape[1])
-        lines = np.column_stack([self.levels.ravel(), self.slopes.ravel(), since]).ravel()
-        return np.concatenate([lines, self.at(_times_before(channels)).ravel()])
-
-    def actions(self, events: np.ndarray, channels: Sequence[Channel], held: Held, first: int) -> list[np.ndarray]:
-        """Rows that set the lines at their times, and at every sample the inputs at the sample before.
-
-        Parameters
-        ----------
-        first : int
-            Place of the first value of :meth:`values` among all that is set.
-        """
-        places = np.array([held.input(i) for i in range(self.levels.shape[1])])
-        lines, before = places[:, :3].ravel(), places[:, 3]
-        at = np.repeat(nearest_event(events, np.maximum(self.times, events[0])), lines.size)
-        later = first + at.size
-        sample = np.repeat(nearest_event(events, _arrivals(channels)), before.size)
-        return [
-            _rows(at, -3, SET, np.tile(lines, self.times.size), first + np.arange(at.size)),
-            _rows(sample, -3, SET, np.resize(before, sample.size), later + np.arange(sample.size)),
-        ]
-
-
-def _arrivals(channels: Sequence[Channel]) -> np.ndarray:
-    """When the samples arrive that observers jump at."""
-    return channels[0].samples.arrival
-
-
-def _times_before(channels: Sequence[Channel]) -> np.ndarray:
-    """For every sample the time of the one before; for the first its own."""
-    times = _arrivals(channels)
-    return np.concatenate([times[:1], times[:-1]])
-
-
-class _Actions:
-    """The action table: samples taken and arriving, noise changing, alpha counted from zero again, jumps.
-
-    At one event the inputs change first, then the plant is stepped, then samples are taken, then they arrive,
-    then alpha is counted anew, and last the discrete-time observers jump.
-    """
-
-    def __init__(
-        self, events: np.ndarray, channels: Sequence[Channel], system: HybridSystem, inputs: RecordedInputs | None
-    ) -> None:
-        layout = system.held
-        rebase = system.has_alpha and not system.remembers
-        parts = [np.zeros((0, 7), dtype=np.int64)]  # event, rank at the event, then the engine's five integers
-        base, held = 0, 0
-        for i, c in enumerate(channels):
-            s = c.samples
-            slot = base + np.arange(s.arrival.size)
-            arrive, take = nearest_event(events, s.arrival), nearest_event(events, s.taken)
-            parts.append(_rows(take, 0, TAKE, i, slot))
-            heard = s.used & _last_of_equal(arrive) if system.jumps else s.used
-            parts.append(_rows(arrive, 1, np.where(heard, ARRIVE, RECORD), i, slot))
-            if rebase:
-                pending = base + _taken_by(take, arrive)
-                parts.append(_rows(arrive, 2, REBASE, i, slot, slot + 1, np.maximum(pending, slot + 1))[s.used])
-            base += s.arrival.size
-            times = c.held_changes[0]
-            parts.append(_rows(nearest_event(events, times), 0, SET, layout.noise(i), held + np.arange(times.size)))
-            held += times.size
-        self.intervals = np.zeros(0)
-        if system.jumps:
-            samples = channels[0].samples
-            event = nearest_event(events, samples.arrival)
-            heard = samples.used & _last_of_equal(event)  # from one sample to the next time passes
-            at, self.intervals = event[heard][1:], np.diff(samples.arrival[heard])
-            parts.append(_rows(at, -2, SET, layout.interval, held + np.arange(at.size)))
-            held += at.size
-            for number, (start, _, _) in enumerate(system.jumps):
-                parts.append(_rows(at, -1 if start < system.plant_states else 3, JUMP, number))
-        if inputs is not None:
-            parts += inputs.actions(events, channels, layout, held)
-        table = np.concatenate(parts)
-        table = table[np.lexsort((table[:, 1], table[:, 0]))]
-        self.rows = np.ascontiguousarray(table[:, 2:])
-        self.first = np.searchsorted(table[:, 0], np.arange(events.size), side="left")
-        self.slots = base
-
-
-def _rows(event: np.ndarray, *columns: Any) -> np.ndarray:
-    """Rows of the action table; missing columns are zero."""
-    rows = np.zeros((event.size, 7), dtype=np.int64)
-    for i, column in enumerate((event, *columns)):
-        rows[:, i] = column
-    return rows
-
-
-def _last_of_equal(numbers: np.ndarray) -> np.ndarray:
-    """For numbers in ascending order, where the last one of each value is."""
-    last: np.ndarray = np.searchsorted(numbers, numbers, side="right") == np.arange(1, numbers.size + 1)
-    return last
-
-
-def _taken_by(take: np.ndarray, arrive: np.ndarray) -> np.ndarray:
-    """For each arrival, one more than the last sample that has been taken by then.
-
-    Samples are numbered by arrival, so those on their way are the ones behind; with delays that change,
-    some in between may not have been taken yet.
-    """
-    earliest = np.minimum.accumulate(take[::-1])[::-1]
-    return np.searchsorted(earliest, arrive, side="right")

@@ -13,7 +13,7 @@ from hgorun.memo import Same
 from hgorun.plants.build import SymbolicPlant
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class PlantNumbers:
     """Symbols for the plant's parameters, and for the numbers in the expressions of inputs and disturbance."""
 
@@ -25,7 +25,7 @@ class PlantNumbers:
         return ca.substitute(expression, plant.everything, ca.vertcat(self.parameters, self.numbers))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Placed:
     """A truth as a part of the system.
 
@@ -86,7 +86,7 @@ class Truth(Protocol):
         ...
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class SimulatedPlant:
     """The plant's own equations, with its disturbance.
 
@@ -121,7 +121,7 @@ class SimulatedPlant:
         return Placed(u, before, y, ca.SX.zeros(model.n), x + interval * rate)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Recording:
     """Samples that are there already: no states, outputs that are whatever arrives.
 

@@ -9,6 +9,7 @@ that peaks and comes back is not lost.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hgorun.symbolic.evaluate import Floats
 
@@ -37,11 +38,21 @@ def left_for_good(x: Floats, xhat: Floats) -> int | None:
     return int(near[-1]) + 1 if near.size else 0
 
 
-def may_have_left(x: Floats, xhat: Floats) -> bool:
-    """Whether an estimate may have left for good, from the first and the last point alone, shapes (2, n)."""
+def may_have_left(x: Floats, xhat: Floats) -> NDArray[np.bool_]:
+    """Whether an estimate may have left for good, from the first and the last point alone.
+
+    Parameters
+    ----------
+    x, xhat : ndarray, shape (2, n, ...)
+        Of one run, or along the last axes of several.
+
+    Returns
+    -------
+    ndarray of bool, shape (...)
+    """
     first, last = _gap(x, xhat)
     size = np.maximum(np.max(np.abs(x), axis=0), np.where(np.isfinite(first), first, 0.0))
-    return not bool(np.all(last <= _FAR * size))
+    return np.asarray(~np.all(last <= _FAR * size, axis=0))
 
 
 def _gap(x: Floats, xhat: Floats) -> Floats:

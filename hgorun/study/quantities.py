@@ -54,7 +54,7 @@ class Quantity:
         return f"{self.function}({names}{rest})"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Sentence:
     """A claim's value: quantities, and how they are put together.
 
@@ -231,7 +231,7 @@ def _half_range(e: np.ndarray) -> float:
     return float(np.ptp(e) / 2)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Kind:
     """How a quantity is written and measured.
 

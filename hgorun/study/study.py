@@ -9,7 +9,7 @@ from functools import cached_property
 from typing import Any
 
 from hgorun.config.expressions import ExpressionError, parse
-from hgorun.config.models import Claim, Ensemble, Figure, StudyBlocks
+from hgorun.config.study import Claim, Ensemble, Figure, StudyBlocks
 from hgorun.config.validation import validate
 from hgorun.config.yaml_source import Place, Source
 from hgorun.errors import ConfigError, Problem
@@ -18,7 +18,7 @@ from hgorun.study.quantities import Quantity, Sentence, read_sentence
 from hgorun.study.split import OF_THE_FILE, split
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Run:
     """One run of a study, or an ensemble of them.
 
@@ -100,7 +100,7 @@ class Run:
         return ConfigError(message, file=file, line=line, key=f"runs.{self.name}.vary.set.{path}")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Study:
     """A configuration file.
 

@@ -32,7 +32,7 @@ _SINGULAR_START = 1e-12  # of J at the initial estimate
 _REGULAR: Memo[bool] = Memo(64)  # the runs of a family often start at the same estimate
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class CanonicalForm:
     """z = Phi(x): chains of lengths ``chains``, one after the other.
 
@@ -187,7 +187,7 @@ class CanonicalForm:
         return ca.diagcat(*[A(k) for k in self.chains])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class PlantCopy:
     """f, J and h at the estimate, without the disturbance.
 

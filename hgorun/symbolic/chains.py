@@ -18,7 +18,7 @@ from hgorun.symbolic.evaluate import at
 from hgorun.symbolic.plant import PlantModel
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Chain:
     """The chain of an output: z_i = scale_i x_(state i), so that z_1 is the output and all links are 1.
 

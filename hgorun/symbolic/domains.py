@@ -14,7 +14,7 @@ from hgorun.symbolic.graph import arguments, operations
 _LARGEST = 1e100  # an argument that is larger is the trouble itself
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class _Domain:
     """Of a function: what is said outside of it, and which of its arguments decides."""
 

@@ -58,7 +58,7 @@ def evaluate(function: ca.Function, *arguments: ArrayLike) -> list[Floats]:
     return [_shaped(sparsity, array) for sparsity, array in zip(ports.given, results, strict=True)]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class _Ports:
     """What a function takes and gives, asked for once: each question to CasADi takes a microsecond."""
 
@@ -74,7 +74,8 @@ class _Ports:
 _PORTS: Memo[_Ports] = Memo(256)
 
 
-_PIECE = 128  # points that are evaluated in one call: CasADi takes microseconds a point to prepare one
+# points that are evaluated in one call, which CasADi takes microseconds to prepare: of few, and of many
+_PIECES = (16, 128)
 _MAPPED: Memo[ca.Function] = Memo(64)
 _INTERPRETED: Memo[list[Instruction]] = Memo(256)
 
@@ -90,14 +91,15 @@ def _call(function: ca.Function, arrays: Sequence[Floats], results: Sequence[Flo
 
 def _in_pieces(function: ca.Function, arrays: Sequence[Floats], results: Sequence[Floats], points: int) -> None:
     """Many points, a fixed number at a time; the last piece is filled up with zeros."""
-    mapped = _MAPPED.get(Same(function), lambda: function.map(_PIECE))
+    length = _PIECES[points > _PIECES[0]]
+    mapped = _MAPPED.get((Same(function), length), lambda: function.map(length))
     buffer, call = mapped.buffer()
-    inside = [a if a.ndim == 2 else np.tile(a.ravel(), (_PIECE, 1)) for a in arrays]
-    whole = points - points % _PIECE
-    for start in range(0, points, _PIECE):
+    inside = [a if a.ndim == 2 else np.tile(a.ravel(), (length, 1)) for a in arrays]
+    whole = points - points % length
+    for start in range(0, points, length):
         rest = start == whole
-        given = [_piece(a, start, rest) if old.ndim == 2 else a for a, old in zip(inside, arrays, strict=True)]
-        found = [np.zeros((_PIECE, r.shape[1])) if rest else r[start : start + _PIECE] for r in results]
+        given = [_piece(a, start, length) if old.ndim == 2 else a for a, old in zip(inside, arrays, strict=True)]
+        found = [np.zeros((length, r.shape[1])) if rest else r[start : start + length] for r in results]
         for i, array in enumerate(given):
             buffer.set_arg(i, array.data)
         for i, array in enumerate(found):
@@ -108,9 +110,11 @@ def _in_pieces(function: ca.Function, arrays: Sequence[Floats], results: Sequenc
                 result[start:] = array[: points - start]
 
 
-def _piece(array: Floats, start: int, rest: bool) -> Floats:
-    part = array[start : start + _PIECE]
-    return np.concatenate([part, np.zeros((_PIECE - len(part), part.shape[1]))]) if rest else part
+def _piece(array: Floats, start: int, length: int) -> Floats:
+    """So many points from one on, filled up with zeros."""
+    part = array[start : start + length]
+    missing = length - len(part)
+    return np.concatenate([part, np.zeros((missing, part.shape[1]))]) if missing else part
 
 
 def at(function: ca.Function, *arguments: ArrayLike) -> list[Floats]:
@@ -120,7 +124,7 @@ def at(function: ca.Function, *arguments: ArrayLike) -> list[Floats]:
 
 def roughly_at(function: ca.Function, *arguments: ArrayLike) -> list[Floats]:
     """What :func:`at` gives but for last bits, which depend on the machine: for questions such as what is finite."""
-    arrays = [np.ascontiguousarray(np.ravel(argument), dtype=float) for argument in arguments]
+    arrays = [np.asarray(argument, dtype=float).ravel() for argument in arguments]
     ports = _PORTS.get(Same(function), lambda: _Ports.of(function))
     results = [np.zeros((1, sparsity.nnz())) for sparsity in ports.given]
     _call(function, arrays, results)

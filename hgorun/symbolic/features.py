@@ -14,8 +14,9 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from hgorun.symbolic.crossings import Search, Smooth
+from hgorun.symbolic.crossings import Search
 from hgorun.symbolic.evaluate import Floats
+from hgorun.symbolic.functions_of_time import Smooth
 from hgorun.symbolic.instructions import read
 from hgorun.symbolic.intervals import Bounds, enclose
 from hgorun.symbolic.kinks import STEPS, apply_to, levels_of
@@ -132,19 +133,38 @@ class Feature:
         first = np.arange(0, curve.low.size, _TOGETHER)
         if not first.size:
             return np.zeros(0, dtype=bool)
-        low = np.minimum.reduceat(curve.least[:, list(self.states)], first)
-        high = np.maximum.reduceat(curve.most[:, list(self.states)], first)
         last = np.append(first[1:], curve.low.size) - 1
+        least, most = np.minimum.reduceat(curve.least, first), np.maximum.reduceat(curve.most, first)
+        return np.repeat(self.near(curve.low[first], curve.high[last], least, most, p), last - first + 1)
+
+    def near(self, low: Floats, high: Floats, least: Floats, most: Floats, p: Floats) -> np.ndarray:
+        """Whether it may be passed.
+
+        Parameters
+        ----------
+        low, high : ndarray, shape (N,)
+            Times between which the states are within bounds.
+        least, most : ndarray, shape (N, states, ...)
+            What follows is for several runs, as with p.
+        p : ndarray, shape (parameters, ...)
+
+        Returns
+        -------
+        ndarray, shape (N, ...)
+        """
+        shape = least[:, 0].shape
+        times = low.reshape(-1, *(1,) * (len(shape) - 1)), high.reshape(-1, *(1,) * (len(shape) - 1))
 
         def bounds(which: int, entry: int) -> Bounds:
             if which == 0:
-                return curve.low[first], curve.high[last]
-            same = np.array(p[entry]) if which == 1 else None
-            return (low[:, entry], high[:, entry]) if same is None else (same, same)
+                return times
+            if which == 1:
+                return np.asarray(p[entry]), np.asarray(p[entry])
+            return least[:, self.states[entry]], most[:, self.states[entry]]
 
-        a, b = enclose(self.states_alone, bounds)[0][0]
-        may = self._may((np.broadcast_to(a, first.shape), np.broadcast_to(b, first.shape)))
-        return np.repeat(may, last - first + 1)
+        value = enclose(self.states_alone, bounds)[0][0]
+        may = self._may((np.broadcast_to(value[0], shape).ravel(), np.broadcast_to(value[1], shape).ravel()))
+        return may.reshape(shape)
 
     def _may(self, value: Bounds, step: int = 1) -> np.ndarray:
         """Whether it may be passed where the argument has such bounds."""

@@ -16,7 +16,7 @@ SETUP, CLOCK, MAIN = 0, 1, 2
 _PART_OF_INPUT = (CLOCK, SETUP, MAIN, MAIN)  # t, p, z, w
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Instruction:
     """One of CasADi's, in single-assignment form.
 

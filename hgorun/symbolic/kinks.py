@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from hgorun.symbolic.crossings import Smooth
+from hgorun.symbolic.functions_of_time import Smooth
 from hgorun.symbolic.instructions import read
 from hgorun.symbolic.levels import Levels, integers, zero
 
@@ -32,7 +32,7 @@ STEPS |= {ca.OP_NOT, ca.OP_AND, ca.OP_OR}  # constant between kinks
 _POWERS = {ca.OP_POW, ca.OP_CONSTPOW}
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Kink:
     """A place where an expression is not smooth: where an argument crosses a level.
 
@@ -59,7 +59,7 @@ class Kink:
     held: list[int]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Pieces:
     """Expressions of (t, p) in pieces.
 
@@ -71,14 +71,15 @@ class Pieces:
         Of (t, p): what is constant on each piece.
     watched : casadi.Function
         Of (t, p): the expressions, or of those that depend on something else the parts that do not.
-    needed : ndarray of int
-        The entries of p on which kinks or watched values depend.
+    deciding, shown : ndarray of int
+        The entries of p on which the times of the kinks depend, and those on which watched values do.
     """
 
     kinks: tuple[Kink, ...]
     states: ca.Function
     watched: ca.Function
-    needed: np.ndarray
+    deciding: np.ndarray
+    shown: np.ndarray
 
     @classmethod
     def of(cls, expressions: Iterable[ca.SX], t: ca.SX, p: ca.SX) -> Pieces:
@@ -86,7 +87,7 @@ class Pieces:
         return _Reader(t, p).read(ca.cse(ca.vertcat(*[ca.vec(ca.densify(e)) for e in expressions])))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class _Node:
     """A value: the expression, the same with constants in the place of steps, and the kinks inside it."""
 
@@ -181,14 +182,20 @@ class _Reader:
             smooth = Smooth.of(argument, self.t, self.p, s)
             kinks.append(Kink(smooth, levels, touches, singular, tuple(sorted(inside)), held))
         watched, states = (ca.vertcat(ca.SX(0, 1), *parts) for parts in (self.watched, self.steps))
-        all_of_them = ca.vertcat(states, watched, *[argument for argument, *_ in self.kinks])
-        depends = ca.which_depends(all_of_them, self.p, 1, False) if self.p.numel() and all_of_them.numel() else []
+        arguments = ca.vertcat(states, *[argument for argument, *_ in self.kinks])
         return Pieces(
             tuple(kinks),
             ca.Function("s", [self.t, self.p], [ca.densify(states)]),
             ca.Function("v", [self.t, self.p], [ca.densify(watched)]),
-            np.flatnonzero(np.array(depends, dtype=bool)),
+            _entries_in(arguments, self.p),
+            _entries_in(watched, self.p),
         )
+
+
+def _entries_in(expression: ca.SX, p: ca.SX) -> np.ndarray:
+    """Which entries of p an expression depends on."""
+    depends = ca.which_depends(expression, p, 1, False) if p.numel() and expression.numel() else []
+    return np.flatnonzero(np.array(depends, dtype=bool))
 
 
 def apply_to(op: int, parts: list[ca.SX]) -> ca.SX:
@@ -196,19 +203,14 @@ def apply_to(op: int, parts: list[ca.SX]) -> ca.SX:
 
 
 def levels_of(op: int, parts: list[ca.SX], varies: bool = True) -> Iterable[tuple[ca.SX, Levels, bool, bool]]:
-    """The arguments of an operation that is not smooth, and the levels at which it is not.
+    """The arguments and levels of an operation: whether touching counts, and whether it may be infinite there.
 
     Parameters
     ----------
     parts : list of casadi.SX
-        What the operation is done with.
+        What it is done with.
     varies : bool
         Whether the last of them does.
-
-    Yields
-    ------
-    (casadi.SX, Levels, bool, bool)
-        Whether touching a level counts, and whether the operation may be infinite there, are the last two.
     """
     first, last = parts[0], parts[-1]
     if op in _ITSELF:

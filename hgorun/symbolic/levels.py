@@ -11,7 +11,7 @@ from hgorun.symbolic.evaluate import Floats
 from hgorun.symbolic.intervals import Bounds
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Levels:
     """The values whose crossings are looked for, numbered in ascending order.
 
@@ -44,7 +44,7 @@ def distinct(values: np.ndarray) -> np.ndarray:
 
     It is numpy's ``unique``, which imports its masked arrays when it is first called: 3 % of a short run.
     """
-    ordered = np.sort(values)
+    ordered = np.sort(values, kind="stable")  # quick where the values are a few ascending runs, as most are
     return np.asarray(ordered[np.concatenate([[True], ordered[1:] != ordered[:-1]])[: ordered.size]])
 
 

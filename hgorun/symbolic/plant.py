@@ -16,7 +16,7 @@ from hgorun.symbolic.evaluate import evaluate
 Wrapped = TypeVar("Wrapped", ca.SX, NDArray[np.float64])
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class PlantModel:
     """x' = f(t, x, u, p), y = h(t, x, u, p), without the disturbance that observers do not know.
 

@@ -7,17 +7,19 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from hashlib import sha256
-from itertools import repeat
+from itertools import islice, repeat
 
 import numpy as np
 
 _COUNT = 8
+_KEPT = 16  # inputs and times that are drawn once
 # of a state that is zero at the start, where nothing says which size is typical
 _SIZES = (0.1, 1.0, 1e-3, 30.0, 1e-6, 1e3, 1e-9, 1e6)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Instant:
     """A time, a state, shape (n,), and inputs, shape (m,)."""
 
@@ -45,10 +47,15 @@ def around(at: np.ndarray, names: tuple[str, ...]) -> list[np.ndarray]:
     """
     points = np.tile(at, (_COUNT, 1))
     for i, name in enumerate(names):
-        seed = int.from_bytes(sha256(name.encode()).digest()[:8], "little")
-        draws = np.random.default_rng(seed).uniform(-1, 1, _COUNT)
-        points[:, i] += draws * (0.3 * np.abs(at[i]) if at[i] != 0 else np.array(_SIZES))
+        points[:, i] += _draws(name) * (0.3 * np.abs(at[i]) if at[i] != 0 else np.array(_SIZES))
     return [at, *points]
+
+
+@lru_cache(maxsize=1024)
+def _draws(name: str) -> np.ndarray:
+    """Numbers in [-1, 1) that follow from a name, shape (points,)."""
+    seed = int.from_bytes(sha256(name.encode()).digest()[:8], "little")
+    return np.random.default_rng(seed).uniform(-1, 1, _COUNT)
 
 
 def near(at: np.ndarray) -> list[np.ndarray]:
@@ -69,7 +76,22 @@ def instants(
     sizes : iterable of float
         By which the inputs are multiplied, one for each state.
     """
+    for x, size, (u, t) in zip(states, sizes, _moments(inputs, low), strict=False):
+        yield Instant(t, x, size * u)
+
+
+def _moments(inputs: int, low: float) -> Iterator[tuple[np.ndarray, float]]:
+    """Random inputs in [low, 1) and times in [0, 1); the first are kept, since most plants are judged at few points."""
+    yield from _first_moments(inputs, low)
+    yield from islice(_drawn_moments(inputs, low), _KEPT, None)
+
+
+def _drawn_moments(inputs: int, low: float) -> Iterator[tuple[np.ndarray, float]]:
     random = generator()
-    for x, size in zip(states, sizes, strict=False):
-        u = size * random.uniform(low, 1, inputs)
-        yield Instant(random.uniform(), x, u)
+    while True:
+        yield random.uniform(low, 1, inputs), random.uniform()
+
+
+@lru_cache(maxsize=64)
+def _first_moments(inputs: int, low: float) -> list[tuple[np.ndarray, float]]:
+    return list(islice(_drawn_moments(inputs, low), _KEPT))

@@ -44,7 +44,7 @@ def is_regular(matrix: np.ndarray, least: float = SINGULAR) -> bool:
     Further rounds of scaling bring the singular values together rather than apart, so where they are close
     after the first, nothing more has to be asked.
     """
-    if np.all(np.isfinite(matrix)) and np.all(np.any(matrix, axis=1)) and np.all(np.any(matrix, axis=0)):
+    if np.isfinite(matrix).all() and matrix.any(axis=1).all() and matrix.any(axis=0).all():
         values = np.linalg.svd(_largest_one(matrix), compute_uv=False)
         if values.size == matrix.shape[1] and values[-1] > _SURELY * values[0]:
             return True

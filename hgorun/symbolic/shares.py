@@ -14,6 +14,9 @@ def chain_lengths(outputs: tuple[str, ...], n: int) -> Iterator[tuple[int, ...]]
     Of equally even ones those come first that give more to the outputs that come first in the alphabet.
     """
     count = len(outputs)
+    if count == 1:
+        yield (n,)
+        return
     places = sorted(range(count), key=lambda i: outputs[i])
     by_spread = (
         tuple(share[places.index(i)] for i in range(count))

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Symmetric:
     """A symmetric matrix as an observer's state: its upper triangle is integrated, so it stays symmetric.
 
@@ -19,7 +19,7 @@ class Symmetric:
     values: np.ndarray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class StateBlock:
     """One internal state: where it starts in z, its shape, and whether only its upper triangle is kept."""
 

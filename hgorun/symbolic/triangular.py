@@ -16,7 +16,7 @@ from hgorun.symbolic.forms import Bounds, saturate
 from hgorun.symbolic.plant import PlantModel
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class TriangularForm:
     """A plant with its states sorted into blocks.
 
@@ -66,7 +66,7 @@ class TriangularForm:
         return TriangularCopy(self, t, u, p, bounds)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class TriangularCopy:
     """f, F and C of a triangular model at the estimate, without the disturbance."""
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import lru_cache
 
 import casadi as ca
 import numpy as np
@@ -36,11 +37,7 @@ def require_uniform(form: CanonicalForm, states: list[np.ndarray], parameters: n
     """
     if not form.plant.inputs:
         return
-    position = [k for length in form.chains for k in range(length)]
-    last = [k == length - 1 for length in form.chains for k in range(length)]
-    above = np.array(
-        [[position[j] > position[i] and not last[i] for j in range(len(position))] for i in range(len(position))]
-    )
+    above = _above(form.chains)
     points = list(instants(states, form.plant.u.numel(), sizes=_INPUTS))
     in_z, scale = _added(form, slopes, points, parameters)
     with np.errstate(invalid="ignore"):
@@ -55,6 +52,14 @@ def require_uniform(form: CanonicalForm, states: list[np.ndarray], parameters: n
                     f"z{i + 1} depends on z{j + 1} through an input or time (slope {in_z[k, i, j]:.3g}), so some "
                     "input can hide a state; a constant-gain observer needs a triangular model"
                 )
+
+
+@lru_cache(maxsize=64)
+def _above(chains: tuple[int, ...]) -> np.ndarray:
+    """Which slopes of z_i' in z_j, shape (m, m), have to be zero."""
+    position = np.concatenate([np.arange(length) for length in chains])
+    last = position == np.repeat(chains, chains) - 1
+    return np.asarray((position > position[:, None]) & ~last[:, None])
 
 
 def input_slopes(form: CanonicalForm) -> ca.Function:

@@ -18,7 +18,7 @@ from hgorun.tables.typeset import latex_words, printable
 from hgorun.tables.uncertain import latex_uncertain, uncertain
 
 _PAGE = 3  # numbers with their uncertainty side by side on a page
-_NUMBERS = tuple(f.name for f in fields(Summary) if f.name not in ("n", "ci95"))
+NUMBERS = tuple(f.name for f in fields(Summary) if f.name not in ("n", "ci95"))
 _NOTE = (
     "±: 95 % interval of the mean, over members that are ok or inaccurate; sem: its standard error; "
     "q05 to q95: quantiles over all members, in which a lost estimate counts as infinite"
@@ -104,7 +104,7 @@ def _json_of(found: Statistics, members: Collected) -> dict[str, Any]:
         for (whose, metric, state), summary in found.summaries.items():
             if whose == label:
                 own.setdefault(metric, {})[state] = _known(
-                    {name: getattr(summary, name) for name in _NUMBERS} | {"ci95": summary.ci95, "n": summary.n}
+                    {name: getattr(summary, name) for name in NUMBERS} | {"ci95": summary.ci95, "n": summary.n}
                 )
         observers[label] = own
     keys = [f.name for f in fields(Difference)]
@@ -131,7 +131,7 @@ def csv(found: Sequence[Compared]) -> str:
     axes = list(dict.fromkeys(axis for one in found for axis in one.by))
     buffer = io.StringIO()
     writer = csv_module.writer(buffer, lineterminator="\n")
-    numbers = [*_NUMBERS, "ci95_low", "ci95_high", "n", "failed", "p", "p_holm"]
+    numbers = [*NUMBERS, "ci95_low", "ci95_high", "n", "failed", "p", "p_holm"]
     writer.writerow(["name", *axes, "observer", "state", "metric", *numbers])
     for one in found:
         for part in one.parts:
@@ -144,7 +144,7 @@ def csv(found: Sequence[Compared]) -> str:
 
 def _rows(part: Statistics) -> Iterator[tuple[str, str, str, dict[str, float]]]:
     for (label, metric, state), s in part.summaries.items():
-        values: dict[str, float] = {name: getattr(s, name) for name in _NUMBERS}
+        values: dict[str, float] = {name: getattr(s, name) for name in NUMBERS}
         ends = {"ci95_low": s.ci95[0], "ci95_high": s.ci95[1]}
         yield label, metric, state, values | ends | {"n": s.n, "failed": part.failed(label)}
     for d in part.differences:
@@ -160,23 +160,28 @@ def text(found: Sequence[Compared]) -> str:
     """Aligned tables for a terminal, at most 100 columns wide."""
     lines: list[str] = []
     for one in found:
-        lines += [""] * bool(lines) + _head(one)
+        first, *others = summary(one)
+        lines += [
+            *([""] if lines else []),
+            *wrapped(first),
+            *(line for other in others for line in wrapped(other, "  ")),
+        ]
         lines += _by_point(one) if one.by else _whole(one)
     return "\n".join(lines)
 
 
-def _head(one: Compared) -> list[str]:
+def summary(one: Compared) -> list[str]:
+    """What an ensemble is: its name and title, its members and axes, then who has lost members; a sentence each."""
     members = one.members
-    lines = wrapped(": ".join(printable(part) for part in (members.name, members.title) if part))
     count = f"{len(members)} members"
     if members.planned > len(members):
         count += f" of {members.planned}"
     axes = [f"{axis} {_span(levels(values))}" for axis, values in members.axes.items()]
-    lines += wrapped("; ".join([count, *axes]), "  ")
+    lines = [": ".join(printable(part) for part in (members.name, members.title) if part), "; ".join([count, *axes])]
     for label, statuses in members.counts.items():
         others = ", ".join(f"{n} {status}" for status, n in statuses.items() if status != "ok")
         if others:
-            lines += wrapped(f"{printable(label)}: {others}", "  ")
+            lines.append(f"{printable(label)}: {others}")
     return lines
 
 

@@ -38,7 +38,7 @@ def in_pieces(
 
     def flow(_: float, z: np.ndarray) -> list[float]:
         e = z[2] - z[0]
-        own, copy = (force(*z[k : k + 2], above[j : j + count]) for k, j in ((0, 0), (2, count)))
+        own, copy = (force(z[k], z[k + 1], above[j : j + count]) for k, j in ((0, 0), (2, count)))
         return [z[1], -z[0] + own, z[3] - 2 * THETA * e, -z[2] + copy - THETA**2 * e]
 
     while t < END:

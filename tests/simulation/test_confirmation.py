@@ -33,8 +33,8 @@ def test_the_rule_knows_no_units(unit: float) -> None:
     assert T[first] == pytest.approx(np.log(1e9) / 5, abs=0.011)
     for gap in (peaks, noise):
         assert left_for_good(x, x + gap) is None
-    assert may_have_left(x[[0, -1]], (x + grows)[[0, -1]])
-    assert not may_have_left(x[[0, -1]], (x + peaks)[[0, -1]])
+    both = np.stack([x + grows, x + peaks], axis=2)
+    assert may_have_left(x[[0, -1], :, None], both[[0, -1]]).tolist() == [True, False]
 
 
 def test_rounding_of_a_state_at_rest_is_no_size() -> None:

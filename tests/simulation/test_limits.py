@@ -86,14 +86,14 @@ def test_too_many_samples(sampling: Any, key: str, tmp_path: Path) -> None:
 
 def test_samples_are_counted_over_outputs_and_phases(tmp_path: Path) -> None:
     phases = [{"until": 5, "sampling": {"period": 1e-3}}, {"until": 10, "sampling": {"period": 2e-3}}]
-    run(tmp_path, with_measurement(phases=phases), "time.max_memory=8e6")
+    run(tmp_path, with_measurement(phases=phases), "time.max_memory=2e6")
     assert "measurement.phases.1.sampling.period: " in refused(
-        tmp_path, with_measurement(phases=phases), "time.max_memory=7e6"
+        tmp_path, with_measurement(phases=phases), "time.max_memory=1.75e6"
     )
     plant = CONFIG["plant"] | {"output": {"a": "x1", "b": "x2"}}
     several = with_measurement(sampling={"period": 1e-3}) | {"plant": plant}
-    run(tmp_path, several, "time.max_memory=2.1e7")
-    assert "measurement.sampling.period: " in refused(tmp_path, several, "time.max_memory=1.9e7")
+    run(tmp_path, several, "time.max_memory=5.25e6")
+    assert "measurement.sampling.period: " in refused(tmp_path, several, "time.max_memory=4.75e6")
 
 
 def test_too_many_draws(tmp_path: Path) -> None:

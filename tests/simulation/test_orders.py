@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from examples import run
+from examples import run, simulated
 
 SINE = [{"type": "sinusoids", "terms": [{"amplitude": 0.1, "omega": 3}]}]
 DRAWN = [{"type": "gaussian", "std": 0.1}]
@@ -208,3 +208,19 @@ def test_the_estimated_error_of_a_given_step_is_at_least_the_error(
     assert estimate is not None
     for label, is_error in error.items():
         assert 0.9 * is_error <= estimate[label] <= 30 * is_error, (label, is_error, estimate[label])
+
+
+def test_delays_that_look_into_the_step() -> None:
+    """Much shorter than a step: what the step itself gives is looked up, again until it is of the method's order."""
+
+    def last(step: float) -> np.ndarray:
+        observers = {"H": {"type": "shgo", "theta": 2}}
+        late = {"delay": 5e-4}
+        plant = VAN_DER_POL
+        return (
+            simulated(plant, observers, end=2.0, output_step=0.5, step=step, measurement=late).observers["H"].xhat[-1]
+        )
+
+    exact = last(2.5e-4)
+    errors = [float(np.max(np.abs(last(step) - exact))) for step in (0.08, 0.04, 0.02)]
+    assert all(a > 10 * b for a, b in pairwise(errors))

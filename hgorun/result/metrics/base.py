@@ -16,7 +16,7 @@ Window = Literal["run", "steady", "transient"]
 _ROWS = 32  # that are taken together
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Estimates:
     """Estimates beside the truth, over a run or over one of its windows.
 

@@ -1,0 +1,157 @@
+"""Lots of members carried out side by side; who does not come out plainly well is left to be carried out alone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from hgorun.config.models import Method
+from hgorun.engine.ensemble import Outcome
+from hgorun.ensemble.found import Block, Floats, Integers
+from hgorun.ensemble.lot import Lot
+from hgorun.errors import Problem, SimulationError
+from hgorun.result.measure import from_origin
+from hgorun.result.metrics.base import Metric, all_metrics
+from hgorun.result.reduction import MetricReduction
+from hgorun.result.windows import MetricSettings
+from hgorun.simulation.passes import Pass, as_given, plan_of
+from hgorun.simulation.prepared import PreparedRun
+from hgorun.simulation.verdict import may_have_left
+from hgorun.symbolic.evaluate import evaluate
+
+_IN_LANES: tuple[Method, ...] = ("euler", "rk4", "dopri5")  # methods whose fixed steps run side by side
+
+
+def fits(run: PreparedRun, method: Method) -> bool:
+    """Whether runs like this one can be carried out side by side."""
+    readout = run.structure.outputs.places is not None  # else outputs are looked at along the whole run
+    estimates = all(of.places is not None for of in run.structure.estimates) or run.experiment.grid[2] == 1
+    return bool(run.observers) and not run.adaptive and method in _IN_LANES and readout and estimates
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Passed:
+    """What a pass through the members of a lot has given.
+
+    Attributes
+    ----------
+    metrics : dict of str to ndarray, shape (m, n, N)
+    sound : ndarray of bool, shape (N,)
+        False where something has to be looked at: a plant or an observer that seems lost.
+    steps : int
+        Of each member.
+    rows : ndarray, shape (grid points, states, N), optional
+    """
+
+    metrics: dict[str, Floats]
+    sound: np.ndarray
+    steps: int
+    rows: Floats | None
+
+
+def carry_out(lot: Lot, how: Pass, metrics: Sequence[Metric], *, rows: bool = False, threads: int = 1) -> Passed:
+    """A pass through the members of a lot.
+
+    Raises
+    ------
+    Problem, SimulationError
+        Where it cannot be made with the memory that there is.
+    """
+    run = lot.run
+    plan, start = plan_of(run, how)
+    reduction = _reduction(run, metrics)
+    ensemble = run.structure.ensemble(how.method)
+    found = ensemble.run(plan, lot.numbers.beside(plan, start.bound), reduction, rows=rows, threads=threads)
+    named = dict(reduction.named(found.reduced))
+    return Passed(metrics=named, sound=_sound(lot, found, named), steps=plan.steps, rows=found.rows)
+
+
+def _reduction(run: PreparedRun, metrics: Sequence[Metric]) -> MetricReduction:
+    blocks, every = run.experiment.blocks, run.experiment.grid[2]
+    places = [readout.places for readout in run.structure.estimates]
+    known = [of for of in places if of is not None]
+    return MetricReduction(
+        time=run.grid[::every],
+        every=every,
+        n=run.plant.model.n,
+        m=len(run.observers),
+        settings=MetricSettings.of(blocks.metrics, blocks.time).since(run.origin),
+        metrics=tuple(metrics),
+        estimated=lambda p, z: run.structure.estimates_along(run.grid, p, z),
+        places=known if len(known) == len(places) else None,
+    )
+
+
+def _sound(lot: Lot, found: Outcome, metrics: dict[str, Floats]) -> np.ndarray:
+    """Of which members there is nothing to be said."""
+    run = lot.run
+    sound = ~np.isfinite(found.plant_diverged) & ~np.any(np.isfinite(found.diverged), axis=0)
+    lost = np.all([np.all(np.isinf(values), axis=1) for values in metrics.values()], axis=0)  # as where it ends
+    sound &= ~np.any(lost, axis=0)
+    x = np.stack([found.first, found.last])[:, : run.plant.model.n]
+    for j in range(len(run.observers)):
+        sound &= ~may_have_left(x, _ends(lot, found, j))
+    return np.asarray(sound)
+
+
+def _ends(lot: Lot, found: Outcome, j: int) -> Floats:
+    """The estimates of an observer at the first and the last point, shape (2, n, N)."""
+    readout, times = lot.run.structure.estimates[j], lot.run.grid[[0, -1]]
+    if readout.places is not None:
+        return np.stack([found.first[readout.places], found.last[readout.places]])
+    held = np.zeros(readout.function.size1_in(3))
+    p = lot.numbers.p.T
+    ends = [
+        evaluate(readout.function, np.array([t]), p, rows.T, held)[0].T
+        for t, rows in zip(times, (found.first, found.last), strict=True)
+    ]
+    return np.stack(ends)
+
+
+def given_steps(lot: Lot, block: Block, *, threads: int = 1) -> Integers:
+    """Carry out members whose step is given, and write down what they give.
+
+    Returns
+    -------
+    ndarray of int64
+        The members that have to be carried out alone.
+    """
+    how, known = as_given(lot.run), all_metrics()
+    try:
+        passed = carry_out(lot, how, [known[name] for name in block.metrics], threads=threads)
+    except (Problem, SimulationError):
+        return lot.which
+    write_down(lot, block, passed.metrics, passed.sound, how, passed.steps * how.evaluations_of_a_step)
+    return np.asarray(lot.which[~passed.sound])
+
+
+def write_down(
+    lot: Lot,
+    block: Block,
+    metrics: dict[str, Floats],
+    which: np.ndarray,
+    how: Pass,
+    evaluations: int | Integers,
+    errors: Floats | None = None,
+) -> None:
+    """Record some members of a lot.
+
+    Parameters
+    ----------
+    which : ndarray of bool, shape (N,)
+    evaluations : int or ndarray of int64, shape (N,)
+    errors : ndarray, shape (1 + m, N), optional
+    """
+    chosen = {name: values[..., which] for name, values in metrics.items() if name in block.metrics}
+    if lot.run.origin:
+        chosen = from_origin(chosen, lot.run.origin)
+    block.record_many(
+        lot.which[which],
+        chosen,
+        method=how.method,
+        step=how.step,
+        evaluations=np.broadcast_to(evaluations, which.shape)[which],
+        errors=None if errors is None else errors[:, which],
+    )

@@ -1,0 +1,260 @@
+"""Figures of ensembles for a browser: zoomed with the wheel, read by pointing. This module imports bokeh."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+from bokeh.models import (
+    ColorBar,
+    ColumnDataSource,
+    FactorRange,
+    HoverTool,
+    LinearColorMapper,
+    LogColorMapper,
+    Range1d,
+    Whisker,
+)
+from bokeh.palettes import Viridis256
+from bokeh.plotting import figure as new_figure
+
+from hgorun.ensemble.collected import Collected, Floats, levels, shown
+from hgorun.ensemble.fronts import non_dominated
+from hgorun.ensemble.statistics import QUANTILES, points, quantiles
+from hgorun.figures.ensemble import TIMES, Cast, drawable, limits, places
+from hgorun.result.metrics.base import all_metrics
+
+Plot = Any  # bokeh publishes types, but not of what figure() returns
+_SIZE = {"width": 400, "height": 320}
+_TOOLS = "pan,wheel_zoom,box_zoom,reset,save"
+_WIDE, _NARROW = 0.13, 0.22
+_MARKERS = {
+    "o": "circle", "s": "square", "^": "triangle", "D": "diamond", "v": "inverted_triangle", "P": "plus", "X": "x",
+    "<": "triangle", ">": "triangle", "h": "hex",
+}  # fmt: skip
+_LOGARITHMIC = 5.0
+_MOST_LEVEL = 5  # labels of an axis, without turning them
+_MOST_POINTS = 3_000  # of a scatter
+_ALONG_TIME = 400  # points of a band
+
+
+def against(cast: Cast, axis: str, metric: str, state: str) -> Plot:
+    """A metric against an axis: medians with bands."""
+    members = cast.members
+    at, whose = places(members.axes[axis])
+    texts = None if members.axes[axis].dtype.kind in "iuf" else [shown(v) for v in levels(members.axes[axis])]
+    found = {}
+    for label in cast.looks:
+        values, sound = cast.column(metric, label, state)
+        each = [quantiles(values[whose == k], sound[whose == k], QUANTILES.values()) for k in range(len(at))]
+        found[label] = drawable(np.array(each, dtype=float).T)
+    x_scale: dict[str, Any] = {"x_axis_type": _scale(at)} if texts is None else {"x_range": FactorRange(*texts)}
+    plot = _plot(
+        axis_name(axis, members.units.get("time", "")),
+        name(cast, metric, state),
+        y_axis_type=_scale(*found.values()),
+        **x_scale,
+    )
+    for label, rows in found.items():
+        _band(plot, cast, label, at if texts is None else texts, rows, marked=True)
+    return _finished(plot)
+
+
+def boxes(cast: Cast, metric: str, state: str) -> Plot:
+    """A metric of all members as boxes."""
+    labels = list(cast.looks)
+    rows = [[float(q) for q in quantiles(*cast.column(metric, label, state), QUANTILES.values())] for label in labels]
+    found = drawable(np.array(rows))
+    plot = _plot("", name(cast, metric, state), x_range=FactorRange(*labels), **_vertical([found]))
+    lost = [int(np.sum(~cast.column(metric, label, state)[1])) for label in labels]
+    data: dict[str, Any] = dict(zip(QUANTILES, _within_reach(found.T), strict=True))
+    data |= {"observer": labels, "lost": lost, "colour": [cast.looks[label].colour for label in labels]}
+    source = ColumnDataSource(data)
+    whisker = Whisker(base="observer", upper="q95", lower="q05", source=source, line_color="colour")
+    for head in (whisker.upper_head, whisker.lower_head):
+        head.size = 20
+    plot.add_layout(whisker)
+    for low, high in (("q25", "median"), ("median", "q75")):
+        plot.vbar(x="observer", top=high, bottom=low, width=0.5, source=source, fill_color="colour",
+                  line_color="colour", fill_alpha=0.25)  # fmt: skip
+    plot.add_tools(HoverTool(tooltips=[("", "@observer"), *((q, f"@{q}") for q in QUANTILES), ("lost", "@lost")]))
+    return plot
+
+
+def heat_maps(cast: Cast, axes: tuple[str, str], metric: str, state: str) -> list[Plot]:
+    """The median of a metric in each cell of two axes, a map for each observer, in one scale of colours."""
+    members = cast.members
+    (x, x_names), (y, y_names) = (_cells(members, axis) for axis in axes)
+    medians = {label: np.full((len(y_names), len(x_names)), np.nan) for label in cast.looks}
+    for label, median in medians.items():
+        values, sound = cast.column(metric, label, state)
+        for row, column in np.ndindex(*median.shape):
+            here = (y == row) & (x == column)
+            median[row, column] = float(quantiles(values[here], sound[here], [0.5])[0])
+    known = np.concatenate([median[np.isfinite(drawable(median))] for median in medians.values()])
+    low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
+    mapper_of = LogColorMapper if low > 0 and high > _LOGARITHMIC * low else LinearColorMapper
+    mapper = mapper_of(palette=Viridis256, low=low, high=high, nan_color="#dddddd")
+    x_label, y_label = (axis_name(axis, members.units.get("time", "")) for axis in axes)
+    found = []
+    for label, median in medians.items():
+        title = f"{label}: {name(cast, metric, state)}"
+        plot = _plot(x_label, y_label, title=title, x_range=FactorRange(*x_names), y_range=FactorRange(*y_names))
+        rows, columns = np.indices(median.shape).reshape(2, -1)
+        data = {
+            "x": [x_names[k] for k in columns],
+            "y": [y_names[k] for k in rows],
+            "median": np.where(np.isfinite(drawable(median)), median, np.nan).ravel(),
+            "shown": ["lost" if math.isinf(v) else f"{v:.4g}" for v in median.ravel()],
+        }
+        colour = {"field": "median", "transform": mapper}
+        plot.rect("x", "y", 1, 1, source=ColumnDataSource(data), line_color=None, fill_color=colour)
+        plot.xaxis.major_label_orientation = 0.9 if len(x_names) > _MOST_LEVEL else "horizontal"
+        plot.add_layout(ColorBar(color_mapper=mapper), "right")
+        plot.add_tools(HoverTool(tooltips=[(x_label, "@x"), (y_label, "@y"), ("median", "@shown")]))
+        found.append(plot)
+    return found
+
+
+def trade_off(cast: Cast, metrics: tuple[str, str], state: str) -> Plot:
+    """Two metrics against each other, medians over seeds, with the front of each observer."""
+    members = cast.members
+    parts = list(points(members, members.chosen)) if members.chosen else [({}, members)]
+    parts = parts[:: -(-len(parts) // _MOST_POINTS)]
+    texts = [", ".join(f"{axis} = {shown(value)}" for axis, value in at.items()) for at, _ in parts]
+    found = {}
+    for label in cast.looks:
+        columns = [[Cast(part).column(metric, label, state) for metric in metrics] for _, part in parts]
+        found[label] = drawable(np.array([[float(quantiles(*one, [0.5])[0]) for one in row] for row in columns]))
+    ends = np.concatenate(list(found.values()))
+    plot = _plot(
+        *(name(cast, metric, state) for metric in metrics),
+        x_axis_type=_scale(ends[:, 0]),
+        y_axis_type=_scale(ends[:, 1]),
+    )
+    for label, look in cast.looks.items():
+        pairs = found[label]
+        best = non_dominated(pairs)
+        order = np.argsort(pairs[best, 0], kind="stable")
+        plot.line(*pairs[best][order].T, color=look.colour, line_dash=_dash(look.dashes), legend_label=label)
+        source = ColumnDataSource(
+            {"x": pairs[:, 0], "y": pairs[:, 1], "where": texts, "observer": [label] * len(texts)}
+        )
+        plot.scatter("x", "y", source=source, color=look.colour, marker=_MARKERS[look.marker], size=7,
+                     alpha=0.7, legend_label=label)  # fmt: skip
+    plot.add_tools(HoverTool(tooltips=[("", "@observer"), ("", "@where"), ("", "(@x, @y)")]))
+    return _finished(plot)
+
+
+def along_time(cast: Cast, state: str, *, error: bool) -> Plot:
+    """Bands of the trajectories that were kept: of a state, or of the size of its error."""
+    members = cast.members
+    kept = members.trajectories
+    assert kept is not None
+    j, step = members.states.index(state), max(len(kept.time) // _ALONG_TIME, 1)
+    time, truth = kept.time[::step], kept.x[:, ::step, j]
+    unit = _in_brackets(members.units.get(state, ""))
+    title = f"|error of {state}|{unit}" if error else f"{state}{unit}"
+    plot = _plot(f"time{_in_brackets(members.units.get('time', ''))}", title, y_axis_type="log" if error else "linear")
+    for i, label in enumerate(cast.looks):
+        values = kept.xhat[:, i, ::step, j]
+        values = np.abs(values - truth) if error else values
+        rows = np.array([drawable(q) for q in quantiles(values, np.isfinite(values), QUANTILES.values())])
+        _band(plot, cast, label, time, np.where(rows > 0, rows, np.nan) if error else rows)
+    if not error:
+        plot.line(time, np.median(truth, axis=0), color="black", line_dash=[4, 3], legend_label="true")
+    return _finished(plot)
+
+
+def axis_name(axis: str, time: str = "") -> str:
+    """An axis of an ensemble in words: the last part of its path, and whose it is."""
+    parts = axis.split(".")
+    if parts[-1] in TIMES:
+        return parts[-1] + _in_brackets(time)
+    whose = f" of {parts[1]}" if parts[0] == "observers" and len(parts) > 2 and parts[1] != "*" else ""
+    return parts[-1] + whose
+
+
+def name(cast: Cast, metric: str, state: str) -> str:
+    """A metric of a state in words, with its unit."""
+    known = all_metrics().get(metric)
+    measured_in = {"state": state, "time": "time"}.get(known.unit if known else "", "")
+    return f"{metric} {state}{_in_brackets(cast.members.units.get(measured_in, ''))}"
+
+
+def _in_brackets(unit: str) -> str:
+    return f" [{unit}]" if unit else ""
+
+
+def _cells(members: Collected, axis: str) -> tuple[Any, list[str]]:
+    """Which place along an axis is whose, and what the places are called."""
+    at, whose = places(members.axes[axis])
+    if members.axes[axis].dtype.kind in "iuf":
+        return whose, [f"{v:.3g}" for v in at]
+    return whose, [shown(v) for v in levels(members.axes[axis])]
+
+
+def _band(plot: Plot, cast: Cast, label: str, at: Any, rows: Floats, *, marked: bool = False) -> None:
+    look = cast.looks[label]
+    q05, q25, _, q75, q95 = _within_reach(rows)
+    for low, high, alpha in ((q05, q95, _WIDE), (q25, q75, _NARROW)):
+        source = ColumnDataSource({"x": at, "low": low, "high": high})
+        plot.varea("x", "low", "high", source=source, fill_color=look.colour, fill_alpha=alpha, legend_label=label)
+    data = {"x": at, **dict(zip(QUANTILES, rows, strict=True)), "observer": [label] * len(rows[2])}
+    source = ColumnDataSource(data)
+    line = plot.line("x", "median", source=source, color=look.colour, line_width=1.6,
+                     line_dash=_dash(look.dashes), legend_label=label)  # fmt: skip
+    if marked:
+        line = plot.scatter("x", "median", source=source, color=look.colour, marker=_MARKERS[look.marker], size=6,
+                            legend_label=label)  # fmt: skip
+    plot.add_tools(HoverTool(renderers=[line], tooltips=[("", "@observer at @x"), *((q, f"@{q}") for q in QUANTILES)]))
+
+
+def _within_reach(rows: Floats) -> Floats:
+    """Quantiles with those that are infinite, above one that is not, far beyond the axes."""
+    ceiling = 1e3 * np.nanmax(np.abs(rows), initial=0.0)
+    known = np.isfinite(rows)
+    return np.where(known | ~known[0], rows, ceiling)
+
+
+def _vertical(found: Iterable[Floats]) -> dict[str, Any]:
+    """The vertical axis for these numbers."""
+    values = np.concatenate([part[np.isfinite(part)] for part in found])
+    if not values.size:
+        return {}
+    scale = _scale(values)
+    low, high = limits(float(values.min()), float(values.max()), logarithmic=scale == "log")
+    return {"y_axis_type": scale, "y_range": Range1d(low, high)}
+
+
+def _plot(x: str, y: str, **options: Any) -> Plot:
+    """Empty axes."""
+    plot = new_figure(**_SIZE, tools=_TOOLS, x_axis_label=x, y_axis_label=y, output_backend="canvas", **options)
+    plot.toolbar.logo = None
+    plot.toolbar.autohide = True
+    return plot
+
+
+def _finished(plot: Plot) -> Plot:
+    """An observer disappears and comes back when its name is clicked."""
+    (legend,) = plot.legend
+    legend.click_policy = "hide"
+    legend.orientation = "horizontal"
+    legend.label_text_font_size = "8pt"
+    legend.border_line_color = None
+    legend.padding, legend.margin, legend.spacing = 2, 2, 6
+    plot.add_layout(legend, "above")
+    return plot
+
+
+def _scale(*values: Sequence[float] | Floats) -> str:
+    found = np.concatenate([np.ravel(np.asarray(v, dtype=float)) for v in values])
+    found = found[np.isfinite(found)]
+    return "log" if found.size and found.min() > 0 and found.max() > _LOGARITHMIC * found.min() else "linear"
+
+
+def _dash(style: Any) -> Any:
+    """A line style of matplotlib for bokeh: whole numbers of pixels."""
+    return "solid" if style == "solid" else [max(round(1.4 * part), 1) for part in style[1]]

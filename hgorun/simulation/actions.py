@@ -1,0 +1,215 @@
+"""What happens at the events of a run: rows of the engine's action table, for all events or for some of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from hgorun.engine.layout import ARRIVE, JUMP, REBASE, RECORD, SET, TAKE, Held, HybridSystem
+from hgorun.measurement.schedule import Channel, nearest_event
+
+_RANKS = 8  # what happens at one event has ranks from -3 to 4
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Numbered:
+    """The number of each thing, counted from ``first`` on: an array that takes no memory."""
+
+    first: int
+
+    def __getitem__(self, items: slice) -> np.ndarray:
+        return self.first + np.arange(items.start, items.stop)
+
+
+Column = int | np.ndarray | Numbered
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Kind:
+    """Actions of one kind, in the order of their events.
+
+    Attributes
+    ----------
+    event : ndarray of int, shape (N,)
+        At which each happens, ascending.
+    rank : int
+        Before which others at the same event, -3 to 4.
+    columns : tuple
+        Of the action table: one number for all, or an array, shape (N,).
+    """
+
+    event: np.ndarray
+    rank: int
+    columns: tuple[Column, ...]
+
+    @classmethod
+    def of(cls, event: np.ndarray, rank: int, *columns: Column) -> Kind:
+        """In the order of their events."""
+        if np.any(event[1:] < event[:-1]):
+            order = np.argsort(event, kind="stable")
+            every = slice(0, event.size)
+            columns = tuple(c if isinstance(c, int) else np.asarray(c[every])[order] for c in columns)
+            event = event[order]
+        return cls(event, rank, columns)
+
+    def write(self, rows: np.ndarray, items: slice) -> None:
+        """Some of them as rows of the table; missing columns are zero."""
+        rows[:, len(self.columns) :] = 0
+        for i, column in enumerate(self.columns):
+            rows[:, i] = column if isinstance(column, int) else column[items]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class RecordedInputs:
+    """Inputs as they were recorded: each is a straight line from one of its times to the next.
+
+    Attributes
+    ----------
+    times : ndarray, shape (N,)
+        From these times on the lines hold; the first is not after the start of the run.
+    levels, slopes : ndarray, shape (N, m)
+        u(t) = level + slope (t - time); held values have slope zero.
+    """
+
+    times: np.ndarray
+    levels: np.ndarray
+    slopes: np.ndarray
+
+    def at(self, times: np.ndarray) -> np.ndarray:
+        """u at several times, shape (len(times), m)."""
+        i = np.clip(np.searchsorted(self.times, times, side="right") - 1, 0, None)
+        return np.asarray(self.levels[i] + self.slopes[i] * (times - self.times[i])[:, None])
+
+    def values(self, channels: Sequence[Channel]) -> np.ndarray:
+        """What is set in w, in the order of :meth:`actions`."""
+        since = np.repeat(self.times, self.levels.shape[1])
+        lines = np.column_stack([self.levels.ravel(), self.slopes.ravel(), since]).ravel()
+        return np.concatenate([lines, self.at(_times_before(channels)).ravel()])
+
+    def actions(self, events: np.ndarray, channels: Sequence[Channel], held: Held, first: int) -> Iterator[Kind]:
+        """What sets the lines at their times, and at every sample the inputs at the sample before.
+
+        Parameters
+        ----------
+        first : int
+            Place of the first value of :meth:`values` among all that is set.
+        """
+        places = np.array([held.input(i) for i in range(self.levels.shape[1])])
+        lines, before = places[:, :3].ravel(), places[:, 3]
+        at = np.repeat(nearest_event(events, np.maximum(self.times, events[0])), lines.size)
+        sample = np.repeat(nearest_event(events, _arrivals(channels)), before.size)
+        yield Kind.of(at, -3, SET, np.tile(lines, self.times.size), Numbered(first))
+        yield Kind.of(sample, -3, SET, np.resize(before, sample.size), Numbered(first + at.size))
+
+
+def _arrivals(channels: Sequence[Channel]) -> np.ndarray:
+    """When the samples arrive that observers jump at."""
+    return channels[0].samples.arrival
+
+
+def _times_before(channels: Sequence[Channel]) -> np.ndarray:
+    """For every sample the time of the one before; for the first its own."""
+    times = _arrivals(channels)
+    return np.concatenate([times[:1], times[:-1]])
+
+
+class Actions:
+    """The action table: samples taken and arriving, noise changing, alpha counted from zero again, jumps.
+
+    At one event the inputs change first, then the plant is stepped, then samples are taken, then they arrive,
+    then alpha is counted anew, and last the discrete-time observers jump.
+
+    Attributes
+    ----------
+    slots : int
+        Samples on their way, over all outputs.
+    intervals : ndarray
+        The times between samples, for what jumps at them.
+    """
+
+    def __init__(
+        self, events: np.ndarray, channels: Sequence[Channel], system: HybridSystem, inputs: RecordedInputs | None
+    ) -> None:
+        layout = system.held
+        rebase = system.has_alpha and not system.remembers
+        kinds: list[Kind] = []
+        base, held = 0, 0
+        for i, c in enumerate(channels):
+            s = c.samples
+            arrive = nearest_event(events, s.arrival)
+            take = arrive if s.taken is s.arrival else nearest_event(events, s.taken)
+            kinds.append(Kind.of(take, 0, TAKE, i, Numbered(base)))
+            heard = s.used & _last_of_equal(arrive) if system.jumps else s.used
+            what = ARRIVE if heard.all() else np.where(heard, ARRIVE, RECORD).astype(np.int8)
+            kinds.append(Kind.of(arrive, 1, what, i, Numbered(base)))
+            if rebase:
+                kinds.append(_counted_anew(take, arrive, s.used, i, base))
+            base += s.arrival.size
+            times = c.held_changes[0]
+            kinds.append(Kind.of(nearest_event(events, times), 0, SET, layout.noise(i), Numbered(held)))
+            held += times.size
+        self.intervals = np.zeros(0)
+        if system.jumps:
+            samples = channels[0].samples
+            event = nearest_event(events, samples.arrival)
+            heard = samples.used & _last_of_equal(event)  # from one sample to the next time passes
+            at, self.intervals = event[heard][1:], np.diff(samples.arrival[heard])
+            kinds.append(Kind.of(at, -2, SET, layout.interval, Numbered(held)))
+            held += at.size
+            for number, (start, _, _) in enumerate(system.jumps):
+                kinds.append(Kind.of(at, -1 if start < system.plant_states else 3, JUMP, number))
+        if inputs is not None:
+            kinds += inputs.actions(events, channels, layout, held)
+        self.slots, self._kinds = base, kinds
+
+    def at(self, first: int, stop: int) -> tuple[np.ndarray, np.ndarray]:
+        """What happens at the events from ``first`` to ``stop`` - 1.
+
+        Returns
+        -------
+        rows : ndarray of int64, shape (actions, 5)
+        places : ndarray of int64, shape (stop - first + 1,)
+            Where the rows of each event begin, and the end of the last ones.
+        """
+        found = [(kind, slice(*np.searchsorted(kind.event, (first, stop)).tolist())) for kind in self._kinds]
+        sizes = [items.stop - items.start for _, items in found]
+        rows, keys = np.empty((sum(sizes), 5), dtype=np.int64), np.empty(sum(sizes), dtype=np.int64)
+        end = 0
+        for (kind, items), size in zip(found, sizes, strict=True):
+            own = slice(end, end := end + size)
+            kind.write(rows[own], items)
+            keys[own] = (kind.event[items] - first) * _RANKS + (kind.rank + 3)
+        order = np.argsort(keys, kind="stable")
+        count = np.bincount(keys // _RANKS, minlength=stop - first)
+        return rows[order], np.concatenate([[0], np.cumsum(count)])
+
+
+def _counted_anew(take: np.ndarray, arrive: np.ndarray, used: np.ndarray, output: int, base: int) -> Kind:
+    """What counts alpha from zero again when a sample that is used arrives, also for those on their way."""
+    pending = _taken_by(take, arrive)
+    if used.all():
+        number = np.arange(used.size)
+        return Kind.of(
+            arrive, 2, REBASE, output, Numbered(base), Numbered(base + 1), base + np.maximum(pending, number + 1)
+        )
+    number = np.flatnonzero(used)
+    last = base + np.maximum(pending[used], number + 1)
+    return Kind.of(arrive[used], 2, REBASE, output, base + number, base + number + 1, last)
+
+
+def _last_of_equal(numbers: np.ndarray) -> np.ndarray:
+    """For numbers in ascending order, where the last one of each value is."""
+    last: np.ndarray = np.searchsorted(numbers, numbers, side="right") == np.arange(1, numbers.size + 1)
+    return last
+
+
+def _taken_by(take: np.ndarray, arrive: np.ndarray) -> np.ndarray:
+    """For each arrival, one more than the last sample that has been taken by then.
+
+    Samples are numbered by arrival, so those on their way are the ones behind; with delays that change,
+    some in between may not have been taken yet.
+    """
+    earliest = np.minimum.accumulate(take[::-1])[::-1]
+    return np.searchsorted(earliest, arrive, side="right")

@@ -1,0 +1,121 @@
+"""The report of an ensemble: what is on the page, and the page in a real browser."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from collected_files import write
+from shell import Shell
+
+pytest.importorskip("bokeh", reason="needs hgorun[explore]")
+
+import browser
+
+THETA, PERIOD = "observers.F.theta", "measurement.sampling.period"
+FEW_BYTES = 10_000_000
+
+
+def made(path: Path, seeds: int = 12, other: str = "S") -> Path:
+    """Gains, periods and seeds; two observers, one of which is lost at the largest gain; trajectories of some."""
+    random = np.random.default_rng(4)
+    shape = (3, 2, seeds, 2, 2)
+    metrics = {name: random.lognormal(sigma=0.3, size=shape) for name in ("rmse", "hf", "settling")}
+    status = np.zeros(shape[:-1])
+    status[2, :, 3:, 1] = 2
+    for values in metrics.values():
+        values[status > 1] = np.inf
+    time = np.linspace(0, 4, 101)
+    followed = np.arange(0, 6 * seeds, seeds)
+    x = np.stack([np.sin(time), np.cos(time)], axis=-1)[None].repeat(len(followed), axis=0)
+    xhat = x[:, None] + random.normal(size=(len(followed), 2, 101, 2))
+    axes = {THETA: [2.0, 4.0, 8.0], PERIOD: [0.1, 0.2], "seed": range(seeds)}
+    return write(
+        path,
+        axes,
+        metrics,
+        observers=["F", other],
+        states=["x1", "x2"],
+        status=status,
+        trajectories={"member": followed, "time": time, "x": x, "xhat": xhat},
+        types={"F": ("fhgo2", 1), other: ("shgo", -1)},
+        units={"time": "h", "x1": "g/L", "x2": "1"},
+    )
+
+
+@pytest.fixture
+def shell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Shell:
+    made(tmp_path / "a.sweep.h5")
+    return Shell(tmp_path, monkeypatch, capsys)
+
+
+def test_the_page_needs_nothing_but_itself(shell: Shell) -> None:
+    code, out, err = shell("report", "a.sweep.h5", "-o", "page.html")
+    assert (code, err, out) == (0, "", "written: page.html\n")
+    html = (shell.folder / "page.html").read_text()
+    assert len(html.encode()) < FEW_BYTES
+    assert re.search(r"<(script[^>]+src|link[^>]+href)\s*=", html) is None
+    for heading in ("Statistics", "Paired differences", f"Against {THETA}", "Maps", "Along time"):
+        assert f"<h2>{heading}</h2>" in html
+
+
+def test_names_from_a_file_are_text_on_the_page(shell: Shell) -> None:
+    made(shell.folder / "b.sweep.h5", other="</script><i>")
+    pages = []
+    for name in "ab":
+        shell("report", f"{name}.sweep.h5")
+        pages.append((shell.folder / "results" / f"{name}.html").read_text())
+    assert pages[0].count("</script>") == pages[1].count("</script>")
+
+
+def test_only_some_members_and_metrics(shell: Shell) -> None:
+    code, _, _ = shell("report", "a.sweep.h5", "--at", "theta=4", "--at", "period=0.1", "--metric", "hf", "-q")
+    assert code == 0
+    html = (shell.folder / "results" / "a.html").read_text()
+    assert "<h2>Spread</h2>" in html
+    assert "<h2>Maps</h2>" not in html
+    assert "rmse" not in html
+
+
+def test_what_does_not_fit_is_refused(shell: Shell) -> None:
+    assert shell("report", "missing.sweep.h5")[0] == 2
+    code, _, err = shell("report", "a.sweep.h5", "-o", "page.pdf")
+    assert code == 2
+    assert ".html" in err
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(browser.CHROMIUM is None, reason="there is no Chromium")
+def test_in_a_real_browser(shell: Shell) -> None:
+    """It shows its figures and tables, asks nobody for anything, complains of nothing, and sorts when clicked."""
+    shell("report", "a.sweep.h5", "-o", "page.html")
+    path = shell.folder / "page.html"
+    seen: dict[str, object] = {}
+
+    async def look(page: browser.Page) -> None:
+        await page.until("window.Bokeh !== undefined && Bokeh.documents.length > 0 && Bokeh.documents[0].is_idle")
+        await page.value(_DEEP)
+        seen["canvases"] = await page.value("deep('canvas').length")
+        column = "deep('.slick-cell.r3').slice(0, 8).map(cell => cell.textContent).join()"
+        seen["before"] = await page.value(column)
+        head = "deep('.slick-header-column').find(head => head.textContent.trim() == 'state').click()"
+        await page.value(head)
+        await page.until(f"({column}) != {seen['before']!r}")
+        seen["after"] = await page.value(column)
+
+    page = browser.opened(path, look)
+    assert page.complaints == []
+    assert page.requests == [path.resolve().as_uri()]
+    assert int(str(seen["canvases"])) > 4
+    assert seen["before"] == "x1,x2,x1,x2,x1,x2,x1,x2"
+    assert seen["after"] == ",".join(["x1"] * 8)
+
+
+# everything of a kind on the page, inside its components, too
+_DEEP = """
+var deep = (what, root = document) => [...root.querySelectorAll(what)].concat(
+  ...[...root.querySelectorAll('*')].filter(one => one.shadowRoot).map(one => deep(what, one.shadowRoot)));
+true
+"""

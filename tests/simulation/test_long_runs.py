@@ -1,0 +1,81 @@
+"""A long run is tabulated part by part while it is carried out: the tables and the bits of the whole at once."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+import pytest
+from examples import VAN_DER_POL, Block, experiment
+
+from hgorun.engine.plan import Plan, Segments
+from hgorun.simulation import tables
+from hgorun.simulation.passes import as_given, carry_out, plan_of
+from hgorun.simulation.prepared import PreparedRun
+from hgorun.simulation.simulate import prepare
+
+DRAWN = {"type": "gaussian", "std": 0.1}
+HELD = {"type": "uniform", "low": -0.1, "high": 0.1, "hold": 0.07}
+SHGO: dict[str, Block] = {"H": {"type": "shgo", "theta": 2}}
+CASES: dict[str, dict[str, Any]] = {
+    "sampled": {"measurement": {"sampling": {"period": 0.1}, "noise": [DRAWN]}},
+    "jitter and losses": {"measurement": {"sampling": {"period": 0.1, "jitter": 0.04, "dropout": 0.3}}},
+    "late by turns": {"measurement": {"sampling": {"period": 0.1}, "delay": "0.2 + 0.19*sin(5*t)"}},
+    "held noise": {"measurement": {"noise": [HELD]}},
+    "phases": {
+        "measurement": {"phases": [{"until": 1, "sampling": {"period": 0.1}}, {"until": 9, "noise": [HELD]}]},
+    },
+    "jumps": {"measurement": {"sampling": {"period": 0.1}}, "observers": {"D": {"type": "deadbeat"}}},
+    "adaptive": {"measurement": {"noise": [HELD]}, "solver": {"method": "dopri5", "rtol": 1e-6}},
+}
+
+
+def prepared(observers: dict[str, Block] = SHGO, **more: Any) -> PreparedRun:
+    return prepare(experiment(VAN_DER_POL, observers, end=3.0, output_step=0.03, step=0.02, **more))
+
+
+def joined(plan: Plan) -> Segments:
+    """The parts of a plan, put together."""
+    parts = list(plan.parts())
+    before = np.cumsum([0, *(len(part.actions) for part in parts)])
+    for part, first in zip(parts, before, strict=False):
+        part.counts[:, 4:6] += first
+    return Segments(*(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(Segments)))
+
+
+@pytest.mark.parametrize("uneven", [None, 0.62])
+@pytest.mark.parametrize("case", CASES)
+def test_parts_are_those_of_the_whole(case: str, uneven: float | None, monkeypatch: pytest.MonkeyPatch) -> None:
+    run = prepared(**CASES[case])
+    how = as_given(run)
+    if uneven is not None and how.tolerance is None:
+        how = type(how)(method=how.method, step=how.step, uneven=uneven)
+    whole, start = plan_of(run, how)
+    monkeypatch.setattr(tables, "_PART_EVENTS", 7)
+    plan, _ = plan_of(run, how, in_parts=True)
+    assert plan.following is not None
+    assert (plan.steps, plan.span) == (whole.steps, whole.span)
+    expected, found = carry_out(run, how, whole, start), carry_out(run, how, plan, start)
+    for field in fields(expected):
+        np.testing.assert_array_equal(getattr(found, field.name), getattr(expected, field.name))
+    one = joined(plan)
+    np.testing.assert_array_equal(one.spans, whole.spans)
+    np.testing.assert_array_equal(one.counts, whole.counts)
+    np.testing.assert_array_equal(one.actions, whole.actions)
+
+
+def test_a_plan_that_needs_the_history_is_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tables, "_PART_EVENTS", 7)
+    run = prepared(measurement={"delay": 0.1, "noise": [HELD]})
+    assert plan_of(run, as_given(run), in_parts=True)[0].following is None
+
+
+def test_a_long_run_tells_its_progress(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tables, "_PART_EVENTS", 7)
+    run, told = prepared(**CASES["sampled"]), list[float]()
+    how = as_given(run)
+    carry_out(run, how, *plan_of(run, how, in_parts=True), told.append)
+    assert told == sorted(told)
+    assert 0 < told[0] < 0.5
+    assert told[-1] == pytest.approx(1.0, abs=0.05)
