@@ -21,7 +21,7 @@ from hgorun.observers.base import AnyObserver
 from hgorun.plants.base import Plant
 from hgorun.plants.build import BuiltPlant, build_plant
 from hgorun.result.data import Coordinates
-from hgorun.simulation.blocks import Checked, check, check_again, plain, resolved
+from hgorun.simulation.blocks import Checked, check, check_again, observer_of, plain, resolved
 from hgorun.simulation.forms import form_of
 from hgorun.simulation.grid import grid_of, metric_step
 from hgorun.simulation.observer_block import Design
@@ -121,6 +121,21 @@ class Experiment:
         new._forget(self._checked)
         return new
 
+    def design_with(self, label: str, changes: Mapping[str, Any]) -> Design:
+        """One of the observers with other values in its block, as :meth:`varied` has it, without all the rest.
+
+        Raises
+        ------
+        ConfigError
+        """
+        source = self.source
+        for path, value in changes.items():
+            source, _ = replaced(source, path, plain(value))
+        with source.located():
+            observer = observer_of(label, source.data["observers"][label], source)
+            form, origin = form_of(self.plant, label, observer, self._noise, self._taken().get(label))
+            return Design.of(label, observer, form, origin)
+
     def __getstate__(self) -> dict[str, Any]:
         """Without what has been derived: equations of CasADi cannot be pickled."""
         return {key: value for key, value in self.__dict__.items() if key in _KEPT}
@@ -133,9 +148,12 @@ class Experiment:
         """Leave out what has been derived from parts that are no longer the same."""
         now, known = self._checked, self.__dict__
         known["_designed"] = known.get("_designed", {}) | known.get("designs", {})
+        formed = known.get("_formed", {}) | known.get("_forms", {})
+        same = {label for label, observer in now.observers.items() if observer is before.observers.get(label)}
+        known["_formed"] = {label: forms for label, forms in formed.items() if label in same}
         stale = {"designs"}
         if now.plant is not before.plant or now.blocks.time.start != before.blocks.time.start:
-            stale |= {"plant", *_OF_FORMS, "stretches", "grid"}
+            stale |= {"plant", "_formed", *_OF_FORMS, "stretches", "grid"}
         if now.observers is not before.observers:
             stale |= _OF_FORMS if now.observers.keys() == before.observers.keys() else {*_OF_FORMS, "grid"}
         if now.measurement is not before.measurement or now.blocks.time != before.blocks.time:
@@ -175,11 +193,11 @@ class Experiment:
     def _forms(self) -> dict[str, tuple[Form, Form]]:
         """For every observer the form of the plant, and the one first found with the same equations."""
         with self.located():
-            noise = self._noise
-            return {
-                label: form_of(self.plant, label, observer, noise, self._chosen.get(label))
-                for label, observer in self.observers.items()
-            }
+            known = self.__dict__.get("_formed", {})
+            return {label: known.get(label) or self._form(label) for label in self.observers}
+
+    def _form(self, label: str) -> tuple[Form, Form]:
+        return form_of(self.plant, label, self.observers[label], self._noise, self._chosen.get(label))
 
     @cached_property
     def _noise(self) -> dict[str, float]:
