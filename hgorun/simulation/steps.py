@@ -13,7 +13,7 @@ _PIECE = 1 << 14  # steps between two checks for Ctrl-C, more only where there w
 _MAX_PIECES = 100_000
 _MAX_STEPS = 1e10  # then a piece is still a matter of a second
 _KEPT = 50_000  # gaps whose steps are kept in memory
-_STEPS: Memo[np.ndarray] = Memo(32, lambda steps: steps.size < _KEPT)
+_STEPS: Memo[np.ndarray] = Memo(16, lambda steps: steps.size < _KEPT)
 
 
 def steps_between(schedule: Schedule, longest: float, key: str = "step") -> np.ndarray:
