@@ -1,5 +1,6 @@
 """Jobs on several processes, as their parent sees them, and what a worker does in its own process."""
 
+import os
 import queue
 import signal
 from concurrent.futures import Future
