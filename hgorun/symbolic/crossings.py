@@ -20,9 +20,10 @@ from hgorun.symbolic.levels import Levels, distinct
 
 _CELLS = 1 << 15  # that are looked at together: bounds the memory
 _BUDGET = 4_000_000  # cells of one function
-_EARLY, _SAMPLES, _LARGE = 1 << 13, 3, 100_000  # cells; looks for each crossing that is allowed, where that is few
+_EARLY, _SAMPLES, _LARGE = 1 << 13, 4, 100_000  # cells; looks for each crossing that is allowed, where that is few
 _PER_CROSSING = 100  # more cells for each crossing that was found
 _ZERO = 1e-290  # a slope that is zero but for rounding outwards
+_GOLDEN = 0.5 * (5**0.5 - 1)
 _LOOKS = (0.137, 0.618, 0.389, 0.891)  # where a cell is looked at: no simple function has all its roots there
 _NOISE = 64.0  # bounds of a cell are those of rounding if they are no further apart than that many of a point's
 _DOUBTFUL = 20_000  # cells of which it is unknown what rounding hides
@@ -151,7 +152,7 @@ class Search:
         count = int(_SAMPLES * self.limit) if self.limit < _LARGE else 0
         if not count:
             return
-        times = low[0] + (high[-1] - low[0]) * (np.arange(count) + _LOOKS[0]) / count
+        times = low[0] + (high[-1] - low[0]) * np.sort(np.mod(np.arange(count) * _GOLDEN, 1.0))
         piece = np.clip(np.searchsorted(low, times, side="right") - 1, 0, None)
         passed = self.levels.crossed(self.function.at(times, self.p, self.s[piece]))
         inside = (times < high[piece]) & np.isfinite(passed)
