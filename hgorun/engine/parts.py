@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 from hgorun.engine.emit import Emitted, emit
 from hgorun.engine.layout import (
@@ -27,16 +27,24 @@ _UNROLLED = 8
 class Module:
     """The native module under construction: its functions share declarations, lanes and a system.
 
-    ``shown`` are the states that rows have, all of them where it is None.
+    ``shown`` are the states that rows have, all of them where it is None. Lanes that are ``loose`` have times of
+    their own, see :mod:`hgorun.engine.loose`.
     """
 
-    def __init__(self, system: HybridSystem, lanes: int, shown: Sequence[int] | None = None) -> None:
-        self.system, self.lanes, self.shown = system, lanes, shown
+    def __init__(
+        self, system: HybridSystem, lanes: int, shown: Sequence[int] | None = None, *, loose: bool = False
+    ) -> None:
+        self.system, self.lanes, self.shown, self.loose = system, lanes, shown, loose
         self.declarations: set[str] = set()
         self.functions: list[str] = []
         self.constants = 0
         self._offset: dict[str, int] = {}
         self._emitted: list[Emitted] = []
+
+    @property
+    def time(self) -> str:
+        """The type of a time."""
+        return f"<{self.lanes} x double>" if self.loose else "double"
 
     @property
     def row_words(self) -> int:
@@ -51,7 +59,7 @@ class Module:
 
     def emit(self, function: object, name: str, *, inlined: bool = True) -> Emitted:
         """Emit a symbolic function and give it a place among the constants of a run."""
-        emitted = emit(function, name, self.lanes, self.declarations, inlined=inlined)
+        emitted = emit(function, name, self.lanes, self.declarations, inlined=inlined, timed=self.loose)
         self.functions.append(emitted.text)
         self._offset[name] = self.constants
         self._emitted.append(emitted)
@@ -108,10 +116,16 @@ def add_channels(m: Module) -> None:
     p, z, w, out = (f.word("%ctx", WORD[name], "ptr") for name in ("p", "z", "w", "channels"))
     c = m.constants_of(f, emitted)
     tau = f.slot("double", emitted.clocked * m.lanes)
-    emitted.clock(f, "%t", p, c, tau)
+    emitted.clock(f, f.splat("%t") if m.loose else "%t", p, c, tau)
     emitted.main(f, p, c, tau, z, w, out)
     f.do("ret void")
     m.finish(f)
+
+
+def add_jumps(m: Module) -> None:
+    """``jump<number>(ctx, t, from, to)``: a part of the state, in some lanes, becomes what its jump says."""
+    for number in range(len(m.system.jumps)):
+        _add_jump(m, number)
 
 
 def add_actions(m: Module) -> None:
@@ -123,8 +137,6 @@ def add_actions(m: Module) -> None:
     (output, first, last): count alpha from zero again, also in the slots that are still on their way. JUMP
     (number): a part of the state becomes what its jump says.
     """
-    for number in range(len(m.system.jumps)):
-        _add_jump(m, number)
     s, lanes = m.system, m.lanes
     f = m.function("act", "ptr %ctx, i64 %segment", attributes="nounwind noinline")
     c = counts(f, "%segment")
@@ -144,7 +156,7 @@ def add_actions(m: Module) -> None:
         for number in range(len(s.jumps)):
             wanted = f.test("eq", output, str(number))
             with f.when(f.let(f"and i1 {f.test('eq', op, str(JUMP))}, {wanted}")):
-                f.call(f"jump{number}", f"ptr %ctx, double {t}")
+                f.call(f"jump{number}", f"ptr %ctx, double {t}, i64 0, i64 {lanes}")
         arrives, notes = f.test("eq", op, str(ARRIVE)), f.test("eq", op, str(RECORD))
         with f.when(f.let(f"or i1 {arrives}, {notes}")):
             at_slot = f.scalar("mul", slot, str(lanes))
@@ -173,17 +185,18 @@ def add_actions(m: Module) -> None:
 
 
 def _add_jump(m: Module, number: int) -> None:
-    """``jump<number>(ctx, t)``: evaluated whole before it is written; what has diverged stays masked."""
+    """Evaluated whole before it is written; what has diverged stays masked."""
     start, stop, function = m.system.jumps[number]
     emitted = m.emit(function, f"jump_of{number}")
-    f = m.function(f"jump{number}", "ptr %ctx, double %t", attributes="nounwind noinline")
+    arguments = "ptr %ctx, double %t, i64 %from, i64 %to"
+    f = m.function(f"jump{number}", arguments, attributes="nounwind noinline")
     p, z, w = (f.word("%ctx", WORD[name], "ptr") for name in ("p", "z", "w"))
     c = m.constants_of(f, emitted)
     tau, new = f.slot("double", emitted.clocked * m.lanes), f.slot("double", (stop - start) * m.lanes)
-    emitted.clock(f, "%t", p, c, tau)
+    emitted.clock(f, f.splat("%t") if m.loose else "%t", p, c, tau)
     emitted.main(f, p, c, tau, z, w, new)
     observers = [j for j, block in enumerate(m.system.blocks) if block[0] <= start < block[2]]  # none: the plant
-    with f.count(0, m.lanes) as lane:
+    with f.count("%from", "%to") as lane:
         alive = "true"
         if observers:
             diverged = f.at(f.word("%ctx", WORD["diverged"], "ptr"), observers[0] * m.lanes)
@@ -202,8 +215,9 @@ def add_flag(m: Module, *, alone: bool) -> None:
     kept in ``lost``.
     """
     lanes = m.lanes
-    f = m.function("flag", "ptr %ctx, double %t, ptr %z, ptr %bound", returns="i64", attributes="nounwind noinline")
-    worst, t = f.slot(f.real), f.splat("%t")
+    arguments = f"ptr %ctx, {m.time} %t, ptr %z, ptr %bound"
+    f = m.function("flag", arguments, returns="i64", attributes="nounwind noinline")
+    worst, t = f.slot(f.real), "%t" if m.loose else f.splat("%t")
 
     def watch(start: str, stop: str, bound: str) -> str:
         """In which lanes one of some states is beyond a bound."""
@@ -239,79 +253,3 @@ def add_flag(m: Module, *, alone: bool) -> None:
             end(beyond, f.at(diverged, f.scalar("mul", j, str(lanes))), start, after)
     f.do(f"ret i64 {outcome}")
     m.finish(f)
-
-
-def hermite(f: Function, theta: str, h: str, z0: str, k0: str, z1: str, k1: str) -> str:
-    """The cubic through (0, z0, k0) and (h, z1, k1) at theta h."""
-    rest = f.sub(f.constant(1.0), theta)
-    rise = f.sub(z1, z0)
-    # (1-T) z0 + T z1 + T (T-1) ((1-2T)(z1-z0) + (T-1) h k0 + T h k1)
-    line = f.add(f.mul(rest, z0), f.mul(theta, z1))
-    a = f.mul(f.sub(rest, theta), rise)
-    b = f.mul(rest, f.mul(h, k0))
-    c = f.mul(theta, f.mul(h, k1))
-    bend = f.sub(f.add(a, c), b)
-    return f.sub(line, f.mul(f.mul(theta, rest), bend))
-
-
-def hermite_slope(f: Function, theta: str, h: str, z0: str, k0: str, z1: str, k1: str) -> str:
-    """The time derivative of :func:`hermite`."""
-    rest = f.sub(f.constant(1.0), theta)
-    bump = f.mul(f.constant(3.0), f.mul(theta, rest))
-    # with B = 3 T (1-T): 2 B (z1-z0)/h + (1-T-B) k0 + (T-B) k1
-    rise = f.div(f.sub(z1, z0), h)
-    middle = f.mul(f.mul(f.constant(2.0), bump), rise)
-    a = f.mul(f.sub(rest, bump), k0)
-    b = f.mul(f.sub(theta, bump), k1)
-    return f.add(middle, f.add(a, b))
-
-
-def add_rows(m: Module, *, quintic: bool) -> None:
-    """``rows(ctx, t0, t1, snap, z0, k0, z1, k1, q)``: the output points in [t0 - snap, t1 - snap).
-
-    By the cubic Hermite polynomial, or that plus T^2 (1-T)^2 q, a method's own continuous extension.
-    """
-    f = m.function(
-        "rows",
-        "ptr %ctx, double %t0, double %t1, double %snap, ptr %z0, ptr %k0, ptr %z1, ptr %k1, ptr %q",
-        attributes="nounwind noinline",
-    )
-    grid, rows = f.word("%ctx", WORD["grid"], "ptr"), f.word("%ctx", WORD["rows"], "ptr")
-    place = f.at("%ctx", WORD["row"])
-    h = f.scalar("fsub", "%t1", "%t0")
-    start, stop = f.scalar("fadd", "%t0", "%snap"), f.scalar("fsub", "%t1", "%snap")
-    with f.loop() as after:
-        row = f.load(place, "i64")
-        t = f.word(grid, row, "double")
-        f.leave_if(f.test("oge", t, stop), after)
-        target = f.at(rows, f.scalar("mul", row, str(m.row_words)))
-        on_step = f.test("ole", t, start)
-        with f.when(on_step):
-            for source, i in shown(f, m):
-                f.store(f.load(f.at("%z0", source), f.real), f.at(target, i), f.real)
-        with f.when(f.let(f"xor i1 {on_step}, true")):
-            part = f.scalar("fdiv", f.scalar("fsub", t, "%t0"), h)
-            theta, length = f.splat(part), f.splat(h)
-            if quintic:
-                bump = f.mul(theta, f.sub(f.constant(1.0), theta))
-                bump = f.mul(bump, bump)
-            for source, i in shown(f, m):
-                values = [f.load(f.at(array, source), f.real) for array in ("%z0", "%k0", "%z1", "%k1")]
-                value = hermite(f, theta, length, *values)
-                if quintic:
-                    value = f.add(value, f.mul(bump, f.load(f.at("%q", source), f.real)))
-                f.store(value, f.at(target, i), f.real)
-        f.store(f.scalar("add", row, "1"), place, "i64")
-    f.do("ret void")
-    m.finish(f)
-
-
-def shown(f: Function, m: Module) -> Iterator[tuple[str, str]]:
-    """Places of the states of a row: among all states, and in the row."""
-    if m.shown is None:
-        with f.count(0, m.system.states) as i:
-            place = f.scalar("mul", i, str(m.lanes))
-            yield place, place
-    else:
-        for k, state in enumerate(m.shown):
-            yield str(state * m.lanes), str(k * m.lanes)

@@ -1,0 +1,182 @@
+"""Members side by side whose events are at other times: each lane goes through tables of its own.
+
+All lanes make a step at once, each with its own time and length of step. A lane that has reached the end of a segment
+goes on to the next one, with what happens at the event between them, while the others wait. What a lane computes is
+what :mod:`hgorun.engine.fixed` computes for it alone, operation by operation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from hgorun.engine.emit import Emitted
+from hgorun.engine.lane_tables import add_act_of, add_enter, add_rows_of, own
+from hgorun.engine.layout import WORD, HybridSystem
+from hgorun.engine.methods import Method, Rosenbrock
+from hgorun.engine.parts import Module, move
+from hgorun.engine.stepper import guard, weighted
+from hgorun.native.ir import hexadecimal
+
+_REGIMES = 4  # each of them is in the code of every stage
+
+
+def fits(system: HybridSystem, method: Method | Rosenbrock) -> bool:
+    """Whether members may go through tables of their own: no histories, few regimes, no estimate of the error."""
+    plain = isinstance(method, Method) and not method.error and not method.dense
+    return plain and not system.remembers and len(system.regimes) <= _REGIMES
+
+
+def add_loose(m: Module, method: Method, flows: Sequence[Emitted]) -> None:
+    """``run_each(ctx)``: all lanes from the start to the end."""
+    add_act_of(m)
+    add_enter(m)
+    add_rows_of(m)
+    _Loop(m, method, flows).add()
+
+
+class _Loop:
+    """The loop over steps."""
+
+    def __init__(self, m: Module, method: Method, flows: Sequence[Emitted]) -> None:
+        self.m, self.method, self.flows = m, method, flows
+        self.f = f = m.function("run_each", "ptr %ctx", attributes="nounwind noinline")
+        self.size, lanes = m.system.states, m.lanes
+        self.p, self.w, self.z = (f.word("%ctx", WORD[name], "ptr") for name in ("p", "w", "z"))
+        words = self.size * lanes
+        arrays = (f.slot("double", words) for _ in range(5))
+        self.before, self.slope, self.slope_before, self.stage, self.found = arrays
+        self.k = [self.slope, *(f.slot("double", words) for _ in method.stages)]
+        self.clock = {
+            (flow.name, at): f.slot("double", flow.clocked * lanes) for flow in flows for at in {0.0, 1.0, *method.c}
+        }
+
+    def read(self, name: str) -> str:
+        """A number of all lanes."""
+        return self.f.load(own(self.f, name), self.f.real)
+
+    def holds(self, name: str) -> str:
+        return self.f.compare("ogt", self.read(name), self.f.constant(0.0))
+
+    def both(self, a: str, b: str) -> str:
+        return self.f.let(f"and {self.f.mask} {a}, {b}")
+
+    def exact(self, step: str) -> str:
+        """When a step starts."""
+        f = self.f
+        inside = f.add(self.read("start"), f.mul(step, self.read("h")))
+        return f.select(f.compare("oeq", step, self.read("steps")), self.read("end"), inside)
+
+    def clocked(self, step: str) -> str:
+        """The same, where functions of time are evaluated: on the segment's side of its events."""
+        f = self.f
+        last = f.compare("oeq", step, self.read("steps"))
+        late = f.select(last, self.read("end_eval"), self.exact(step))
+        return f.select(f.compare("oeq", step, f.constant(0.0)), self.read("start_eval"), late)
+
+    def snap(self, t1: str) -> str:
+        """How far from an output point a time is its own."""
+        f = self.f
+        start, now = f.intrinsic("fabs", self.read("start")), f.intrinsic("fabs", t1)
+        largest = f.select(f.compare("ogt", start, now), start, now)
+        return f.add(f.mul(self.read("h"), f.constant(1e-9)), f.mul(largest, f.constant(1e-15)))
+
+    def due(self, t1: str) -> str:
+        """Where there are output points in the steps that end at t1."""
+        return self.f.compare("olt", self.read("due"), self.f.sub(t1, self.snap(t1)))
+
+    def each(self, mask: str, *, enter: bool) -> None:
+        """The output points of some lanes; those that enter their next segment do so."""
+        f = self.f
+        with f.when(f.any(mask)):
+            step = self.read("step")
+            t0, t1 = self.exact(f.sub(step, f.constant(1.0))), self.exact(step)
+            ready = self.both(f.compare("one", step, self.read("first")), self.due(t1))
+            lists = [f.slot("double", f.lanes) for _ in range(5)]
+            flags = [f.select(of, f.constant(1.0), f.constant(0.0)) for of in (mask, ready)]
+            for value, to in zip((t0, t1, self.snap(t1), *flags), lists, strict=True):
+                f.store(value, to, f.real)
+            with f.count(0, f.lanes) as lane:
+                begin, end, snap, chosen, shown = (f.word(of, lane, "double") for of in lists)
+                with f.when(f.test("ogt", chosen, hexadecimal(0.0))):
+                    with f.when(f.test("ogt", shown, hexadecimal(0.0))):
+                        arrays = ", ".join(f"ptr {of}" for of in (self.before, self.slope_before, self.z, self.slope))
+                        times = f"double {begin}, double {end}, double {snap}"
+                        f.call("rows_of", f"ptr %ctx, i64 {lane}, {times}, {arrays}")
+                    if enter:
+                        f.call("enter", f"ptr %ctx, i64 {lane}")
+
+    def first_slope(self) -> None:
+        """The slope at the start of the steps."""
+        self.flow_at(self.clocked(self.read("step")), 0.0, self.z, self.slope)
+
+    def flow_at(self, t: str | None, c: float, z: str, target: str) -> None:
+        """z' at (t, z), c being the part of the step at which that is; None: that of the last call for this part."""
+        f, m = self.f, self.m
+        for number, flow in enumerate(self.flows):
+            constants, tau = m.constants_of(f, flow), self.clock[flow.name, c]
+            if len(self.flows) == 1:
+                self.evaluate(flow, t, constants, tau, z, target)
+                return
+            own = f.compare("oeq", self.read("regime"), f.constant(number))
+            with f.when(f.any(own)):
+                self.evaluate(flow, t, constants, tau, z, self.found)
+                for i in range(self.size):
+                    new, place = f.load(f.at(self.found, i * f.lanes), f.real), f.at(target, i * f.lanes)
+                    f.store(f.select(own, new, f.load(place, f.real)), place, f.real)
+
+    def evaluate(self, flow: Emitted, t: str | None, constants: str, tau: str, z: str, target: str) -> None:
+        """The right-hand side of one regime, in all lanes."""
+        if t is not None:
+            flow.clock(self.f, t, self.p, constants, tau)
+        flow.main(self.f, self.p, constants, tau, z, self.w, target)
+
+    def add(self) -> None:
+        f, m = self.f, self.m
+        with f.count(0, f.lanes) as lane:
+            f.call("enter", f"ptr %ctx, i64 {lane}")
+        with f.loop() as after:
+            f.leave_if(f.let(f"xor i1 {f.any(self.holds('active'))}, true"), after)
+            ended = f.compare("oeq", self.read("step"), self.read("last"))
+            self.each(self.both(ended, self.holds("silent")), enter=True)
+            self.first_slope()
+            inner = f.compare("one", self.read("step"), self.read("first"))
+            self.each(self.both(inner, self.due(self.exact(self.read("step")))), enter=False)
+            ended = self.both(f.compare("oeq", self.read("step"), self.read("last")), self.holds("active"))
+            with f.when(f.any(ended)):
+                self.each(ended, enter=True)
+                self.first_slope()
+            following = f.add(self.read("step"), f.constant(1.0))
+            t_end = self.exact(following)
+            with f.when(f.any(self.due(t_end))):
+                move(f, self.z, self.before, self.size)
+                move(f, self.slope, self.slope_before, self.size)
+            self.step(following)
+            lost = f.label()
+            guard(f, m, t_end, self.z, lost)
+            f.jump(lost)  # a plant that diverges ends its own lane alone
+            f.place(lost)
+            f.store(f.select(self.holds("active"), following, self.read("step")), own(f, "step"), f.real)
+        f.do("ret void")
+        m.finish(f, "dso_local")
+
+    def step(self, following: str) -> None:
+        """From z and the slope there to z at the end of the step, in the lanes that are not at their end."""
+        f, method = self.f, self.method
+        t, h, late = self.exact(self.read("step")), self.read("h"), self.clocked(following)
+        ticked = {0.0}
+        for c, row, target in zip(method.c[1:], method.stages, self.k[1:], strict=True):
+            at = late if c == 1.0 else f.add(t, f.mul(h, f.constant(c)))
+            self.combine(row.weights, row.scale, self.stage)
+            self.flow_at(None if c in ticked else at, c, self.stage, target)
+            ticked.add(c)
+        self.combine(method.result.weights, method.result.scale, self.z)
+
+    def combine(self, weights: tuple[float, ...], scale: float, target: str) -> None:
+        """target = z + h scale sum_j weights[j] k[j]; where that is z, of lanes that go on."""
+        f, h, active = self.f, self.read("h"), self.holds("active")
+        factor = h if scale == 1.0 else f.mul(h, f.constant(scale))
+        for i in range(self.size):
+            place = i * f.lanes
+            old = f.load(f.at(self.z, place), f.real)
+            new = f.add(old, f.mul(factor, weighted(f, weights, self.k, place)))
+            f.store(f.select(active, new, old) if target == self.z else new, f.at(target, place), f.real)
