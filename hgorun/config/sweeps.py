@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal, TypeAlias
 from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag, WithJsonSchema
 
 from hgorun.config.expressions import ExpressionError, parse
-from hgorun.config.types import Block, Interval, NonEmpty, NonNegative, Number, describe
+from hgorun.config.types import Block, ExpressionText, Interval, NonEmpty, NonNegative, Number, describe
 
 MOST_MEMBERS = 10**9
 
@@ -98,9 +98,24 @@ class SeedAxis(Block):
     count: Count = Field(description="how many")
 
 
-AnyAxis: TypeAlias = ListAxis | LinearAxis | LogAxis | UniformAxis | NormalAxis | SeedAxis
-_KINDS = ("linear", "log", "uniform", "normal", "count")
+class NamedAxis(Block):
+    """Values of a name, from which several keys are set."""
+
+    values: tuple[Number, ...] = Field(description="one by one")
+    set: dict[str, ExpressionText] = Field(description="path: expression of the axis' name, as with --set")
+
+    @property
+    def count(self) -> int:
+        """How many values there are."""
+        return len(self.values)
+
+
+AnyAxis: TypeAlias = NamedAxis | ListAxis | LinearAxis | LogAxis | UniformAxis | NormalAxis | SeedAxis
+_KINDS = ("set", "linear", "log", "uniform", "normal", "count")
 _RIGHT = "[a, b, ...], {linear: [a, b, n]}, {log: [a, b, n]}, {uniform: [a, b], draws: n}, {normal: [m, s], draws: n}"
+
+
+_EMPTY = "expected at least one value, found an empty list"
 
 
 def _written(value: Any) -> Any:
@@ -109,10 +124,12 @@ def _written(value: Any) -> Any:
         return value
     if isinstance(value, (list, tuple, range)):
         if not value:
-            raise ValueError("expected at least one value, found an empty list")
+            raise ValueError(_EMPTY)
         return {"values": list(value)}
     if not isinstance(value, dict) or sum(kind in value for kind in _KINDS) != 1:
         raise ValueError(f"expected {_RIGHT} or, for seed, {{count: n}}; found {_found(value)}")
+    if "set" in value and value.get("values") == []:
+        raise ValueError(_EMPTY)
     return value
 
 
@@ -140,6 +157,7 @@ _LIST_SCHEMA = {
 Axis = Annotated[
     Annotated[
         Annotated[ListAxis, Tag("of values"), WithJsonSchema(_LIST_SCHEMA)]
+        | Annotated[NamedAxis, Tag("of set")]
         | Annotated[LinearAxis, Tag("of linear")]
         | Annotated[LogAxis, Tag("of log")]
         | Annotated[UniformAxis, Tag("of uniform")]
