@@ -14,11 +14,12 @@ from hgorun.commands.outputs import NOT_OK, RESULT_SUFFIXES, RESULTS, refuse_oth
 from hgorun.commands.run import require_file
 from hgorun.ensemble.collecting import collect
 from hgorun.ensemble.ensemble import Ensemble
-from hgorun.ensemble.executors import EXECUTORS, Executor, processes, processors, threads
+from hgorun.ensemble.executors import EXECUTORS, Executor, processes, threads
 from hgorun.ensemble.outcome import Outcome, outcome_of
 from hgorun.ensemble.store import Store
 from hgorun.ensemble.sweep import SUFFIX, Count, Part, Place, carry_out, finished
 from hgorun.errors import ConfigError
+from hgorun.process import processors
 from hgorun.progress import shown
 from hgorun.study.sweep_file import load_sweeps
 

@@ -12,9 +12,8 @@ from math import prod
 
 import numpy as np
 
-from hgorun.config.expressions import ExpressionError, parse
-from hgorun.config.sweeps import MOST_MEMBERS, Combine, Keep, ListAxis, NamedAxis, SweepBlocks, Worst
-from hgorun.ensemble.members import Members
+from hgorun.config.sweeps import MOST_MEMBERS, Combine, Keep, ListAxis, SweepBlocks, Worst
+from hgorun.ensemble.members import Members, written_out
 from hgorun.ensemble.values import Column, Floats, Places, Seeds, Values, values_of
 from hgorun.errors import ConfigError, KeyPath, Problem
 from hgorun.measurement.noise import generator
@@ -93,25 +92,7 @@ class Ensemble:
 
     def members(self, start: int, stop: int) -> Members:
         """The members from ``start`` to before ``stop``."""
-        columns: dict[str, Column] = {}
-        for name, values in self.values(start, stop).items():
-            columns |= self._set(name, values)
-        return Members(columns, stop - start)
-
-    def _set(self, name: str, values: Column) -> dict[str, Column]:
-        """What the values of an axis set, by path."""
-        axis = self.blocks.axes[name]
-        if not isinstance(axis, NamedAxis):
-            return {name: values}
-        found = {}
-        for path, text in axis.set.items():
-            try:
-                expression = parse(text, names=[name])
-                levels = {value: expression.number({name: value}) for value in dict.fromkeys(values.tolist())}
-            except ExpressionError as error:
-                raise Problem(("axes", name, "set", path), str(error)) from None
-            found[path] = np.array([levels[value] for value in values.tolist()])
-        return found
+        return Members(self.values(start, stop), stop - start)
 
     def _sobol(self, start: int, stop: int) -> Iterator[Floats]:
         """Coordinates of points of a Sobol sequence, shifted by random digits, each inside (0, 1)."""
@@ -139,11 +120,15 @@ class Ensemble:
             place: KeyPath = ("axes", path)
             if isinstance(values, Seeds) and path != "seed":
                 raise Problem(place, "count makes seeds, and belongs to the axis seed")
+            try:
+                paths = written_out(self.base, path)
+            except ConfigError as error:
+                raise Problem(place, error.message) from None
             refused: ConfigError | None = None
             for at in sorted({0, values.size // 2, values.size - 1}):
-                changes = Members(self._set(path, values.at(np.array([at]))), 1)
+                column = values.at(np.array([at]))
                 try:
-                    self.base.varied(changes.of_observers(self.base).changes(0))
+                    self.base.varied(dict.fromkeys(paths, column.tolist()[0]))
                     break
                 except ConfigError as error:
                     refused = refused or error

@@ -54,5 +54,5 @@ def _made(recipe: str) -> Ensemble:
 def written(blocks: SweepBlocks) -> dict[str, Any]:
     """Axes, combination and what is kept as a sweep file says them, with nothing omitted."""
     said = blocks.model_dump(mode="json", include=set(SweepBlocks.model_fields), exclude_none=True)
-    said["axes"] = {path: axis if "set" in axis else axis.get("values", axis) for path, axis in said["axes"].items()}
+    said["axes"] = {path: axis.get("values", axis) for path, axis in said["axes"].items()}
     return said

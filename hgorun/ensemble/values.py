@@ -13,7 +13,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from hgorun.config.sweeps import AnyAxis, LinearAxis, ListAxis, LogAxis, NamedAxis, NormalAxis, SeedAxis, UniformAxis
+from hgorun.config.sweeps import AnyAxis, LinearAxis, ListAxis, LogAxis, NormalAxis, SeedAxis, UniformAxis
 from hgorun.ensemble.quantile import normal_quantile
 from hgorun.measurement.noise import generator
 from hgorun.native.elementary import apply
@@ -169,7 +169,7 @@ def values_of(axis: AnyAxis, path: str, seed: int) -> Values:
         That of the base.
     """
     match axis:
-        case ListAxis(values=values) | NamedAxis(values=values):
+        case ListAxis(values=values):
             return Listed(_column(values))
         case LinearAxis(linear=(first, last, size)):
             return Linear(first, last, size)

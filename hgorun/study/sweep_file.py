@@ -6,14 +6,15 @@ from pathlib import Path
 
 from hgorun.config.expressions import nearest
 from hgorun.config.reading import extended, read_source
-from hgorun.config.sweeps import AnyAxis, NamedAxis, SeedAxis, SweepBlocks, SweepFile
+from hgorun.config.sweeps import SweepFile
 from hgorun.config.validation import validate
 from hgorun.config.yaml_source import Source
 from hgorun.ensemble.ensemble import Ensemble
 from hgorun.errors import ConfigError
 from hgorun.simulation.experiment import Experiment
+from hgorun.study.ensembles import ensemble_of
 from hgorun.study.loading import load
-from hgorun.study.study import Run, study_of
+from hgorun.study.study import study_of
 
 _OF_A_CONFIGURATION = ("extends", "plant", "observers", "time")
 
@@ -45,25 +46,13 @@ def load_sweeps(path: str | Path, run: str | None = None) -> dict[str, Ensemble]
             raise ConfigError("--run goes with a configuration; a sweep file has the key run", file=str(path))
         return {path.stem: load_sweep(path)}
     runs = study_of(source, path.stem, text).runs
-    found = {name: _of_run(one) for name, one in runs.items() if not one.single and run in (None, name)}
+    found = {name: ensemble_of(one) for name, one in runs.items() if not one.single and run in (None, name)}
     if not found:
         known = ", ".join(name for name, one in runs.items() if not one.single)
         what = f"no run with seeds or vary is called {run!r}; known: {known}"
         nothing = "none of its runs has seeds or vary; a sweep file has base, axes and keep"
         raise ConfigError(what if known else nothing, file=str(path))
     return {f"{path.stem}/{name}": ensemble for name, ensemble in found.items()}
-
-
-def _of_run(run: Run) -> Ensemble:
-    """The ensemble that seeds or vary make of a run."""
-    vary, seeds = run.ensemble.vary, run.ensemble.seeds
-    axes: dict[str, AnyAxis] = {}
-    if vary is not None:
-        axes[vary.name] = NamedAxis(values=vary.values, set=vary.set)
-    if seeds is not None:
-        axes["seed"] = SeedAxis(count=seeds)
-    base = run.base
-    return Ensemble(name=run.name, base=base, blocks=SweepBlocks(axes=axes), title=base.blocks.title, text=run.text)
 
 
 def load_sweep(path: str | Path) -> Ensemble:

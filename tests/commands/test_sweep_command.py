@@ -195,13 +195,14 @@ def test_ensembles_of_a_study_are_sweeps(shell: Shell) -> None:
         ("gains", "results/study/gains.sweep.h5"),
     ]
     runs = hgorun.load_study(shell.folder / "study.yaml").runs
-    for name, axis, values in (("random", "seed", [5, 6, 7]), ("gains", "a", [1, 2])):
+    for name, axis, values in (("random", "seed", [5, 6, 7]), ("gains", "observers.SHGO.theta", [2, 4])):
         found = hgorun.read_sweep(shell.folder / "results" / "study" / f"{name}.sweep.h5")
         assert found.axes[axis].tolist() == values
         for i, experiment in enumerate(runs[name].members()):
             alone = hgorun.simulate(experiment)
             for j, label in enumerate(found.observers):
                 assert found.metrics["hf"][i, j].tolist() == alone.observers[label].metrics["hf"].tolist()
+    assert shell("simulate", "study.yaml", "-q")[0] == 0  # finds them finished
     code, out, _ = shell("sweep", "study.yaml", "--run", "random", "-o", "x.h5")
     assert (code, out.splitlines()[-1]) == (0, "written: x.h5")
     code, _, err = shell("sweep", "study.yaml", "-o", "y.h5")

@@ -94,15 +94,3 @@ def test_what_no_member_can_be_made_of_is_refused(
 def test_one_value_that_fits_is_enough() -> None:
     ensemble({"observers.SHGO.theta": [-1.0, 2.0]}).check()
     ensemble({THETAS: [2.0]}).check()
-
-
-def test_an_axis_of_a_name_sets_several_keys() -> None:
-    axes = {"a": {"values": [1, 2], "set": {"observers.*.theta": "2*a", "solver.step": "a/100"}}, "seed": {"count": 2}}
-    found = ensemble(axes)
-    found.check()
-    assert found.dimensions == {"a": 2, "seed": 2}
-    assert found.members(0, 4).changes(2) == {"observers.*.theta": 4.0, "solver.step": 0.02, "seed": 0}
-    for expression, words in (("2*b", "`b` is not known"), ("-a", "expected a number above 0, found -1")):
-        with pytest.raises(Problem) as caught:
-            ensemble({"a": {"values": [1, 2], "set": {"observers.SHGO.theta": expression}}}).check()
-        assert words in str(caught.value)
