@@ -54,7 +54,15 @@ class Emitted:
         f.call(self.name, f"ptr {p}, ptr {c}, ptr {tau}, ptr {z}, ptr {w}, ptr {d}")
 
 
-def emit(function: ca.Function, name: str, lanes: int, declarations: set[str], *, inlined: bool = True) -> Emitted:
+def emit(
+    function: ca.Function,
+    name: str,
+    lanes: int,
+    declarations: set[str],
+    *,
+    inlined: bool = True,
+    literal: bool = False,
+) -> Emitted:
     """Emit f(t, p, z, w) -> d.
 
     Parameters
@@ -69,8 +77,11 @@ def emit(function: ca.Function, name: str, lanes: int, declarations: set[str], *
         Receives the intrinsics needed.
     inlined : bool
         Whether the code stands wherever it is called, or once.
+    literal : bool
+        Every operation by itself, rounded as it is written; otherwise those of every evaluation are taken together
+        where that takes less time, see :class:`~hgorun.engine.emitter.Emitter`.
     """
-    emitter = Emitter(name, lanes, declarations, inlined=inlined)
+    emitter = Emitter(name, lanes, declarations, inlined=inlined, literal=literal)
     instructions = read(function)
     for some in rounds(instructions, calls=CALLS):
         if some[0].op in CALLS:

@@ -22,6 +22,7 @@ from hgorun.engine.layout import (
 from hgorun.native.ir import Function, hexadecimal
 
 _UNROLLED = 8
+_REGISTERS = 512  # doubles of an array that registers and what they spill into may hold
 
 
 class Module:
@@ -85,6 +86,15 @@ def counts(f: Function, segment: str) -> dict[str, str]:
     return {name: f.word(base, i) for i, name in enumerate(COUNT)}
 
 
+def each(f: Function, count: int) -> Iterator[str | int]:
+    """The numbers of ``count`` values, which lie in all lanes one after the other: a loop where they are many."""
+    if count <= _UNROLLED:
+        yield from range(count)
+    else:
+        with f.count(0, count) as i:
+            yield i
+
+
 def copy(f: Function, source: str, target: str, count: int) -> None:
     """Copy ``count`` values of all lanes, in a loop where they are many."""
     if count <= _UNROLLED:
@@ -99,6 +109,18 @@ def move(f: Function, source: str, target: str, count: int) -> None:
     """Copy ``count`` values of all lanes, unrolled, so that the arrays may become registers."""
     for i in range(count):
         f.store(f.load(f.at(source, i * f.lanes), f.real), f.at(target, i * f.lanes), f.real)
+
+
+def lent(f: Function, array: str, count: int) -> str:
+    """An array for a function that is called rarely: a copy, since only what no function is given becomes registers.
+
+    A store that is loaded again takes longer than an addition, above all where scalars are loaded as a vector.
+    """
+    if count * f.lanes > _REGISTERS:
+        return array
+    own = f.slot("double", count * f.lanes)
+    move(f, array, own, count)
+    return own
 
 
 def add_channels(m: Module) -> None:
@@ -244,14 +266,11 @@ def add_flag(m: Module, *, alone: bool) -> None:
 def hermite(f: Function, theta: str, h: str, z0: str, k0: str, z1: str, k1: str) -> str:
     """The cubic through (0, z0, k0) and (h, z1, k1) at theta h."""
     rest = f.sub(f.constant(1.0), theta)
-    rise = f.sub(z1, z0)
-    # (1-T) z0 + T z1 + T (T-1) ((1-2T)(z1-z0) + (T-1) h k0 + T h k1)
-    line = f.add(f.mul(rest, z0), f.mul(theta, z1))
-    a = f.mul(f.sub(rest, theta), rise)
-    b = f.mul(rest, f.mul(h, k0))
-    c = f.mul(theta, f.mul(h, k1))
-    bend = f.sub(f.add(a, c), b)
-    return f.sub(line, f.mul(f.mul(theta, rest), bend))
+    # (1-T) z0 + T z1 + T (T-1) ((1-2T)(z1-z0) + (T-1) h k0 + T h k1): the ends are met to the last bit
+    line = f.fma(rest, z0, f.mul(theta, z1))
+    ends = f.fma(f.mul(theta, h), k1, f.neg(f.mul(f.mul(rest, h), k0)))
+    bend = f.fma(f.sub(rest, theta), f.sub(z1, z0), ends)
+    return f.fma(f.neg(f.mul(theta, rest)), bend, line)
 
 
 def hermite_slope(f: Function, theta: str, h: str, z0: str, k0: str, z1: str, k1: str) -> str:
