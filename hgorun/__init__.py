@@ -15,6 +15,8 @@ from hgorun.version import __version__
 
 if TYPE_CHECKING:
     from hgorun.analysis.report import analyze
+    from hgorun.ensemble.call import sweep
+    from hgorun.ensemble.growing import Sweep, read_sweep
     from hgorun.result.reading import read
     from hgorun.result.result import Result
     from hgorun.simulation.experiment import Experiment
@@ -27,23 +29,29 @@ __all__ = [
     "HgorunError",
     "Result",
     "SimulationError",
+    "Sweep",
     "__version__",
     "analyze",
     "load",
     "load_study",
     "read",
+    "read_sweep",
     "simulate",
+    "sweep",
 ]
 
 # Imported when first used: the command line's help must not wait for numpy.
 _LAZY = {
     "Experiment": "hgorun.simulation.experiment",
     "Result": "hgorun.result.result",
+    "Sweep": "hgorun.ensemble.growing",
     "analyze": "hgorun.analysis.report",
     "load": "hgorun.study.loading",
     "load_study": "hgorun.study.loading",
     "read": "hgorun.result.reading",
+    "read_sweep": "hgorun.ensemble.growing",
     "simulate": "hgorun.simulation.simulate",
+    "sweep": "hgorun.ensemble.call",
 }
 
 

@@ -84,6 +84,20 @@ def _simulate(chosen: options.Simulate) -> int:
     return simulate(chosen)
 
 
+@_command("sweep", options.Sweep)
+def _sweep(chosen: options.Sweep) -> int:
+    from hgorun.commands.sweep import sweep
+
+    return sweep(chosen)
+
+
+@_command("merge", options.Merge)
+def _merge(chosen: options.Merge) -> int:
+    from hgorun.commands.sweep import merge
+
+    return merge(chosen)
+
+
 @_command("rerun", options.Rerun)
 def _rerun(chosen: options.Rerun) -> int:
     from hgorun.commands.rerun import rerun
@@ -141,10 +155,10 @@ def _show(chosen: options.Show) -> int:
 
 
 @_command("schema", options.Schema)
-def _schema(_: options.Schema) -> int:
+def _schema(chosen: options.Schema) -> int:
     from hgorun.commands.catalogue import schema
 
-    return schema()
+    return schema(chosen)
 
 
 @_command("init", options.Init)

@@ -12,14 +12,18 @@ from contextlib import contextmanager
 from errno import EACCES, EINVAL
 from pathlib import Path
 from typing import Any
+from zlib import crc32
 
 import numpy as np
 
 from hgorun.errors import HgorunError
 from hgorun.process import unfinished
 
-# Temporary files are called .NAME-PID-RANDOM.part: who finds one whose process is gone may remove it.
-_LEFTOVER = re.compile(r"\..*-(\d+)-[^-]*\.part")
+# Temporary files are called .NAME-MACHINE-PID-RANDOM.part: who finds one whose process is gone may remove it. Of the
+# processes of other machines, which may share the folder, that is not known.
+_HOST = os.uname().nodename if hasattr(os, "uname") else os.environ.get("COMPUTERNAME", "")
+_MACHINE = f"{crc32(_HOST.encode()):08x}"
+_LEFTOVER = re.compile(rf"\..*-{_MACHINE}-(\d+)-[^-]*\.part")
 
 
 def _mode() -> int:
@@ -51,7 +55,8 @@ def written_whole(path: Path) -> Iterator[Path]:
             if not mode & 0o222 or not os.access(path, os.W_OK):  # root may write what is read-only
                 raise PermissionError(EACCES, "it is read-only")
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name[:60]}-{os.getpid()}-", suffix=".part")
+        prefix = f".{path.name[:60]}-{_MACHINE}-{os.getpid()}-"
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=prefix, suffix=".part")
         os.close(handle)
         part = Path(name)
         unfinished.add(part)

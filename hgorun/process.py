@@ -122,6 +122,22 @@ def _raiser(code: int) -> Callable[[int, FrameType | None], None]:
     return handler
 
 
+def serve() -> None:
+    """In a process that works for another one: Ctrl-C is the other's business, its end is ours, killed or not."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(TERMINATED))
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    from multiprocessing import connection, parent_process
+
+    parent = parent_process()
+    if parent is not None:
+        connection.wait([parent.sentinel])
+        os._exit(TERMINATED)
+
+
 def _watch(heard: int) -> None:
     """End the process when a signal came and Python has not ended it soon after."""
     codes = {int(signal.SIGINT): INTERRUPTED, int(signal.SIGTERM): TERMINATED}

@@ -5,7 +5,7 @@ from typing import Any
 from matplotlib.axes import Axes
 from matplotlib.transforms import BboxBase
 
-from hgorun.config.models import Figure
+from hgorun.config.study import Figure
 
 
 def block(*panels: dict[str, Any], **keys: Any) -> Figure:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from hgorun import files
 from hgorun.files import remove_leftovers, write_text, written_whole
 
 
@@ -50,11 +51,12 @@ def test_leftovers_of_dead_processes_are_removed_and_of_others_kept(
     zombie = dead.pid
     os.waitid(os.P_PID, zombie, os.WEXITED | os.WNOWAIT)  # ended, and still listed
     names = {pid: own.replace(str(os.getpid()), str(pid)) for pid in (os.getpid(), zombie, 1)}
-    for name in (*names.values(), ".notes.part", ".b.h5.x.part"):
+    elsewhere = names[zombie].replace(files._MACHINE, "01234567")  # of a machine that shares the folder
+    for name in (*names.values(), elsewhere, ".notes.part", ".b.h5.x.part"):
         (tmp_path / name).write_text("")
     remove_leftovers(tmp_path)
     left = {p.name for p in tmp_path.iterdir()} - {"a.h5"}
-    assert left == {names[os.getpid()], names[1], ".notes.part", ".b.h5.x.part"}
+    assert left == {names[os.getpid()], names[1], elsewhere, ".notes.part", ".b.h5.x.part"}
     dead.wait()
 
     def refused(*_: object) -> None:

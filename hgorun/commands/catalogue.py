@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Any
 from pydantic import BaseModel
 
 from hgorun.commands import described
-from hgorun.commands.options import Init, List, Show
+from hgorun.commands.options import Init, List, Schema, Show
 from hgorun.config import yaml_source
 from hgorun.config.expressions import nearest
 from hgorun.config.models import File
+from hgorun.config.sweeps import SweepFile
 from hgorun.errors import ConfigError, HgorunError
 from hgorun.figures.scaling import quantities
 from hgorun.files import write_text
@@ -108,10 +109,21 @@ def _findings() -> dict[str, Finding]:
     return {finding.name: finding for finding in all_findings()}
 
 
-def schema() -> int:
+def schema(options: Schema) -> int:
     """The JSON schema, with the keys of every plant, observer and kind of noise."""
-    print(json_text.dumps(build_schema(), indent=2))
+    print(json_text.dumps(sweep_schema() if options.sweep else build_schema(), indent=2))
     return 0
+
+
+def sweep_schema() -> dict[str, Any]:
+    """The schema of sweep files, whose base may be a whole configuration."""
+    top, base = SweepFile.model_json_schema(), build_schema()
+    definitions = top.pop("$defs", {}) | base.pop("$defs")
+    dialect = base.pop("$schema")
+    description = top["properties"]["base"]["description"]
+    whole = {"$ref": "#/$defs/Configuration"}
+    top["properties"]["base"] = {"anyOf": [{"type": "string"}, whole], "description": description}
+    return {"$schema": dialect, **top, "$defs": definitions | {"Configuration": base}}
 
 
 def build_schema() -> dict[str, Any]:

@@ -9,7 +9,8 @@ from pathlib import Path
 from hgorun.commands.options import Compare, OfEnsembles, Report
 from hgorun.commands.outputs import DRAWING_SUFFIXES, NOT_OK, RESULTS, refuse_other_kinds
 from hgorun.config.expressions import nearest
-from hgorun.ensemble.collected import Collected, is_sweep, levels, read
+from hgorun.ensemble.collected import Collected, is_sweep, levels
+from hgorun.ensemble.growing import read_sweep
 from hgorun.errors import ConfigError
 from hgorun.tables import ensemble as tables
 from hgorun.tables.ensemble import Compared, compared
@@ -31,7 +32,7 @@ def compare_ensembles(options: Compare) -> int:
     """
     refuse_other_kinds(options.output, DRAWING_SUFFIXES)
     style = _style(options)
-    found = [_compared(read(path), options, str(path)) for path in options.sources]
+    found = [_compared(read_sweep(path), options, str(path)) for path in options.sources]
     if options.json:
         objects = [tables.as_json(one) for one in found]
         print(json_text.dumps(objects[0] if len(objects) == 1 else objects, indent=2, allow_nan=False))
@@ -57,7 +58,7 @@ def report(options: Report) -> int:
     from hgorun.explore.page import write_page
 
     refuse_other_kinds(options.output, _PAGES)
-    found = _compared(read(options.source), options, str(options.source))
+    found = _compared(read_sweep(options.source), options, str(options.source))
     output = options.output or RESULTS
     path = write_page(found, output if output.suffix.lower() in _PAGES else output / f"{found.members.name}.html")
     if options.json:

@@ -50,6 +50,40 @@ class Simulate(Configured):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Sweep(Printing):
+    """Carry out the members of a sweep file, and collect them in results/NAME.sweep.h5.
+
+    Started again, it carries out what is missing.
+    """
+
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A YAML file with base, axes and keep.")]
+    fresh: Annotated[bool, typer.Option("--fresh", help="Begin anew, whatever was finished before.")] = False
+    part: Annotated[
+        str | None, typer.Option("--part", metavar="K/N", help="Only this part of N, for array jobs; see hgorun merge.")
+    ] = None
+    collect: Annotated[bool, typer.Option("--collect", help="Carry nothing out; write the file of what is there.")] = (
+        False
+    )
+    executor: Annotated[str, typer.Option("--executor", help="threads, processes or dask.")] = "threads"
+    scheduler: Annotated[
+        str | None,
+        typer.Option("--scheduler", metavar="ADDRESS", help="Of dask (default: workers of its own on this machine)."),
+    ] = None
+    jobs: Annotated[
+        int | None, typer.Option("--jobs", min=1, help="Threads, processes or workers (default: one per processor).")
+    ] = None
+    strict: Annotated[bool, typer.Option("--strict", help="Exit with code 3 if a status is not ok.")] = False
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Merge(Printing):
+    """Put the parts of a sweep together, and collect them in results/NAME.sweep.h5."""
+
+    folders: Annotated[list[Path], typer.Argument(metavar="FOLDER...", help="Folders NAME.sweep with finished parts.")]
+    strict: Annotated[bool, typer.Option("--strict", help="Exit with code 3 if a status is not ok.")] = False
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Rerun(Printing):
     """Compute a result again from its own file, and compare the two bit for bit.
 
@@ -186,6 +220,8 @@ class Show:
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Schema:
     """Print the JSON schema of configurations, for editors."""
+
+    sweep: Annotated[bool, typer.Option("--sweep", help="That of sweep files.")] = False
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)

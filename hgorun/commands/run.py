@@ -14,7 +14,7 @@ from hgorun.commands.outputs import DRAWING_SUFFIXES, NOT_OK, RESULT_SUFFIXES, R
 from hgorun.engine.methods import METHODS
 from hgorun.errors import ConfigError
 from hgorun.files import remove_leftovers
-from hgorun.reproduce.shipped import experiments
+from hgorun.progress import shown
 from hgorun.result.data import PLANT, Integration
 from hgorun.result.result import Result
 from hgorun.simulation.experiment import Experiment
@@ -116,6 +116,8 @@ def require_file(path: Path) -> None:
     """Where a file is missing that has the name of an experiment of ours, say how to get that."""
     if os.path.exists(path):  # of a name that is too long, too, there is none
         return
+    from hgorun.reproduce.shipped import experiments
+
     name = next((n for n in experiments() if str(path.with_suffix("")) in (n, Path(n).name)), None)
     if name is not None:
         short = Path(name).name
@@ -183,17 +185,9 @@ def _experiments(path: Path, options: Configured) -> list[Experiment]:
 
 
 def run_with_progress(run: PreparedRun, *, show: bool, check_step: bool = False) -> Result:
-    """Run, with progress if it is to be shown and somebody is at a terminal."""
-    show = show and sys.stderr.isatty()
-
-    def progress(part: float) -> None:
-        print(f"\r{run.experiment.name}: {100 * part:3.0f} %", end="", file=sys.stderr, flush=True)
-
-    try:
-        return simulate_prepared(run, check_step=check_step, progress=progress if show else None)
-    finally:
-        if show:
-            print("\r\033[K", end="", file=sys.stderr, flush=True)
+    """Run, with progress if it is to be shown."""
+    with shown(1.0, run.experiment.name, show=show) as progress:
+        return simulate_prepared(run, check_step=check_step, progress=progress.update if show else None)
 
 
 def warn(result: Result) -> None:

@@ -26,12 +26,22 @@ def read_source(path: str | Path, overrides: Sequence[str] = (), *, seed: int | 
     if path.suffix.lower() in {".h5", ".hdf5", ".nc"}:
         raise ConfigError("this is a result file; hgorun compare reads it", file=str(path))
     text, source = _read(path)
-    source = _extended(source, path, [path.resolve()])
+    source = extended(source, path)
     for assignment in overrides:
         source = set_path(source, assignment)
     if seed is not None:
         source = set_path(source, f"seed={seed}")
     return text, source
+
+
+def extended(source: Source, path: Path) -> Source:
+    """What a file says, or a part of it, on top of the files that it extends.
+
+    Raises
+    ------
+    ConfigError
+    """
+    return _extended(source, path, [path.resolve()])
 
 
 def _read(path: Path) -> tuple[str, Source]:

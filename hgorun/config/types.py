@@ -138,6 +138,7 @@ def _above(limit: str) -> dict[str, Any]:
 Number = Annotated[float, BeforeValidator(number), WithJsonSchema(NUMBER_SCHEMA)]
 Positive = Annotated[float, BeforeValidator(number), Field(gt=0), WithJsonSchema(_above("exclusiveMinimum"))]
 NonNegative = Annotated[float, BeforeValidator(number), Field(ge=0), WithJsonSchema(_above("minimum"))]
+Window = tuple[Number, Number]
 ExpressionText = Annotated[str, BeforeValidator(expression), WithJsonSchema(NUMBER_SCHEMA)]
 Name = Annotated[str, BeforeValidator(_name)]
 Poles = Annotated[

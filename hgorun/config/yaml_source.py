@@ -79,6 +79,11 @@ class Source:
         around = (path[:length] for length in range(len(path), -1, -1))
         return next((self.positions[p] for p in around if p in self.positions), ("", 0))
 
+    def below(self, path: KeyPath) -> Source:
+        """The part at a path as a source of its own."""
+        places = {place[len(path) :]: where for place, where in self.positions.items() if place[: len(path)] == path}
+        return Source(at(self.data, path), places)
+
     @contextmanager
     def located(self) -> Iterator[None]:
         """Turn a problem at a key into an error that names file, line and key."""

@@ -187,6 +187,7 @@ class Ensemble:
         SimulationError
             Where a delay reaches further back than ``plan.reach``.
         """
+        plan = plan.whole()
         whole = self.system.states if rows else None
         reducers = [reduction.reducer(self.lanes, whole=whole) if reduction else None for _ in range(max(threads, 1))]
         compiled = reducers[0] is not None

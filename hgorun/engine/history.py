@@ -79,7 +79,9 @@ class History:
             f.store(f.constant(0.0), f.at("%target", f.scalar("mul", i, str(f.lanes))), f.real)
 
     def _add_recall(self, name: str, value: Callable[..., str], early: Callable[[Function, str, int], None]) -> None:
-        """``recall(ctx, output, t, newest, target)``: an output's channels at t, no piece after ``newest``.
+        """``recall(ctx, output, t, newest, hint, target)``: an output's channels at t, no piece after ``newest``.
+
+        ``hint`` is where the last piece is kept that was looked up.
 
         ``recall_slope`` does the same for their time derivatives; ``value`` makes them of a piece, ``early`` is what
         they are before the start.
@@ -89,7 +91,7 @@ class History:
         few = all(len(regime.delayed) <= _FEW for regime in self.m.system.regimes)
         f = self.m.function(
             name,
-            "ptr %ctx, i64 %output, double %t, i64 %newest, ptr %target",
+            "ptr %ctx, i64 %output, double %t, i64 %newest, ptr %hint, ptr %target",
             returns="i64",
             attributes=f"nounwind {'alwaysinline' if few else 'noinline'}",
         )
@@ -103,14 +105,13 @@ class History:
         early(f, first, self.m.system.width)
         f.do("ret i64 0")
         f.place(search)
-        hint = f.at(f.word("%ctx", WORD["hints"], "ptr"), "%output")
         count = f.word("%ctx", WORD["ring_count"])
         oldest = f.let(
             f"call i64 @llvm.smax.i64(i64 0, i64 {f.scalar('sub', count, f.word('%ctx', WORD['ring_mask']))})"
         )
         self.m.declarations.add("declare i64 @llvm.smax.i64(i64, i64)")
         self.m.declarations.add("declare i64 @llvm.smin.i64(i64, i64)")
-        start = f.let(f"call i64 @llvm.smax.i64(i64 {oldest}, i64 {f.load(hint, 'i64')})")
+        start = f.let(f"call i64 @llvm.smax.i64(i64 {oldest}, i64 {f.load('%hint', 'i64')})")
         at = f.slot("i64")
         f.store(f.let(f"call i64 @llvm.smin.i64(i64 {start}, i64 %newest)"), at, "i64")
         with f.loop() as after:
@@ -128,7 +129,7 @@ class History:
             f.place(enough)
             f.store(f.scalar("sub", i, "1"), at, "i64")
         i = f.load(at, "i64")
-        f.store(i, hint, "i64")
+        f.store(i, "%hint", "i64")
         piece = self._piece(f, i)
         t0, t1 = f.load(piece), f.word(piece, 1, "double")
         h = f.scalar("fsub", t1, t0)
@@ -152,10 +153,7 @@ class History:
         lag.clock(f, t, p, c, tau)
         lag.main(f, p, c, tau, z, w, delays)
         for i in s.regimes[regime].delayed:
-            then = f.scalar("fsub", t, f.word(delays, i * lanes, "double"))
-            target = f.at(w, s.held.output(i) * lanes)
-            outcome = f.call("recall", f"ptr %ctx, i64 {i}, double {then}, i64 {newest}, ptr {target}", "i64")
-            f.store(f.scalar("or", f.load(flags, "i64"), outcome), flags, "i64")
+            self._look_up(f, "recall", i, t, f.at(delays, i * lanes), newest, f.at(w, s.held.output(i) * lanes), flags)
 
     def near(self, f: Function, regime: int, h: str) -> str:
         """Whether a delay may look into a step of length h; of delays that are not constant that is not known."""
@@ -188,13 +186,39 @@ class History:
         delays, passing = found
         own = s.width * lanes
         for number, i in enumerate(s.regimes[regime].delayed):
-            then = f.scalar("fsub", t, f.word(delays, i * lanes, "double"))
             place = f.at(target, number * own)
-            outcome = f.call("recall_slope", f"ptr %ctx, i64 {i}, double {then}, i64 {newest}, ptr {place}", "i64")
-            f.store(f.scalar("or", f.load(flags, "i64"), outcome), flags, "i64")
-            with f.count(0, own) as k:
-                slope = f.scalar("fmul", f.word(place, k, "double"), f.word(passing, i * lanes, "double"))
-                f.store(slope, f.at(place, k))
+            self._look_up(f, "recall_slope", i, t, f.at(delays, i * lanes), newest, place, flags)
+            with f.count(0, s.width) as k:
+                here = f.at(place, f.scalar("mul", k, str(lanes)))
+                f.store(f.mul(f.load(here, f.real), f.load(f.at(passing, i * lanes), f.real)), here, f.real)
+
+    def _look_up(
+        self, f: Function, recall: str, output: int, t: str, delays: str, newest: str, target: str, flags: str
+    ) -> None:
+        """An output's channels at t minus the delay of each lane: at once where all lanes have the same."""
+        lanes, width = f.lanes, self.m.system.width
+        hints = f.at(f.word("%ctx", WORD["hints"], "ptr"), output * lanes)
+
+        def found(lane: int, place: str) -> None:
+            then = f.scalar("fsub", t, f.word(delays, lane, "double"))
+            arguments = f"ptr %ctx, i64 {output}, double {then}, i64 {newest}, ptr {f.at(hints, lane)}, ptr {place}"
+            f.store(f.scalar("or", f.load(flags, "i64"), f.call(recall, arguments, "i64")), flags, "i64")
+
+        if lanes == 1:
+            found(0, target)
+            return
+        differ = f.any(f.compare("une", f.load(delays, f.real), f.splat(f.word(delays, 0, "double"))))
+        with f.when(f.let(f"xor i1 {differ}, true")):
+            found(0, target)
+            for lane in range(1, lanes):
+                f.store(f.word(hints, 0), f.at(hints, lane), "i64")
+        with f.when(differ):
+            own = f.slot("double", width * lanes)
+            for lane in range(lanes):
+                found(lane, own)
+                with f.count(0, width) as k:
+                    place = f.scalar("add", f.scalar("mul", k, str(lanes)), str(lane))
+                    f.store(f.word(own, place, "double"), f.at(target, place))
 
     def follow(self, f: Function, t: str, z: str, slope: str, target: str) -> None:
         """Channels and their slopes at a state and its derivative."""

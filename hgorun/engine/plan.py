@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
+
+_OF_ACTIONS = np.array([0, 0, 0, 0, 1, 1, 0])  # the counts of a segment that number actions
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -87,6 +89,21 @@ class Plan:
     reach: float = 0.0
     origin: float = 0.0
     following: Following | None = None
+
+    def whole(self) -> Plan:
+        """The same with the segments of the whole run at once."""
+        if self.following is None:
+            return self
+        parts = list(self.parts())
+        first = np.cumsum([0, *(len(part.actions) for part in parts[:-1])])
+        counts = [part.counts + at * _OF_ACTIONS for part, at in zip(parts, first, strict=True)]
+        return replace(
+            self,
+            spans=np.concatenate([part.spans for part in parts]),
+            counts=np.concatenate(counts),
+            actions=np.concatenate([part.actions for part in parts]),
+            following=None,
+        )
 
     def parts(self) -> Iterator[Segments]:
         """The segments of the whole run, some of them at a time."""

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from hgorun.ensemble.lanes import fits, given_steps
 from hgorun.ensemble.lot import Lot, Numbers, settings_of, times_of
 from hgorun.ensemble.members import Members
 from hgorun.errors import ConfigError, HgorunError, Problem
+from hgorun.memo import Memo, Same
 from hgorun.result.metrics.base import all_metrics
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.preparation import prepare
@@ -29,7 +31,7 @@ _PREPARED = 512  # runs that are kept prepared at once
 _NUMBERS = (
     4_000_000  # doubles of the members of a lot: of their numbers, and of their trajectories where these are kept
 )
-_MOST = 4096  # members of a lot
+_LEAST, _MOST = 64, 4096  # members of a lot
 
 
 def compute(
@@ -131,7 +133,7 @@ class _Work:
     def _prepared(self, which: Integers) -> None:
         """Members that are prepared one by one, and carried out side by side as far as they have one plan."""
         for start in range(0, which.size, _PREPARED):
-            groups: dict[object, list[tuple[int, PreparedRun]]] = {}
+            groups: dict[object, _Group] = {}
             alone: list[int] = []
             for i in which[start : start + _PREPARED].tolist():
                 try:
@@ -144,13 +146,8 @@ class _Work:
                     groups.setdefault((settings_of(run), times_of(run)), []).append((i, run))
                 else:
                     alone.append(i)
-            for group in groups.values():
-                runs = [run for _, run in group]
-                own = np.array([i for i, _ in group])
-                size = _size(runs[0])
-                for first in range(0, own.size, size):
-                    part = slice(first, first + size)
-                    alone += self._lot(Lot(runs[0], own[part], Numbers.of(runs[part]))).tolist()
+            for lot in _lots(list(groups.values())):
+                alone += self._lot(lot).tolist()
             self._alone(np.array(alone, dtype=np.int64))
 
     def _alone(self, which: Integers) -> None:
@@ -179,6 +176,31 @@ class _Work:
             self.progress(self.done)
 
 
+_Group = list[tuple[int, PreparedRun]]  # members with the same settings and times
+
+
+def _lots(groups: Sequence[_Group]) -> Iterator[Lot]:
+    """Groups in lots of the size that is allowed; those of one member share lots, each with times of its own."""
+    single: dict[object, _Group] = {}
+    for group in groups:
+        run = group[0][1]
+        if len(group) == 1 and not run.solver.controlled:
+            single.setdefault(settings_of(run), []).extend(group)
+            continue
+        for part in _parts(group):
+            runs = [run for _, run in part]
+            yield Lot(runs[0], np.array([i for i, _ in part]), Numbers.of(runs))
+    for group in single.values():
+        for part in _parts(group):
+            yield Lot.of(*zip(*part, strict=True))
+
+
+def _parts(group: _Group) -> Iterator[_Group]:
+    size = _size(group[0][1])
+    for first in range(0, len(group), size):
+        yield group[first : first + size]
+
+
 def _families(base: Experiment, members: Members) -> Iterator[Integers]:
     """Members that agree in all that may change the equations or the times of events."""
     others = Axes.of(base, members).others
@@ -202,14 +224,22 @@ def _family(base: Experiment, members: Members) -> Family:
     """
     others = Axes.of(base, members).others
     common = {path: value for path, value in members.changes(0).items() if path in others}
-    own = base.varied(common) if common else base
+    own, run = _BASES.get((Same(base), repr(common)), lambda: _prepared_base(base, common))
     if own.coordinates != base.coordinates:  # members take those of the base where they can
         raise Differs
     rest = Members({path: column for path, column in members.columns.items() if path not in others}, len(members))
     axes = Axes.of(own, rest)
     if axes.others:
         raise Differs
-    return Family(own, rest, axes, prepare(own)).checked()
+    return Family(own, rest, axes, run).checked()
+
+
+_BASES: Memo[tuple[Experiment, PreparedRun]] = Memo(8)
+
+
+def _prepared_base(base: Experiment, common: Mapping[str, Any]) -> tuple[Experiment, PreparedRun]:
+    own = base.varied(common) if common else base
+    return own, prepare(own)
 
 
 def _able(run: PreparedRun) -> bool:
@@ -224,7 +254,7 @@ def _size(run: PreparedRun) -> int:
     numbers += sum(channel.samples.arrival.size + channel.held_changes[0].size for channel in run.channels)
     if run.solver.controlled:
         numbers += 4 * run.grid.size * run.structure.system.states
-    return int(np.clip(_NUMBERS // numbers, 8, _MOST))
+    return int(np.clip(_NUMBERS // numbers, _LEAST, _MOST))
 
 
 def _known(metrics: Sequence[str]) -> tuple[str, ...]:

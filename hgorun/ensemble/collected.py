@@ -63,6 +63,8 @@ class Collected:
         Of the states, and of ``time``.
     families : mapping of str to (str, int or None)
         Of every observer, where it is known, its type and the order of its filter.
+    dimensions : mapping of str to int
+        Those along which the members lie, the last one fastest; nothing where some of them are missing.
     planned : int
         How many members there will be; more than N while the ensemble is carried out.
     trajectories : Trajectories or None
@@ -78,6 +80,7 @@ class Collected:
     error: NDArray[np.object_]
     units: Mapping[str, str] = field(default_factory=dict)
     families: Mapping[str, tuple[str, int | None]] = field(default_factory=dict)
+    dimensions: Mapping[str, int] = field(default_factory=dict)
     planned: int = 0
     trajectories: Trajectories | None = None
 
@@ -137,6 +140,7 @@ class Collected:
             metrics={name: values[members] for name, values in self.metrics.items()},
             status=self.status[members],
             error=self.error[members],
+            dimensions={},
             trajectories=_of_members(self.trajectories, members),
         )
 
@@ -242,6 +246,7 @@ class _Reader(StoredFile):
             error=error,
             units=self.entries("units", lambda _, v: isinstance(v, str), "text") if "units" in self.file.attrs else {},
             families=self.families(observers),
+            dimensions=dict(zip(dimensions, shape, strict=True)),
             planned=size,
             trajectories=self.trajectories(size, m, n) if "trajectories" in self.file else None,
         )

@@ -13,18 +13,17 @@ from functools import cached_property
 
 import numpy as np
 
-from hgorun.ensemble.axes import Axes, distinct_rows
+from hgorun.ensemble.axes import Axes
 from hgorun.ensemble.found import Floats, Integers
+from hgorun.ensemble.gains import Gains
 from hgorun.ensemble.lot import Lot, Numbers, times_of
 from hgorun.ensemble.members import Members
 from hgorun.errors import HgorunError, Problem
 from hgorun.measurement.schedule import Channel
+from hgorun.memo import Memo, Same
 from hgorun.simulation.checks import check_run
 from hgorun.simulation.experiment import Experiment
-from hgorun.simulation.observer_block import Design
 from hgorun.simulation.preparation import (
-    check_limits,
-    numbers_of,
     plant_rates,
     prepare,
     rate_of,
@@ -32,34 +31,15 @@ from hgorun.simulation.preparation import (
     step_for,
 )
 from hgorun.simulation.prepared import PreparedRun
-from hgorun.simulation.structure import structure_of
 
 _BETWEEN = 3  # members that are prepared in full, beside those at the ends of the axes
 
 
+_CHECKED: Memo[dict[str, tuple[float, float]]] = Memo(16)  # between what values members of a base were as expected
+
+
 class Differs(Exception):
     """The numbers of a member do not follow from those of the base as they should."""
-
-
-@dataclass(frozen=True, eq=False)
-class _Gains:
-    """The numbers of one observer: of each kind of its block, and the kind of every member.
-
-    Attributes
-    ----------
-    p, z0 : ndarray, shapes (kinds, own parameters) and (kinds, own states)
-    rate : ndarray, shape (kinds,)
-        The fastest rate of its error dynamics, where the step depends on it.
-    sound : ndarray of bool, shape (kinds,)
-        False where the block is refused.
-    kind : ndarray of int64, shape (N,)
-    """
-
-    p: Floats
-    z0: Floats
-    rate: Floats
-    sound: np.ndarray
-    kind: Integers
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +71,8 @@ class Family:
             Where a member that has been prepared in full has other numbers.
         """
         steps = self.steps
-        for i in self._samples():
+        known = _CHECKED.get((Same(self.run), tuple(self.members.columns)), dict)
+        for i in self._samples(known):
             try:
                 full = prepare(self.base.varied(self.members.changes(i)))
             except HgorunError as error:
@@ -103,17 +84,29 @@ class Family:
             own, expected = self.numbers(run, one).at(0), Numbers.of([full]).at(0)
             if any(a.tobytes() != b.tobytes() for a, b in zip(own, expected, strict=True)):
                 raise Differs
+        for path, (low, high) in self._ends().items():
+            before = known.get(path, (low, high))
+            known[path] = min(low, before[0]), max(high, before[1])
         return self
 
-    def _samples(self) -> list[int]:
-        """The members at the ends of every axis, and some in between."""
+    def _ends(self) -> dict[str, tuple[float, float]]:
+        """The smallest and the largest value on every axis of numbers."""
+        columns = {path: column[self.sound] for path, column in self.members.columns.items()}
+        numbers = {path: column for path, column in columns.items() if column.size and column.dtype.kind in "fi"}
+        return {path: (column.min(), column.max()) for path, column in numbers.items()}
+
+    def _samples(self, known: Mapping[str, tuple[float, float]]) -> list[int]:
+        """The members at the ends of every axis, and some in between; none between ends that are known."""
         sound = np.flatnonzero(self.sound)
         if not sound.size:
             return []
-        found = list(sound[np.linspace(0, sound.size - 1, _BETWEEN).astype(int)])
-        for column in self.members.columns.values():
-            if column.dtype.kind in "fi":
-                found += [sound[np.argmin(column[sound])], sound[np.argmax(column[sound])]]
+        found = [] if known else list(sound[np.linspace(0, sound.size - 1, _BETWEEN).astype(int)])
+        for path, (low, high) in self._ends().items():
+            column = self.members.columns[path][sound]
+            if path not in known or low < known[path][0]:
+                found.append(sound[np.argmin(column)])
+            if path not in known or high > known[path][1]:
+                found.append(sound[np.argmax(column)])
         return sorted({int(i) for i in found})
 
     @cached_property
@@ -129,62 +122,14 @@ class Family:
         if self.axes.seed:
             good &= columns["seed"] >= 0
         for gains in self._gains.values():
-            good &= gains.sound[gains.kind]
+            good &= gains.sound
         return good
 
     @cached_property
-    def _gains(self) -> Mapping[str, _Gains]:
-        return {label: self._gains_of(label, paths) for label, paths in self.axes.observers.items()}
-
-    def _gains_of(self, label: str, paths: tuple[str, ...]) -> _Gains:
-        """The numbers of an observer, from every kind of its block once."""
-        first, kind = distinct_rows([self.members.columns[path] for path in paths])
-        own, run = self.members[first], self.run
-        (place,) = (j for j, b in enumerate(run.observers) if b.label == label)
-        p, z0 = run.numbers.p[self._parameters(place)], run.numbers.z0[self._states(place)]
-        found = _Gains(
-            np.tile(p, (first.size, 1)),
-            np.tile(z0, (first.size, 1)),
-            np.zeros(first.size),
-            np.zeros(first.size, dtype=bool),
-            kind,
-        )
-        for d in range(first.size):
-            changes = {path: value for path, value in own.changes(d).items() if path in paths}
-            try:
-                experiment = self.base.varied(changes)
-                check_limits(experiment)
-                design = experiment.designs[label]
-                designs = [*experiment.designs.values()]
-                found.p[d] = design.numbers
-                found.z0[d] = design.initial(run.plant.parameters, has_alpha=run.structure.system.has_alpha)
-                if run.experiment.given_step is None:
-                    found.rate[d] = rate_of(label, design.observer, design.form)
-                if run.structure.system.jumps:
-                    numbers = numbers_of(run.structure, run.plant, experiment, designs)
-                    check_run(replace(run, experiment=experiment, numbers=numbers))
-                found.sound[d] = self._has_the_equations(place, designs)
-            except (HgorunError, ValueError):  # Problem is a ValueError
-                continue
-        return found
-
-    def _has_the_equations(self, place: int, designs: list[Design]) -> bool:
-        """Whether a run with another design of one observer has the equations of the base."""
-        run = self.run
-        if designs[place].structure != [*run.experiment.designs.values()][place].structure:
-            return False
-        truth, stretches, variants = run.structure.groups[0].truth, run.experiment.stretches, run.schedule.variants
-        return structure_of([truth], [designs], stretches, variants, run.plant.everything) is run.structure
-
-    def _parameters(self, place: int) -> slice:
-        """Where an observer's numbers are among the parameters: they are last, one observer after the other."""
-        sizes = [design.numbers.size for design in self.run.experiment.designs.values()]
-        start = self.run.numbers.p.size - sum(sizes[place:])
-        return slice(start, start + sizes[place])
-
-    def _states(self, place: int) -> slice:
-        block = self.run.observers[place]
-        return slice(block.start, block.end)
+    def _gains(self) -> Mapping[str, Gains]:
+        """Of the observers that members differ in."""
+        given = self.axes.observers
+        return {label: Gains.of(self.base, self.run, label, self.members, paths) for label, paths in given.items()}
 
     @cached_property
     def steps(self) -> Floats:
@@ -205,7 +150,7 @@ class Family:
         plant, count = self.run.plant, len(self.members)
         if not self.axes.of_plant:
             return np.full(count, plant_rates(plant, self.run.time, plant.initial, plant.everything)[0])
-        z0, p = self._state(np.arange(count)), self._values(np.arange(count))
+        z0, p = self._vectors(np.arange(count))
         everything = p[: plant.everything.size].T
         return np.array(plant_rates(plant, self.run.time, z0[: plant.model.n].T, everything))
 
@@ -245,28 +190,18 @@ class Family:
 
     def numbers(self, run: PreparedRun, which: Integers) -> Numbers:
         """The numbers of some members."""
-        return Numbers.with_noise(self._state(which), self._values(which), self._noise(run, which))
+        return Numbers.with_noise(*self._vectors(which), self._noise(run, which))
 
-    def _state(self, which: Integers) -> Floats:
-        """z at the start, shape (states, len(which))."""
-        z0 = np.repeat(self.run.numbers.z0[:, None], which.size, axis=1)
-        for path, place in self.axes.start.items():
-            z0[place] = self.members.columns[path][which]
-        for label, gains in self._gains.items():
-            z0[self._states(self._place(label))] = gains.z0[gains.kind[which]].T
-        return z0
-
-    def _values(self, which: Integers) -> Floats:
-        """p, shape (parameters, len(which))."""
-        p = np.repeat(self.run.numbers.p[:, None], which.size, axis=1)
-        for path, place in self.axes.parameters.items():
-            p[place] = self.members.columns[path][which]
-        for label, gains in self._gains.items():
-            p[self._parameters(self._place(label))] = gains.p[gains.kind[which]].T
-        return p
-
-    def _place(self, label: str) -> int:
-        return next(j for j, b in enumerate(self.run.observers) if b.label == label)
+    def _vectors(self, which: Integers) -> tuple[Floats, Floats]:
+        """z at the start and p, shapes (states, len(which)) and (parameters, len(which))."""
+        columns = self.members.columns
+        z0, p = (np.repeat(one[:, None], which.size, axis=1) for one in (self.run.numbers.z0, self.run.numbers.p))
+        for places, numbers in ((self.axes.start, z0), (self.axes.parameters, p)):
+            for path, place in places.items():
+                numbers[place] = columns[path][which]
+        for gains in self._gains.values():
+            gains.write(p, z0, columns, which)
+        return z0, p
 
     def _noise(self, run: PreparedRun, which: Integers) -> list[Channel]:
         """The channels, with the noise of each member where they differ in it."""

@@ -116,7 +116,7 @@ class Block:
         *,
         method: str,
         step: float,
-        evaluations: Integers | int,
+        evaluations: Integers,
         errors: Floats | None = None,
     ) -> None:
         """Write down several members of which nothing is to be said but that they are ok.

@@ -18,7 +18,8 @@ from hgorun.ensemble.lot import Lot
 from hgorun.errors import Problem, SimulationError
 from hgorun.result.metrics.base import all_metrics
 from hgorun.result.windows import MetricSettings, points_in
-from hgorun.simulation.control import (
+from hgorun.simulation.error_estimate import Estimate, difference, plant_difference, size_of
+from hgorun.simulation.ladder import (
     UNEVEN,
     finest_rung,
     first_stage,
@@ -28,7 +29,6 @@ from hgorun.simulation.control import (
     step_counts,
     steps_left,
 )
-from hgorun.simulation.error_estimate import Estimate, difference, plant_difference, size_of
 from hgorun.simulation.passes import Pass, part_of_error
 from hgorun.simulation.prepared import PreparedRun
 

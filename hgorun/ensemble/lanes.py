@@ -14,8 +14,7 @@ from hgorun.ensemble.lot import Lot
 from hgorun.errors import Problem, SimulationError
 from hgorun.result.measure import from_origin
 from hgorun.result.metrics.base import Metric, all_metrics
-from hgorun.result.reduction import MetricReduction
-from hgorun.result.windows import MetricSettings
+from hgorun.simulation.lanes import reduction_of
 from hgorun.simulation.passes import Pass, as_given, plan_of
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.verdict import may_have_left
@@ -40,14 +39,13 @@ class Passed:
     metrics : dict of str to ndarray, shape (m, n, N)
     sound : ndarray of bool, shape (N,)
         False where something has to be looked at: a plant or an observer that seems lost.
-    steps : int
-        Of each member.
+    steps : ndarray of int64, shape (N,)
     rows : ndarray, shape (grid points, states, N), optional
     """
 
     metrics: dict[str, Floats]
     sound: np.ndarray
-    steps: int
+    steps: Integers
     rows: Floats | None
 
 
@@ -60,28 +58,17 @@ def carry_out(lot: Lot, how: Pass, metrics: Sequence[Metric], *, rows: bool = Fa
         Where it cannot be made with the memory that there is.
     """
     run = lot.run
-    plan, start = plan_of(run, how)
-    reduction = _reduction(run, metrics)
-    ensemble = run.structure.ensemble(how.method)
-    found = ensemble.run(plan, lot.numbers.beside(plan, start.bound), reduction, rows=rows, threads=threads)
+    reduction, ensemble = reduction_of(run, metrics), run.structure.ensemble(how.method)
+    if lot.own is None:
+        plan, start = plan_of(run, how)
+        numbers, steps = lot.numbers.beside(plan, start.bound), np.full(lot.which.size, plan.steps)
+        found = ensemble.run(plan, numbers, reduction, rows=rows, threads=threads)
+    else:
+        plans = [plan_of(own, how)[0] for own in lot.own]
+        numbers, steps = lot.numbers.beside(plans[0], plan_of(run, how)[1].bound), np.array([p.steps for p in plans])
+        found = ensemble.run_each(plans, numbers, reduction, rows=rows, threads=threads)
     named = dict(reduction.named(found.reduced))
-    return Passed(metrics=named, sound=_sound(lot, found, named), steps=plan.steps, rows=found.rows)
-
-
-def _reduction(run: PreparedRun, metrics: Sequence[Metric]) -> MetricReduction:
-    blocks, every = run.experiment.blocks, run.experiment.grid[2]
-    places = [readout.places for readout in run.structure.estimates]
-    known = [of for of in places if of is not None]
-    return MetricReduction(
-        time=run.grid[::every],
-        every=every,
-        n=run.plant.model.n,
-        m=len(run.observers),
-        settings=MetricSettings.of(blocks.metrics, blocks.time).since(run.origin),
-        metrics=tuple(metrics),
-        estimated=lambda p, z: run.structure.estimates_along(run.grid, p, z),
-        places=known if len(known) == len(places) else None,
-    )
+    return Passed(metrics=named, sound=_sound(lot, found, named), steps=steps, rows=found.rows)
 
 
 def _sound(lot: Lot, found: Outcome, metrics: dict[str, Floats]) -> np.ndarray:
@@ -133,7 +120,7 @@ def write_down(
     metrics: dict[str, Floats],
     which: np.ndarray,
     how: Pass,
-    evaluations: int | Integers,
+    evaluations: Integers,
     errors: Floats | None = None,
 ) -> None:
     """Record some members of a lot.
@@ -141,7 +128,7 @@ def write_down(
     Parameters
     ----------
     which : ndarray of bool, shape (N,)
-    evaluations : int or ndarray of int64, shape (N,)
+    evaluations : ndarray of int64, shape (N,)
     errors : ndarray, shape (1 + m, N), optional
     """
     chosen = {name: values[..., which] for name, values in metrics.items() if name in block.metrics}
@@ -152,6 +139,6 @@ def write_down(
         chosen,
         method=how.method,
         step=how.step,
-        evaluations=np.broadcast_to(evaluations, which.shape)[which],
+        evaluations=evaluations[which],
         errors=None if errors is None else errors[:, which],
     )

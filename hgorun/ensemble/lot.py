@@ -11,7 +11,7 @@ import numpy as np
 from hgorun.engine.ensemble import MemberNumbers
 from hgorun.engine.plan import Plan
 from hgorun.ensemble.found import Floats, Integers
-from hgorun.measurement.schedule import Channel
+from hgorun.measurement.schedule import Channel, joined
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.symbolic.evaluate import evaluate
 
@@ -39,8 +39,8 @@ class Numbers:
     def with_noise(cls, z0: Floats, p: Floats, channels: Sequence[Channel]) -> Numbers:
         """With the noise of some channels: of all members alike, or of each its own."""
         measured = [channel.gain_and_bias for channel in channels]
-        gain, bias = (np.concatenate([both[i] for both in measured], axis=-1) for i in (0, 1))
-        held = np.concatenate([channel.held_changes[1] for channel in channels], axis=-1)
+        gain, bias = (joined([both[i] for both in measured]) for i in (0, 1))
+        held = joined([channel.held_changes[1] for channel in channels])
         return cls(z0, p, gain, bias, held)
 
     @classmethod
@@ -55,21 +55,19 @@ class Numbers:
         noise = (part if part.ndim == 1 else part[i] for part in (self.gain, self.bias, self.held))
         return self.z0[:, i], self.p[:, i], *noise
 
-    def some(self, which: Integers | np.ndarray) -> Numbers:
+    def some(self, which: np.ndarray) -> Numbers:
         """Those of some members."""
         noise = (part if part.ndim == 1 else part[which] for part in (self.gain, self.bias, self.held))
         return Numbers(self.z0[:, which], self.p[:, which], *noise)
 
     def beside(self, plan: Plan, bound: tuple[float, float]) -> MemberNumbers:
         """As the engine takes them; what is held besides noise is the plan's."""
-        rest = plan.holds[self.held.shape[-1] :]
-        held = self.held
-        if held.ndim == 2:
-            held = np.concatenate([held, np.broadcast_to(rest, (held.shape[0], rest.size))], axis=1).T
-        else:
-            held = plan.holds
+        holds = plan.holds
+        if self.held.ndim == 2:
+            rest = plan.holds[self.held.shape[-1] :]
+            holds = joined([self.held, np.broadcast_to(rest, (len(self.held), rest.size))]).T
         gain, bias = (part if part.ndim == 1 else part.T for part in (self.gain, self.bias))
-        return MemberNumbers(z0=self.z0, p=self.p, gain=gain, bias=bias, holds=held, bound=bound)
+        return MemberNumbers(z0=self.z0, p=self.p, gain=gain, bias=bias, holds=holds, bound=bound)
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,19 +77,30 @@ class Lot:
     Attributes
     ----------
     run : PreparedRun
-        Whose plan all of them have.
+        Whose equations, grid and settings all of them have.
     which : ndarray of int64, shape (N,)
         Which members they are.
     numbers : Numbers
+    own : tuple of PreparedRun, optional
+        Their runs, where events are at other times in each; else they are those of ``run``.
     """
 
     run: PreparedRun
     which: Integers
     numbers: Numbers
+    own: tuple[PreparedRun, ...] | None = None
+
+    @classmethod
+    def of(cls, which: Sequence[int], runs: Sequence[PreparedRun]) -> Lot:
+        """Of runs that are prepared, with events at times of their own."""
+        start = np.stack([run.numbers.z0 for run in runs], axis=1), np.stack([run.numbers.p for run in runs], axis=1)
+        nothing = np.zeros(0)  # the plans have it
+        return cls(runs[0], np.array(which), Numbers(*start, nothing, nothing, nothing), tuple(runs))
 
     def some(self, among: np.ndarray) -> Lot:
         """Some of them."""
-        return Lot(self.run, self.which[among], self.numbers.some(among))
+        own = None if self.own is None else tuple(run for run, taken in zip(self.own, among, strict=True) if taken)
+        return Lot(self.run, self.which[among], self.numbers.some(among), own)
 
     def starts(self) -> np.ndarray:
         """Which of them have right-hand sides that are numbers at the start, shape (N,)."""

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hgorun.config.models import Figure as FigureBlock
-from hgorun.config.models import Inset, Panel
+from hgorun.config.study import Figure as FigureBlock
+from hgorun.config.study import Inset, Panel
 from hgorun.errors import ConfigError, printable
 from hgorun.figures.actors import Actor, Simulated, cast, cast_scalings, texts
 from hgorun.figures.layout import TOP, finished, grid, time_axis

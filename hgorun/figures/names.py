@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
 from hgorun.config.expressions import nearest
-from hgorun.config.models import Figure, Inset, Panel
+from hgorun.config.study import Figure, Inset, Panel
 from hgorun.errors import KeyPath, Problem
 from hgorun.figures.style import LARGEST, LARGEST_AREA, LARGEST_NUMBER, LOWEST, NARROWEST, PANEL
 from hgorun.result.data import ResultData

@@ -124,7 +124,7 @@ class StretchNoise:
         total = np.zeros((*self.many, times.size))
         for hold, first, draws in self._held:
             index = self._index(times, hold) - first
-            total += draws[..., np.clip(index, 0, draws.shape[-1] - 1)]
+            total += _taken(draws, np.clip(index, 0, draws.shape[-1] - 1))
         return total
 
     def sampled(self, times: np.ndarray, numbers: np.ndarray) -> np.ndarray:
@@ -136,7 +136,7 @@ class StretchNoise:
         count = int(numbers.max()) + 1 if numbers.size else 0
         for j, item in enumerate(self.random):
             if item.hold is None:
-                drawn += self._draw(j, count)[..., numbers]
+                drawn += _taken(self._draw(j, count), numbers)
         total = np.zeros(times.size)
         for function in self.functions if times.size else ():
             total += function.at(self._origin + times, numbers)
@@ -149,7 +149,8 @@ class StretchNoise:
         for j, item in enumerate(self.random):
             if item.hold is not None:
                 first, stop = self._needed(item.hold)
-                found.append((item.hold, first, self._draw(j, stop)[..., first:].copy()))
+                draws = self._draw(j, stop)
+                found.append((item.hold, first, draws[..., first:].copy() if first else draws))
         return found
 
     def _needed(self, hold: float) -> tuple[int, int]:
@@ -182,3 +183,11 @@ class StretchNoise:
         if drawn.shape != shape:
             raise PluginError(f"noise {item.type!r}: draw returned an array of shape {drawn.shape}, expected {shape}")
         return drawn
+
+
+def _taken(draws: np.ndarray, index: np.ndarray) -> np.ndarray:
+    """Some of the draws, along the last axis: a view where they follow each other."""
+    first, count = (int(index[0]), index.size) if index.size else (0, 0)
+    if np.array_equal(index, np.arange(first, first + count)):
+        return np.asarray(draws[..., first : first + count])
+    return np.asarray(draws[..., index])

@@ -79,7 +79,7 @@ class Channel:
                     inside = changes[(changes > stretch.start) & (changes < stretch.end)]
                     times.append(np.concatenate([[stretch.start], inside]))
                     values.append(noise.held(times[-1]))
-        return np.concatenate(times), np.concatenate(values, axis=-1)
+        return np.concatenate(times), joined(values)
 
     def of_many(self, count: int, seeds: np.ndarray, deviations: Mapping[tuple[int, int], np.ndarray]) -> Channel:
         """The channel of several runs that share its samples, with the noise of each.
@@ -119,6 +119,12 @@ class Channel:
         heard = newest >= np.array(starts)[stretch]
         kind = np.where(continuous[stretch], late[stretch], np.where(heard, HELD, SILENT))
         return np.column_stack([kind, np.where(continuous[stretch], stretch, 0)])
+
+
+def joined(parts: list[np.ndarray]) -> np.ndarray:
+    """Arrays one after the other along the last axis; nothing is copied where one of them is all there is."""
+    whole = [part for part in parts if part.shape[-1]]
+    return whole[0] if len(whole) == 1 else np.concatenate(parts, axis=-1)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)

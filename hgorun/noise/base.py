@@ -24,7 +24,6 @@ from hgorun.errors import Problem
 from hgorun.noise.streams import Streams
 from hgorun.registry import Registry
 from hgorun.symbolic.evaluate import along
-from hgorun.symbolic.intervals import Enclosure
 
 _PIECES = 4096  # of a span of time, in which a function of time is enclosed
 
@@ -114,6 +113,8 @@ class TimeFunction(Noise):
 
     def bound(self, start: float, end: float) -> float:
         """A number that |v(t)| does not exceed between start and end: by interval arithmetic, unless overridden."""
+        from hgorun.symbolic.enclosures import Enclosure  # theory asks for it, not a run
+
         t = ca.SX.sym("t")
         edges = np.linspace(start, end, _PIECES + 1)[:, None]
         low, high = Enclosure(ca.Function("v", [t], [ca.densify(self._of(t))]))(edges[:-1], edges[1:])

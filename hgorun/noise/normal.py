@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from decimal import Context, Decimal
-from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,11 +17,16 @@ from numpy.typing import NDArray
 from hgorun.noise.ziggurat import EDGES
 
 Words = NDArray[np.uint64]
-_LAYERS = np.array(EDGES)
-_WIDTHS = _LAYERS * 2.0**-52
-_TAIL = EDGES[-1]
-_SURE = 1e-12  # by how much two numbers near 1 differ that no rounding can exchange
-_DIGITS = Context(prec=50)
+LAYERS = np.array(EDGES)
+WIDTHS = LAYERS * 2.0**-52
+TAIL = EDGES[-1]
+SURE = 1e-12  # by how much two numbers near 1 differ that no rounding can exchange
+# for every layer the first place that is not inside the layer above; none is in the lowest but one
+INSIDE: Words = (np.concatenate([LAYERS[-1:] / LAYERS[:1], [0.0], LAYERS[1:-1] / LAYERS[2:]]) * 2.0**52).astype(
+    np.uint64
+)
+_DIGITS, _FEWER_DIGITS = Context(prec=50), Context(prec=25)
+_BESIDE = Decimal("1.0000000000000000000001"), Decimal("0.9999999999999999999999")  # further than 25 digits err
 _SPARE = 25  # one word in so many is for draws that take more than one
 
 
@@ -49,10 +53,10 @@ def _normal(words: Words, count: int) -> NDArray[np.float64]:
         Where there are too few words.
     """
     layer, place = words & np.uint64(255), (words >> np.uint64(9)) & np.uint64(2**52 - 1)
-    values = place * _WIDTHS[layer]
+    values = place * WIDTHS[layer]
     values = np.where(words & np.uint64(256), -values, values)
     draws, made, at = np.empty(count), 0, 0
-    for doubtful in np.flatnonzero(place >= _inside()[layer]):
+    for doubtful in np.flatnonzero(place >= INSIDE[layer]):
         if doubtful < at:  # it has decided another one
             continue
         taken = min(int(doubtful) - at, count - made)
@@ -77,13 +81,6 @@ def _normal(words: Words, count: int) -> NDArray[np.float64]:
     return draws
 
 
-@cache
-def _inside() -> Words:
-    """For every layer the first place that is not inside the layer above; none is in the lowest but one."""
-    ratios = np.concatenate([_LAYERS[-1:] / _LAYERS[:1], [0.0], _LAYERS[1:-1] / _LAYERS[2:]])
-    return (ratios * 2.0**52).astype(np.uint64)
-
-
 def _uniform(words: Words, at: int) -> Iterator[float]:
     """Uniform draws from [0, 1), a word each."""
     while True:
@@ -96,7 +93,7 @@ def _is_below(x: float, layer: int, u: float) -> bool:
     low, high = EDGES[layer], EDGES[layer - 1] if layer > 1 else 0.0
     left, right = math.exp(-low * low / 2), math.exp(-x * x / 2)
     left += u * (math.exp(-high * high / 2) - left)
-    if abs(left - right) > _SURE:
+    if abs(left - right) > SURE:
         return left < right
     f = [_DIGITS.exp(_DIGITS.multiply(Decimal(v), Decimal(-v / 2))) for v in (low, high, x)]
     return _DIGITS.add(f[0], _DIGITS.multiply(Decimal(u), _DIGITS.subtract(f[1], f[0]))) < f[2]
@@ -106,12 +103,19 @@ def _behind(uniform: Iterator[float]) -> tuple[float, int]:
     """A draw from the tail, and how many uniform draws it takes."""
     used = 0
     while True:
-        x, y = -(1 / _TAIL) * _log(1 - next(uniform)), -_log(1 - next(uniform))
+        x, y = beyond(1 - next(uniform)), -_log(1 - next(uniform))
         used += 2
         if y + y > x * x:
-            return _TAIL + x, used
+            return TAIL + x, used
+
+
+def beyond(u: float) -> float:
+    """How far behind the tail's edge a uniform draw from (0, 1] leads."""
+    return -(1 / TAIL) * _log(u)
 
 
 def _log(x: float) -> float:
-    """The logarithm, rounded correctly."""
-    return float(_DIGITS.ln(Decimal(x)))
+    """The logarithm, rounded correctly: half as many digits nearly always tell, in a third of the time."""
+    value = _FEWER_DIGITS.ln(Decimal(x))
+    ends = {float(_FEWER_DIGITS.multiply(value, factor)) for factor in _BESIDE}
+    return ends.pop() if len(ends) == 1 else float(_DIGITS.ln(Decimal(x)))

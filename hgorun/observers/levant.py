@@ -44,7 +44,7 @@ def levant_flow(z: ca.SX, error: ca.SX, gains: ca.SX) -> ca.SX:
     n = z.numel()
     rates, d = [], error
     for i in range(n):
-        d = gains[i] * _power(ca.fabs(d), n - 1 - i, n - i) * ca.sign(d)
+        d = gains[i] * ca.fabs(d) ** ((n - 1 - i) / (n - i)) * ca.sign(d)
         rates.append((z[i + 1] if i + 1 < n else 0) - d)
     return ca.vertcat(*rates)
 
@@ -130,14 +130,14 @@ def levant_implicit_step(z: ca.SX, y: ca.SX, h: ca.SX, gains: ca.SX) -> ca.SX:
     n = z.numel()
     c: list[ca.SX] = []
     for i in range(n):
-        c.append(gains[i] if i == 0 else gains[i] * _power(c[-1], n - 1 - i, n - i))
+        c.append(gains[i] if i == 0 else gains[i] * c[-1] ** ((n - 1 - i) / (n - i)))
     powers = [h**j for j in range(n + 1)]
     b = sum((powers[j] * z[j] for j in range(1, n)), z[0]) - y
     size = ca.fabs(b) / powers[n]
     rest = ca.fmax(size - c[n - 1], 0)
-    r = _power(rest, 1, n)  # above the root, as is each term's own bound
+    r = rest ** (1 / n)  # above the root, as is each term's own bound
     for i in range(n - 1):
-        r = ca.fmin(r, _power(rest / c[i], 1, n - 1 - i))
+        r = ca.fmin(r, (rest / c[i]) ** (1 / (n - 1 - i)))
     for _ in range(_NEWTON_STEPS if n > 1 else 0):
         value, slope = ca.SX(1), ca.SX(0)
         for i in range(n):  # Horner, with the slope
@@ -152,12 +152,3 @@ def levant_implicit_step(z: ca.SX, y: ca.SX, h: ca.SX, gains: ca.SX) -> ca.SX:
         following = z[i] + h * (following - d[i])
         new.insert(0, following)
     return ca.vertcat(*new)
-
-
-def _power(base: ca.SX, numerator: int, denominator: int) -> ca.SX:
-    """base^(numerator/denominator) for base >= 0; 1 for numerator 0."""
-    if numerator == 0:
-        return ca.SX(1)
-    if numerator == denominator:
-        return base
-    return ca.sqrt(base) if 2 * numerator == denominator else base ** (numerator / denominator)

@@ -5,16 +5,16 @@ from __future__ import annotations
 import multiprocessing
 import os
 import queue
-import signal
-import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from typing import Any
 
 from hgorun.errors import HgorunError, SimulationError
+from hgorun.process import serve
+from hgorun.progress import shown
 from hgorun.reproduce.job import Job, Outcome, Work
 
 _queue: Any = None  # of the worker's process: where it reports to
@@ -35,7 +35,7 @@ def run_all(works: Sequence[Work], *, workers: int | None = None, show: bool = T
     workers : int, optional
         Processes at once; by default one a processor.
     show : bool
-        Whether a progress bar is drawn, on stderr if that is a terminal.
+        Whether progress is shown on stderr.
 
     Raises
     ------
@@ -45,7 +45,7 @@ def run_all(works: Sequence[Work], *, workers: int | None = None, show: bool = T
     stale = [i for i, work in enumerate(works) if not work.done]
     outcomes = {i: work.outcome() for i, work in enumerate(works) if work.done}
     count = min(workers or processors(), len(stale))
-    with _progress(len(stale), show and sys.stderr.isatty()) as progress:
+    with _progress(len(stale), show) as progress:
         if count == 1:
             for number, i in enumerate(stale):
 
@@ -101,11 +101,10 @@ def _collected(futures: dict[Future[Outcome], int], messages: Any, progress: Any
 
 
 def _start(messages: Any) -> None:
-    """In a new worker: Ctrl-C is the parent's business, and an end in time is an orderly one."""
+    """In a new worker."""
     global _queue
     _queue = messages
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
+    serve()
 
 
 def _work(job: Job, number: int) -> Outcome:
@@ -121,26 +120,13 @@ def _work(job: Job, number: int) -> Outcome:
 
 
 @contextmanager
-def _progress(jobs: int, show: bool) -> Iterator[Any]:
-    """A bar over all jobs; a function that does nothing where nobody looks."""
-    if not show or not jobs:
-        yield lambda number, part, what: None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
-    columns = (
-        BarColumn(),
-        TextColumn("{task.percentage:>3.0f} %"),
-        TimeElapsedColumn(),
-        TextColumn("{task.description}", markup=False),
-    )
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("", total=jobs)
-        parts = [0.0] * jobs
+def _progress(jobs: int, show: bool) -> Iterator[Callable[[int, float, str], None]]:
+    """How far all jobs are together."""
+    parts = [0.0] * jobs
+    with shown(jobs, "", show=show) as whole:
 
         def progress(number: int, part: float, what: str) -> None:
             parts[number] = max(parts[number], part)
-            bar.update(task, completed=sum(parts), description=what or None)
+            whole.update(sum(parts), what=what or None)
 
         yield progress

@@ -16,9 +16,9 @@ from pathlib import Path
 from typing import TypeAlias
 
 from hgorun.analysis.finding import all_findings
+from hgorun.code import FIGURE, QUANTITY, RUN, SCALING, THEORY, code, code_of
 from hgorun.files import write_text
 from hgorun.measurement.blocks import noise_blocks
-from hgorun.reproduce.code import FIGURE, QUANTITY, RUN, SCALING, THEORY, code, code_of
 from hgorun.result.metrics.base import all_metrics
 from hgorun.study.quantities import Quantity
 from hgorun.study.study import Run, Study

@@ -7,12 +7,11 @@ are equal files but for the attribute ``created``.
 from __future__ import annotations
 
 import hashlib
-import io
 import json
 import platform
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import h5py
 import numpy as np
@@ -21,10 +20,8 @@ from hgorun.files import written_whole
 from hgorun.result import digests
 from hgorun.result.data import PLANT, DesignNumbers, ObserverResult, ResultData
 from hgorun.result.metrics.base import all_metrics
+from hgorun.result.sink import Sink
 from hgorun.result.status import OK, Verdict
-
-if TYPE_CHECKING:
-    from _typeshed import ReadableBuffer
 
 FORMAT = "hgorun-result-1"
 _CHUNK = 2**20
@@ -49,7 +46,7 @@ def save(result: ResultData, path: Path) -> Path:
     HgorunError
         When the file cannot be written.
     """
-    with written_whole(path) as part, _Sink(part) as sink:
+    with written_whole(path) as part, Sink(part) as sink:
         with h5py.File(sink, "w", track_order=True, libver=_form(result)) as file:
             _write(result, file)
         if sink.failed is not None:
@@ -69,44 +66,23 @@ def _form(result: ResultData) -> tuple[str, str] | None:
     return ("v108", "v108") if len(result.observers) > _MANY else None
 
 
-class _Sink(io.FileIO):
-    """A file for HDF5, which crashes where a write fails: it never sees one fail, and we say what happened."""
-
-    def __init__(self, path: Path) -> None:
-        super().__init__(path, "w+")
-        self.failed: OSError | None = None
-
-    def write(self, data: ReadableBuffer) -> int:
-        left = memoryview(data).cast("B")
-        size = len(left)
-        try:
-            while left and self.failed is None:
-                left = left[super().write(left) or 0 :]
-        except OSError as error:
-            self.failed = error
-        return size
-
-    def truncate(self, size: int | None = None) -> int:
-        try:
-            return super().truncate(size) if self.failed is None else size or 0
-        except OSError as error:
-            self.failed = error
-            return size or 0
-
-
 class _Writer:
     """Data sets without time stamps, each with its dimensions named."""
 
     def __init__(self, file: h5py.File) -> None:
         self.file = file
+        # kept, since h5py needs as long to find one as to write it
+        self._groups: dict[str, h5py.Group] = {"": file}
+        self._scales: dict[str, h5py.Dataset] = {}
 
     def group(self, path: str) -> h5py.Group:
-        return self.file.require_group(path) if path in self.file else self.file.create_group(path, track_order=True)
+        if path not in self._groups:
+            self._groups[path] = self.file.create_group(path, track_order=True)
+        return self._groups[path]
 
     def data(self, path: str, values: Any, dimensions: tuple[str, ...] = (), **attributes: Any) -> h5py.Dataset:
         parent, _, name = path.rpartition("/")
-        group = self.group(parent) if parent else self.file
-        array = np.asarray(values)
+        group, array = self.group(parent), np.asarray(values)
         if array.dtype.kind == "O":
             data = group.create_dataset(name, data=values, track_times=False)
             data.attrs[digests.ATTRIBUTE] = digests.of_names([str(name) for name in array])
@@ -114,7 +90,7 @@ class _Writer:
             data = group.create_dataset(name, data=array, track_times=False, **_checked(array))
             data.attrs[digests.ATTRIBUTE] = digests.of_numbers(array)
         for axis, dimension in enumerate(dimensions):
-            data.dims[axis].attach_scale(self.file[dimension])
+            data.dims[axis].attach_scale(self._scales[dimension])
         for key, value in attributes.items():
             if value is not None:
                 data.attrs[key] = value
@@ -123,19 +99,19 @@ class _Writer:
     def scale(self, path: str, values: Any, **attributes: Any) -> None:
         data = self.data(path, values, **attributes)
         data.make_scale(path.rpartition("/")[2])
+        self._scales[path] = data
 
-    def index(self, size: int) -> h5py.Dataset:
+    def index(self, data: h5py.Dataset, axis: int, size: int) -> None:
         """A dimension without coordinates: netCDF wants every axis to have one, and those of one length share it."""
         dimension = f"index_{size}"
-        if dimension not in self.file:
+        if dimension not in self._scales:
             self.scale(dimension, np.arange(1, size + 1))
-        return self.file[dimension]
+        data.dims[axis].attach_scale(self._scales[dimension])
 
     def names(self, path: str, names: tuple[str, ...]) -> None:
         """A dimension whose coordinate is a list of names."""
         if names:
-            data = self.data(path, np.array(names, dtype=object).astype(h5py.string_dtype()))
-            data.make_scale(path.rpartition("/")[2])
+            self.scale(path, np.array(names, dtype=object).astype(h5py.string_dtype()))
 
 
 def _checked(array: np.ndarray) -> dict[str, Any]:
@@ -188,7 +164,7 @@ def _write(result: ResultData, file: h5py.File) -> None:
         measures=_measured_states(result),
     )
     if result.verdict != OK:
-        w.file["plant"].attrs.update(_said(result.verdict))
+        w.group("plant").attrs.update(_said(result.verdict))
     m = result.measurements
     # their dimension is the number of the measurement: a second dimension called time would clash with the grid
     w.scale("measurement/number", np.arange(m.time.size), long_name="number of the measurement")
@@ -214,7 +190,7 @@ def _write(result: ResultData, file: h5py.File) -> None:
     w.group("metrics")
     for label, o in result.observers.items():
         _write_observer(w, result, label, o, of_states)
-    groups = {label: file["observers"][label] for label in result.observers} | {PLANT: file["plant"]}
+    groups = {label: w.group(f"observers/{label}") for label in result.observers} | {PLANT: w.group("plant")}
     errors = result.integration_error or {}
     for label in groups.keys() & errors.keys():
         groups[label].attrs["integration_error"] = errors[label]
@@ -228,8 +204,8 @@ def _write_design(w: _Writer, design: DesignNumbers) -> None:
     ):
         data = w.data(f"design/{name}", values, long_name=meaning)
         if values.size:  # netCDF wants every axis to have a dimension
-            data.dims[0].attach_scale(w.index(values.size))
-    w.file["design"].attrs["step"] = design.step
+            w.index(data, 0, values.size)
+    w.group("design").attrs["step"] = design.step
 
 
 def _write_observer(w: _Writer, result: ResultData, label: str, o: ObserverResult, units: str | None) -> None:
@@ -244,11 +220,10 @@ def _write_observer(w: _Writer, result: ResultData, label: str, o: ObserverResul
     )
     w.group(f"{base}/state")
     for name, values in o.internal.items():
-        data = w.data(f"{base}/state/{name}", values)
-        data.dims[0].attach_scale(w.file["time"])
+        data = w.data(f"{base}/state/{name}", values, ("time",))
         for axis, size in enumerate(values.shape[1:], start=1):
-            data.dims[axis].attach_scale(w.index(size))
-    attributes = w.file[base].attrs
+            w.index(data, axis, size)
+    attributes = w.group(base).attrs
     attributes["type"] = o.type
     attributes["gains"] = json.dumps(o.gains)
     attributes.update(_said(o.verdict))

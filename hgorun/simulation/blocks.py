@@ -47,7 +47,7 @@ def check(source: Source) -> Checked:
     blocks = validate(ExperimentBlocks, source.data, source, ())
     plant = _plant(blocks, source)
     measurement = validate(Measurement, blocks.measurement, source, ("measurement",))
-    observers = {label: _observer(label, block, source) for label, block in blocks.observers.items()}
+    observers = {label: observer_of(label, block, source) for label, block in blocks.observers.items()}
     return Checked(blocks.model_copy(update=_NOT_OF_A_RUN), plant, measurement, observers)
 
 
@@ -85,7 +85,7 @@ def check_again(source: Source, before: Checked, touched: Collection[KeyPath]) -
         {
             label: before.observers[label]
             if label in before.observers and label not in stale
-            else _observer(label, block, source)
+            else observer_of(label, block, source)
             for label, block in labels.items()
         },
     )
@@ -150,7 +150,13 @@ def _plant(blocks: ExperimentBlocks, source: Source) -> Plant:
     return validate(cls, block, source, ("plant",))
 
 
-def _observer(label: str, block: dict[str, Any], source: Source) -> AnyObserver:
+def observer_of(label: str, block: dict[str, Any], source: Source) -> AnyObserver:
+    """An observer's block, checked by its class.
+
+    Raises
+    ------
+    ConfigError
+    """
     path = ("observers", label)
     file, line = source.where(path)
     if not label or "/" in label or "." in label or len(label) > _LONGEST_LABEL:

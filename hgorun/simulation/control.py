@@ -11,38 +11,22 @@ All that depends on the run alone and on counts, never on clocks: the same run t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hgorun.config.models import Method
-from hgorun.engine.memory import Raw, Tolerance
-from hgorun.engine.methods import METHODS
-from hgorun.engine.program import TooManySteps
-from hgorun.errors import Problem, SimulationError
+from hgorun.engine.memory import Raw
+from hgorun.errors import Problem
 from hgorun.result.data import PLANT, Integration
 from hgorun.result.status import OK, Verdict
-from hgorun.simulation.checks import longest_step
 from hgorun.simulation.confirmation import ended
-from hgorun.simulation.error_estimate import differences
-from hgorun.simulation.measured import Measured, measured
-from hgorun.simulation.passes import Again, Pass, fixed_steps, integrate, part_of_error
+from hgorun.simulation.ladder import first_stage
+from hgorun.simulation.measured import Measured
+from hgorun.simulation.passes import Again, integrate
 from hgorun.simulation.prepared import PreparedRun
-from hgorun.simulation.tables import uneven_steps
+from hgorun.simulation.search import Budget, Finished, Progress, Search
 from hgorun.simulation.why_diverged import why_diverged
-
-Progress = Callable[[float], None] | None
-
-UNEVEN = 0.62  # steps of the run that is compared, for each step
-_PRECISE = 1e-6  # below this accuracy the method of order five is cheaper
-_STEEP = 4  # times 2: no further down the ladder at once, since the order may not be reached yet
-_UNIFORM = 1 << 17  # fixed steps, before those of a controlled run are tried
-_TRIES, _MORE = 20_000, 8  # controlled steps that a method may try at first, and how many times more next time
-_TOLERANCE = 1e-3  # of the accuracy, to begin with
-_TIGHTEST = 1e-13
-_FINEST = 200  # doubles: no step is shorter
-_PART, _OTHER_PART = 1 / 100, 1 / 137  # of the run: the longest controlled steps of two passes
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -62,185 +46,6 @@ class Controlled:
     measured: Measured
     integration: Integration
     of_plant: Verdict
-
-
-class _Exhausted(Exception):
-    """No evaluations are left."""
-
-
-@dataclass(kw_only=True, eq=False, repr=False)
-class _Budget:
-    """Evaluations of the right-hand side that are left."""
-
-    run: PreparedRun
-    progress: Progress
-    left: float
-    spent: int = 0
-
-    def steps(self, method: Method) -> float:
-        """How many steps they are enough for."""
-        return steps_left(method, self.left, self.spent)
-
-    def carry_out(self, how: Pass) -> _Finished:
-        """A pass, paid for."""
-        try:
-            raw = integrate(self.run, how, self.progress)
-        except TooManySteps as error:
-            self.spent += int(error.args[0]) * how.evaluations_of_a_step
-            raise
-        self.spent += raw.tries * how.evaluations_of_a_step
-        raw, verdicts = ended(self.run, raw)
-        return _Finished(how, raw, verdicts, measured(self.run, raw, verdicts))
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class _Finished:
-    """What a pass has given: its numbers, and the observers that are lost in it."""
-
-    how: Pass
-    raw: Raw
-    verdicts: dict[str, Verdict]
-    measured: Measured
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class _Attempt:
-    """A pass, and how far it may be from the exact solution."""
-
-    finished: _Finished
-    error: Mapping[str, float]
-
-    @property
-    def worst(self) -> float:
-        """The largest error."""
-        return max(self.error.values())
-
-
-@dataclass(kw_only=True, eq=False, repr=False)
-class _Search:
-    """The search for steps that are short enough.
-
-    Attributes
-    ----------
-    best : _Attempt or None
-        The last that could be finished.
-    failure : SimulationError or None
-        Why controlled steps could not.
-    """
-
-    run: PreparedRun
-    budget: _Budget
-    best: _Attempt | None = None
-    failure: SimulationError | None = field(default=None)
-
-    @property
-    def accuracy(self) -> float:
-        return self.run.solver.accuracy
-
-    def enough(self) -> bool:
-        """Whether what was found last is accurate, and no observer has been lost in it that must be looked at."""
-        return self.best is not None and self.best.worst <= self.accuracy
-
-    def fixed(self, method: Method, limit: float) -> bool:
-        """Down the ladder with fixed steps, ``limit`` in number; whether that was enough."""
-        k = rung(self.run)
-        down, before = 1, np.inf
-        while True:
-            step = self.run.span / 2.0**k
-            if not self._affordable(method, step, limit) or k > finest_rung(self.run):
-                return False
-            how = Pass(method=method, step=step, bounded=False)
-            error = self._compared(how, replace(how, uneven=UNEVEN))
-            if self.enough():
-                return self._certain()
-            order = order_of(method, np.array(error), np.array(before), np.array(down))
-            down, before = int(further_down(np.array(error / self.accuracy), order)), error
-            k += down
-
-    def _affordable(self, method: Method, step: float, limit: float = np.inf) -> bool:
-        count, other = step_counts(self.run, step)
-        return count <= limit and count + other <= self.budget.steps(method)
-
-    def something(self, method: Method) -> bool:
-        """Where nothing was affordable: the shortest fixed steps that are; whether that was enough."""
-        k = rung(self.run)
-        while self.best is None and k > 0:
-            k -= 1
-            step = self.run.span / 2.0**k
-            if self._affordable(method, step):
-                how = Pass(method=method, step=step, bounded=False)
-                self._compared(how, replace(how, uneven=UNEVEN))
-        return self.enough()
-
-    def _certain(self) -> bool:
-        """Whether no observer is lost: explicit steps that are too long lose one as well."""
-        assert self.best is not None
-        return self.run.solver.method != "auto" or not self.best.finished.verdicts
-
-    def _compared(self, how: Pass, other: Pass) -> float:
-        """Carry out two passes; the largest error of the first."""
-        try:
-            finished = self.budget.carry_out(how)
-            beside = self.budget.carry_out(other)
-        except SimulationError:
-            return np.inf
-        part = part_of_error(self.run, other)
-        errors = {label: part * gap for label, gap in differences(self.run, finished.measured, beside.measured).items()}
-        self.best = _Attempt(finished, errors)
-        return self.best.worst
-
-    def controlled(self, methods: tuple[Method, ...]) -> bool:
-        """With controlled steps; whether that was enough."""
-        tolerance = max(_TOLERANCE * self.accuracy, _TIGHTEST)
-        first = self._cheapest(methods, tolerance)
-        if first is None:
-            return False
-        method, before = first
-        while True:
-            tolerance = tolerance / 10
-            try:
-                finer = self.budget.carry_out(self._to_tolerance(method, tolerance, self.budget.steps(method)))
-            except (SimulationError, TooManySteps):
-                return False
-            self.best = _Attempt(finer, differences(self.run, finer.measured, before.measured))
-            before = finer
-            if self.enough():
-                return True
-            if tolerance < 10 * _TIGHTEST:
-                return False
-            if np.isfinite(self.best.worst):  # errors are in proportion to tolerances
-                excess = np.floor(np.log10(self.best.worst / self.accuracy))
-                tolerance = max(tolerance / 10.0 ** float(np.clip(excess - 1, 0, 3)), 10 * _TIGHTEST)
-
-    def _cheapest(self, methods: tuple[Method, ...], tolerance: float) -> tuple[Method, _Finished] | None:
-        """The method that finishes a pass with the fewest steps, so far as that can be told in advance.
-
-        They take turns, each time with more steps than before.
-        """
-        tries, left = float(_TRIES), list(methods)
-        while left:
-            for method in tuple(left):
-                allowed = min(tries, self.budget.steps(method))
-                if allowed < 1:
-                    return None
-                try:
-                    finished = self.budget.carry_out(self._to_tolerance(method, tolerance, allowed))
-                except TooManySteps:
-                    continue
-                except SimulationError as error:
-                    self.failure = error
-                    left.remove(method)
-                    continue
-                return method, finished
-            tries *= _MORE
-        return None
-
-    def _to_tolerance(self, method: Method, tolerance: float, limit: float) -> Pass:
-        """A pass with controlled steps; two tolerances do not share their longest steps."""
-        part = _OTHER_PART if round(np.log10(tolerance)) % 2 else _PART
-        longest = min(part * self.run.span, longest_step(self.run, self.run.step, adaptive=True))
-        control = Tolerance(tolerance, None, longest, min(longest, self.run.step))
-        return Pass(method=method, step=self.run.step, tolerance=control, limit=limit, bounded=False)
 
 
 def controlled(run: PreparedRun, progress: Progress = None) -> Controlled:
@@ -265,7 +70,7 @@ def controlled(run: PreparedRun, progress: Progress = None) -> Controlled:
     Problem
         When there are not enough evaluations for a single pass.
     """
-    search = _Search(run=run, budget=_Budget(run=run, progress=progress, left=run.solver.max_evaluations))
+    search = Search(run=run, budget=Budget(run=run, progress=progress, left=run.solver.max_evaluations))
     for stage in _stages(search):
         if stage():
             break
@@ -296,7 +101,7 @@ def controlled(run: PreparedRun, progress: Progress = None) -> Controlled:
     )
 
 
-def _lost(run: PreparedRun, found: _Finished, progress: Progress) -> dict[str, Verdict]:
+def _lost(run: PreparedRun, found: Finished, progress: Progress) -> dict[str, Verdict]:
     """The observers that are lost, with reasons as far as they can be told."""
     if not found.verdicts or run.solver.divergence is not None:
         return found.verdicts
@@ -321,21 +126,7 @@ def _doubt(error: float, run: PreparedRun, spent: int) -> Verdict:
     )
 
 
-def steps_left(method: Method, evaluations: float, spent: int) -> float:
-    """How many steps the evaluations that are left are enough for."""
-    return float(np.floor((evaluations - spent) / Pass(method=method, step=1.0).evaluations_of_a_step))
-
-
-def first_stage(run: PreparedRun) -> tuple[Method, float] | None:
-    """The method and the largest number of fixed steps with which the search begins; None where it does not so."""
-    solver = run.solver
-    if solver.method == "auto":
-        method: Method = "rk4" if solver.accuracy >= _PRECISE else "dopri5"
-        return method, max(_UNIFORM, 8 * run.schedule.events.size)
-    return None if METHODS[solver.method].error else (solver.method, np.inf)
-
-
-def _stages(search: _Search) -> Iterator[Callable[[], bool]]:
+def _stages(search: Search) -> Iterator[Callable[[], bool]]:
     """What is tried, one after the other."""
     solver, first = search.run.solver, first_stage(search.run)
     if first is None:
@@ -349,45 +140,3 @@ def _stages(search: _Search) -> Iterator[Callable[[], bool]]:
         yield lambda: search.controlled(("dopri5", "rodas5p"))
         yield lambda: search.fixed(method, np.inf)
     yield lambda: search.something(method)
-
-
-def rung(run: PreparedRun) -> int:
-    """The rung k of the ladder span / 2^k on which a run begins: the nominal step, or up to twice as long."""
-    return round(float(np.log2(run.span / run.step)))
-
-
-def finest_rung(run: PreparedRun) -> int:
-    """The last rung with steps that are long beside the rounding of times."""
-    finest = _FINEST * float(np.spacing(max(abs(run.origin + run.time.start), abs(run.origin + run.time.end))))
-    return int(np.floor(np.log2(run.span / finest)))
-
-
-def further_down(excess: np.ndarray, order: np.ndarray) -> np.ndarray:
-    """How many rungs further down, where errors are so many times too large; 2 where they are not finite."""
-    with np.errstate(invalid="ignore"):
-        down = np.clip(np.ceil(np.log2(np.maximum(excess, 1.0) * 2) / order), 1, _STEEP)
-    return np.where(np.isfinite(excess), down, 2).astype(int)
-
-
-def order_of(method: Method, error: np.ndarray, before: np.ndarray, rungs: np.ndarray) -> np.ndarray:
-    """With which power of the step errors fall: the method's order, or less where two passes show that.
-
-    Parameters
-    ----------
-    error, before : ndarray
-        With a step, and with one so many ``rungs`` longer; not finite where that is not known.
-    """
-    order = float(METHODS[method].order)
-    known = np.isfinite(before) & (error > 0) & (error < np.inf)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        seen = np.clip(np.log2(before / error) / rungs, 0.5, order)
-    return np.where(known, seen, order)
-
-
-def step_counts(run: PreparedRun, step: float) -> tuple[float, float]:
-    """Fixed steps of a run, and those of the pass beside it; infinite where there are too many to be counted."""
-    try:
-        steps = fixed_steps(run, step)
-    except Problem:
-        return np.inf, np.inf
-    return float(np.sum(steps)), float(np.sum(uneven_steps(steps, UNEVEN)))

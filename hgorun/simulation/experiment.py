@@ -21,7 +21,7 @@ from hgorun.observers.base import AnyObserver
 from hgorun.plants.base import Plant
 from hgorun.plants.build import BuiltPlant, build_plant
 from hgorun.result.data import Coordinates
-from hgorun.simulation.blocks import Checked, check, check_again, plain, resolved
+from hgorun.simulation.blocks import Checked, check, check_again, observer_of, plain, resolved
 from hgorun.simulation.forms import form_of
 from hgorun.simulation.grid import grid_of, metric_step
 from hgorun.simulation.observer_block import Design
@@ -120,6 +120,21 @@ class Experiment:
         new._checked = check_again(source, self._checked, touched)
         new._forget(self._checked)
         return new
+
+    def design_with(self, label: str, changes: Mapping[str, Any]) -> Design:
+        """One of the observers with other values in its block, as :meth:`varied` has it, without all the rest.
+
+        Raises
+        ------
+        ConfigError
+        """
+        source = self.source
+        for path, value in changes.items():
+            source, _ = replaced(source, path, plain(value))
+        with source.located():
+            observer = observer_of(label, source.data["observers"][label], source)
+            form, origin = form_of(self.plant, label, observer, self._noise, self._taken().get(label))
+            return Design.of(label, observer, form, origin)
 
     def __getstate__(self) -> dict[str, Any]:
         """Without what has been derived: equations of CasADi cannot be pickled."""

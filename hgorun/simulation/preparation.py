@@ -52,28 +52,30 @@ def prepare(experiment: Experiment, design: DesignNumbers | None = None) -> Prep
     ConfigError
     """
     with experiment.located():
-        check_limits(experiment)
+        _check_limits(experiment)
         run = _prepared(experiment, design)
         check_run(run)
     return run
 
 
-def check_limits(experiment: Experiment) -> None:
+def _check_limits(experiment: Experiment) -> None:
+    for label, observer in experiment.observers.items():
+        check_limit(experiment, label, observer)
+
+
+def check_limit(experiment: Experiment, label: str, observer: AnyObserver) -> None:
     """What has no limit as the step falls cannot have its step found by error control.
 
     Raises
     ------
     Problem
     """
-    if not experiment.blocks.solver.controlled:
-        return
-    for label, observer in experiment.observers.items():
-        if isinstance(observer, Switching) and observer.switches:
-            raise Problem(
-                ("solver", "step"),
-                f"observer {label} ({observer.type}) switches in every step and has no limit as steps get shorter, "
-                "so that no error can be controlled: give a number, as in solver: {method: euler, step: 1e-4}",
-            )
+    if experiment.blocks.solver.controlled and isinstance(observer, Switching) and observer.switches:
+        raise Problem(
+            ("solver", "step"),
+            f"observer {label} ({observer.type}) switches in every step and has no limit as steps get shorter, "
+            "so that no error can be controlled: give a number, as in solver: {method: euler, step: 1e-4}",
+        )
 
 
 def _prepared(experiment: Experiment, design: DesignNumbers | None) -> PreparedRun:

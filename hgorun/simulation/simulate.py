@@ -9,7 +9,6 @@ from hgorun.errors import PlantDiverged, SimulationError
 from hgorun.result.data import Integration
 from hgorun.result.result import Result
 from hgorun.simulation.confirmation import confirmed, plant_lost
-from hgorun.simulation.control import controlled
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.given import LaterEstimate
 from hgorun.simulation.measured import measured
@@ -54,6 +53,8 @@ def simulate_prepared(
     """Simulate a prepared run; see :func:`simulate`."""
     with _located(run), run.experiment.located():
         if run.solver.controlled:
+            from hgorun.simulation.control import controlled  # not for the short runs of a given step
+
             best = controlled(run, progress)
             return record(run, best.raw, best.measured, best.integration, best.of_plant)
         how = as_given(run)

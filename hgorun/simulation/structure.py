@@ -80,6 +80,8 @@ class Structure:
         u and y of the first truth.
     estimates : tuple of Readout
         xhat of every observer in the plant's coordinates.
+    reads : tuple of Reads
+        The keys that the observers' equations depend on.
     """
 
     groups: tuple[Group, ...]
@@ -90,6 +92,7 @@ class Structure:
     inputs: Readout
     outputs: Readout
     estimates: tuple[Readout, ...]
+    reads: tuple[Reads[AnyObserver], ...]
     _programs: dict[Hashable, Program] = field(default_factory=dict, repr=False)
     _ensembles: dict[Hashable, Ensemble] = field(default_factory=dict, repr=False)
 
@@ -108,6 +111,10 @@ class Structure:
         """The observers of all groups."""
         return tuple(b for group in self.groups for b in group.observers)
 
+    def holds_for(self, place: int, observer: AnyObserver) -> bool:
+        """Whether another block of one of the observers has the same values at all keys that equations read."""
+        return self.reads[place].hold_for(observer)
+
     def program(self, method: str, *, adaptive: bool = False, lanes: int = 1) -> Program:
         """Native code for a method of integration, compiled when first asked for."""
         key = method, adaptive, lanes
@@ -125,7 +132,7 @@ class Structure:
         return self._ensembles[key]
 
 
-_STRUCTURES: Memo[list[tuple[list[Reads[AnyObserver]], Structure]]] = Memo(32)
+_STRUCTURES: Memo[list[Structure]] = Memo(32)
 _BUCKET = 8  # structures of one key, which differ in keys that the observers' equations read
 
 
@@ -158,12 +165,12 @@ def structure_of(
     )
     bucket = _STRUCTURES.get(key, list)
     observers = [d.observer for d in chain(*designs)]
-    for reads, structure in bucket:
-        if all(read.hold_for(observer) for read, observer in zip(reads, observers, strict=True)):
+    for structure in bucket:
+        if all(structure.holds_for(place, observer) for place, observer in enumerate(observers)):
             return structure
     reads = [Reads(observer) for observer in observers]
     structure = _build(truths, designs, reads, stretches, variants, parameters)
-    bucket.append((reads, structure))
+    bucket.append(structure)
     del bucket[:-_BUCKET]
     return structure
 
@@ -227,6 +234,7 @@ def _build(
         readout(placed.u, nothing),
         readout(placed.y, of_truth),
         tuple(estimates),
+        tuple(reads),
     )
 
 

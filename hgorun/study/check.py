@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Literal
 
 from hgorun.config.expressions import nearest
-from hgorun.config.models import Figure, StudyBlocks
+from hgorun.config.study import Figure, StudyBlocks
 from hgorun.config.validation import validate
 from hgorun.errors import KeyPath, Problem
 from hgorun.result.windows import points_in

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from hgorun.config.expressions import nearest
 from hgorun.config.reading import read_source
+from hgorun.config.yaml_source import Source
 from hgorun.errors import ConfigError
 from hgorun.simulation.experiment import Experiment
 from hgorun.study.check import check_figures_of
@@ -34,7 +35,7 @@ def load(
     ConfigError
         For anything wrong in it: file, line, key, what was found and what would be right.
     """
-    text, source = read_source(path, overrides, seed=seed)
+    text, source = _read(path, overrides, seed)
     if not isinstance(source.data, dict) or "runs" not in source.data:
         if run is not None:
             raise ConfigError(f"the file has no runs, so none is called {run!r}", file=str(path))
@@ -63,8 +64,15 @@ def load_study(path: str | Path, overrides: Sequence[str] = (), *, seed: int | N
     ConfigError
         For anything wrong in it: file, line, key, what was found and what would be right.
     """
-    text, source = read_source(path, overrides, seed=seed)
+    text, source = _read(path, overrides, seed)
     return study_of(source, Path(path).stem, text)
+
+
+def _read(path: str | Path, overrides: Sequence[str], seed: int | None) -> tuple[str, Source]:
+    text, source = read_source(path, overrides, seed=seed)
+    if isinstance(source.data, dict) and "base" in source.data and "axes" in source.data:
+        raise ConfigError("this is a sweep file; hgorun sweep carries it out", file=str(path))
+    return text, source
 
 
 def refuse_twins(paths: Sequence[Path]) -> None:

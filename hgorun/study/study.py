@@ -9,7 +9,7 @@ from functools import cached_property
 from typing import Any
 
 from hgorun.config.expressions import ExpressionError, parse
-from hgorun.config.models import Claim, Ensemble, Figure, StudyBlocks
+from hgorun.config.study import Claim, Ensemble, Figure, StudyBlocks
 from hgorun.config.validation import validate
 from hgorun.config.yaml_source import Place, Source
 from hgorun.errors import ConfigError, Problem

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from hgorun.config.models import Claim, Inequality
+from hgorun.config.study import Claim, Inequality
 from hgorun.files import json_value
 
 CONFIRMED, REFUTED, UNDECIDED, UNDECIDABLE, DEPENDS = VERDICTS = (

@@ -9,14 +9,13 @@ crossings if the sign differs on their two sides.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
-import casadi as ca
 import numpy as np
 
-from hgorun.symbolic.evaluate import Floats, evaluate
-from hgorun.symbolic.intervals import Bounds, enclose
+from hgorun.symbolic.evaluate import Floats
+from hgorun.symbolic.functions_of_time import Smooth
+from hgorun.symbolic.intervals import Bounds
 from hgorun.symbolic.levels import Levels, distinct
 
 _CELLS = 1 << 15  # that are looked at together: bounds the memory
@@ -31,61 +30,6 @@ _WIDE = 1e-3  # of a piece: rounding hides the sign of a function that touches a
 
 class TooMany(Exception):
     """More crossings than there is memory for; the argument is their number as far as it is known."""
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Smooth:
-    """A smooth function of time, with its slope.
-
-    Parameters
-    ----------
-    function : casadi.Function
-        The value, and value and slope, of (t, p, s): time, parameters, and what is constant on a piece of time.
-    """
-
-    value: ca.Function
-    slope: ca.Function
-
-    @classmethod
-    def of(cls, expression: ca.SX, t: ca.SX, p: ca.SX, s: ca.SX) -> Smooth:
-        """From an expression of symbols."""
-        slope = ca.densify(ca.vertcat(expression, ca.jacobian(expression, t)))
-        given = [t, p, s]
-        return cls(ca.Function("g", given, [ca.densify(expression)]), ca.Function("dg", given, [slope]))
-
-    def at(self, times: Floats, p: Floats, s: Floats) -> Floats:
-        """Values (N,) at times (N,), with s (N, size)."""
-        return evaluate(self.value, times[:, None], p, s)[0][:, 0] if times.size else times
-
-    def both(self, times: Floats, p: Floats, s: Floats) -> tuple[Floats, Floats]:
-        """Values and slopes (N,)."""
-        found = evaluate(self.slope, times[:, None], p, s)[0]
-        return found[:, 0], found[:, 1]
-
-    def bounds(self, low: Floats, high: Floats, p: Floats, s: Floats) -> tuple[Bounds, Bounds]:
-        """Bounds (N,) of value and slope for times between low and high (N,)."""
-        value, slope = enclose(self.slope, _argument(low, high, p, s))[0]
-        return _wide(value, low), _wide(slope, low)
-
-    def bounds_at(self, times: Floats, p: Floats, s: Floats) -> Bounds:
-        """Bounds (N,) of the value at times (N,), which rounding keeps apart."""
-        return _wide(enclose(self.value, _argument(times, times, p, s))[0][0], times)
-
-
-def _argument(low: Floats, high: Floats, p: Floats, s: Floats) -> Callable[[int, int], Bounds]:
-    """Bounds of (t, p, s)."""
-
-    def bounds(which: int, entry: int) -> Bounds:
-        if which == 0:
-            return low, high
-        same = np.array(p[entry]) if which == 1 else s[:, entry]
-        return same, same
-
-    return bounds
-
-
-def _wide(bounds: Bounds, like: Floats) -> Bounds:
-    return np.broadcast_to(bounds[0], like.shape), np.broadcast_to(bounds[1], like.shape)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

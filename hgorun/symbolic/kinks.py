@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from hgorun.symbolic.crossings import Smooth
+from hgorun.symbolic.functions_of_time import Smooth
 from hgorun.symbolic.instructions import read
 from hgorun.symbolic.levels import Levels, integers, zero
 

@@ -22,7 +22,9 @@ from pathlib import Path
 import academic
 import llvmlite.binding as llvm
 import numpy as np
+import sweep_cases
 
+from hgorun.native.compiler import vector_doubles
 from hgorun.reproduce import shipped
 
 CONTOIS = "robles2023/chapter3/contois_te025"
@@ -142,6 +144,34 @@ def runs(count: int, folder: Path) -> Iterator[Row]:
     yield Row("solve_ivp / one run", f"{ratio:.0f}", ">= 1000", ratio >= 1000, note)
 
 
+def sweeps(count: int, folder: Path) -> Iterator[Row]:
+    """Whole sweeps with their metrics, a member of them against plain C; the engine against hand-interleaved C."""
+    if academic.compiler() is None:
+        yield Row("sweeps / C", "skipped", note="no C compiler here")
+        return
+    wide = vector_doubles() == 8
+    few = max(count // 5, 3)
+    for name, bar in (("academic", 0.1 if wide else 0.25), ("Contois", 0.25)):
+        measured = sweep_cases.per_member(name, 1000 if name == "academic" else 500, few, folder)
+        yield at_most(f"sweep of seeds, {name}, a member / C", measured, bar, "with all metrics; CPU time")
+    if (os.cpu_count() or 1) > 1:
+        base = sweep_cases.CASES["Contois"]()
+        one, two = (partial(sweep_cases.sweep, base, 500, threads) for threads in (1, 2))
+        yield at_most("the same on two cores / on one", sweep_cases.ratio(two, one, few, seconds), 0.55, "elapsed time")
+    base, other = sweep_cases.CASES["Contois"](), sweep_cases.jittered()
+    jitter = sweep_cases.ratio(
+        partial(sweep_cases.sweep, other, 256), partial(sweep_cases.sweep, base, 256), few, sweep_cases.cpu
+    )
+    yield at_most("jittered samples / periodic ones", jitter, 2.0, "sweeps of seeds, Contois; CPU time")
+    if wide:
+        lorenz = sweep_cases.Lorenz(131_072, folder)
+        gap(lorenz.ours(), lorenz.theirs())
+        ratio = sweep_cases.ratio(lorenz.ours, lorenz.theirs, few, sweep_cases.cpu)
+        yield at_most("Lorenz, 131,072 final states / interleaved C", ratio, 2.0, "4 x 8 lanes by hand; CPU time")
+    python = sweep_cases.python_beside_native(20_000)
+    yield at_most("Python beside the native loop, a member", python, 5.0, "sweep of 20,000 seeds", " us")
+
+
 def command_line(count: int, folder: Path) -> Iterator[Row]:
     """Whole processes, from the command to its end."""
     program = Path(sys.executable).parent / ("hgorun.exe" if os.name == "nt" else "hgorun")
@@ -209,10 +239,12 @@ def main() -> int:
         os.environ["HGORUN_CACHE_DIR"] = str(folder / "own")
         if options.check:
             Case(folder)
+            for name in sweep_cases.CASES if academic.compiler() else ():
+                sweep_cases.plain(name, folder)
             return 0
         machine = f"{platform.system()} {platform.machine()}, {llvm.get_host_cpu_name()}, {os.cpu_count()} cores"
         print(f"Python {platform.python_version()}, {machine}; medians of {count} measurements", flush=True)
-        for part in (runs, command_line):
+        for part in (runs, sweeps, command_line):
             try:
                 for row in part(count, folder):
                     rows.append(row)

@@ -7,7 +7,8 @@ from typing import Any
 import pytest
 from examples import chain, experiment
 
-from hgorun.config.models import Claim, Ensemble, Time
+from hgorun.config.models import Time
+from hgorun.config.study import Claim, Ensemble
 from hgorun.config.types import Block, describe
 from hgorun.errors import ConfigError
 from hgorun.observers.shgo import StandardObserver

@@ -18,9 +18,11 @@ from naive_schedule import Formula, Layer, Noise, Sampling
 
 from hgorun.config.models import Time
 from hgorun.errors import Problem
+from hgorun.measurement import events as irregular
 from hgorun.measurement import schedule as measured
 from hgorun.measurement.availability import resolve
 from hgorun.measurement.blocks import Measurement
+from hgorun.measurement.events import Irregular
 from hgorun.measurement.schedule import Channel, Schedule, build_schedule, find_channels
 
 GRID = 20  # times are decimals, multiples of 1/GRID: what coincides on paper does not in binary
@@ -270,3 +272,22 @@ def test_of_two_samples_taken_at_the_same_time_the_later_one_is_used() -> None:
         np.testing.assert_array_equal(channel.samples.used, taken >= newest)
         assert np.count_nonzero(taken == 0.2) == 2
         assert channel.samples.used[taken == 0.2].all()
+
+
+@pytest.mark.parametrize("delay", [0.1, 0.3])
+def test_what_comes_back_onto_an_event_is_not_followed_again(delay: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Samples every 0.1 and a delay of a multiple: beside each event stands its repetition, a rounding error off."""
+    block = Measurement.model_validate({"outputs": {"a": {"delay": delay}, "b": {"sampling": {"period": 0.1}}}})
+    time = Time(end=20, output_step=0.1)
+    channels = find_channels(resolve(block, ["a", "b"], time), ("a", "b"), time, 0, None)
+    followed: list[int] = []
+    original = irregular.repeated
+
+    def repeated(events: np.ndarray, *others: Any) -> Irregular:
+        followed.append(events.size)
+        return original(events, *others)
+
+    monkeypatch.setattr(measured, "repeated", repeated)
+    found = build_schedule(channels, time, np.zeros(0), 0.01)
+    assert followed == [201, 0, 0, 0]
+    np.testing.assert_allclose(found.events, 0.1 * np.arange(201), atol=1e-12)

@@ -139,6 +139,17 @@ THIRD_ORDER = [
 ]  # fmt: skip
 
 
+@pytest.mark.parametrize("mu", [0, 5])
+def test_what_plays_a_part_is_a_state(mu: float) -> None:
+    """Without the blend there is no reconstructed signal: no state z, no part for it, no numbers."""
+    reconstruction = {"phi": 10, "G": 1} if mu else {}
+    base = experiment({"o": {"type": "direct", "theta": 1, "mu": mu, "initial": START, **reconstruction}}, 0.1)
+    observer, form = base.observers["o"], base.forms["o"]
+    own = {"z"} if mu else set()
+    assert observer.states(form).keys() == observer.roles(form).keys() == own
+    assert (observer.design(form).keys() >= {"mu", "phi", "gains"}) == bool(mu)
+
+
 @pytest.mark.parametrize("plant", THIRD_ORDER, ids=["chain", "input in the slopes", "other order", "not affine"])
 def test_the_state_from_exact_derivatives(plant: dict[str, Any]) -> None:
     """y, y', y'' by the chain rule along the flow, with u(t) put in, give the state back."""

@@ -142,3 +142,15 @@ def test_more_states_than_coefficients() -> None:
 def test_implicit_needs_samples() -> None:
     with pytest.raises(ConfigError, match="needs sampled outputs"):
         simulate(2, {"G": 1, "discretisation": "implicit"}, 0.1)
+
+
+@pytest.mark.parametrize("implicit", [False, True])
+def test_a_power_of_one_half_is_a_root(implicit: bool) -> None:
+    """Which is rounded exactly on every machine, and whose slope at zero is infinite and not undefined."""
+    z, h = ca.SX.sym("z", 2), ca.SX.sym("h")
+    gains = ca.DM(levant_gains(2, 2.5))
+    step = levant_implicit_step(z, ca.SX(0.3), h, gains) if implicit else levant_flow(z, z[0] - 0.3, gains)
+    function = ca.Function("step", [z, h], [step])
+    operations = {function.instruction_id(k) for k in range(function.n_instructions())}
+    assert ca.OP_SQRT in operations
+    assert not operations & {ca.OP_POW, ca.OP_CONSTPOW}

@@ -7,8 +7,9 @@ from pathlib import Path
 import pytest
 from outside import installed
 
+from hgorun import code
 from hgorun.noise.base import NOISE
-from hgorun.reproduce import code, state
+from hgorun.reproduce import state
 from hgorun.result.metrics.base import METRICS
 from hgorun.study.loading import load_study
 

@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from hgorun import progress as progress_of
 from hgorun.errors import ConfigError, SimulationError
 from hgorun.reproduce import pool
 from hgorun.reproduce.choice import choose
@@ -102,6 +103,9 @@ def test_the_bar_is_drawn_at_a_terminal_only(
 
     monkeypatch.setenv("TTY_COMPATIBLE", "1")
     monkeypatch.setenv("FORCE_COLOR", "1")
+    monkeypatch.setattr(progress_of, "SOON", 0.0)
+    assert fill(show=True) == ""
+    monkeypatch.setattr(progress_of, "_at_a_terminal", lambda: True)
     assert fill(show=False) == ""
     assert "75 %" in fill(show=True)
 

@@ -13,7 +13,7 @@ import pytest
 
 from hgorun.commands.figures import figures
 from hgorun.commands.options import Figures
-from hgorun.files import remove_leftovers, written_whole
+from hgorun.files import _MACHINE, remove_leftovers, written_whole
 from hgorun.reproduce import pool
 from hgorun.reproduce.choice import choose
 from hgorun.reproduce.job import Folders
@@ -138,7 +138,7 @@ def test_a_damaged_state_is_made_anew(tmp_path: Path) -> None:
 def test_leftovers_of_dead_processes_go_and_of_living_ones_stay(tmp_path: Path) -> None:
     dead = subprocess.Popen([sys.executable, "-c", ""])
     dead.wait()
-    (tmp_path / f".a.png-{dead.pid}-abc_d.part").touch()
+    (tmp_path / f".a.png-{_MACHINE}-{dead.pid}-abc_d.part").touch()
     (tmp_path / ".note.part").touch()
     with written_whole(tmp_path / "b.png") as part:
         remove_leftovers(tmp_path)

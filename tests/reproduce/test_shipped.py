@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from hgorun.config.models import Claim
+from hgorun.config.study import Claim
 from hgorun.reproduce.publications import publication
 from hgorun.reproduce.shipped import experiments, folder
 from hgorun.study.check import check

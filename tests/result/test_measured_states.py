@@ -9,7 +9,7 @@ import examples
 import pytest
 
 import hgorun
-from hgorun.config.models import Figure
+from hgorun.config.study import Figure
 from hgorun.errors import Problem
 from hgorun.figures.names import check, names_of
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import yaml
@@ -66,3 +68,18 @@ def test_members_have_the_bits_of_runs_alone(threads: int) -> None:
                 np.testing.assert_array_equal(values[name][j, :, k], own, err_msg=f"{name} of {label}, member {k}")
         np.testing.assert_array_equal(kept.rows[:, :2, k], alone.x)
         np.testing.assert_array_equal(found.last[:2, k], alone.x[-1])
+
+
+def test_every_member_has_its_own_continuous_delay() -> None:
+    """Delays are parameters, and may differ in runs that land on the same events."""
+    config = yaml.safe_load(CONFIG) | {"measurement": {"delay": "0.1 + 0.05*abs(cos(3*t))"}}
+    base = hgorun.Experiment(config, name="test")
+    of = [prepare(base.varied({"measurement.delay": f"{0.1 + 0.01 * k} + 0.05*abs(cos(3*t))"})) for k in range(9)]
+    plans, starts = zip(*(plan_of(run, as_given(run)) for run in of), strict=True)
+    plan = replace(plans[0], reach=max(plan.reach for plan in plans))
+    together = of[0].structure.ensemble("rk4").run(plan, members(of), rows=True)
+    assert together.rows is not None
+    for k, (run, start) in enumerate(zip(of, starts, strict=True)):
+        alone = run.structure.program("rk4").run(plan, start).rows[..., 0]
+        np.testing.assert_array_equal(together.rows[..., k], alone)
+    assert not np.array_equal(together.rows[..., 0], together.rows[..., 1])

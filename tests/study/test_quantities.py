@@ -8,7 +8,7 @@ import pytest
 
 import hgorun
 from hgorun.config.expressions import ExpressionError
-from hgorun.config.models import Claim
+from hgorun.config.study import Claim
 from hgorun.errors import Problem
 from hgorun.study.check import check
 from hgorun.study.measured import asked_of, values_of

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.stats import t as student
 
-from hgorun.config.models import Claim
+from hgorun.config.study import Claim
 from hgorun.study.verdict import CONFIDENCE, judge
 
 

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hgorun.config.expressions import parse
-from hgorun.symbolic.intervals import Enclosure, largest
+from hgorun.symbolic.enclosures import Enclosure, largest
 
 TEXTS = [
     "sin(x)*y + cos(x*y)",

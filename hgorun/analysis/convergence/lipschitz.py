@@ -16,8 +16,8 @@ from hgorun.analysis.convergence.charts import Chart
 from hgorun.analysis.convergence.segments import along
 from hgorun.result.result import Result
 from hgorun.simulation.prepared import PreparedRun
+from hgorun.symbolic.enclosures import Enclosure, largest
 from hgorun.symbolic.graph import operations
-from hgorun.symbolic.intervals import Enclosure, largest
 
 _MARGIN = 0.05  # of the width of a box around trajectories, on either side: they are known on a grid
 _PIECES = 1024  # of the time in which an input is enclosed

@@ -13,7 +13,7 @@ import numpy as np
 from hgorun.analysis.convergence.charts import Chart
 from hgorun.result.result import Result
 from hgorun.simulation.prepared import PreparedRun
-from hgorun.symbolic.intervals import Enclosure
+from hgorun.symbolic.enclosures import Enclosure
 
 _PIECES = 600  # of a run, at most
 _PARTS = 16  # of a segment

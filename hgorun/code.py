@@ -1,4 +1,4 @@
-"""Which code a run, a figure and a claim follow from, by room, as hashes of its meaning.
+"""Which code a run, an ensemble, a figure and a claim follow from, by room, as hashes of its meaning.
 
 Comments, docstrings and the way a line is broken have no part in them: what a run computes does not follow from these.
 """
@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 
-PACKAGE = Path(__file__).parents[1]
+PACKAGE = Path(__file__).parent
 
 # Rooms or files of the package. How a configuration is read is left out of all of them: what is read, with its
 # defaults, is hashed itself.
@@ -35,7 +35,8 @@ RUN = (
     "simulation",
     "symbolic",
 )
-FIGURE = ("figures", "tables/typeset.py")
+ENSEMBLE = ("config/sweeps.py", "ensemble")
+FIGURE = ("ensemble/collected.py", "ensemble/fronts.py", "ensemble/statistics.py", "figures", "tables/typeset.py")
 QUANTITY = ("study/measured.py", "study/quantities.py")
 SCALING = ("study/scaling.py",)
 THEORY = ("analysis", "study/theory.py")

@@ -9,9 +9,9 @@ import pytest
 from test_architecture import EXCEPTIONS, GRAPH, MODULES, room_of
 from test_architecture import PACKAGE as SOURCE
 
-from hgorun.reproduce import code as subject
+from hgorun import code as subject
+from hgorun.code import ENSEMBLE, FIGURE, QUANTITY, RUN, SCALING, THEORY, meaning
 from hgorun.reproduce import state
-from hgorun.reproduce.code import FIGURE, QUANTITY, RUN, SCALING, THEORY, meaning
 from hgorun.study.loading import load_study
 from hgorun.study.study import Study
 
@@ -76,8 +76,10 @@ WITHOUT_NUMBERS = {
     "hgorun.config.validation",
     "hgorun.config.yaml_errors",
     "hgorun.config.yaml_source",
+    "hgorun.code",
     "hgorun.errors",
     "hgorun.files",
+    "hgorun.process",
     "hgorun.registry",
     "hgorun.version",
 }
@@ -90,7 +92,14 @@ def modules_of(parts: tuple[str, ...]) -> set[str]:
 
 @pytest.mark.parametrize(
     "groups",
-    [(RUN,), (RUN, FIGURE), (RUN, QUANTITY), (RUN, QUANTITY, THEORY), (RUN, FIGURE, QUANTITY, SCALING, THEORY)],
+    [
+        (RUN,),
+        (RUN, ENSEMBLE),
+        (RUN, FIGURE),
+        (RUN, QUANTITY),
+        (RUN, QUANTITY, THEORY),
+        (RUN, FIGURE, QUANTITY, SCALING, THEORY),
+    ],
 )
 def test_what_code_imports_is_hashed_with_it(groups: tuple[tuple[str, ...], ...]) -> None:
     own = modules_of(sum(groups, ()))
@@ -102,11 +111,12 @@ def test_what_code_imports_is_hashed_with_it(groups: tuple[tuple[str, ...], ...]
         if (MODULES[name].relative_to(SOURCE).as_posix(), room_of(target)) not in EXCEPTIONS
         and MODULES[target].read_text().count("\n") > 1
     }
-    assert sorted(missing) == [], "name these files in reproduce/code.py, or here if no number follows from them"
+    assert sorted(missing) == [], "name these files in code.py, or here if no number follows from them"
 
 
 def test_every_part_named_is_there() -> None:
-    assert [part for part in (*RUN, *FIGURE, *QUANTITY, *SCALING, *THEORY) if not (SOURCE / part).exists()] == []
+    parts = (*RUN, *ENSEMBLE, *FIGURE, *QUANTITY, *SCALING, *THEORY)
+    assert [part for part in parts if not (SOURCE / part).exists()] == []
 
 
 @pytest.fixture

@@ -1,0 +1,180 @@
+"""The blocks of a file beside those of its runs: ensembles, figures and claims."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, model_validator
+
+from hgorun.config.types import Block, ExpressionText, Name, NonEmpty, Number, Positive, Window
+
+
+class Inset(Block):
+    """A part of a panel, enlarged inside it."""
+
+    window: Window = Field(description="time shown")
+    limits: Window | None = Field(default=None, description="range of its vertical axis (default: what it shows)")
+    place: tuple[Number, Number, Number, Number] = Field(
+        default=(0.55, 0.5, 0.42, 0.42), description="left, bottom, width and height, as fractions of the panel"
+    )
+
+
+class Scaling(Block):
+    """How the size of an estimate's error depends on what a run varies, on logarithmic axes."""
+
+    state: str = Field(description="a plant state")
+    run: str | None = Field(default=None, description="a run with vary (default: the only one)")
+    of: str = Field(default="amplitude", description="the quantity shown, as in claims: amplitude, rmse, sup, hf, ...")
+    theory: bool = Field(default=False, description="also draw what theory predicts for the linearised observer")
+
+
+class Panel(Block):
+    """One set of axes: what it shows of which observers."""
+
+    state: str | None = Field(default=None, description="a plant state: the truth and the estimates")
+    error: str | None = Field(default=None, description="a plant state: estimate minus truth")
+    magnitude: str | None = Field(default=None, description="a plant state: size of the error, logarithmic")
+    output: str | None = Field(default=None, description="an output: its measurements and the truth")
+    scaling: Scaling | None = Field(default=None, description="error size against what a run varies")
+    run: str | None = Field(default=None, description="the run shown, where a file has several (default: all)")
+    observers: tuple[str, ...] | None = Field(
+        default=None, description="labels, with several runs also run/label (default: all)"
+    )
+    measurements: bool = Field(default=False, description="show the measurements of the state that is an output")
+    window: Window | None = Field(default=None, description="time shown (default: the whole run)")
+    limits: Window | None = Field(default=None, description="range of the vertical axis")
+    inset: Inset | None = Field(default=None, description="a detail, enlarged inside the panel")
+    title: str | None = None
+
+    @property
+    def subject(self) -> str:
+        """The key that says what the panel shows."""
+        return next(key for key in PANEL_SUBJECTS if getattr(self, key) is not None)
+
+    @model_validator(mode="after")
+    def _one_subject(self) -> Panel:
+        if sum(getattr(self, key) is not None for key in PANEL_SUBJECTS) != 1:
+            raise ValueError(f"a panel shows exactly one of {', '.join(PANEL_SUBJECTS[:-1])} and {PANEL_SUBJECTS[-1]}")
+        return self
+
+
+PANEL_SUBJECTS = ("state", "error", "magnitude", "output", "scaling")
+
+
+class Figure(Block):
+    """A figure: panels one below the other, or in columns."""
+
+    title: str | None = None
+    panels: Annotated[tuple[Panel, ...], NonEmpty]
+    columns: Annotated[int, Field(ge=1, le=6, strict=True)] = Field(
+        default=1, description="panels side by side; filled row by row"
+    )
+    labels: dict[str, str] = Field(
+        default_factory=dict, description="run/label or label: what the legend calls that observer"
+    )
+    width: Positive = Field(default=6.0, description="inches")
+    height: Positive | None = Field(default=None, description="inches (default: 2.2 per row of panels)")
+
+
+class Inequality(Block):
+    """An expression of quantities, and between what its value has to lie."""
+
+    value: str = Field(description="an expression of metrics of the runs, such as hf('FHGO', x1)/hf('SHGO', x1)")
+    below: Number | None = Field(default=None, description="it holds if the value is below")
+    above: Number | None = Field(default=None, description="it holds if the value is above")
+    between: Window | None = Field(default=None, description="it holds if the value lies in [low, high]")
+
+    @model_validator(mode="after")
+    def _one_threshold(self) -> Inequality:
+        if self.thresholds != 1:
+            raise ValueError("give exactly one of below, above and between")
+        return self
+
+    @property
+    def thresholds(self) -> int:
+        """How many are given."""
+        return sum(getattr(self, key) is not None for key in ("below", "above", "between"))
+
+
+class Alternative(Inequality):
+    """What decides a claim if something that the publication leaves open is chosen in another way."""
+
+    note: str = Field(default="", description="the other choice")
+
+
+class Claim(Inequality):
+    """A sentence of a publication and the inequality that decides it."""
+
+    id: str = Field(description="a short name, unique in the file")
+    claim: str = Field(description="the sentence, paraphrased")
+    source: str = Field(default="", description="where the publication says it: section, page")
+    figure: str | None = Field(default=None, description="the figure it refers to")
+    value: str = Field(
+        default="", description="an expression of metrics of the runs, such as hf('FHGO', x1)/hf('SHGO', x1)"
+    )
+    alternatives: tuple[Alternative, ...] = Field(
+        default=(), description="other choices of what is open: where they differ, the verdict is `depends`"
+    )
+    undecidable: str = Field(default="", description="why no finite run decides it; the value is shown beside that")
+    expect: Literal["confirmed", "refuted", "undecided", "undecidable", "depends"] = Field(
+        default="confirmed", description="the verdict known so far; of what is undecidable just that"
+    )
+    note: str = Field(default="", description="what a reader should know besides the number")
+
+    @model_validator(mode="after")
+    def _one_threshold(self) -> Claim:
+        if not self.value and not self.undecidable:
+            raise ValueError("give a value, or say under undecidable why there is none")
+        if self.thresholds != (1 if self.value else 0):
+            raise ValueError("give exactly one of below, above and between" + ("" if self.value else " with a value"))
+        if self.alternatives and (not self.value or self.undecidable):
+            raise ValueError("alternatives go with a value that decides")
+        return self
+
+    @property
+    def inequalities(self) -> tuple[Inequality, ...]:
+        """Its own, if it has one, and the alternatives."""
+        return (self, *self.alternatives) if self.value else ()
+
+    @property
+    def expected(self) -> str:
+        """The verdict known so far."""
+        return "undecidable" if self.undecidable else self.expect
+
+
+class Vary(Block):
+    """A run repeated for each value of a name."""
+
+    name: Name = Field(description="what is varied")
+    values: Annotated[tuple[Number, ...], NonEmpty] = Field(description="one member of the ensemble for each")
+    set: dict[str, ExpressionText] = Field(description="path: expression of the name, as with --set")
+
+
+class Ensemble(Block):
+    """What makes an ensemble of a run."""
+
+    seeds: Annotated[int, Field(ge=2, le=100_000, strict=True)] | None = Field(
+        default=None, description="repeated with this many seeds: seed, seed + 1, ..."
+    )
+    vary: Vary | None = Field(default=None, description="repeated for each value of a name")
+
+    @property
+    def kind(self) -> Literal["seeds", "vary"] | None:
+        """What members differ in; None for a single run."""
+        return "seeds" if self.seeds is not None else "vary" if self.vary is not None else None
+
+    @model_validator(mode="after")
+    def _one(self) -> Ensemble:
+        if self.seeds is not None and self.vary is not None:
+            raise ValueError("seeds and vary both make an ensemble: give only one of them")
+        return self
+
+
+class StudyBlocks(Block):
+    """What a file has beside its runs."""
+
+    title: str = ""
+    reference: str = ""
+    runs: dict[str, Any] = Field(default_factory=dict)
+    figures: dict[str, Figure] = Field(default_factory=dict)
+    claims: tuple[Claim, ...] = ()

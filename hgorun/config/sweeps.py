@@ -1,0 +1,228 @@
+"""The blocks of a sweep file: a base configuration, axes along which it is varied, and what is kept of every member."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal, TypeAlias
+
+from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag, WithJsonSchema
+
+from hgorun.config.expressions import ExpressionError, parse
+from hgorun.config.types import Block, Interval, NonEmpty, NonNegative, Number, describe
+
+MOST_MEMBERS = 10**9
+
+Count = Annotated[int, Field(ge=1, le=MOST_MEMBERS, strict=True)]
+Value: TypeAlias = bool | int | float | str
+
+
+def _value(value: Any) -> Value:
+    """A value of a list: a number or text; text that is an expression of numbers is a number."""
+    if not isinstance(value, (bool, int, float, str)):
+        raise ValueError(f"expected numbers or text, found {describe(value)}")
+    if isinstance(value, str) and not value.isidentifier():
+        try:
+            return parse(value, names=()).number()
+        except ExpressionError:
+            return value
+    return value
+
+
+class ListAxis(Block):
+    """Values one by one; written as a plain list."""
+
+    values: tuple[Annotated[Value, BeforeValidator(_value)], ...]
+
+    @property
+    def count(self) -> int:
+        """How many values there are."""
+        return len(self.values)
+
+
+def _positive(ends: tuple[float, float, int]) -> tuple[float, float, int]:
+    if not min(ends[:2]) > 0:
+        raise ValueError(f"a logarithmic axis lies between numbers above 0, found {ends[0]:g} and {ends[1]:g}")
+    return ends
+
+
+class LinearAxis(Block):
+    """Evenly spaced values, both ends among them."""
+
+    linear: tuple[Number, Number, Count] = Field(description="[first, last, how many]")
+
+    @property
+    def count(self) -> int:
+        """How many values there are."""
+        return self.linear[2]
+
+
+class LogAxis(Block):
+    """Values with one ratio between neighbours, both ends among them."""
+
+    log: Annotated[tuple[Number, Number, Count], AfterValidator(_positive)] = Field(
+        description="[first, last, how many], with ends above 0"
+    )
+
+    @property
+    def count(self) -> int:
+        """How many values there are."""
+        return self.log[2]
+
+
+class UniformAxis(Block):
+    """Values drawn evenly from an interval."""
+
+    uniform: Interval = Field(description="[low, high]")
+    draws: Count = Field(description="how many; the first ones are the same, whatever the number")
+
+    @property
+    def count(self) -> int:
+        """How many values there are."""
+        return self.draws
+
+
+class NormalAxis(Block):
+    """Values drawn from a normal distribution."""
+
+    normal: tuple[Number, NonNegative] = Field(description="[mean, standard deviation]")
+    draws: Count = Field(description="how many; the first ones are the same, whatever the number")
+
+    @property
+    def count(self) -> int:
+        """How many values there are."""
+        return self.draws
+
+
+class SeedAxis(Block):
+    """Seeds: that of the base, and the integers that follow it."""
+
+    count: Count = Field(description="how many")
+
+
+AnyAxis: TypeAlias = ListAxis | LinearAxis | LogAxis | UniformAxis | NormalAxis | SeedAxis
+_KINDS = ("linear", "log", "uniform", "normal", "count")
+_RIGHT = "[a, b, ...], {linear: [a, b, n]}, {log: [a, b, n]}, {uniform: [a, b], draws: n}, {normal: [m, s], draws: n}"
+
+
+def _written(value: Any) -> Any:
+    """A plain list is a mapping of one key, so that each kind of axis is a block."""
+    if isinstance(value, Block):
+        return value
+    if isinstance(value, (list, tuple, range)):
+        if not value:
+            raise ValueError("expected at least one value, found an empty list")
+        return {"values": list(value)}
+    if not isinstance(value, dict) or sum(kind in value for kind in _KINDS) != 1:
+        raise ValueError(f"expected {_RIGHT} or, for seed, {{count: n}}; found {_found(value)}")
+    return value
+
+
+def _found(value: Any) -> str:
+    return (
+        f"a mapping with the keys {', '.join(map(str, value)) or 'none'}"
+        if isinstance(value, dict)
+        else (describe(value))
+    )
+
+
+def _kind(value: Any) -> str:
+    if isinstance(value, Block):
+        return "values" if isinstance(value, ListAxis) else next(k for k in _KINDS if k in type(value).model_fields)
+    return next((kind for kind in _KINDS if kind in value), "values")
+
+
+# the names of the tags are in pydantic's locations, and must not be taken for keys: they hold a space
+_LIST_SCHEMA = {
+    "type": "array",
+    "items": {"type": ["number", "string", "boolean"]},
+    "minItems": 1,
+    "description": "the values one by one",
+}
+Axis = Annotated[
+    Annotated[
+        Annotated[ListAxis, Tag("of values"), WithJsonSchema(_LIST_SCHEMA)]
+        | Annotated[LinearAxis, Tag("of linear")]
+        | Annotated[LogAxis, Tag("of log")]
+        | Annotated[UniformAxis, Tag("of uniform")]
+        | Annotated[NormalAxis, Tag("of normal")]
+        | Annotated[SeedAxis, Tag("of count")],
+        Discriminator(lambda value: f"of {_kind(value)}"),
+    ],
+    BeforeValidator(_written),
+]
+
+
+class Worst(Block):
+    """Trajectories of the members with the largest values of a metric."""
+
+    worst: Count = Field(description="how many members")
+    by: str = Field(description="the metric")
+    observer: str | None = Field(default=None, description="of this observer (default: the largest of all)")
+    state: str | None = Field(default=None, description="of this state (default: the largest of all)")
+
+
+class Every(Block):
+    """Trajectories of members at regular places."""
+
+    every: Count = Field(description="member 0, and each so many after it")
+
+
+def _some_kind(value: Any) -> str:
+    if isinstance(value, (Every, dict)):
+        return "some every" if isinstance(value, Every) or "every" in value else "some worst"
+    return "some worst" if isinstance(value, Worst) else "some word"
+
+
+_Word = Annotated[Literal["none", "all"], Field(description="of no member, or of all of them")]
+Trajectories = Annotated[
+    Annotated[_Word, Tag("some word")] | Annotated[Worst, Tag("some worst")] | Annotated[Every, Tag("some every")],
+    Discriminator(_some_kind),
+]
+
+
+class Keep(Block):
+    """What is kept of every member."""
+
+    metrics: Annotated[tuple[str, ...], NonEmpty] | None = Field(
+        default=None, description="names of metrics (default: all)"
+    )
+    trajectories: Trajectories = Field(
+        default="none", description="none, all, {worst: 5, by: rmse, observer: F, state: x2} or {every: 100}"
+    )
+
+
+Combine = Literal["product", "zip", "sobol"]
+
+
+def _some(axes: dict[str, AnyAxis]) -> dict[str, AnyAxis]:
+    if not axes:
+        raise ValueError("it names nothing to vary")
+    return axes
+
+
+class SweepBlocks(Block):
+    """What an ensemble is beside its base: axes, and what is kept."""
+
+    axes: Annotated[dict[str, Axis], AfterValidator(_some)] = Field(
+        description="path: values, with a path as after --set; observers.*.theta means every observer with such a key"
+    )
+    combine: Combine = Field(
+        default="product",
+        description="product: every combination; zip: first with first, and so on; sobol: evenly spread points",
+    )
+    keep: Keep = Field(default_factory=Keep, description="what is kept of every member")
+
+
+def _base(value: Any) -> Any:
+    if not isinstance(value, (str, dict)):
+        raise ValueError(f"expected the name of a file or a configuration, found {describe(value)}")
+    return value
+
+
+class SweepFile(SweepBlocks):
+    """A sweep file: a base configuration, axes along which it is varied, and what is kept of every member."""
+
+    title: str = ""
+    base: Annotated[str | dict[str, Any], BeforeValidator(_base)] = Field(
+        description="the configuration that members vary: a file, as seen from this one, or written here"
+    )
+    run: str | None = Field(default=None, description="which run of the base, where it has several")

@@ -1,0 +1,84 @@
+"""Ensembles from Python, without a file that describes them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from hgorun.config.sweeps import Combine, SweepBlocks
+from hgorun.config.validation import validate
+from hgorun.config.yaml_source import Source
+from hgorun.ensemble.ensemble import Ensemble
+from hgorun.ensemble.executors import Executor
+from hgorun.ensemble.growing import Sweep, read_sweep
+from hgorun.ensemble.store import Store
+from hgorun.ensemble.sweep import SUFFIX, Place, carry_out, finished
+from hgorun.simulation.blocks import plain
+from hgorun.simulation.experiment import Experiment
+
+
+def sweep(
+    experiment: Experiment,
+    axes: Mapping[str, Any],
+    keep: Mapping[str, Any] | None = None,
+    *,
+    combine: Combine = "product",
+    output: str | Path | None = None,
+    fresh: bool = False,
+    executor: Executor | None = None,
+) -> Sweep:
+    """Carry out an ensemble: an experiment, varied along axes.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        The base.
+    axes : mapping of str to list, array or mapping
+        By path, as after ``--set``: values, or ``{"log": [2, 20, 10]}`` and the like, as in a sweep file.
+    keep : mapping, optional
+        ``metrics`` and ``trajectories``, as in a sweep file.
+    combine : {"product", "zip", "sobol"}
+    output : path, optional
+        The collected file. It is kept with the folder beside it; called again, what is missing is carried out.
+        Without it nothing is left on disk.
+    fresh : bool
+        Begin anew, whatever was finished before.
+    executor : callable, optional
+        Who carries members out, see :mod:`hgorun.ensemble.executors`; by default threads of this process.
+
+    Returns
+    -------
+    Sweep
+
+    Raises
+    ------
+    ConfigError
+        When an axis or what is kept does not fit the experiment.
+    HgorunError
+        When ``output`` holds members of something else, or cannot be written.
+
+    Examples
+    --------
+    >>> found = hgorun.sweep(experiment, {"observers.FHGO.theta": {"log": [2, 20, 10]}, "seed": {"count": 20}})
+    >>> found.to_xarray()["rmse"].mean("seed")
+    """
+    data = plain({"axes": dict(axes), "combine": combine, "keep": dict(keep or {})})
+    source = Source(data, {})
+    blocks = validate(SweepBlocks, data, source, ())
+    name = experiment.name if output is None else Path(output).stem.removesuffix(SUFFIX)
+    ensemble = Ensemble(name=name, base=experiment, blocks=blocks)
+    with source.located():
+        ensemble.check()
+    if output is not None:
+        return _at(Place.of(Path(output)), ensemble, fresh, executor)
+    with TemporaryDirectory(prefix="hgorun-") as folder:
+        return _at(Place.of(Path(folder) / f"{SUFFIX}.h5"), ensemble, False, executor)
+
+
+def _at(place: Place, ensemble: Ensemble, fresh: bool, executor: Executor | None) -> Sweep:
+    store = Store.opened(place.folder, ensemble, fresh=fresh)
+    carry_out(store, executor)
+    finished(store, place.file, lambda: carry_out(store, executor))
+    return read_sweep(place.file)

@@ -1,0 +1,177 @@
+"""An ensemble: a base experiment, the axes along which it is varied, and what is kept of every member.
+
+Members are numbered. What a member changes follows from its number, so that no list of all of them is ever made.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from math import prod
+
+import numpy as np
+
+from hgorun.config.sweeps import MOST_MEMBERS, Combine, Keep, ListAxis, SweepBlocks, Worst
+from hgorun.ensemble.members import Members, written_out
+from hgorun.ensemble.values import Column, Floats, Places, Seeds, Values, values_of
+from hgorun.errors import ConfigError, KeyPath, Problem
+from hgorun.measurement.noise import generator
+from hgorun.result.metrics.base import all_metrics
+from hgorun.simulation.experiment import Experiment
+
+_BITS = 32  # of a coordinate of a Sobol point
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Ensemble:
+    """Members of a base experiment.
+
+    Attributes
+    ----------
+    name : str
+        Results are called by it.
+    base : Experiment
+    blocks : SweepBlocks
+        Axes, how they are combined, and what is kept.
+    title, text : str
+        The title, and the file as it was written.
+    """
+
+    name: str
+    base: Experiment
+    blocks: SweepBlocks
+    title: str = ""
+    text: str = ""
+
+    @property
+    def combine(self) -> Combine:
+        """How the values of the axes are put together."""
+        return self.blocks.combine
+
+    @property
+    def keep(self) -> Keep:
+        """What is kept of every member."""
+        return self.blocks.keep
+
+    @cached_property
+    def axes(self) -> dict[str, Values]:
+        """The values of every axis, by its path as it was written."""
+        seed = self.base.blocks.seed
+        return {path: values_of(axis, path, seed) for path, axis in self.blocks.axes.items()}
+
+    @property
+    def metrics(self) -> tuple[str, ...]:
+        """Names of the metrics that are kept, in the order of tables."""
+        known = tuple(all_metrics())
+        kept = self.keep.metrics
+        return known if kept is None else tuple(name for name in known if name in kept)
+
+    @property
+    def dimensions(self) -> dict[str, int]:
+        """Names and sizes of the dimensions along which members lie."""
+        if self.combine == "product":
+            return {path: values.size for path, values in self.axes.items()}
+        return {"member": max(self._sizes.values(), default=0)}
+
+    @property
+    def size(self) -> int:
+        """How many members there are."""
+        return prod(self.dimensions.values())
+
+    def values(self, start: int, stop: int) -> dict[str, Column]:
+        """What the members from ``start`` to before ``stop`` have on every axis, each of shape (stop - start,)."""
+        places: Places = np.arange(start, stop)
+        if self.combine == "product":
+            along = np.unravel_index(places, tuple(self.dimensions.values()))
+            return {path: v.at(p) for (path, v), p in zip(self.axes.items(), along, strict=True)}
+        if self.combine == "zip":
+            return {path: values.at(places) for path, values in self.axes.items()}
+        points = self._sobol(start, stop)
+        return {path: v.spread(u, places) for (path, v), u in zip(self.axes.items(), points, strict=True)}
+
+    def members(self, start: int, stop: int) -> Members:
+        """The members from ``start`` to before ``stop``."""
+        return Members(self.values(start, stop), stop - start)
+
+    def _sobol(self, start: int, stop: int) -> Iterator[Floats]:
+        """Coordinates of points of a Sobol sequence, shifted by random digits, each inside (0, 1)."""
+        from scipy.stats.qmc import Sobol
+
+        sequence = Sobol(len(self.axes), scramble=False, bits=_BITS)
+        if start:
+            sequence.fast_forward(start)
+        points = (sequence.random(stop - start) * 2.0**_BITS).astype(np.int64)
+        for path, column in zip(self.axes, points.T, strict=True):
+            shift = int(generator(self.base.blocks.seed, "sobol", path).integers(2**_BITS))
+            yield ((column ^ shift) + 0.5) * 2.0**-_BITS
+
+    def check(self) -> None:
+        """Refuse what no member could be made of.
+
+        Raises
+        ------
+        Problem
+            Its path is one of the sweep file.
+        """
+        self._check_sizes()
+        self._check_keep()
+        for path, values in self.axes.items():
+            place: KeyPath = ("axes", path)
+            if isinstance(values, Seeds) and path != "seed":
+                raise Problem(place, "count makes seeds, and belongs to the axis seed")
+            try:
+                paths = written_out(self.base, path)
+            except ConfigError as error:
+                raise Problem(place, error.message) from None
+            refused: ConfigError | None = None
+            for at in sorted({0, values.size // 2, values.size - 1}):
+                column = values.at(np.array([at]))
+                try:
+                    self.base.varied(dict.fromkeys(paths, column.tolist()[0]))
+                    break
+                except ConfigError as error:
+                    refused = refused or error
+            else:
+                assert refused is not None
+                key = "" if refused.key in (None, path) else f"{refused.key}: "
+                raise Problem(place, f"{key}{refused.message}")
+
+    @property
+    def _sizes(self) -> dict[str, int]:
+        """By path, how many members there are where values are not combined; a list that is spread does not say it."""
+        blocks = self.blocks.axes
+        return {
+            path: values.size
+            for path, values in self.axes.items()
+            if self.combine == "zip" or not isinstance(blocks[path], ListAxis)
+        }
+
+    def _check_sizes(self) -> None:
+        if self.combine == "product":
+            if self.size > MOST_MEMBERS:
+                raise Problem(("axes",), f"they make {self.size} members, more than {MOST_MEMBERS}")
+            return
+        if not self._sizes:
+            raise Problem(("axes",), "of lists alone it cannot be told how many members there are")
+        if len(set(self._sizes.values())) > 1:
+            each = ", ".join(f"{path} {size}" for path, size in self._sizes.items())
+            raise Problem(("axes",), f"{self.combine} needs axes with the same number of values, found {each}")
+
+    def _check_keep(self) -> None:
+        known, kept = all_metrics(), self.keep.trajectories
+        for i, name in enumerate(self.keep.metrics or ()):
+            if name not in known:
+                raise Problem(("keep", "metrics", i), f"no metric is called {name!r}; known: {', '.join(known)}")
+        place: KeyPath = ("keep", "trajectories")
+        if isinstance(kept, Worst):
+            for key, names in (
+                ("by", self.metrics),
+                ("observer", tuple(self.base.observers)),
+                ("state", self.base.plant.model.states),
+            ):
+                value = getattr(kept, key)
+                if value is not None and value not in names:
+                    raise Problem((*place, key), f"expected one of {', '.join(names)}; found {value!r}")
+        if kept != "none" and (moved := next((p for p in self.axes if p.split(".")[0] == "time"), None)):
+            raise Problem(place, f"trajectories need one grid of output, but the axis {moved} may change it")

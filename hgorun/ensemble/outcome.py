@@ -1,0 +1,83 @@
+"""How many members of a collected file have which status."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from hgorun.errors import printable
+from hgorun.result.status import STATUSES
+
+_SHOWN = 200  # characters of a member's error
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What has become of the members of an ensemble.
+
+    Attributes
+    ----------
+    name : str
+    members, failed : int
+        How many there are, and how many could not be carried out.
+    observers : mapping of str to mapping of str to int
+        For every observer how many members have which status, without those that none has.
+    status : str
+        The worst of them.
+    first : (int, str) or None
+        The first member that has failed, and its error.
+    """
+
+    name: str
+    members: int
+    failed: int
+    observers: Mapping[str, Mapping[str, int]]
+    status: str
+    first: tuple[int, str] | None
+
+    def text(self) -> str:
+        """In a line for every observer."""
+        lines = [f"{printable(self.name)}: {self.members} members"]
+        width = max(map(len, self.observers), default=0)
+        for label, counts in self.observers.items():
+            lines.append(f"  {printable(label):<{width}}  " + ", ".join(f"{n} {word}" for word, n in counts.items()))
+        return "\n".join(lines)
+
+    def troubles(self) -> Iterator[str]:
+        """What is not ok, in words."""
+        for label, counts in self.observers.items():
+            words = [f"{n} {word}" for word, n in counts.items() if word not in ("ok", "failed")]
+            if words:
+                yield f"observer {printable(label)}: of {self.members} members {', '.join(words)}"
+        if self.first is not None:
+            number, error = self.first
+            yield f"{self.failed} of {self.members} members failed; the first is member {number}: {error[:_SHOWN]}"
+
+
+def outcome_of(path: Path) -> Outcome:
+    """Count the members of a file that this program has just written."""
+    with h5py.File(path, "r") as file:
+        status = file["status"][()].reshape(-1, file["status"].shape[-1])
+        labels = file["observer"].asstr()[()]
+        failed = np.flatnonzero((status == len(STATUSES) - 1).all(axis=1) & (status.shape[1] > 0))
+        errors = file["error"]
+        first, count = None, 0
+        for number in failed:
+            text = errors.asstr()[np.unravel_index(number, errors.shape)]
+            if text:
+                count += 1
+                first = first or (int(number), printable(text))
+        counts = {str(label): _counted(status[:, j]) for j, label in enumerate(labels)}
+        name, worst = str(file.attrs["name"]), str(file.attrs["status"])
+    return Outcome(name, len(status), count, counts, worst, first)
+
+
+def _counted(status: NDArray[np.int8]) -> dict[str, int]:
+    """How many there are of every word that occurs."""
+    counts = np.bincount(status, minlength=len(STATUSES)).tolist()
+    return {word: count for word, count in zip(STATUSES, counts, strict=True) if count}

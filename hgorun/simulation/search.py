@@ -1,0 +1,211 @@
+"""The search for steps that are short enough: passes that are paid for out of a budget, compared two by two."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from hgorun.config.models import Method
+from hgorun.engine.memory import Raw, Tolerance
+from hgorun.engine.program import TooManySteps
+from hgorun.errors import SimulationError
+from hgorun.result.status import Verdict
+from hgorun.simulation.checks import longest_step
+from hgorun.simulation.confirmation import ended
+from hgorun.simulation.error_estimate import differences
+from hgorun.simulation.ladder import (
+    UNEVEN,
+    finest_rung,
+    further_down,
+    order_of,
+    rung,
+    step_counts,
+    steps_left,
+)
+from hgorun.simulation.measured import Measured, measured
+from hgorun.simulation.passes import Pass, integrate, part_of_error
+from hgorun.simulation.prepared import PreparedRun
+
+Progress = Callable[[float], None] | None
+
+_TRIES, _MORE = 20_000, 8  # controlled steps that a method may try at first, and how many times more next time
+_TOLERANCE = 1e-3  # of the accuracy, to begin with
+_TIGHTEST = 1e-13
+_PART, _OTHER_PART = 1 / 100, 1 / 137  # of the run: the longest controlled steps of two passes
+
+
+@dataclass(kw_only=True, eq=False, repr=False)
+class Budget:
+    """Evaluations of the right-hand side that are left."""
+
+    run: PreparedRun
+    progress: Progress
+    left: float
+    spent: int = 0
+
+    def steps(self, method: Method) -> float:
+        """How many steps they are enough for."""
+        return steps_left(method, self.left, self.spent)
+
+    def carry_out(self, how: Pass) -> Finished:
+        """A pass, paid for."""
+        try:
+            raw = integrate(self.run, how, self.progress)
+        except TooManySteps as error:
+            self.spent += int(error.args[0]) * how.evaluations_of_a_step
+            raise
+        self.spent += raw.tries * how.evaluations_of_a_step
+        raw, verdicts = ended(self.run, raw)
+        return Finished(how, raw, verdicts, measured(self.run, raw, verdicts))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Finished:
+    """What a pass has given: its numbers, and the observers that are lost in it."""
+
+    how: Pass
+    raw: Raw
+    verdicts: dict[str, Verdict]
+    measured: Measured
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Attempt:
+    """A pass, and how far it may be from the exact solution."""
+
+    finished: Finished
+    error: Mapping[str, float]
+
+    @property
+    def worst(self) -> float:
+        """The largest error."""
+        return max(self.error.values())
+
+
+@dataclass(kw_only=True, eq=False, repr=False)
+class Search:
+    """The search for steps that are short enough.
+
+    Attributes
+    ----------
+    best : Attempt or None
+        The last that could be finished.
+    failure : SimulationError or None
+        Why controlled steps could not.
+    """
+
+    run: PreparedRun
+    budget: Budget
+    best: Attempt | None = None
+    failure: SimulationError | None = field(default=None)
+
+    @property
+    def accuracy(self) -> float:
+        return self.run.solver.accuracy
+
+    def enough(self) -> bool:
+        """Whether what was found last is accurate, and no observer has been lost in it that must be looked at."""
+        return self.best is not None and self.best.worst <= self.accuracy
+
+    def fixed(self, method: Method, limit: float) -> bool:
+        """Down the ladder with fixed steps, ``limit`` in number; whether that was enough."""
+        k = rung(self.run)
+        down, before = 1, np.inf
+        while True:
+            step = self.run.span / 2.0**k
+            if not self._affordable(method, step, limit) or k > finest_rung(self.run):
+                return False
+            how = Pass(method=method, step=step, bounded=False)
+            error = self._compared(how, replace(how, uneven=UNEVEN))
+            if self.enough():
+                return self._certain()
+            order = order_of(method, np.array(error), np.array(before), np.array(down))
+            down, before = int(further_down(np.array(error / self.accuracy), order)), error
+            k += down
+
+    def _affordable(self, method: Method, step: float, limit: float = np.inf) -> bool:
+        count, other = step_counts(self.run, step)
+        return count <= limit and count + other <= self.budget.steps(method)
+
+    def something(self, method: Method) -> bool:
+        """Where nothing was affordable: the shortest fixed steps that are; whether that was enough."""
+        k = rung(self.run)
+        while self.best is None and k > 0:
+            k -= 1
+            step = self.run.span / 2.0**k
+            if self._affordable(method, step):
+                how = Pass(method=method, step=step, bounded=False)
+                self._compared(how, replace(how, uneven=UNEVEN))
+        return self.enough()
+
+    def _certain(self) -> bool:
+        """Whether no observer is lost: explicit steps that are too long lose one as well."""
+        assert self.best is not None
+        return self.run.solver.method != "auto" or not self.best.finished.verdicts
+
+    def _compared(self, how: Pass, other: Pass) -> float:
+        """Carry out two passes; the largest error of the first."""
+        try:
+            finished = self.budget.carry_out(how)
+            beside = self.budget.carry_out(other)
+        except SimulationError:
+            return np.inf
+        part = part_of_error(self.run, other)
+        errors = {label: part * gap for label, gap in differences(self.run, finished.measured, beside.measured).items()}
+        self.best = Attempt(finished, errors)
+        return self.best.worst
+
+    def controlled(self, methods: tuple[Method, ...]) -> bool:
+        """With controlled steps; whether that was enough."""
+        tolerance = max(_TOLERANCE * self.accuracy, _TIGHTEST)
+        first = self._cheapest(methods, tolerance)
+        if first is None:
+            return False
+        method, before = first
+        while True:
+            tolerance = tolerance / 10
+            try:
+                finer = self.budget.carry_out(self._to_tolerance(method, tolerance, self.budget.steps(method)))
+            except (SimulationError, TooManySteps):
+                return False
+            self.best = Attempt(finer, differences(self.run, finer.measured, before.measured))
+            before = finer
+            if self.enough():
+                return True
+            if tolerance < 10 * _TIGHTEST:
+                return False
+            if np.isfinite(self.best.worst):  # errors are in proportion to tolerances
+                excess = np.floor(np.log10(self.best.worst / self.accuracy))
+                tolerance = max(tolerance / 10.0 ** float(np.clip(excess - 1, 0, 3)), 10 * _TIGHTEST)
+
+    def _cheapest(self, methods: tuple[Method, ...], tolerance: float) -> tuple[Method, Finished] | None:
+        """The method that finishes a pass with the fewest steps, so far as that can be told in advance.
+
+        They take turns, each time with more steps than before.
+        """
+        tries, left = float(_TRIES), list(methods)
+        while left:
+            for method in tuple(left):
+                allowed = min(tries, self.budget.steps(method))
+                if allowed < 1:
+                    return None
+                try:
+                    finished = self.budget.carry_out(self._to_tolerance(method, tolerance, allowed))
+                except TooManySteps:
+                    continue
+                except SimulationError as error:
+                    self.failure = error
+                    left.remove(method)
+                    continue
+                return method, finished
+            tries *= _MORE
+        return None
+
+    def _to_tolerance(self, method: Method, tolerance: float, limit: float) -> Pass:
+        """A pass with controlled steps; two tolerances do not share their longest steps."""
+        part = _OTHER_PART if round(np.log10(tolerance)) % 2 else _PART
+        longest = min(part * self.run.span, longest_step(self.run, self.run.step, adaptive=True))
+        control = Tolerance(tolerance, None, longest, min(longest, self.run.step))
+        return Pass(method=method, step=self.run.step, tolerance=control, limit=limit, bounded=False)

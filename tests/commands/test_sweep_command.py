@@ -1,0 +1,173 @@
+"""``hgorun sweep`` and ``hgorun merge`` as from a shell."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from shell import Shell
+
+import hgorun
+
+BASE = """
+time: {end: 0.5, output_step: 0.1}
+plant: {type: van_der_pol, initial: {x1: 1, x2: 0.5}}
+measurement: {sampling: {period: 0.1}, noise: [{type: gaussian, std: 0.1}]}
+observers:
+  SHGO: {type: shgo, theta: 3}
+  FHGO: {type: fhgo1, theta: 2, delta: 3}
+solver: {step: 0.01}
+"""
+SWEEP = """
+title: Gains and seeds
+base: base.yaml
+axes:
+  observers.SHGO.theta: {log: [2, 20, 3]}
+  seed: {count: 4}
+keep: {metrics: [rmse, peak]}
+"""
+
+
+@pytest.fixture
+def shell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Shell:
+    (tmp_path / "base.yaml").write_text(BASE)
+    (tmp_path / "s.yaml").write_text(SWEEP)
+    return Shell(tmp_path, monkeypatch, capsys)
+
+
+def test_a_sweep_is_carried_out_and_collected(shell: Shell) -> None:
+    assert shell("sweep", "s.yaml") == (
+        0, "s: 12 members\n  SHGO  12 ok\n  FHGO  12 ok\nwritten: results/s.sweep.h5\n", "",
+    )  # fmt: skip
+    assert (shell.folder / "results" / "s.sweep" / "manifest.json").is_file()
+    code, out, _ = shell("sweep", "s.yaml", "--json")
+    assert code == 0
+    assert json.loads(out) == {
+        "name": "s",
+        "file": "results/s.sweep.h5",
+        "folder": "results/s.sweep",
+        "members": 12,
+        "finished": 12,
+        "status": "ok",
+        "failed": 0,
+        "observers": {"SHGO": {"ok": 12}, "FHGO": {"ok": 12}},
+    }
+    assert shell("sweep", "s.yaml", "-q")[1] == ""
+    found = hgorun.read_sweep(shell.folder / "results" / "s.sweep.h5")
+    assert (found.title, list(found.metrics)) == ("Gains and seeds", ["rmse", "peak"])
+    code, out, _ = shell("compare", "results/s.sweep", "--json", "--no-plots")
+    assert (code, json.loads(out)["members"]) == (0, 12)
+
+
+def test_output_names_the_file_or_the_folder_around(shell: Shell) -> None:
+    assert shell("sweep", "s.yaml", "-q", "-o", "x.h5")[0] == 0
+    assert shell("sweep", "s.yaml", "-q", "-o", "there")[0] == 0
+    assert shell("sweep", "s.yaml", "-q", "-o", "y.sweep.h5")[0] == 0
+    made = {str(p.relative_to(shell.folder)) for p in shell.folder.rglob("*") if p.suffix in (".h5", ".json")}
+    assert {"x.h5", "x.sweep/manifest.json", "there/s.sweep.h5", "there/s.sweep/manifest.json"} <= made
+    assert {"y.sweep.h5", "y.sweep/manifest.json"} <= made
+    code, _, err = shell("sweep", "s.yaml", "-o", "x.png")
+    assert (code, "--output: expected a file" in err) == (2, True)
+
+
+def test_parts_are_merged_to_the_same_file(shell: Shell) -> None:
+    assert shell("sweep", "s.yaml", "-q")[0] == 0
+    code, out, _ = shell("sweep", "s.yaml", "--part", "1/2", "-o", "one")
+    assert (code, out) == (0, "one/s.sweep: part 1/2 is finished; 6 of 12 members are there\n")
+    code, out, _ = shell("sweep", "s.yaml", "--part", "2/2", "-o", "two", "--json")
+    assert (code, json.loads(out)["finished"], json.loads(out)["file"]) == (0, 6, None)
+    code, _, err = shell("sweep", "s.yaml", "--collect", "-o", "one")
+    assert (code, "6 of 12 members are missing, the first is 6" in err) == (1, True)
+    code, out, _ = shell("merge", "one/s.sweep", "two/s.sweep", "-o", "both")
+    assert (code, out.splitlines()[-1]) == (0, "written: both/s.sweep.h5")
+    whole = (shell.folder / "results" / "s.sweep.h5").read_bytes()
+    assert (shell.folder / "both" / "s.sweep.h5").read_bytes() == whole
+    assert shell("sweep", "s.yaml", "--part", "2/2", "-o", "one", "-q")[0] == 0  # array jobs share a folder
+    assert (shell.folder / "one" / "s.sweep.h5").read_bytes() == whole
+    assert shell("sweep", "s.yaml", "--collect", "-o", "both")[0] == 0
+
+
+def test_folders_of_different_sweeps_are_not_merged(shell: Shell) -> None:
+    shell("sweep", "s.yaml", "--part", "1/2", "-o", "one", "-q")
+    (shell.folder / "s.yaml").write_text(SWEEP.replace("20, 3", "30, 3"))
+    shell("sweep", "s.yaml", "--part", "2/2", "-o", "two", "-q")
+    code, out, err = shell("merge", "one/s.sweep", "two/s.sweep", "-o", "both")
+    assert (code, out) == (2, "")
+    assert "two/s.sweep: holds members of something else: axes.observers.SHGO.theta.log.1: 30.0 -> 20.0" in err
+    assert shell("merge", "nowhere")[0] == 2
+
+
+def test_a_change_is_refused_with_the_difference(shell: Shell) -> None:
+    shell("sweep", "s.yaml", "-q")
+    (shell.folder / "base.yaml").write_text(BASE.replace("delta: 3", "delta: 4"))
+    code, out, err = shell("sweep", "s.yaml")
+    said = "results/s.sweep: holds members of something else: observers.FHGO.delta: 3.0 -> 4.0; --fresh starts anew"
+    assert (code, out, err) == (2, "", f"hgorun: {said}\n")
+    assert shell("sweep", "s.yaml", "--fresh", "-q")[0] == 0
+    (shell.folder / "base.yaml").write_text("# a comment\n" + BASE.replace("delta: 3", "delta: 4"))
+    assert shell("sweep", "s.yaml", "-q")[0] == 0
+
+
+def test_members_that_fail_are_said_on_stderr(shell: Shell) -> None:
+    (shell.folder / "s.yaml").write_text("base: base.yaml\naxes: {observers.SHGO.theta: [-1, 2]}\n")
+    code, out, err = shell("sweep", "s.yaml")
+    assert (code, out.splitlines()[1]) == (0, "  SHGO  1 ok, 1 failed")
+    assert err == (
+        "hgorun: s: 1 of 2 members failed; the first is member 0: observers.SHGO.theta: "
+        "expected a number above 0, found -1\n"
+    )
+    assert shell("sweep", "s.yaml", "--strict", "-q")[0] == 3
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("s.yaml", "--part", "3/2"), "--part: expected k/n with 1 <= k <= n, found '3/2'"),
+        (("s.yaml", "--executor", "fork"), "--executor: expected one of threads, processes, dask; found 'fork'"),
+        (("s.yaml", "--scheduler", "tcp://x:1"), "--scheduler goes with --executor dask"),
+        (("s.yaml", "--executor", "dask", "--scheduler", "tcp://x:1", "--jobs", "2"), "--jobs does not go with"),
+        (("s.yaml", "--collect", "--fresh"), "--collect carries nothing out"),
+        (("s.yaml", "--collect"), "results/s.sweep: no folder of a sweep: manifest.json is missing"),
+        (("base.yaml",), "base.yaml: this is a configuration; a sweep file has base, axes and keep"),
+        (("nowhere.yaml",), "nowhere.yaml: there is no such file"),
+    ],
+)
+def test_options_that_do_not_fit_are_refused(shell: Shell, arguments: tuple[str, ...], words: str) -> None:
+    code, out, err = shell("sweep", *arguments)
+    assert (code, out) == (2, "")
+    assert words in err
+    assert not (shell.folder / "results").exists()
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (SWEEP.replace("base.yaml", "other.yaml"), "s.yaml:3: base: other.yaml: there is no such file"),
+        (SWEEP.replace("FHGO", "X").replace("SHGO", "XHGO"), "s.yaml:5: axes.observers.XHGO.theta: "),
+        (SWEEP + "run: one\n", "s.yaml"),
+        (SWEEP.replace("rmse,", "rms,"), "s.yaml:7: keep.metrics.0: no metric is called 'rms'"),
+        ("base: base.yaml\naxes: {seed: {count: 2}}\ntime: {end: 1}\n", "s.yaml:3: time: unknown key 'time'"),
+    ],
+)
+def test_what_is_wrong_in_the_file_is_named_with_its_line(shell: Shell, text: str, words: str) -> None:
+    (shell.folder / "s.yaml").write_text(text)
+    code, out, err = shell("sweep", "s.yaml")
+    assert (code, out) == (2, "")
+    assert words in err
+
+
+def test_other_commands_know_a_sweep_file(shell: Shell) -> None:
+    code, _, err = shell("simulate", "s.yaml")
+    assert (code, err) == (2, "hgorun: s.yaml: this is a sweep file; hgorun sweep carries it out\n")
+
+
+def test_a_base_may_stand_in_the_file_and_have_runs(shell: Shell) -> None:
+    inline = "base:\n  extends: base.yaml\n  runs: {slow: {}, fast: {observers: {SHGO: {theta: 9}}}}\nrun: fast\n"
+    (shell.folder / "s.yaml").write_text(inline + "axes: {seed: {count: 2}}\n")
+    assert shell("sweep", "s.yaml", "-q")[0] == 0
+    manifest = json.loads((shell.folder / "results" / "s.sweep" / "manifest.json").read_text())
+    assert manifest["made_of"]["configuration"]["observers"]["SHGO"]["theta"] == 9
+    (shell.folder / "s.yaml").write_text(inline.replace("run: fast", "run: fats") + "axes: {seed: {count: 2}}\n")
+    code, _, err = shell("sweep", "s.yaml", "--fresh")
+    assert (code, "s.yaml:4: run: expected one of slow, fast. Did you mean `fast`?" in err) == (2, True)

@@ -1,0 +1,74 @@
+"""The blocks of a sweep file, and what is said of one that is wrong."""
+
+from __future__ import annotations
+
+import pytest
+
+from hgorun.config.sweeps import Every, ListAxis, LogAxis, SeedAxis, SweepFile, Worst
+from hgorun.config.validation import validate
+from hgorun.config.yaml_source import parse
+from hgorun.errors import ConfigError
+
+
+def read(text: str) -> SweepFile:
+    source = parse(text, "f.yaml")
+    return validate(SweepFile, source.data, source, ())
+
+
+def axis(text: str) -> str:
+    return f"base: a.yaml\naxes:\n  a.b: {text}\n"
+
+
+def test_every_kind_of_axis_is_read() -> None:
+    found = read(
+        """
+base: a.yaml
+axes:
+  seed: {count: 3}
+  observers.F.theta: {log: [2, 20, 10]}
+  solver.step: {linear: [1e-3, pi/100, 4]}
+  plant.parameters.a: {uniform: [0, 1], draws: 5}
+  plant.parameters.b: {normal: [1, 0.1], draws: 5}
+  solver.method: [rk4, euler, 2*pi, 1, true]
+keep: {metrics: [rmse], trajectories: {worst: 5, by: rmse}}
+"""
+    )
+    assert found.axes["seed"] == SeedAxis(count=3)
+    assert found.axes["observers.F.theta"] == LogAxis(log=(2, 20, 10))
+    values = found.axes["solver.method"]
+    assert isinstance(values, ListAxis)
+    assert list(values.values) == ["rk4", "euler", 6.283185307179586, 1, True]
+    assert found.keep.trajectories == Worst(worst=5, by="rmse")
+    assert read(axis("[1]") + "keep: {trajectories: {every: 100}}").keep.trajectories == Every(every=100)
+    assert (found.combine, read(axis("[1]")).keep.trajectories) == ("product", "none")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("base: a\naxes: {}", "2: axes: it names nothing to vary"),
+        ("axes: {a: [1]}", "1: base: this key is missing"),
+        ("base: 3\naxes: {a: [1]}", "1: base: expected the name of a file or a configuration, found 3"),
+        (axis("{log: [0, 2, 3]}"), "3: axes.a.b.log: a logarithmic axis lies between numbers above 0, found 0 and 2"),
+        (axis("{log: [1, 2]}"), "3: axes.a.b.log: expected a list of at least 3, found 2"),
+        (axis("{linear: [1, 2, 2.5]}"), "3: axes.a.b.linear.2: expected a whole number, found 2.5"),
+        (axis("{linear: [1, 2, 0]}"), "3: axes.a.b.linear.2: expected a number of at least 1, found 0"),
+        (axis("{uniform: [1, 2]}"), "3: axes.a.b.draws: this key is missing"),
+        (axis("{uniform: [2, 1], draws: 3}"), "3: axes.a.b.uniform: expected [low, high] with low < high"),
+        (axis("{normal: [2, -1], draws: 3}"), "3: axes.a.b.normal.1: expected a number of at least 0"),
+        (axis("{unifrom: [1, 2]}"), "3: axes.a.b: expected [a, b, ...], {linear: [a, b, n]}, {log: [a, b, n]}"),
+        (axis("3"), "3: axes.a.b: expected [a, b, ...], {linear: [a, b, n]}"),
+        (axis("{linear: [1, 2, 2], draws: 4}"), "3: axes.a.b.draws: unknown key 'draws'"),
+        (axis("[1, [2]]"), "3: axes.a.b.1: expected numbers or text, found a list"),
+        (axis("[]"), "3: axes.a.b: expected at least one value, found an empty list"),
+        (axis("[1]") + "keep: {trajectories: {worst: 5}}", "4: keep.trajectories.by: this key is missing"),
+        (axis("[1]") + "keep: {trajectories: {every: 0}}", "4: keep.trajectories.every: expected a number of at"),
+        (axis("[1]") + "keep: {trajectories: some}", "4: keep.trajectories: expected 'none' or 'all', found 'some'"),
+        (axis("[1]") + "keep: {metrics: rmse}", "4: keep.metrics: expected a list, found 'rmse'"),
+        (axis("[1]") + "combine: grid", "4: combine: expected 'product', 'zip' or 'sobol', found 'grid'"),
+    ],
+)
+def test_what_is_wrong_is_named_with_its_place(text: str, message: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        read(text)
+    assert str(caught.value).startswith(f"f.yaml:{message}")
