@@ -37,16 +37,16 @@ class Block(BaseModel):
     def _known_keys(cls, data: Any) -> Any:
         if isinstance(data, cls):
             return data
-        known = tuple(dict.fromkeys((*cls.model_fields, *cls.read_before)))
-        keys = ", ".join(known)
+        fields = cls.model_fields
         if not isinstance(data, dict):
             raise PydanticCustomError(
                 "not_a_mapping",
                 "expected a mapping with keys {keys}; found {found}",
-                {"keys": keys, "found": describe(data)},
+                {"keys": ", ".join(cls._keys()), "found": describe(data)},
             )
         for key in data:
-            if key not in cls.model_fields:
+            if key not in fields:
+                known = cls._keys()
                 raise PydanticCustomError(
                     "unknown_key",
                     "unknown key {name}.{hint} Known here: {keys}",
@@ -54,12 +54,17 @@ class Block(BaseModel):
                         "key": key,
                         "name": repr(key),
                         "hint": f" {_COMMA}." if str(key).isdigit() else nearest(str(key), known),
-                        "keys": keys,
+                        "keys": ", ".join(known),
                     },
                 )
             if data[key] is None:
                 raise PydanticCustomError("no_value", "this key has no value", {"key": key})
         return data
+
+    @classmethod
+    def _keys(cls) -> tuple[str, ...]:
+        """All keys that are known here."""
+        return tuple(dict.fromkeys((*cls.model_fields, *cls.read_before)))
 
 
 def number(value: Any) -> float:

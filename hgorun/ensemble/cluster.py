@@ -79,7 +79,7 @@ def on_worker(recipe: str, start: int, stop: int, version: str, code: Mapping[st
     """
     own = own_code()
     if version != __version__ or code != own:
-        rooms = sorted(room for room in {*code, *own} if code.get(room) != own.get(room))
+        rooms = ", ".join(sorted(room for room in {*code, *own} if code.get(room) != own.get(room)))
         what = f"hgorun {__version__} instead of {version}" if version != __version__ else f"other code: {rooms}"
         raise SimulationError(f"a worker has {what}; install the same version everywhere")
     with _ONE:

@@ -59,9 +59,10 @@ class NativeModule:
 
 def address_of(array: np.ndarray) -> int:
     """Where an array's memory starts: through its buffer, where that is given, in a quarter of the time."""
-    if array.size and array.flags.writeable and array.flags.c_contiguous:
+    try:
         return ctypes.addressof(ctypes.c_char.from_buffer(array.data))
-    return int(array.__array_interface__["data"][0])
+    except (TypeError, ValueError):  # it is empty, not to be written to, or not in one piece
+        return int(array.__array_interface__["data"][0])
 
 
 def _needs_jit_link() -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -20,6 +21,7 @@ from hgorun.study.study import Run, Study
 from hgorun.study.theory import theory_of
 
 _OWN = 2.0**34  # bytes of a run's numbers: files made here are read whatever their size
+_OFTEN = 1.0  # seconds after which members that have been run are recorded
 Report = Callable[[float, str], None]
 
 
@@ -222,10 +224,13 @@ class Work:
 
     def _ensemble(self, run: Run, report: Callable[[float], None]) -> list[dict[str, float]]:
         asked = asked_of(self.study, run.name, self.stale_claims, list(self.stale_figures))
-        members = len(run.varied)
+        members, last = len(run.varied), time.monotonic()
 
         def keep(found: list[dict[str, float]]) -> None:
-            self.state.keep_members(run, found)
+            nonlocal last
+            if len(found) == members or time.monotonic() - last > _OFTEN:  # all of them are written each time
+                self.state.keep_members(run, found)
+                last = time.monotonic()
             report(len(found) / members)
 
         return measure_members(run, asked, self.state.members(run, asked), keep)

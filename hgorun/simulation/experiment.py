@@ -148,9 +148,12 @@ class Experiment:
         """Leave out what has been derived from parts that are no longer the same."""
         now, known = self._checked, self.__dict__
         known["_designed"] = known.get("_designed", {}) | known.get("designs", {})
+        formed = known.get("_formed", {}) | known.get("_forms", {})
+        same = {label for label, observer in now.observers.items() if observer is before.observers.get(label)}
+        known["_formed"] = {label: forms for label, forms in formed.items() if label in same}
         stale = {"designs"}
         if now.plant is not before.plant or now.blocks.time.start != before.blocks.time.start:
-            stale |= {"plant", *_OF_FORMS, "stretches", "grid"}
+            stale |= {"plant", "_formed", *_OF_FORMS, "stretches", "grid"}
         if now.observers is not before.observers:
             stale |= _OF_FORMS if now.observers.keys() == before.observers.keys() else {*_OF_FORMS, "grid"}
         if now.measurement is not before.measurement or now.blocks.time != before.blocks.time:
@@ -190,11 +193,11 @@ class Experiment:
     def _forms(self) -> dict[str, tuple[Form, Form]]:
         """For every observer the form of the plant, and the one first found with the same equations."""
         with self.located():
-            noise = self._noise
-            return {
-                label: form_of(self.plant, label, observer, noise, self._chosen.get(label))
-                for label, observer in self.observers.items()
-            }
+            known = self.__dict__.get("_formed", {})
+            return {label: known.get(label) or self._form(label) for label in self.observers}
+
+    def _form(self, label: str) -> tuple[Form, Form]:
+        return form_of(self.plant, label, self.observers[label], self._noise, self._chosen.get(label))
 
     @cached_property
     def _noise(self) -> dict[str, float]:

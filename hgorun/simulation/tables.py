@@ -200,7 +200,7 @@ class _Tabulated:
         return Segments(spans, counts.astype(np.int64, copy=False), actions)
 
 
-_STEPS: Memo[np.ndarray] = Memo(32, lambda steps: steps.size < _KEPT // 10)
+_STEPS: Memo[np.ndarray] = Memo(16, lambda steps: steps.size < _KEPT // 10)
 
 
 def steps_between(schedule: Schedule, longest: float, key: str = "step") -> np.ndarray:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from examples import VAN_DER_POL, experiment, sinusoid
+from examples import VAN_DER_POL, experiment, inline, sinusoid
 
 from hgorun import Experiment, HgorunError, Result, simulate
 from hgorun.ensemble.block import Block, compute
@@ -111,6 +111,16 @@ def test_automatic_steps(measured: str, axes: str) -> None:
 
 
 @pytest.mark.slow
+def test_what_is_narrow_in_a_state() -> None:
+    """A force within a thousandth of a position, which some of the members pass."""
+    plant = inline({"x1": "x2", "x2": "-x1 + 200*exp(-((x1 - 1)/1e-3)**2)"}, "x1", initial={"x1": 0.0, "x2": 0.0})
+    base = experiment(plant, {"S": {"type": "shgo", "theta": 3}}, end=2.0)
+    members = Members.of({"plant.initial.x1": np.linspace(0.3, 1.5, COUNT)})
+    block = compute(base, members)
+    for i in (0, 12, 29):
+        alone(base, members, i, block)
+
+
 def test_two_hundred_members_at_random() -> None:
     base = van_der_pol(MEASURED["sampled"], 0.02)
     random = np.random.default_rng(0)
