@@ -24,6 +24,7 @@ RUN = (
     "config/models.py",
     "config/reads.py",
     "config/study.py",
+    "config/tuning.py",
     "config/types.py",
     "engine",
     "measurement",

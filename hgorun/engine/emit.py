@@ -32,6 +32,7 @@ class Emitted:
     constants: int = 0
     clocked: int = 0
     instructions: int = 0
+    timed: bool = False
     text: str = field(default="", repr=False)
 
     def setup(self, f: Function, p: str, c: str) -> None:
@@ -41,6 +42,9 @@ class Emitted:
         if not self.clocked:
             return
         arguments = f"double {t}, ptr {p}, ptr {c}, ptr {tau}"
+        if self.timed:
+            f.call(f"{self.name}_clock", f"{f.real} {t}, ptr {p}, ptr {c}, ptr {tau}")
+            return
         if self.lanes == 1:
             f.call(f"{self.name}_clock", arguments)
             return
@@ -62,6 +66,7 @@ def emit(
     *,
     inlined: bool = True,
     literal: bool = False,
+    timed: bool = False,
 ) -> Emitted:
     """Emit f(t, p, z, w) -> d.
 
@@ -80,8 +85,10 @@ def emit(
     literal : bool
         Every operation by itself, rounded as it is written; otherwise those of every evaluation are taken together
         where that takes less time, see :class:`~hgorun.engine.emitter.Emitter`.
+    timed : bool
+        Whether each lane has a time of its own.
     """
-    emitter = Emitter(name, lanes, declarations, inlined=inlined, literal=literal)
+    emitter = Emitter(name, lanes, declarations, inlined=inlined, timed=timed, literal=literal)
     instructions = read(function)
     for some in rounds(instructions, calls=CALLS):
         if some[0].op in CALLS:
@@ -96,7 +103,7 @@ def emit(
                 emitter.output(i.arguments[0], i.place[1])
             else:
                 emitter.operation(i.value, i.op, i.arguments)
-    if lanes > 1 and emitter.sizes[CLOCK]:
+    if lanes > 1 and emitter.sizes[CLOCK] and not timed:
         from hgorun.engine.alike import add_alike
 
         add_alike(emitter, instructions)
@@ -108,5 +115,6 @@ def emit(
         emitter.sizes[0],
         emitter.sizes[1],
         len(instructions),
+        timed,
         "\n".join(part.text() for part in emitter.parts),
     )

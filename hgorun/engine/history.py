@@ -88,7 +88,7 @@ class History:
 
         Returns 0, or 1 when the provisional piece was used, or 2 when the history is too short.
         """
-        few = all(len(regime.delayed) <= _FEW for regime in self.m.system.regimes)
+        few = self.m.lanes == 1 and all(len(regime.delayed) <= _FEW for regime in self.m.system.regimes)
         f = self.m.function(
             name,
             "ptr %ctx, i64 %output, double %t, i64 %newest, ptr %hint, ptr %target",
@@ -164,10 +164,9 @@ class History:
         p, w = f.word("%ctx", WORD["p"], "ptr"), f.word("%ctx", WORD["w"], "ptr")
         delays = f.slot("double", self.m.system.outputs * lanes)
         lag.main(f, p, self.m.constants_of(f, lag), f.slot("double", 1), z, w, delays)
-        far = f.scalar("fmul", h, hexadecimal(_FAR))
-        near = "false"
+        far, near = f.splat(f.scalar("fmul", h, hexadecimal(_FAR))), "false"
         for i in self.m.system.regimes[regime].delayed:
-            one = f.test("olt", f.word(delays, i * lanes, "double"), far)
+            one = f.any(f.compare("olt", f.load(f.at(delays, i * lanes), f.real), far))
             near = f.let(f"or i1 {near}, {one}")
         return near
 

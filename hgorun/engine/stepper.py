@@ -47,7 +47,7 @@ def guard(f: Function, m: Module, t: str, z: str, lost: str) -> None:
         bounds = f.slot("double", lanes)
         f.store(bound, bounds, f.real)
         masked = lent(f, z, s.states)
-        verdict = f.call("flag", f"ptr %ctx, double {t}, ptr {masked}, ptr {bounds}", "i64")
+        verdict = f.call("flag", f"ptr %ctx, {m.time} {t}, ptr {masked}, ptr {bounds}", "i64")
         move(f, masked, z, s.states)
         f.leave_if(f.test("eq", verdict, "1"), lost)
 
