@@ -26,7 +26,7 @@ from hgorun.engine.layout import (
 )
 from hgorun.engine.methods import Method, Rosenbrock
 from hgorun.engine.parts import Module, hermite, move
-from hgorun.engine.stepper import guard, weighted
+from hgorun.engine.stepper import advanced, guard
 from hgorun.native.ir import Function, hexadecimal
 
 # What each lane has of its own, one word a lane each: its tables, and where it is in them.
@@ -200,9 +200,10 @@ class _Loop:
         factor = h if scale == 1.0 else f.mul(h, f.constant(scale))
         for i in range(self.size):
             place = i * f.lanes
-            old = f.load(f.at(self.z, place), f.real)
-            new = f.add(old, f.mul(factor, weighted(f, weights, self.k, place)))
-            f.store(f.select(active, new, old) if target == self.z else new, f.at(target, place), f.real)
+            new = advanced(f, factor, weights, self.k, self.z, place)
+            if target == self.z:
+                new = f.select(active, new, f.load(f.at(self.z, place), f.real))
+            f.store(new, f.at(target, place), f.real)
 
 
 _COUNTED = ("steps", "first", "last", "end_slope", "regime")

@@ -6,7 +6,7 @@ from hgorun.engine.emit import Emitted
 from hgorun.engine.history import History
 from hgorun.engine.methods import Method, Row
 from hgorun.engine.parts import Module
-from hgorun.engine.stepper import Stepper, weighted
+from hgorun.engine.stepper import Stepper, advanced, weighted
 from hgorun.native.ir import Function, hexadecimal
 
 
@@ -15,8 +15,7 @@ def combine(f: Function, row: Row, h: str, z: str, slopes: list[str], target: st
     factor = f.splat(h if row.scale == 1.0 else f.scalar("fmul", h, hexadecimal(row.scale)))
     for i in range(size):
         place = i * f.lanes
-        slope = weighted(f, row.weights, slopes, place)
-        f.store(f.fma(factor, slope, f.load(f.at(z, place), f.real)), f.at(target, place), f.real)
+        f.store(advanced(f, factor, row.weights, slopes, z, place), f.at(target, place), f.real)
 
 
 class RungeKutta(Stepper):

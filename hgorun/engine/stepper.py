@@ -24,6 +24,11 @@ def weighted(f: Function, weights: tuple[float, ...], slopes: list[str], place: 
     return total
 
 
+def advanced(f: Function, factor: str, weights: tuple[float, ...], slopes: list[str], z: str, place: int) -> str:
+    """z + factor sum_j weights[j] slopes[j] of one state."""
+    return f.fma(factor, weighted(f, weights, slopes, place), f.load(f.at(z, place), f.real))
+
+
 def guard(f: Function, m: Module, t: str, z: str, lost: str) -> None:
     """Grow the largest |x| so far and mask what has left the bound; leave to ``lost`` with the plant."""
     s, lanes = m.system, m.lanes
