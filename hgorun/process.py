@@ -61,6 +61,11 @@ def _leave(code: int) -> NoReturn:
     os._exit(code)
 
 
+def processors() -> int:
+    """How many things run at once: the processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1
+
+
 def _tidy() -> None:
     """Remove what is half-written."""
     for path in tuple(unfinished):

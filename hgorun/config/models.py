@@ -44,7 +44,7 @@ class Time(Block):
         return self.model_copy(update={"start": 0.0, "end": self.end - self.start}) if self.start else self
 
 
-def _step(value: Any) -> Any:
+def _step(value: object) -> Any:
     if value == "auto":
         return value
     step = number(value)

@@ -13,7 +13,8 @@ from collections.abc import Callable
 import casadi as ca
 
 from hgorun.engine.layout import WORD, Regime
-from hgorun.engine.parts import Module, copy, each, hermite, hermite_slope
+from hgorun.engine.parts import Module, copy, each
+from hgorun.engine.rows import hermite, hermite_slope
 from hgorun.native.ir import Function, hexadecimal
 
 _FEW = 2  # delayed outputs, for each of which the code of looking up stands wherever it is needed

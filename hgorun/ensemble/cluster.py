@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 from hgorun.ensemble.carried import Carried, carry_out
 from hgorun.ensemble.cuts import Cuts
-from hgorun.ensemble.executors import Executor, Flow, processors
+from hgorun.ensemble.executors import Executor, Flow
 from hgorun.ensemble.fingerprint import own_code
 from hgorun.errors import HgorunError, SimulationError
+from hgorun.process import processors
 from hgorun.version import __version__
 
 if TYPE_CHECKING:

@@ -17,6 +17,7 @@ import os
 import stat
 import sys
 import tempfile
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -73,6 +74,11 @@ def processor() -> tuple[str, str]:
     """Name and features of the processor to compile for."""
     if chosen := os.environ.get("HGORUN_CPU"):
         return chosen, ""
+    return _this_processor()
+
+
+@cache
+def _this_processor() -> tuple[str, str]:
     return str(llvm.get_host_cpu_name()), str(llvm.get_host_cpu_features().flatten())
 
 

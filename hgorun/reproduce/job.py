@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 from hgorun.errors import ConfigError
 from hgorun.files import remove_leftovers
@@ -239,7 +238,9 @@ class Work:
     def _figure_folder(self) -> Path:
         return self.job.folders.figures / self.job.group
 
-    def _draw(self, name: str, results: Mapping[str, Result], ensembles: Mapping[str, Any]) -> None:
+    def _draw(
+        self, name: str, results: Mapping[str, Result], ensembles: Mapping[str, Sequence[Mapping[str, float]]]
+    ) -> None:
         from hgorun.figures.drawing import draw
         from hgorun.figures.files import save, thumbnail
         from hgorun.study.scaling import refused, scaling_data

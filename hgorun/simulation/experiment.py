@@ -25,8 +25,7 @@ from hgorun.simulation.blocks import Checked, check, check_again, observer_of, p
 from hgorun.simulation.forms import form_of
 from hgorun.simulation.grid import grid_of, metric_step
 from hgorun.simulation.observer_block import Design
-from hgorun.symbolic.canonical import CanonicalForm
-from hgorun.symbolic.forms import Form
+from hgorun.symbolic.forms import ChosenChains, Form
 
 # what the runs of a family share, and by which their schedules are known again
 _STRETCHES: Memo[list[list[Stretch]]] = Memo(16)
@@ -218,7 +217,7 @@ class Experiment:
     @cached_property
     def coordinates(self) -> dict[str, Coordinates]:
         """Of every observer with constant gain the coordinates in which it corrects."""
-        chains = {label: form for label, form in self.forms.items() if isinstance(form, CanonicalForm)}
+        chains = {label: form for label, form in self.forms.items() if isinstance(form, ChosenChains)}
         return {label: Coordinates(form.map, form.taken) for label, form in chains.items()}
 
     @cached_property

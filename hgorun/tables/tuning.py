@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from hgorun.files import json_value
 from hgorun.tables.ensemble import short_axis
-from hgorun.tables.metrics import number, packed, wrapped
+from hgorun.tables.layout import number, packed, wrapped
 from hgorun.tables.uncertain import uncertain
 
 Floats = NDArray[np.float64]
