@@ -22,8 +22,9 @@ from hgorun.measurement import events as irregular
 from hgorun.measurement import schedule as measured
 from hgorun.measurement.availability import resolve
 from hgorun.measurement.blocks import Measurement
+from hgorun.measurement.channels import Channel, find_channels
 from hgorun.measurement.events import Irregular
-from hgorun.measurement.schedule import Channel, Schedule, build_schedule, find_channels
+from hgorun.measurement.schedule import Schedule, build_schedule
 
 GRID = 20  # times are decimals, multiples of 1/GRID: what coincides on paper does not in binary
 LEVELS = 4
