@@ -119,6 +119,13 @@ def _report(chosen: options.Report) -> int:
     return report(chosen)
 
 
+@_command("tune", options.Tune)
+def _tune(chosen: options.Tune) -> int:
+    from hgorun.commands.tune import tune
+
+    return tune(chosen)
+
+
 @_command("analyze", options.Analyze)
 def _analyze(chosen: options.Analyze) -> int:
     from hgorun.commands.analyze import analyze

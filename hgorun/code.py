@@ -23,6 +23,8 @@ RUN = (
     "config/literals.py",
     "config/models.py",
     "config/reads.py",
+    "config/study.py",
+    "config/tuning.py",
     "config/types.py",
     "engine",
     "measurement",
@@ -42,11 +44,17 @@ SCALING = ("study/scaling.py",)
 THEORY = ("analysis", "study/theory.py")
 
 
-def code(parts: Sequence[str]) -> dict[str, str]:
-    """{room: hash} of rooms and files of the package."""
+def code(parts: Sequence[str], *, exact: bool = False) -> dict[str, str]:
+    """{room: hash} of rooms and files of the package.
+
+    Parameters
+    ----------
+    exact : bool
+        Of their bytes and not of their meaning, which takes a hundred times as long to find.
+    """
     rooms: dict[str, list[str]] = {}
     for part in parts:
-        rooms.setdefault(part.split("/")[0].removesuffix(".py"), []).append(_digest(part))
+        rooms.setdefault(part.split("/")[0].removesuffix(".py"), []).append(_digest(part, exact))
     return {room: _hash("".join(digests)) for room, digests in rooms.items()}
 
 
@@ -126,12 +134,17 @@ def _distributions() -> Mapping[str, list[str]]:
 
 
 @cache
-def _digest(part: str) -> str:
+def _digest(part: str, exact: bool = False) -> str:
     """Hash of a file, or of all files of a room with their names."""
     place = PACKAGE / part
     files = sorted(place.rglob("*.py")) if place.is_dir() else [place]
-    texts = (f"{path.relative_to(PACKAGE).as_posix()} {meaning(path.read_bytes())}" for path in files)
+    of = _bytes if exact else meaning
+    texts = (f"{path.relative_to(PACKAGE).as_posix()} {of(path.read_bytes())}" for path in files)
     return _hash("\n".join(texts))
+
+
+def _bytes(source: bytes) -> str:
+    return hashlib.sha256(source).hexdigest()
 
 
 def meaning(source: str | bytes) -> str:

@@ -53,14 +53,24 @@ def run(main: Callable[[], Callable[[], None]]) -> None:
 
 def _leave(code: int) -> NoReturn:
     """End at once, with nothing half-written and one line that says so."""
-    for path in tuple(unfinished):
-        with suppress(OSError):
-            path.unlink(missing_ok=True)
+    _tidy()
     if not _said & {INTERRUPTION_SAID, TERMINATION_SAID}:
         say(INTERRUPTION_SAID if code == INTERRUPTED else TERMINATION_SAID)
     with suppress(OSError, ValueError):
         sys.stdout.flush()
     os._exit(code)
+
+
+def processors() -> int:
+    """How many things run at once: the processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1
+
+
+def _tidy() -> None:
+    """Remove what is half-written."""
+    for path in tuple(unfinished):
+        with suppress(OSError):
+            path.unlink(missing_ok=True)
 
 
 def say(text: str) -> None:
@@ -123,9 +133,17 @@ def _raiser(code: int) -> Callable[[int, FrameType | None], None]:
 
 
 def serve() -> None:
-    """In a process that works for another one: Ctrl-C is the other's business, its end is ours, killed or not."""
+    """In a process that works for another one: Ctrl-C is the other's business, its end is ours, killed or not.
+
+    SIGTERM ends it at once: a pool of processes would catch an exception, and wait for the next piece of work.
+    """
+
+    def end(*_: object) -> None:
+        _tidy()
+        os._exit(TERMINATED)
+
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(TERMINATED))
+    signal.signal(signal.SIGTERM, end)
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
 

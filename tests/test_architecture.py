@@ -30,7 +30,7 @@ FLOORS: list[set[str]] = [
     {"tables"},
     {"figures"},
     {"explore", "study"},
-    {"reproduce"},
+    {"reproduce", "tuning"},
     {"hgorun"},  # __init__.py, what `import hgorun` offers
     {"commands"},
     {"cli"},

@@ -15,6 +15,7 @@ import pytest
 
 from hgorun.errors import HgorunError
 from hgorun.files import written_whole
+from hgorun.process import processors
 
 CONFIG = """
 time: {end: 1, output_step: 0.01}
@@ -150,3 +151,13 @@ def test_memory_that_is_limited_is_one_line(folder: Path) -> None:
     assert done.returncode == 1
     assert done.stderr.startswith("hgorun: out of memory; a longer time.output_step")
     assert done.stderr.count("\n") == 1
+
+
+def test_processors_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert processors() >= 1
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 1, 2}, raising=False)
+    monkeypatch.setattr(os, "cpu_count", lambda: None)
+    monkeypatch.setattr(sys, "platform", "linux")
+    assert processors() == 3
+    monkeypatch.setattr(sys, "platform", "darwin")
+    assert processors() == 1

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json as json_text
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,9 +19,9 @@ from hgorun.errors import ConfigError, HgorunError
 from hgorun.figures.scaling import quantities
 from hgorun.files import write_text
 from hgorun.measurement.blocks import Measurement
-from hgorun.noise.base import NOISE
-from hgorun.observers.base import OBSERVERS
-from hgorun.plants.base import PLANTS
+from hgorun.noise.base import NOISE, Noise
+from hgorun.observers.base import OBSERVERS, AnyObserver
+from hgorun.plants.base import PLANTS, Plant
 from hgorun.plants.inline import InlinePlant
 from hgorun.registry import Registry
 from hgorun.reproduce.shipped import experiments
@@ -30,7 +30,11 @@ from hgorun.result.metrics.base import all_metrics
 if TYPE_CHECKING:
     from hgorun.analysis.finding import Finding
 
-_REGISTRIES: dict[str, Registry[Any]] = {"plants": PLANTS, "observers": OBSERVERS, "noise": NOISE}
+_REGISTRIES: Mapping[str, Registry[type[Plant]] | Registry[type[AnyObserver]] | Registry[type[Noise]]] = {
+    "plants": PLANTS,
+    "observers": OBSERVERS,
+    "noise": NOISE,
+}
 _KINDS = (*_REGISTRIES, "metrics", "findings", "experiments")
 
 
@@ -85,14 +89,10 @@ def show(options: Show) -> int:
             return 0
     metrics = all_metrics()
     if name in metrics:
-        found = described.of_metric(metrics[name])
-        print(json_text.dumps(found, indent=2) if json else "\n".join(f"{k}: {v}" for k, v in found.items()))
-        return 0
+        return _told(described.of_metric(metrics[name]), json=json)
     findings = _findings()
     if name in findings:
-        found = described.of_finding(findings[name])
-        print(json_text.dumps(found, indent=2) if json else "\n".join(f"{k}: {v}" for k, v in found.items()))
-        return 0
+        return _told(described.of_finding(findings[name]), json=json)
     shipped = experiments()
     for path, file in shipped.items():
         if name in (path, Path(path).name):
@@ -101,6 +101,11 @@ def show(options: Show) -> int:
             return 0
     known = [*(name for registry in _REGISTRIES.values() for name in registry.names()), *metrics, *findings, *shipped]
     raise ConfigError(f"nothing is called {name!r}.{nearest(name, known)} See hgorun list")
+
+
+def _told(record: described.Record, *, json: bool) -> int:
+    print(json_text.dumps(record, indent=2) if json else "\n".join(f"{k}: {v}" for k, v in record.items()))
+    return 0
 
 
 def _findings() -> dict[str, Finding]:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, get_args
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, TypeAlias, TypedDict, get_args
 
 from annotated_types import Ge, Gt, Le, Lt
 from pydantic import BaseModel
@@ -21,12 +21,51 @@ if TYPE_CHECKING:
     from hgorun.analysis.finding import Finding
 
 
+Record: TypeAlias = dict[str, str | float | None]
+"""What is said of a metric or a finding."""
+
+
+class Key(TypedDict):
+    """A key of a block; ``keys`` are those of the mappings that are its values."""
+
+    key: str
+    required: bool
+    default: object
+    range: str
+    description: str
+    keys: list[Key]
+
+
+class Quantity(TypedDict, total=False):
+    """A parameter, or an input, which has no default."""
+
+    default: float | None
+    unit: str
+    meaning: str
+
+
+class Description(TypedDict, total=False):
+    """A class that a configuration can name; the keys from ``valid`` on are those of a plant."""
+
+    name: str
+    kind: str
+    reference: str
+    description: str
+    keys: list[Key]
+    valid: str
+    units: Mapping[str, str]
+    states: list[str]
+    outputs: list[str]
+    parameters: dict[str, Quantity]
+    inputs: dict[str, Quantity]
+
+
 def own_doc(cls: type) -> str:
     """The docstring of a class itself: that of a base would describe something else."""
     return inspect.cleandoc(cls.__doc__ or "")
 
 
-def of_finding(finding: Finding) -> dict[str, Any]:
+def of_finding(finding: Finding) -> Record:
     return {
         "name": finding.name,
         "kind": "finding",
@@ -36,7 +75,7 @@ def of_finding(finding: Finding) -> dict[str, Any]:
     }
 
 
-def of_metric(metric: Metric) -> dict[str, Any]:
+def of_metric(metric: Metric) -> Record:
     return {
         "name": metric.name,
         "kind": "metric",
@@ -47,8 +86,8 @@ def of_metric(metric: Metric) -> dict[str, Any]:
     }
 
 
-def of_class(name: str, kind: str, cls: type[Plant] | type[Observer] | type[Noise]) -> dict[str, Any]:
-    found: dict[str, Any] = {
+def of_class(name: str, kind: str, cls: type[Plant] | type[Observer] | type[Noise]) -> Description:
+    found: Description = {
         "name": name,
         "kind": kind,
         "reference": cls.reference,
@@ -78,11 +117,11 @@ def _names(cls: type[Plant]) -> tuple[list[str], list[str]]:
         return [], []
 
 
-def _keys(cls: type[BaseModel]) -> list[dict[str, Any]]:
+def _keys(cls: type[BaseModel]) -> list[Key]:
     return [_key(name, field) for name, field in cls.model_fields.items() if name != "type"]
 
 
-def _key(name: str, field: FieldInfo) -> dict[str, Any]:
+def _key(name: str, field: FieldInfo) -> Key:
     """A key with its range and default and, where its values are mappings of known keys, those."""
     limits = [words for item in field.metadata for words in _limits(item)]
     default = None if field.is_required() or field.default_factory is not None else field.default
@@ -115,22 +154,22 @@ def _blocks(annotation: object) -> Iterator[type[Block]]:
         yield from _blocks(part)
 
 
-def as_text(d: dict[str, Any]) -> str:
+def as_text(d: Description) -> str:
     lines = [f"{d['name']} ({d['kind']})", *([f"source: {d['reference']}"] if d["reference"] else [])]
     lines += ["", d["description"]]
     if d.get("valid"):
         lines += ["", f"valid: {d['valid']}"]
-    for group in ("states", "outputs"):
-        if d.get(group):
-            units = {name: f" [{unit}]" for name, unit in d["units"].items() if unit}
+    units = {name: f" [{unit}]" for name, unit in d.get("units", {}).items() if unit}
+    for group, names in (("states", d.get("states")), ("outputs", d.get("outputs"))):
+        if names:
             lines += [
                 *([""] if group == "states" else []),
-                f"{group}: " + ", ".join(n + units.get(n, "") for n in d[group]),
+                f"{group}: " + ", ".join(n + units.get(n, "") for n in names),
             ]
-    for group in ("parameters", "inputs"):
-        if d.get(group):
+    for group, known in (("parameters", d.get("parameters")), ("inputs", d.get("inputs"))):
+        if known:
             lines += ["", f"{group}:"]
-            for name, q in d[group].items():
+            for name, q in known.items():
                 value = f" = {q['default']:g}" if q.get("default") is not None else ""
                 unit = (f" {q['unit']}" if value else f" [{q['unit']}]") if q["unit"] else ""
                 lines.append(f"  {name}{value}{unit}  {q['meaning']}".rstrip())
@@ -138,7 +177,7 @@ def as_text(d: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def _lines(keys: list[dict[str, Any]], indent: str) -> Iterator[str]:
+def _lines(keys: list[Key], indent: str) -> Iterator[str]:
     for key in keys:
         if key["required"]:
             value = "required"

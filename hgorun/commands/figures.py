@@ -5,7 +5,7 @@ from __future__ import annotations
 import json as json_text
 import sys
 from collections.abc import Mapping
-from typing import Any
+from typing import TypedDict
 
 from hgorun.commands.options import Figures
 from hgorun.commands.outputs import refuse_other_kinds
@@ -39,16 +39,27 @@ def figures(options: Figures) -> int:
     return 0
 
 
-def _line(row: dict[str, Any]) -> str:
+class _Row(TypedDict):
+    """A figure; its reason says why it was drawn, None that it stood."""
+
+    figure: str
+    experiment: str
+    publication: str
+    files: list[str]
+    integration_error: float | None
+    reason: str | None
+
+
+def _line(row: _Row) -> str:
     error, reason = row["integration_error"], row["reason"]
     notes = [f"integration error {error:.1e}"] if error else []
     notes += [f"drawn: {reason}"] if reason else []
     return f"{row['figure']}: {row['files'][0]}" + (f" ({'; '.join(notes)})" if notes else "")
 
 
-def _rows(work: Work, outcome: Outcome, reasons: Mapping[str, str]) -> list[dict[str, Any]]:
-    """One record a figure; its reason says why it was drawn, None that it stood."""
-    found = []
+def _rows(work: Work, outcome: Outcome, reasons: Mapping[str, str]) -> list[_Row]:
+    """One record a figure."""
+    found: list[_Row] = []
     for name, files in outcome.figures.items():
         errors = [outcome.errors.get(run) for run in work.study.runs_of(name)]
         known = [e for e in errors if e is not None]

@@ -147,6 +147,24 @@ class Report(OfEnsembles):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Tune(Configured):
+    """Find gains for a stated trade-off, and write the tuned configuration with the evidence.
+
+    The key tune of the configuration says which gains, what is minimised, and over how many seeds.
+    """
+
+    config: Annotated[
+        Path, typer.Argument(metavar="CONFIG", help="A configuration with the key tune, or a file with base and tune.")
+    ]
+    plots: Annotated[bool, typer.Option("--plots/--no-plots", help="Draw what was tried and found (PNG and PDF).")] = (
+        True
+    )
+    jobs: Annotated[
+        int | None, typer.Option("--jobs", min=1, help="Number of threads (default: one per processor).")
+    ] = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Analyze(Configured):
     """Compare theory with simulation: gains, bounds, noise."""
 

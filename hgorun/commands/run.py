@@ -97,11 +97,12 @@ def compare(options: Compare) -> int:
 def _style(options: Compare) -> Style:
     """The table asked for, once it is sure that the options fit each other."""
     from hgorun.tables import metrics as tables
+    from hgorun.tables.latex import latex
 
     styles: dict[str, Style] = {
         "text": tables.text,
         "csv": tables.csv,
-        "latex": lambda results, _: tables.latex(results),
+        "latex": lambda results, _: latex(results),
     }
     if options.format not in styles:
         raise ConfigError(f"--format: expected one of {', '.join(styles)}, found {options.format!r}")

@@ -11,11 +11,12 @@ from hgorun.commands.options import Merge, Printing, Sweep
 from hgorun.commands.outputs import NOT_OK, RESULT_SUFFIXES, RESULTS, refuse_other_kinds
 from hgorun.commands.run import require_file
 from hgorun.ensemble.collecting import collect
-from hgorun.ensemble.executors import EXECUTORS, Executor, processes, processors, threads
+from hgorun.ensemble.executors import EXECUTORS, Executor, processes, threads
 from hgorun.ensemble.outcome import Outcome, outcome_of
 from hgorun.ensemble.store import Store
 from hgorun.ensemble.sweep import SUFFIX, Count, Part, Place, carry_out, finished
 from hgorun.errors import ConfigError
+from hgorun.process import processors
 from hgorun.progress import shown
 from hgorun.study.sweep_file import load_sweep
 

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from decimal import Decimal
 from functools import reduce
 from numbers import Real
-from typing import Any
+from typing import TYPE_CHECKING, TypeAlias
 
 from hgorun.config.grammar import (
     FUNCTIONS,
@@ -22,13 +22,18 @@ from hgorun.config.grammar import (
     short,
 )
 
-_OPERATORS: dict[str, Callable[..., Any]] = {  # of floats and of symbols alike
+if TYPE_CHECKING:
+    import casadi
+
+Value: TypeAlias = "float | casadi.SX"
+
+_OPERATORS: dict[str, Callable[..., Value]] = {  # of floats and of symbols alike
     **{"+": operator.add, "-": operator.sub, "*": operator.mul, "/": operator.truediv, "**": operator.pow},
     **{"<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge},
     **{"==": operator.eq, "!=": operator.ne, "neg": operator.neg},
 }
 _EXACT = {"sqrt", "floor", "ceil"}  # one right result, which every machine gives
-_OF_FLOATS: dict[str, Callable[..., Any]] = {
+_OF_FLOATS: dict[str, Callable[..., float]] = {
     **{name: getattr(math, name) for name in FUNCTIONS if hasattr(math, name)},
     **{"abs": abs, "min": min, "max": max, "not": operator.not_, "sign": lambda x: (x > 0) - (x < 0)},
 }
@@ -37,7 +42,7 @@ _IN_CASADI = {"abs": "fabs", "min": "fmin", "max": "fmax", "where": "if_else"}
 _IN_CASADI |= {"and": "logic_and", "or": "logic_or", "not": "logic_not"}
 
 
-def evaluate(node: Node, values: Mapping[str, Any]) -> Any:
+def evaluate(node: Node, values: Mapping[str, Value]) -> Value:
     """Evaluate on floats as far as they go, and on CasADi symbols from there."""
     match node:
         case Name(name, constant):
@@ -65,7 +70,7 @@ def evaluate(node: Node, values: Mapping[str, Any]) -> Any:
     return node
 
 
-def _links(node: Comparison, values: Mapping[str, Any]) -> Iterator[Any]:
+def _links(node: Comparison, values: Mapping[str, Value]) -> Iterator[Value]:
     left = evaluate(node.first, values)
     for sign, operand in node.rest:
         right = evaluate(operand, values)
@@ -73,7 +78,7 @@ def _links(node: Comparison, values: Mapping[str, Any]) -> Iterator[Any]:
         left = right
 
 
-def _combine(operation: str, parts: Iterable[Any]) -> Any:
+def _combine(operation: str, parts: Iterable[Value]) -> Value:
     """Join truth values with `and` or `or`, which stop, as Python's do, at the first that decides."""
     symbols = []
     for part in parts:
@@ -84,7 +89,7 @@ def _combine(operation: str, parts: Iterable[Any]) -> Any:
     return _apply(operation, *symbols) if symbols else float(operation == "and")
 
 
-def _apply(operation: str, *values: Any) -> Any:
+def _apply(operation: str, *values: Value) -> Value:
     if all(isinstance(value, float) for value in values):
         return _on_floats(operation, *values)
     if operation in _OPERATORS:

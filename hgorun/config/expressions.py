@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from numbers import Real
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from hgorun.config.evaluation import evaluate
+from hgorun.config.evaluation import Value, evaluate
 from hgorun.config.grammar import (
     CONSTANTS,
     FUNCTIONS,
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 __all__ = ["CONSTANTS", "FUNCTIONS", "Expression", "ExpressionError", "check_name", "nearest", "parse"]
 
-_NO_VALUES: Mapping[str, Any] = MappingProxyType({})
+_NO_VALUES: Mapping[str, float] = MappingProxyType({})
 
 
 @dataclass(frozen=True)
@@ -64,13 +64,13 @@ class Expression:
             raise ExpressionError(f"`{short(self.text)}`: a value is not a number")
         return value
 
-    def symbol(self, values: Mapping[str, Any] = _NO_VALUES) -> casadi.SX:
+    def symbol(self, values: Mapping[str, Value] = _NO_VALUES) -> casadi.SX:
         """Return the expression in CasADi; ``values`` are scalar SX or numbers, and numbers are folded."""
         import casadi
 
         return casadi.SX(self._evaluate(values))
 
-    def _evaluate(self, values: Mapping[str, Any]) -> Any:
+    def _evaluate(self, values: Mapping[str, Value]) -> Value:
         try:
             return evaluate(self.tree, values)
         except ExpressionError as error:

@@ -14,7 +14,7 @@ from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from itertools import islice, pairwise
 from keyword import iskeyword
-from typing import Any, TypeAlias
+from typing import SupportsFloat, TypeAlias
 
 from hgorun.errors import printable
 
@@ -285,7 +285,7 @@ class Reader:
             raise ExpressionError(f"`{name}` was given {count} arguments, but it is {FUNCTIONS[name]}")
 
 
-def finite(value: Any, what: str) -> float:
+def finite(value: SupportsFloat | str, what: str) -> float:
     """``value`` as a float; an `ExpressionError` about ``what`` if it is infinite or NaN."""
     try:
         number = float(value)

@@ -9,11 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
-from hgorun.config.evaluation import evaluate
+from hgorun.config.evaluation import Value, evaluate
 from hgorun.config.expressions import Expression
 from hgorun.config.grammar import Call, Chain, Comparison, Name, Node
+
+if TYPE_CHECKING:
+    import casadi
 
 
 @dataclass(frozen=True)
@@ -28,7 +31,7 @@ class Template:
 
     tree: Node
 
-    def symbol(self, values: Mapping[str, Any], numbers: Any) -> Any:
+    def symbol(self, values: Mapping[str, Value], numbers: casadi.SX) -> casadi.SX:
         """The expression in CasADi.
 
         Parameters

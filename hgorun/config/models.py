@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
 
 from hgorun.config.study import Claim, Figure
+from hgorun.config.tuning import Tune
 from hgorun.config.types import (
     NUMBER_SCHEMA,
     Block,
@@ -43,7 +44,7 @@ class Time(Block):
         return self.model_copy(update={"start": 0.0, "end": self.end - self.start}) if self.start else self
 
 
-def _step(value: Any) -> Any:
+def _step(value: object) -> Any:
     if value == "auto":
         return value
     step = number(value)
@@ -145,6 +146,7 @@ class ExperimentBlocks(Block):
     metrics: Metrics = Field(default_factory=Metrics)
     figures: dict[str, Figure] = Field(default_factory=dict)
     claims: tuple[Claim, ...] = Field(default=(), description="sentences and the inequalities that decide them")
+    tune: Tune | None = Field(default=None, description="gains that are sought by hgorun tune, and for what")
 
 
 class File(ExperimentBlocks):

@@ -94,7 +94,7 @@ def _removed(data: Any, path: KeyPath) -> Any:
     return _replaced(data, path[:-1], left) if len(path) > 1 else left
 
 
-def _longest_path(data: Any, assignment: str) -> tuple[KeyPath, int]:
+def _longest_path(data: object, assignment: str) -> tuple[KeyPath, int]:
     """Find the longest path in ``data`` that ``assignment`` starts with, and where it ends there."""
     best: tuple[KeyPath, int] = ((), 0)
     todo: list[tuple[KeyPath, Any, int]] = [((), data, 0)]
@@ -110,7 +110,7 @@ def _longest_path(data: Any, assignment: str) -> tuple[KeyPath, int]:
     return best
 
 
-def _no_way(data: Any, path: KeyPath, name: str) -> str:
+def _no_way(data: object, path: KeyPath, name: str) -> str:
     here, value = dotted(path) or "the file", at(data, path)
     if isinstance(value, list):
         indices = f"an index from 0 to {len(value) - 1}" if value else "nothing, as it is empty"
@@ -144,7 +144,7 @@ def merge(base: Source, over: Source) -> Source:
     return Source(data, {path: places[path] for path, _ in walk(data) if path in places})
 
 
-def _merged(base: Any, over: Any) -> Any:  # no deeper than MAX_DEPTH
+def _merged(base: object, over: Any) -> Any:  # no deeper than MAX_DEPTH
     if not (isinstance(base, dict) and isinstance(over, dict)):
         return over
     if "type" in base and over.get("type", base["type"]) != base["type"]:

@@ -8,16 +8,16 @@ from typing import Any
 from hgorun.errors import KeyPath
 
 
-def entries(value: Any) -> Iterable[tuple[str | int, Any]]:
+def entries(value: object) -> Iterable[tuple[str | int, object]]:
     """The keys and values of a mapping, the indices and values of a list, nothing of a scalar."""
     if isinstance(value, dict):
         return value.items()
     return enumerate(value) if isinstance(value, list) else ()
 
 
-def walk(data: Any) -> Iterator[tuple[KeyPath, Any]]:
+def walk(data: object) -> Iterator[tuple[KeyPath, object]]:
     """Yield every value in ``data`` with its path, the whole first."""
-    todo: list[tuple[KeyPath, Any]] = [((), data)]
+    todo: list[tuple[KeyPath, object]] = [((), data)]
     while todo:
         path, value = todo.pop()
         yield path, value

@@ -40,13 +40,13 @@ class Reads(Generic[B]):
         )
 
 
-def frozen(value: Any) -> Hashable:
+def frozen(value: object) -> Hashable:
     """Values of a configuration as a key."""
     if isinstance(value, dict):
         return tuple((key, frozen(part)) for key, part in value.items())
     if isinstance(value, (list, tuple)):
         return tuple(frozen(part) for part in value)
-    return cast(Hashable, value)
+    return value  # a scalar
 
 
 _FIELDS_SET = "__pydantic_fields_set__"

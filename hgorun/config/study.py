@@ -1,4 +1,4 @@
-"""The blocks of a file beside those of its runs: ensembles, figures and claims."""
+"""The blocks of a file beside those of its runs: ensembles, figures, claims, and what is tuned."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
+from hgorun.config.tuning import Tune
 from hgorun.config.types import Block, ExpressionText, Name, NonEmpty, Number, Positive, Window
 
 
@@ -178,3 +179,4 @@ class StudyBlocks(Block):
     runs: dict[str, Any] = Field(default_factory=dict)
     figures: dict[str, Figure] = Field(default_factory=dict)
     claims: tuple[Claim, ...] = ()
+    tune: Tune | None = None

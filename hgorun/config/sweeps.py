@@ -15,7 +15,7 @@ Count = Annotated[int, Field(ge=1, le=MOST_MEMBERS, strict=True)]
 Value: TypeAlias = bool | int | float | str
 
 
-def _value(value: Any) -> Value:
+def _value(value: object) -> Value:
     """A value of a list: a number or text; text that is an expression of numbers is a number."""
     if not isinstance(value, (bool, int, float, str)):
         raise ValueError(f"expected numbers or text, found {describe(value)}")
@@ -103,7 +103,7 @@ _KINDS = ("linear", "log", "uniform", "normal", "count")
 _RIGHT = "[a, b, ...], {linear: [a, b, n]}, {log: [a, b, n]}, {uniform: [a, b], draws: n}, {normal: [m, s], draws: n}"
 
 
-def _written(value: Any) -> Any:
+def _written(value: object) -> Any:
     """A plain list is a mapping of one key, so that each kind of axis is a block."""
     if isinstance(value, Block):
         return value
@@ -116,7 +116,7 @@ def _written(value: Any) -> Any:
     return value
 
 
-def _found(value: Any) -> str:
+def _found(value: object) -> str:
     return (
         f"a mapping with the keys {', '.join(map(str, value)) or 'none'}"
         if isinstance(value, dict)
@@ -124,10 +124,10 @@ def _found(value: Any) -> str:
     )
 
 
-def _kind(value: Any) -> str:
+def _kind(value: object) -> str:
     if isinstance(value, Block):
         return "values" if isinstance(value, ListAxis) else next(k for k in _KINDS if k in type(value).model_fields)
-    return next((kind for kind in _KINDS if kind in value), "values")
+    return next((kind for kind in _KINDS if isinstance(value, dict) and kind in value), "values")
 
 
 # the names of the tags are in pydantic's locations, and must not be taken for keys: they hold a space
@@ -166,7 +166,7 @@ class Every(Block):
     every: Count = Field(description="member 0, and each so many after it")
 
 
-def _some_kind(value: Any) -> str:
+def _some_kind(value: object) -> str:
     if isinstance(value, (Every, dict)):
         return "some every" if isinstance(value, Every) or "every" in value else "some worst"
     return "some worst" if isinstance(value, Worst) else "some word"
@@ -212,7 +212,7 @@ class SweepBlocks(Block):
     keep: Keep = Field(default_factory=Keep, description="what is kept of every member")
 
 
-def _base(value: Any) -> Any:
+def _base(value: object) -> Any:
     if not isinstance(value, (str, dict)):
         raise ValueError(f"expected the name of a file or a configuration, found {describe(value)}")
     return value

@@ -34,19 +34,19 @@ class Block(BaseModel):
 
     @model_validator(mode="before")
     @classmethod
-    def _known_keys(cls, data: Any) -> Any:
+    def _known_keys(cls, data: object) -> Any:
         if isinstance(data, cls):
             return data
-        known = tuple(dict.fromkeys((*cls.model_fields, *cls.read_before)))
-        keys = ", ".join(known)
+        fields = cls.model_fields
         if not isinstance(data, dict):
             raise PydanticCustomError(
                 "not_a_mapping",
                 "expected a mapping with keys {keys}; found {found}",
-                {"keys": keys, "found": describe(data)},
+                {"keys": ", ".join(cls._keys()), "found": describe(data)},
             )
         for key in data:
-            if key not in cls.model_fields:
+            if key not in fields:
+                known = cls._keys()
                 raise PydanticCustomError(
                     "unknown_key",
                     "unknown key {name}.{hint} Known here: {keys}",
@@ -54,22 +54,27 @@ class Block(BaseModel):
                         "key": key,
                         "name": repr(key),
                         "hint": f" {_COMMA}." if str(key).isdigit() else nearest(str(key), known),
-                        "keys": keys,
+                        "keys": ", ".join(known),
                     },
                 )
             if data[key] is None:
                 raise PydanticCustomError("no_value", "this key has no value", {"key": key})
         return data
 
+    @classmethod
+    def _keys(cls) -> tuple[str, ...]:
+        """All keys that are known here."""
+        return tuple(dict.fromkeys((*cls.model_fields, *cls.read_before)))
 
-def number(value: Any) -> float:
+
+def number(value: object) -> float:
     """A finite float from a number or from an expression of numbers and constants."""
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):
         raise ValueError(f"expected a number or an expression of numbers, found {describe(value)}")
     return parse(value, names=()).number()
 
 
-def describe(value: Any) -> str:
+def describe(value: object) -> str:
     """What was found, for a message."""
     if value is None:
         return "nothing"
@@ -81,7 +86,7 @@ def describe(value: Any) -> str:
     return text if len(text) <= 60 else text[:57] + "..."
 
 
-def expression(value: Any) -> str:
+def expression(value: object) -> str:
     """An expression as text, from text or a number."""
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):
         raise ValueError(f"expected an expression (text or a number), found {describe(value)}")
@@ -89,14 +94,14 @@ def expression(value: Any) -> str:
     return value if isinstance(value, str) else repr(float(value))
 
 
-def _name(value: Any) -> str:
+def _name(value: object) -> str:
     if not isinstance(value, str):
         raise ValueError(f"expected a name, found {describe(value)}")
     check_name(value)
     return value
 
 
-def _pole(value: Any) -> complex:
+def _pole(value: object) -> complex:
     if isinstance(value, str):
         try:
             return complex(value.replace(" ", "").replace("i", "j"))
@@ -110,9 +115,9 @@ def _pole(value: Any) -> complex:
         raise ValueError(f'a pole is a number or text such as "-1+2j", found {describe(value)}') from error
 
 
-def _poles(value: Any) -> complex | tuple[complex, ...]:
-    several = isinstance(value, Sequence) and not isinstance(value, str)
-    poles = tuple(_pole(v) for v in (value if several else [value]))
+def _poles(value: object) -> complex | tuple[complex, ...]:
+    given: Sequence[object] = value if isinstance(value, Sequence) and not isinstance(value, str) else [value]
+    poles = tuple(map(_pole, given))
     for pole in poles:
         if not (math.isfinite(pole.real) and math.isfinite(pole.imag)):
             raise ValueError(f"poles must be finite, found {pole}")
@@ -120,7 +125,7 @@ def _poles(value: Any) -> complex | tuple[complex, ...]:
             raise ValueError(f"poles must have a negative real part, found {pole_text(pole)}")
         if poles.count(pole) != poles.count(pole.conjugate()):
             raise ValueError(f"complex poles come in conjugate pairs: {pole_text(pole)} has no partner")
-    return poles if several else poles[0]
+    return poles if given is value else poles[0]
 
 
 def pole_text(pole: complex) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
@@ -33,7 +33,7 @@ _EXPECTED = {
 }
 
 
-def validate(model: type[_B], data: Any, source: Source, path: KeyPath) -> _B:
+def validate(model: type[_B], data: object, source: Source, path: KeyPath) -> _B:
     """Check a block; the first thing wrong becomes a ConfigError."""
     try:
         return model.model_validate(data)
@@ -78,7 +78,7 @@ def _sentence(item: ErrorDetails) -> str:
     return f"expected {expected}, found {describe(found)}{_hint(kind, found)}"
 
 
-def _hint(kind: str, found: Any) -> str:
+def _hint(kind: str, found: object) -> str:
     if kind == "dict_type" and isinstance(found, list):
         return "; write lines `name: value`"
     if kind in ("list_type", "tuple_type") and isinstance(found, str) and "," in found:
@@ -86,6 +86,6 @@ def _hint(kind: str, found: Any) -> str:
     return ""
 
 
-def _too_few(found: Any, least: int) -> str:
+def _too_few(found: object, least: int) -> str:
     count = len(found) if isinstance(found, (list, tuple)) else 0
     return f"expected a list of at least {least}, found {count}"

@@ -32,6 +32,7 @@ class Emitted:
     constants: int = 0
     clocked: int = 0
     instructions: int = 0
+    timed: bool = False
     text: str = field(default="", repr=False)
 
     def setup(self, f: Function, p: str, c: str) -> None:
@@ -41,6 +42,9 @@ class Emitted:
         if not self.clocked:
             return
         arguments = f"double {t}, ptr {p}, ptr {c}, ptr {tau}"
+        if self.timed:
+            f.call(f"{self.name}_clock", f"{f.real} {t}, ptr {p}, ptr {c}, ptr {tau}")
+            return
         if self.lanes == 1:
             f.call(f"{self.name}_clock", arguments)
             return
@@ -54,7 +58,15 @@ class Emitted:
         f.call(self.name, f"ptr {p}, ptr {c}, ptr {tau}, ptr {z}, ptr {w}, ptr {d}")
 
 
-def emit(function: ca.Function, name: str, lanes: int, declarations: set[str], *, inlined: bool = True) -> Emitted:
+def emit(
+    function: ca.Function,
+    name: str,
+    lanes: int,
+    declarations: set[str],
+    *,
+    inlined: bool = True,
+    timed: bool = False,
+) -> Emitted:
     """Emit f(t, p, z, w) -> d.
 
     Parameters
@@ -69,8 +81,10 @@ def emit(function: ca.Function, name: str, lanes: int, declarations: set[str], *
         Receives the intrinsics needed.
     inlined : bool
         Whether the code stands wherever it is called, or once.
+    timed : bool
+        Whether each lane has a time of its own.
     """
-    emitter = Emitter(name, lanes, declarations, inlined=inlined)
+    emitter = Emitter(name, lanes, declarations, inlined=inlined, timed=timed)
     instructions = read(function)
     for some in rounds(instructions, calls=CALLS):
         if some[0].op in CALLS:
@@ -85,7 +99,7 @@ def emit(function: ca.Function, name: str, lanes: int, declarations: set[str], *
                 emitter.output(i.arguments[0], i.place[1])
             else:
                 emitter.operation(i.value, i.op, i.arguments)
-    if lanes > 1 and emitter.sizes[CLOCK]:
+    if lanes > 1 and emitter.sizes[CLOCK] and not timed:
         from hgorun.engine.alike import add_alike
 
         add_alike(emitter, instructions)
@@ -97,5 +111,6 @@ def emit(function: ca.Function, name: str, lanes: int, declarations: set[str], *
         emitter.sizes[0],
         emitter.sizes[1],
         len(instructions),
+        timed,
         "\n".join(part.text() for part in emitter.parts),
     )

@@ -86,7 +86,7 @@ def operation(f: Function, op: int, names: Sequence[str]) -> str:
 class Emitter:
     """Walks the instruction list once, appending each instruction to the part that it belongs to."""
 
-    def __init__(self, name: str, lanes: int, declarations: set[str], *, inlined: bool) -> None:
+    def __init__(self, name: str, lanes: int, declarations: set[str], *, inlined: bool, timed: bool) -> None:
         inline = f"{'alwaysinline' if inlined else 'noinline'} nounwind"
         clock = inline if lanes == 1 else "noinline nounwind"  # it is there twice, and rarely runs
         pointers = "ptr noalias %p, ptr noalias %c"
@@ -94,7 +94,7 @@ class Emitter:
             Function(f"{name}_setup", pointers, lanes, declarations, attributes=inline),
             Function(
                 f"{name}_clock",
-                f"double %t, {pointers}, ptr noalias %tau",
+                f"{f'<{lanes} x double>' if timed else 'double'} %t, {pointers}, ptr noalias %tau",
                 lanes,
                 declarations,
                 attributes=clock,
@@ -107,7 +107,7 @@ class Emitter:
                 attributes=inline,
             ),
         ]
-        self.name, self.lanes, self.declarations = name, lanes, declarations
+        self.name, self.lanes, self.declarations, self.timed = name, lanes, declarations, timed
         self.sizes = [0, 0]  # numbers in c and in tau
         self.level: dict[int, int] = {}  # value -> the part that computes it
         self.names: list[dict[int, str]] = [{}, {}, {}]  # per part: value -> its name there
@@ -155,7 +155,7 @@ class Emitter:
 
     def input(self, value: int, argument: int, index: int) -> None:
         if argument == 0:
-            self.define(value, CLOCK, self.parts[CLOCK].splat("%t"))
+            self.define(value, CLOCK, "%t" if self.timed else self.parts[CLOCK].splat("%t"))
         elif argument == 1:
             self.level[value] = SETUP
             self.parameters[value] = index

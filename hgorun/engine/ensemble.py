@@ -8,23 +8,22 @@ integrated, while the rows are still in the cache.
 
 from __future__ import annotations
 
-import threading
-import time
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor, wait
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
 
 from hgorun.engine.layout import HybridSystem
+from hgorun.engine.loose import fits
 from hgorun.engine.many import ManyProgram, Reducer, Worker
 from hgorun.engine.members import INPUTS
+from hgorun.engine.methods import METHODS
 from hgorun.engine.plan import Floats, Plan
+from hgorun.engine.queue import Queue
 from hgorun.errors import SimulationError
 from hgorun.native.compiler import vector_doubles
 
-_SLICE = 0.05  # seconds of native code between two checks for Ctrl-C
 _FEW_STATES = 6
 _KEPT = 1 << 24  # numbers of rows that are kept at once for a reduction in Python
 
@@ -154,7 +153,7 @@ class Ensemble:
     def __init__(self, system: HybridSystem, method: str, lanes: int | None = None) -> None:
         self.system, self.method = system, method
         self.lanes = lanes_of(system) if lanes is None else lanes
-        self._programs: dict[tuple[int, ...] | None, ManyProgram] = {}
+        self._programs: dict[tuple[tuple[int, ...] | None, bool], ManyProgram] = {}
 
     def run(
         self,
@@ -187,14 +186,57 @@ class Ensemble:
         SimulationError
             Where a delay reaches further back than ``plan.reach``.
         """
-        plan = plan.whole()
+        return self._run([plan.whole()], members, reduction, rows=rows, threads=threads, progress=progress)
+
+    def run_each(
+        self,
+        plans: Sequence[Plan],
+        members: MemberNumbers,
+        reduction: Reduction | None = None,
+        *,
+        rows: bool = False,
+        threads: int = 1,
+        progress: Callable[[int], None] | None = None,
+    ) -> Outcome:
+        """Runs each of which has a plan of its own, with its gain, bias and holds; all have one grid.
+
+        They run side by side, each lane through its own events, but for those with continuous delays, many regimes or
+        an embedded error estimate, which run one after the other. The members' own gain, bias and holds are not
+        read; all else as in :meth:`run`.
+        """
+        plans = [plan.whole() for plan in plans]
+        gain, bias, holds = (_beside([getattr(plan, name) for plan in plans]) for name in ("gain", "bias", "holds"))
+        numbers = replace(members, gain=gain, bias=bias, holds=holds)
+        if fits(self.system, METHODS[self.method]) and self.lanes > 1:
+            return self._run(plans, numbers, reduction, rows=rows, threads=threads, progress=progress)
+        parts = []
+        for i, plan in enumerate(plans):
+            one = replace(members.some(slice(i, i + 1)), gain=plan.gain, bias=plan.bias, holds=plan.holds)
+            parts.append(self.run(plan, one, reduction, rows=rows))
+            if progress:
+                progress(i + 1)
+        return _joined(parts, rows)
+
+    def _run(
+        self,
+        plans: Sequence[Plan],
+        members: MemberNumbers,
+        reduction: Reduction | None,
+        *,
+        rows: bool,
+        threads: int,
+        progress: Callable[[int], None] | None,
+    ) -> Outcome:
+        """Runs that have one plan, or each its own."""
+        loose = len(plans) > 1
+        plan = _widest(plans) if loose else plans[0]
         whole = self.system.states if rows else None
         reducers = [reduction.reducer(self.lanes, whole=whole) if reduction else None for _ in range(max(threads, 1))]
         compiled = reducers[0] is not None
         if reduction is not None and not compiled and not rows:
-            return self._in_parts(plan, members, reduction, threads, progress)
+            return self._in_parts(plans, members, reduction, threads, progress)
         shown = reduction.states if reduction is not None and compiled and not rows else None
-        program, count, s = self._program(shown), members.count, self.system
+        program, count, s = self._program(shown, loose=loose), members.count, self.system
         inputs = {name: _doubles(members.named(name)) for name in INPUTS}
         outputs = {
             "final": np.empty((s.states, count)),
@@ -205,8 +247,11 @@ class Ensemble:
             "found": np.empty((reducers[0].size if reducers[0] else 0, count)),
             "kept": np.empty((plan.grid.size if rows else 0, s.states, count)),
         }
-        workers = [Worker(program, plan, inputs, outputs, count, members.bound, reducer) for reducer in reducers]
-        _Queue(-(-count // self.lanes)).carry_out(workers, _told(progress, self.lanes, count))
+        workers = [
+            Worker(program, plan, inputs, outputs, count, members.bound, reducer, plans if loose else ())
+            for reducer in reducers
+        ]
+        Queue(-(-count // self.lanes)).carry_out(workers, _told(progress, self.lanes, count))
         if np.any(outputs["lost"] == -np.inf):
             raise SimulationError("a delay reaches further back than the history that is kept for it")
         reduced = np.empty((0, count))
@@ -222,48 +267,27 @@ class Ensemble:
             rows=outputs["kept"] if rows else None,
         )
 
-    def run_each(
-        self,
-        plans: Sequence[Plan],
-        members: MemberNumbers,
-        reduction: Reduction | None = None,
-        *,
-        rows: bool = False,
-        threads: int = 1,
-        progress: Callable[[int], None] | None = None,
-    ) -> Outcome:
-        """Runs each of which has a plan of its own, with its gain, bias and holds; all have one grid.
-
-        The members' own gain, bias and holds are not read; all else as in :meth:`run`.
-        """
-        parts = []
-        for i, plan in enumerate(plans):
-            one = replace(members.some(slice(i, i + 1)), gain=plan.gain, bias=plan.bias, holds=plan.holds)
-            parts.append(self.run(plan, one, reduction, rows=rows))
-            if progress:
-                progress(i + 1)
-        return _joined(parts, rows)
-
-    def _program(self, shown: Sequence[int] | None) -> ManyProgram:
-        key = None if shown is None else tuple(shown)
+    def _program(self, shown: Sequence[int] | None, *, loose: bool) -> ManyProgram:
+        key = None if shown is None else tuple(shown), loose
         if key not in self._programs:
-            self._programs[key] = ManyProgram(self.system, self.method, self.lanes, key)
+            self._programs[key] = ManyProgram(self.system, self.method, self.lanes, key[0], loose=loose)
         return self._programs[key]
 
     def _in_parts(
         self,
-        plan: Plan,
+        plans: Sequence[Plan],
         members: MemberNumbers,
         reduction: Reduction,
         threads: int,
         progress: Callable[[int], None] | None,
     ) -> Outcome:
         """With a reduction in Python, which needs the rows of a part of the members at a time."""
-        size = max(_KEPT // (plan.grid.size * self.system.states), 1)
+        size = max(_KEPT // (plans[0].grid.size * self.system.states), 1)
         parts = []
         for first in range(0, members.count, size):
             some = members.some(slice(first, first + size))
-            found = self.run(plan, some, reduction, rows=True, threads=threads)
+            own = plans[first : first + size] if len(plans) > 1 else plans
+            found = self._run(own, some, reduction, rows=True, threads=threads, progress=None)
             parts.append(replace(found, rows=None))
             if progress:
                 progress(first + some.count)
@@ -281,50 +305,24 @@ def lanes_of(system: HybridSystem) -> int:
     return (2 if system.states <= _FEW_STATES else 1) * vector_doubles()
 
 
-class _Queue:
-    """Blocks that wait for a thread."""
-
-    def __init__(self, count: int) -> None:
-        self._count, self._next, self.done = count, 0, 0
-        self._lock = threading.Lock()
-
-    def carry_out(self, workers: Sequence[Worker], told: Callable[[int], None]) -> None:
-        """All of them, by one worker in this thread or by several in theirs; told of the number of blocks done."""
-        if len(workers) == 1:
-            for _ in self._work(workers[0]):
-                told(self.done)
-            return
-        with ThreadPoolExecutor(len(workers)) as pool:
-            futures = [pool.submit(lambda one=worker: list(self._work(one))) for worker in workers]  # type: ignore[misc]
-            try:
-                while wait(futures, timeout=2 * _SLICE).not_done:
-                    told(self.done)
-            except BaseException:
-                self._next = self._count  # nothing more is begun
-                raise
-            for future in futures:
-                future.result()
-        told(self.done)
-
-    def _work(self, worker: Worker) -> Iterator[None]:
-        size = 1
-        while True:
-            with self._lock:
-                first, stop = self._next, min(self._next + size, self._count)
-                self._next = stop
-            if first >= stop:
-                return
-            before = time.perf_counter()
-            worker.run(first, stop)
-            size = max(1, int(size * min(_SLICE / max(time.perf_counter() - before, 1e-6), 8.0)))
-            with self._lock:
-                self.done += stop - first
-            yield
-
-
 def _told(progress: Callable[[int], None] | None, lanes: int, count: int) -> Callable[[int], None]:
     """Progress in members, from that in blocks."""
     return lambda blocks: progress(min(blocks * lanes, count)) if progress else None
+
+
+def _widest(plans: Sequence[Plan]) -> Plan:
+    """A plan with room for the samples and held values of each; all have one grid."""
+    slots, holds = (max(sizes) for sizes in zip(*((plan.slots, plan.holds.size) for plan in plans), strict=True))
+    gain = max(plan.gain.size for plan in plans)
+    return replace(plans[0], slots=slots, gain=np.zeros(gain), bias=np.zeros(gain), holds=np.zeros(holds))
+
+
+def _beside(rows: Sequence[Floats]) -> Floats:
+    """Numbers of each member, shape (longest, members); zero behind the end of the shorter ones."""
+    found = np.zeros((len(rows), max(row.size for row in rows)))
+    for own, row in zip(found, rows, strict=True):
+        own[: row.size] = row
+    return found.T
 
 
 def _doubles(array: np.ndarray) -> Floats:

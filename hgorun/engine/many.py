@@ -8,11 +8,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hgorun.engine.layout import HybridSystem
+from hgorun.engine.layout import ACTION_WORDS, HybridSystem
+from hgorun.engine.loose import OWN, TABLES
 from hgorun.engine.members import INPUTS, JOB, OUTPUTS, PLACE
 from hgorun.engine.memory import Memory, Start
 from hgorun.engine.plan import Floats, Plan
-from hgorun.engine.program import generate
+from hgorun.engine.program import generate, generate_loose
 from hgorun.native.compiler import NativeModule, address_of
 
 
@@ -47,11 +48,18 @@ class ManyProgram:
         W.
     shown : sequence of int, optional
         The states of a row, all of them by default.
+    loose : bool
+        Every member has tables of its own.
     """
 
-    def __init__(self, system: HybridSystem, method: str, lanes: int, shown: Sequence[int] | None = None) -> None:
-        self.system, self.lanes, self.shown = system, lanes, shown
-        ir, self.constants = generate(system, method, lanes=lanes, many=True, shown=shown)
+    def __init__(
+        self, system: HybridSystem, method: str, lanes: int, shown: Sequence[int] | None = None, *, loose: bool = False
+    ) -> None:
+        self.system, self.lanes, self.shown, self.loose = system, lanes, shown, loose
+        if loose:
+            ir, self.constants = generate_loose(system, method, lanes, shown)
+        else:
+            ir, self.constants = generate(system, method, lanes=lanes, many=True, shown=shown)
         self._native = NativeModule(ir, ("members",))
         kinds = ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64, ctypes.c_int64
         self.members = ctypes.CFUNCTYPE(None, *kinds)(self._native.address["members"])
@@ -78,6 +86,8 @@ class Worker:
     bound : (offset, factor)
         As of :class:`~hgorun.engine.memory.Start`.
     reducer : Reducer, optional
+    tables : sequence of Plan
+        Of a loose program, the plans of all members; ``plan`` has as many slots and holds as the largest.
     """
 
     def __init__(
@@ -89,11 +99,12 @@ class Worker:
         count: int,
         bound: tuple[float, float],
         reducer: Reducer | None = None,
+        tables: Sequence[Plan] = (),
     ) -> None:
         s, lanes = program.system, program.lanes
         start = Start(np.zeros((s.states, lanes)), np.zeros((s.parameters, lanes)), bound)
         self._program, self._kept = program, (inputs, outputs, reducer)
-        self._memory = Memory(s, lanes, program.constants, plan, start, None, program.width)
+        self._memory = Memory(s, lanes, program.constants, plan, start, None, program.width, len(OWN))
         job = np.zeros(len(JOB), dtype=np.int64)
         for name in INPUTS:
             array = inputs[name]
@@ -110,8 +121,23 @@ class Worker:
             self._reduced = np.zeros((reducer.size, lanes))
             job[PLACE["reduce"]], job[PLACE["numbers"]] = reducer.address, reducer.size
             job[PLACE["workspace"]], job[PLACE["reduced"]] = address_of(reducer.arrays[0]), address_of(self._reduced)
+        if program.loose:
+            self._tables, self._plans = _table_of(tables)
+            job[PLACE["tables"]] = address_of(self._tables)
         self._job = job
 
     def run(self, first: int, stop: int) -> None:
         """Some of the blocks of W members; the interpreter is free meanwhile."""
         self._program.members(self._memory.address, address_of(self._job), first, stop)
+
+
+def _table_of(plans: Sequence[Plan]) -> tuple[np.ndarray, list[list[np.ndarray]]]:
+    """Where the tables of every member are, shape (members, 4), and these."""
+    found = np.empty((len(plans), len(TABLES)), dtype=np.int64)
+    kept = []
+    for row, plan in zip(found, plans, strict=True):
+        actions = plan.actions if plan.actions.size else np.zeros((1, ACTION_WORDS), dtype=np.int64)
+        arrays = [np.ascontiguousarray(array) for array in (plan.spans, plan.counts, actions)]
+        row[:] = *(array.__array_interface__["data"][0] for array in arrays), len(plan.counts)
+        kept.append(arrays)
+    return found, kept

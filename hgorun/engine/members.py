@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from hgorun.engine.layout import DONE, WORD
+from hgorun.engine.loose import TABLES
+from hgorun.engine.loose import own as lane_word
 from hgorun.engine.parts import Module, copy
-from hgorun.native.ir import Function
+from hgorun.native.ir import Function, hexadecimal
 
 # Numbers of members are read from arrays of any strides: for each an address, its rows, and the distances in words
 # from row to row and from member to member.
@@ -12,7 +14,7 @@ INPUTS = ("z", "p", "gain", "bias", "holds")
 SOURCE = ("address", "rows", "row_stride", "member_stride")
 # What is written of each member, arrays of shape (rows, members).
 OUTPUTS = ("final", "first", "diverged", "lost", "error", "found", "kept")
-OTHERS = ("count", "segments", "points", "slots", "reduce", "workspace", "reduced", "numbers")
+OTHERS = ("count", "segments", "points", "slots", "reduce", "workspace", "reduced", "numbers", "tables")
 JOB = (*(f"{name}_{part}" for name in INPUTS for part in SOURCE), *OUTPUTS, *OTHERS)
 PLACE = {name: index for index, name in enumerate(JOB)}
 
@@ -64,10 +66,13 @@ def add_members(m: Module) -> None:
         collect("first", own["z"], str(s.states))
         f.call("begin", "ptr %ctx")
         copy(f, own["channels"], own["initial"], channels)
-        verdict = f.call("run", f"ptr %ctx, i64 {job('segments')}", "i64")
-        with f.when(f.test("ne", verdict, str(DONE))):
-            _fill(f, own["lost"], "1", float("-inf"))
-        _add_last_rows(f, m, own, job("points"))
+        if m.loose:
+            _run_each(f, m, own, job("tables", "ptr"), first, job("count"), job("points"))
+        else:
+            verdict = f.call("run", f"ptr %ctx, i64 {job('segments')}", "i64")
+            with f.when(f.test("ne", verdict, str(DONE))):
+                _fill(f, own["lost"], "1", float("-inf"))
+            _add_last_rows(f, m, own, job("points"))
         with f.when(f.test("ne", job("first"), "0")):
             for k, state in enumerate(range(s.states) if m.shown is None else m.shown):
                 at = f.at(job("first", "ptr"), f.scalar("mul", job("count"), str(state)))
@@ -106,6 +111,27 @@ def _add_last_rows(f: Function, m: Module, own: dict[str, str], points: str) -> 
         target = f.at(own["rows"], f.scalar("mul", row, str(m.row_words)))
         for k, i in enumerate(shown):
             f.store(f.load(f.at(own["z"], i * m.lanes), f.real), f.at(target, k * m.lanes), f.real)
+
+
+def _run_each(f: Function, m: Module, arrays: dict[str, str], tables: str, first: str, count: str, points: str) -> None:
+    """Every lane goes through the tables of its member; the output points at the end."""
+    grid, last = f.word("%ctx", WORD["grid"], "ptr"), f.scalar("sub", count, "1")
+    m.declarations.add("declare i64 @llvm.smin.i64(i64, i64)")
+    with f.count(0, m.lanes) as lane:
+        member = f.let(f"call i64 @llvm.smin.i64(i64 {f.scalar('add', first, lane)}, i64 {last})")
+        base = f.at(tables, f.scalar("mul", member, str(len(TABLES))))
+        for i, name in enumerate(TABLES):
+            f.store(f.word(base, i), lane_word(f, name, lane), "i64")
+        for name in ("segment", "row"):
+            f.store("0", lane_word(f, name, lane), "i64")
+        f.store(f.word(grid, 0, "double"), lane_word(f, "due", lane))
+        f.store(hexadecimal(1.0), lane_word(f, "active", lane))
+    f.call("run_each", "ptr %ctx")
+    shown = range(m.system.states) if m.shown is None else m.shown
+    with f.count(0, m.lanes) as lane, f.count(f.load(lane_word(f, "row", lane), "i64"), points) as row:
+        target = f.at(f.at(arrays["rows"], f.scalar("mul", row, str(m.row_words))), lane)
+        for k, i in enumerate(shown):
+            f.store(f.load(f.at(f.at(arrays["z"], i * m.lanes), lane)), f.at(target, k * m.lanes))
 
 
 def _add_spread(m: Module) -> None:

@@ -119,6 +119,7 @@ class Memory:
         start: Start,
         tolerance: Tolerance | None,
         shown: int | None = None,
+        own_words: int = 1,
     ) -> None:
         channels = s.outputs * s.width
         steps = None if tolerance else plan.counts[:, 2] - plan.counts[:, 1]
@@ -149,6 +150,7 @@ class Memory:
             "hints": np.zeros(max(s.outputs, 1) * lanes, dtype=np.int64),
             "error": np.zeros((s.states, lanes)),
             "size": _sizes(start.z),
+            "own": np.zeros(own_words * lanes, dtype=np.int64),
         }
         self.context = np.zeros(len(CONTEXT), dtype=np.int64)
         for name, array in self.arrays.items():

@@ -27,16 +27,24 @@ _UNROLLED = 8
 class Module:
     """The native module under construction: its functions share declarations, lanes and a system.
 
-    ``shown`` are the states that rows have, all of them where it is None.
+    ``shown`` are the states that rows have, all of them where it is None. Lanes that are ``loose`` have times of
+    their own, see :mod:`hgorun.engine.loose`.
     """
 
-    def __init__(self, system: HybridSystem, lanes: int, shown: Sequence[int] | None = None) -> None:
-        self.system, self.lanes, self.shown = system, lanes, shown
+    def __init__(
+        self, system: HybridSystem, lanes: int, shown: Sequence[int] | None = None, *, loose: bool = False
+    ) -> None:
+        self.system, self.lanes, self.shown, self.loose = system, lanes, shown, loose
         self.declarations: set[str] = set()
         self.functions: list[str] = []
         self.constants = 0
         self._offset: dict[str, int] = {}
         self._emitted: list[Emitted] = []
+
+    @property
+    def time(self) -> str:
+        """The type of a time."""
+        return f"<{self.lanes} x double>" if self.loose else "double"
 
     @property
     def row_words(self) -> int:
@@ -51,7 +59,7 @@ class Module:
 
     def emit(self, function: object, name: str, *, inlined: bool = True) -> Emitted:
         """Emit a symbolic function and give it a place among the constants of a run."""
-        emitted = emit(function, name, self.lanes, self.declarations, inlined=inlined)
+        emitted = emit(function, name, self.lanes, self.declarations, inlined=inlined, timed=self.loose)
         self.functions.append(emitted.text)
         self._offset[name] = self.constants
         self._emitted.append(emitted)
@@ -108,10 +116,16 @@ def add_channels(m: Module) -> None:
     p, z, w, out = (f.word("%ctx", WORD[name], "ptr") for name in ("p", "z", "w", "channels"))
     c = m.constants_of(f, emitted)
     tau = f.slot("double", emitted.clocked * m.lanes)
-    emitted.clock(f, "%t", p, c, tau)
+    emitted.clock(f, f.splat("%t") if m.loose else "%t", p, c, tau)
     emitted.main(f, p, c, tau, z, w, out)
     f.do("ret void")
     m.finish(f)
+
+
+def add_jumps(m: Module) -> None:
+    """``jump<number>(ctx, t, from, to)``: a part of the state, in some lanes, becomes what its jump says."""
+    for number in range(len(m.system.jumps)):
+        _add_jump(m, number)
 
 
 def add_actions(m: Module) -> None:
@@ -123,8 +137,6 @@ def add_actions(m: Module) -> None:
     (output, first, last): count alpha from zero again, also in the slots that are still on their way. JUMP
     (number): a part of the state becomes what its jump says.
     """
-    for number in range(len(m.system.jumps)):
-        _add_jump(m, number)
     s, lanes = m.system, m.lanes
     f = m.function("act", "ptr %ctx, i64 %segment", attributes="nounwind noinline")
     c = counts(f, "%segment")
@@ -144,7 +156,7 @@ def add_actions(m: Module) -> None:
         for number in range(len(s.jumps)):
             wanted = f.test("eq", output, str(number))
             with f.when(f.let(f"and i1 {f.test('eq', op, str(JUMP))}, {wanted}")):
-                f.call(f"jump{number}", f"ptr %ctx, double {t}")
+                f.call(f"jump{number}", f"ptr %ctx, double {t}, i64 0, i64 {lanes}")
         arrives, notes = f.test("eq", op, str(ARRIVE)), f.test("eq", op, str(RECORD))
         with f.when(f.let(f"or i1 {arrives}, {notes}")):
             at_slot = f.scalar("mul", slot, str(lanes))
@@ -173,17 +185,18 @@ def add_actions(m: Module) -> None:
 
 
 def _add_jump(m: Module, number: int) -> None:
-    """``jump<number>(ctx, t)``: evaluated whole before it is written; what has diverged stays masked."""
+    """Evaluated whole before it is written; what has diverged stays masked."""
     start, stop, function = m.system.jumps[number]
     emitted = m.emit(function, f"jump_of{number}")
-    f = m.function(f"jump{number}", "ptr %ctx, double %t", attributes="nounwind noinline")
+    arguments = "ptr %ctx, double %t, i64 %from, i64 %to"
+    f = m.function(f"jump{number}", arguments, attributes="nounwind noinline")
     p, z, w = (f.word("%ctx", WORD[name], "ptr") for name in ("p", "z", "w"))
     c = m.constants_of(f, emitted)
     tau, new = f.slot("double", emitted.clocked * m.lanes), f.slot("double", (stop - start) * m.lanes)
-    emitted.clock(f, "%t", p, c, tau)
+    emitted.clock(f, f.splat("%t") if m.loose else "%t", p, c, tau)
     emitted.main(f, p, c, tau, z, w, new)
     observers = [j for j, block in enumerate(m.system.blocks) if block[0] <= start < block[2]]  # none: the plant
-    with f.count(0, m.lanes) as lane:
+    with f.count("%from", "%to") as lane:
         alive = "true"
         if observers:
             diverged = f.at(f.word("%ctx", WORD["diverged"], "ptr"), observers[0] * m.lanes)
@@ -202,8 +215,9 @@ def add_flag(m: Module, *, alone: bool) -> None:
     kept in ``lost``.
     """
     lanes = m.lanes
-    f = m.function("flag", "ptr %ctx, double %t, ptr %z, ptr %bound", returns="i64", attributes="nounwind noinline")
-    worst, t = f.slot(f.real), f.splat("%t")
+    arguments = f"ptr %ctx, {m.time} %t, ptr %z, ptr %bound"
+    f = m.function("flag", arguments, returns="i64", attributes="nounwind noinline")
+    worst, t = f.slot(f.real), "%t" if m.loose else f.splat("%t")
 
     def watch(start: str, stop: str, bound: str) -> str:
         """In which lanes one of some states is beyond a bound."""

@@ -22,7 +22,7 @@ from hgorun.engine.layout import (
 )
 from hgorun.engine.memory import ADAPTIVE_HISTORY, Memory, Raw, Start, Tolerance
 from hgorun.engine.methods import METHODS, Method, Rosenbrock
-from hgorun.engine.parts import Module, add_actions, add_channels, add_flag, add_rows, counts, span
+from hgorun.engine.parts import Module, add_actions, add_channels, add_flag, add_jumps, add_rows, counts, span
 from hgorun.engine.plan import Plan
 from hgorun.engine.stepper import Stepper
 from hgorun.errors import PlantDiverged, SimulationError
@@ -55,6 +55,7 @@ def generate(
     implicit = isinstance(chosen, Rosenbrock)
     flows = [m.emit(regime.flow, f"flow{i}", inlined=not implicit) for i, regime in enumerate(system.regimes)]
     add_channels(m)
+    add_jumps(m)
     add_actions(m)
     add_flag(m, alone=adaptive or lanes == 1)
     add_rows(m, quintic=bool(chosen.dense))
@@ -77,6 +78,24 @@ def generate(
     return m.text(), m.constants
 
 
+def generate_loose(system: HybridSystem, method: str, lanes: int, shown: Sequence[int] | None) -> tuple[str, int]:
+    """As :func:`generate`, for many members that have tables of their own, see :mod:`hgorun.engine.loose`."""
+    from hgorun.engine.loose import add_loose
+    from hgorun.engine.members import add_members
+
+    m, chosen = Module(system, lanes, shown, loose=True), METHODS[method]
+    assert isinstance(chosen, Method)
+    flows = [m.emit(regime.flow, f"flow{i}") for i, regime in enumerate(system.regimes)]
+    add_channels(m)
+    add_jumps(m)
+    add_flag(m, alone=False)
+    add_loose(m, chosen, flows)
+    add_begin(m)
+    m.setup()
+    add_members(m)
+    return m.text(), m.constants
+
+
 def _stepper(
     m: Module, method: Method | Rosenbrock, history: History | None, regime: int, flow: Emitted, name: str
 ) -> Stepper:
@@ -91,7 +110,7 @@ def _stepper(
 
 
 def _add_run(m: Module, regimes: int) -> None:
-    """``run(ctx, stop)``: go on to segment ``stop``; ``begin(ctx)``: the channels at the start."""
+    """``run(ctx, stop)``: go on to segment ``stop``."""
     f = m.function("run", "ptr %ctx, i64 %stop", returns="i64")
     verdict, at, paused = f.slot("i64"), f.at("%ctx", WORD["segment"]), f.at("%ctx", WORD["paused"])
     leave = f.label()
@@ -116,6 +135,11 @@ def _add_run(m: Module, regimes: int) -> None:
     f.store(f.let(f"zext i1 {f.test('eq', stopped, str(PAUSED))} to i64"), paused, "i64")
     f.do(f"ret i64 {stopped}")
     m.finish(f, "dso_local")
+    add_begin(m)
+
+
+def add_begin(m: Module) -> None:
+    """``begin(ctx)``: what depends on parameters alone, and the channels at the start."""
     g = m.function("begin", "ptr %ctx")
     g.call("setup", "ptr %ctx")
     g.call("channels", f"ptr %ctx, double {g.word('%ctx', WORD['t_start'], 'double')}")

@@ -44,7 +44,7 @@ def guard(f: Function, m: Module, t: str, z: str, lost: str) -> None:
     with f.when(f.any(bad[0])):
         bounds = f.slot("double", lanes)
         f.store(bound, bounds, f.real)
-        verdict = f.call("flag", f"ptr %ctx, double {t}, ptr {z}, ptr {bounds}", "i64")
+        verdict = f.call("flag", f"ptr %ctx, {m.time} {t}, ptr {z}, ptr {bounds}", "i64")
         f.leave_if(f.test("eq", verdict, "1"), lost)
 
 

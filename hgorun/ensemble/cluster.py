@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 from hgorun.ensemble.carried import Carried, carry_out
 from hgorun.ensemble.cuts import Cuts
-from hgorun.ensemble.executors import Executor, Flow, processors
+from hgorun.ensemble.executors import Executor, Flow
 from hgorun.ensemble.fingerprint import own_code
 from hgorun.errors import HgorunError, SimulationError
+from hgorun.process import processors
 from hgorun.version import __version__
 
 if TYPE_CHECKING:
@@ -79,7 +80,7 @@ def on_worker(recipe: str, start: int, stop: int, version: str, code: Mapping[st
     """
     own = own_code()
     if version != __version__ or code != own:
-        rooms = sorted(room for room in {*code, *own} if code.get(room) != own.get(room))
+        rooms = ", ".join(sorted(room for room in {*code, *own} if code.get(room) != own.get(room)))
         what = f"hgorun {__version__} instead of {version}" if version != __version__ else f"other code: {rooms}"
         raise SimulationError(f"a worker has {what}; install the same version everywhere")
     with _ONE:

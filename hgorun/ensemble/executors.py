@@ -6,7 +6,6 @@ None of them has an influence on any number: each makes its members from the sam
 from __future__ import annotations
 
 import multiprocessing
-import os
 from collections import Counter
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED as FIRST
@@ -27,11 +26,6 @@ Executor: TypeAlias = Callable[[str, Cuts], Iterator[Carried]]
 EXECUTORS = ("threads", "processes", "dask")
 _DEATHS = 3  # of processes that may be killed while they carry out one block
 _AHEAD = 2  # blocks that wait for each worker
-
-
-def processors() -> int:
-    """How many blocks run at once: the processors that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def threads(jobs: int) -> Executor:

@@ -25,8 +25,8 @@ _MISSING = "nothing"
 
 @cache
 def own_code() -> Mapping[str, str]:
-    """By room the hash of what computes members."""
-    return {room: digest[:16] for room, digest in code([*RUN, *ENSEMBLE]).items()}
+    """By room the hash of what computes members, comments included: a short sweep has no time for more."""
+    return {room: digest[:16] for room, digest in code([*RUN, *ENSEMBLE], exact=True).items()}
 
 
 def ingredients(ensemble: Ensemble) -> Ingredients:

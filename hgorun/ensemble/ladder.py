@@ -1,7 +1,8 @@
 """Automatic steps side by side: every member goes down the ladder as it does alone.
 
 Members on the same rung make a pass together, and those that need shorter steps go on to the rung that their own error
-asks for. Who is lost, or needs anything but fixed steps, is carried out alone.
+asks for. Who is lost, needs anything but fixed steps, or may pass something that is narrow in a state, is carried out
+alone.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from hgorun.ensemble.lot import Lot
 from hgorun.errors import Problem, SimulationError
 from hgorun.result.metrics.base import all_metrics
 from hgorun.result.windows import MetricSettings, points_in
+from hgorun.simulation.between_steps import may_miss
 from hgorun.simulation.error_estimate import Estimate, difference, plant_difference, size_of
 from hgorun.simulation.ladder import (
     UNEVEN,
@@ -115,11 +117,15 @@ def _one_rung(climber: _Climber, block: Block, threads: int) -> tuple[list[_Clim
     errors = part_of_error(run, other) * _differences(lot, fine, coarse)
     worst = np.max(errors, axis=0)
     done = sound & (worst <= run.solver.accuracy)
+    assert fine.rows is not None
+    doubtful = done.copy()
+    doubtful[done] = may_miss(run, lot.numbers.p[:, done], run.grid, fine.rows[:, :, done])
+    done &= ~doubtful
     write_down(lot, block, fine.metrics, done, how, spent, errors)
     order = order_of(how.method, worst, climber.before, climber.rungs)
     down = further_down(worst / run.solver.accuracy, order)
     after = replace(climber, spent=spent, before=worst, rungs=down)
-    return list(_apart(after, sound & ~done)), lot.which[~sound]
+    return list(_apart(after, sound & ~done & ~doubtful)), lot.which[~sound | doubtful]
 
 
 def _apart(climber: _Climber, which: np.ndarray) -> Iterator[_Climber]:

@@ -16,7 +16,7 @@ from hgorun.memo import Memo
 from hgorun.simulation.blocks import plain
 from hgorun.simulation.experiment import Experiment
 
-_NOT_OF_A_MEMBER = ("figures", "claims", "runs")
+_NOT_OF_A_MEMBER = ("figures", "claims", "tune", "runs")
 _ENSEMBLES: Memo[Ensemble] = Memo(4)
 
 

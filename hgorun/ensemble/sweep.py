@@ -12,10 +12,11 @@ from hgorun.ensemble.carried import Carried
 from hgorun.ensemble.collecting import collect, is_collected
 from hgorun.ensemble.cuts import Cuts, Range, most_members
 from hgorun.ensemble.ensemble import Ensemble
-from hgorun.ensemble.executors import Executor, processors, threads
+from hgorun.ensemble.executors import Executor, threads
 from hgorun.ensemble.found import FAILED
 from hgorun.ensemble.store import Damaged, Store
 from hgorun.errors import ConfigError
+from hgorun.process import processors
 
 SUFFIX = ".sweep"
 _AGAIN = 3  # times that damaged blocks are made anew

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -77,6 +77,21 @@ class Cast:
     def width(self) -> float:
         """Of a figure with a column for every state."""
         return max(WIDTH, PANEL_WIDTH * len(self.states))
+
+
+def quantity_label(metric: str, state: str, units: Mapping[str, str]) -> str:
+    """What a metric of a state's error is called on an axis, with its unit.
+
+    Parameters
+    ----------
+    units : mapping of str to str
+        Of the states, and of ``time``.
+    """
+    error = f"{symbol(state, hat=True)} - {symbol(state)}"
+    known = all_metrics().get(metric)
+    named = quantities().get(metric, f"{words(metric)} of ${{}}$")
+    measured_in = {"state": state, "time": "time"}.get(known.unit if known else "", "")
+    return named.format(error) + unit(units.get(measured_in, ""))
 
 
 def axis_label(axis: str, time: str = "") -> str:

@@ -17,6 +17,7 @@ import os
 import stat
 import sys
 import tempfile
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -59,9 +60,10 @@ class NativeModule:
 
 def address_of(array: np.ndarray) -> int:
     """Where an array's memory starts: through its buffer, where that is given, in a quarter of the time."""
-    if array.size and array.flags.writeable and array.flags.c_contiguous:
+    try:
         return ctypes.addressof(ctypes.c_char.from_buffer(array.data))
-    return int(array.__array_interface__["data"][0])
+    except (TypeError, ValueError):  # it is empty, not to be written to, or not in one piece
+        return int(array.__array_interface__["data"][0])
 
 
 def _needs_jit_link() -> bool:
@@ -72,6 +74,11 @@ def processor() -> tuple[str, str]:
     """Name and features of the processor to compile for."""
     if chosen := os.environ.get("HGORUN_CPU"):
         return chosen, ""
+    return _this_processor()
+
+
+@cache
+def _this_processor() -> tuple[str, str]:
     return str(llvm.get_host_cpu_name()), str(llvm.get_host_cpu_features().flatten())
 
 

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import Any, TypeAlias
 
 import casadi as ca
 import numpy as np
 
-from hgorun.config.expressions import CONSTANTS, Expression, ExpressionError, nearest, parse
-from hgorun.config.literals import Template, template
+from hgorun.config.expressions import CONSTANTS, ExpressionError, parse
 from hgorun.config.reads import Reads
 from hgorun.errors import KeyPath, Problem, called
 from hgorun.memo import Memo
 from hgorun.plants.base import Invertible, Plant, TriangularCoordinates, units_of
+from hgorun.plants.expressions import Signals, disturbance_of, inputs_of, parameter_values, require_known
 from hgorun.symbolic.clock import on_the_clock
 from hgorun.symbolic.plant import PlantModel
 from hgorun.symbolic.symbols import Symbols
@@ -90,34 +90,6 @@ class BuiltPlant:
         return units_of(self.block)
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class _Signals:
-    """Expressions of time by the name of what they are for, their numbers apart."""
-
-    key: str
-    templates: tuple[tuple[str, Template], ...]
-    numbers: tuple[tuple[float, ...], ...]
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """A name for every number."""
-        return tuple(
-            f"{self.key}.{name}[{i}]"
-            for (name, _), numbers in zip(self.templates, self.numbers, strict=True)
-            for i in range(len(numbers))
-        )
-
-    def symbols(self, values: Mapping[str, ca.SX], numbers: ca.SX, *, chained: bool) -> dict[str, ca.SX]:
-        """The expressions, from symbols for their numbers; ``chained``: they may use each other."""
-        known, found, start = dict(values), {}, 0
-        for (name, template_), count in zip(self.templates, map(len, self.numbers), strict=True):
-            found[name] = template_.symbol(known, numbers[start : start + count])
-            start += count
-            if chained:
-                known[name] = found[name]
-        return found
-
-
 # buckets of plants that agree in their names and signals; what else of their blocks matters is in the reads
 _BUILT: Memo[list[tuple[Reads[Plant], SymbolicPlant]]] = Memo(64)
 _BUCKET = 16  # plants in a bucket
@@ -139,11 +111,11 @@ def build_plant(block: Plant, origin: float = 0.0) -> BuiltPlant:
     """
     states, outputs, inputs = block.state_names, block.output_names, block.input_names
     _require_distinct({"states": states, "inputs": inputs})
-    _require_known("plant", "inputs", block.inputs, inputs)
-    _require_known("plant", "initial", block.initial, states)
-    _require_known("plant", "disturbance", block.disturbance, states)
+    require_known("plant", "inputs", block.inputs, inputs)
+    require_known("plant", "initial", block.initial, states)
+    require_known("plant", "disturbance", block.disturbance, states)
     block.require_fit()
-    values = _parameter_values(block)
+    values = parameter_values(block)
     _require_distinct({"states": states, "inputs": inputs, "parameters": tuple(values)})
     for name in inputs:
         if name not in block.inputs:
@@ -152,7 +124,7 @@ def build_plant(block: Plant, origin: float = 0.0) -> BuiltPlant:
     if missing:
         raise Problem(("plant", "initial"), f"the initial value of {', '.join(missing)} is missing")
     known = (*values, "t")
-    signals = _inputs(tuple(block.inputs.items()), known), _disturbance(tuple(block.disturbance.items()), known)
+    signals = inputs_of(tuple(block.inputs.items()), known), disturbance_of(tuple(block.disturbance.items()), known)
     key = type(block), origin, states, outputs, inputs, tuple(values), *(s.templates for s in signals)
     bucket = _BUILT.get(key, list)
     symbolic = next((plant for reads, plant in bucket if reads.hold_for(block)), None)
@@ -176,8 +148,8 @@ def _symbolic(
     origin: float,
     watched: Plant,
     parameters: tuple[str, ...],
-    inputs: _Signals,
-    disturbance: _Signals,
+    inputs: Signals,
+    disturbance: Signals,
 ) -> SymbolicPlant:
     states, outputs, input_names = block.state_names, block.output_names, block.input_names
     t = ca.SX.sym("t")
@@ -216,31 +188,6 @@ def _symbolic(
         ca.vertcat(*[found[name] for name in input_names]) if input_names else ca.SX(0, 1),
         ca.vertcat(*[pushed.get(state, ca.SX(0)) for state in states]),
     )
-
-
-Texts: TypeAlias = tuple[tuple[str, str], ...]
-
-
-@lru_cache(maxsize=256)  # of a family of plants most have the same
-def _inputs(texts: Texts, known: tuple[str, ...]) -> _Signals:
-    return _signals("inputs", _ordered(("plant", "inputs"), dict(texts), known))
-
-
-@lru_cache(maxsize=256)
-def _disturbance(texts: Texts, known: tuple[str, ...]) -> _Signals:
-    return _signals("disturbance", [(s, _read(("plant", "disturbance", s), text, known)) for s, text in texts])
-
-
-def _signals(key: str, expressions: list[tuple[str, Expression]]) -> _Signals:
-    templates, numbers = [], []
-    for name, expression in expressions:
-        try:
-            lifted, values = template(expression)
-        except ExpressionError as error:
-            raise Problem(("plant", key, name), str(error)) from error
-        templates.append((name, lifted))
-        numbers.append(values)
-    return _Signals(key, tuple(templates), tuple(numbers))
 
 
 def _named(names: Sequence[str], values: ca.SX) -> Symbols:
@@ -283,20 +230,6 @@ def _symbol(path: KeyPath, text: str, values: Mapping[str, ca.SX]) -> ca.SX:
         raise Problem(path, str(error)) from error
 
 
-def _read(path: KeyPath, text: str, names: Collection[str]) -> Expression:
-    try:
-        return parse(text, names=names)
-    except ExpressionError as error:
-        raise Problem(path, str(error)) from error
-
-
-def _require_known(block: str, key: str, given: Collection[str], known: Collection[str]) -> None:
-    for name in given:
-        if name not in known:
-            allowed = ", ".join(known) or "none"
-            raise Problem((block, key, name), f"unknown name {name!r}; known here: {allowed}.{nearest(name, known)}")
-
-
 def _require_distinct(groups: Mapping[str, tuple[str, ...]]) -> None:
     owner: dict[str, str] = {"t": "time", **dict.fromkeys(CONSTANTS, "a constant")}
     for group, names in groups.items():
@@ -305,45 +238,3 @@ def _require_distinct(groups: Mapping[str, tuple[str, ...]]) -> None:
                 message = f"{name!r} is a name of {owner[name]} and of {group}; names must differ"
                 raise Problem(("plant", group), message)
             owner[name] = group
-
-
-def _ordered(path: KeyPath, texts: Mapping[str, str], outer: Collection[str]) -> list[tuple[str, Expression]]:
-    """Definitions that may refer to each other, in the order in which they can be evaluated."""
-    parsed = {}
-    for name, text in texts.items():
-        try:
-            parsed[name] = parse(text, names=[*outer, *texts])
-        except ExpressionError as error:
-            raise Problem((*path, name), str(error)) from error
-    done: dict[str, Expression] = {}
-    while len(done) < len(parsed):
-        ready = [n for n, e in parsed.items() if n not in done and all(d in done for d in e.names if d in parsed)]
-        if not ready:
-            circle = sorted(set(parsed) - set(done))
-            raise Problem((*path, circle[0]), f"{', '.join(circle)} are defined in terms of each other")
-        done.update({name: parsed[name] for name in ready})
-    return list(done.items())
-
-
-def _parameter_values(block: Plant) -> dict[str, float]:
-    known = block.known_parameters
-    if known:
-        _require_known("plant", "parameters", block.parameters, known)
-    texts = {name: repr(q.default) for name, q in known.items() if q.default is not None} | dict(block.parameters)
-    missing = [name for name in known if name not in texts]
-    if missing:
-        raise Problem(("plant", "parameters"), f"the value of {', '.join(missing)} is missing")
-    values = _values(tuple(texts.items()))
-    order = [*known, *(n for n in texts if n not in known)]
-    return {name: values[name] for name in order}
-
-
-@lru_cache(maxsize=256)
-def _values(texts: Texts) -> dict[str, float]:
-    values: dict[str, float] = {}
-    for name, expression in _ordered(("plant", "parameters"), dict(texts), ()):
-        try:
-            values[name] = expression.number(values)
-        except ExpressionError as error:
-            raise Problem(("plant", "parameters", name), str(error)) from error
-    return values

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Mapping
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 from hgorun.errors import ConfigError
 from hgorun.files import remove_leftovers
@@ -20,6 +20,7 @@ from hgorun.study.study import Run, Study
 from hgorun.study.theory import theory_of
 
 _OWN = 2.0**34  # bytes of a run's numbers: files made here are read whatever their size
+_OFTEN = 1.0  # seconds after which members that have been run are recorded
 Report = Callable[[float, str], None]
 
 
@@ -222,10 +223,13 @@ class Work:
 
     def _ensemble(self, run: Run, report: Callable[[float], None]) -> list[dict[str, float]]:
         asked = asked_of(self.study, run.name, self.stale_claims, list(self.stale_figures))
-        members = len(run.varied)
+        members, last = len(run.varied), time.monotonic()
 
         def keep(found: list[dict[str, float]]) -> None:
-            self.state.keep_members(run, found)
+            nonlocal last
+            if len(found) == members or time.monotonic() - last > _OFTEN:  # all of them are written each time
+                self.state.keep_members(run, found)
+                last = time.monotonic()
             report(len(found) / members)
 
         return measure_members(run, asked, self.state.members(run, asked), keep)
@@ -234,7 +238,9 @@ class Work:
     def _figure_folder(self) -> Path:
         return self.job.folders.figures / self.job.group
 
-    def _draw(self, name: str, results: Mapping[str, Result], ensembles: Mapping[str, Any]) -> None:
+    def _draw(
+        self, name: str, results: Mapping[str, Result], ensembles: Mapping[str, Sequence[Mapping[str, float]]]
+    ) -> None:
         from hgorun.figures.drawing import draw
         from hgorun.figures.files import save, thumbnail
         from hgorun.study.scaling import refused, scaling_data

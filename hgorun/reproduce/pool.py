@@ -3,27 +3,26 @@
 from __future__ import annotations
 
 import multiprocessing
-import os
 import queue
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from typing import Any
+from typing import TypeAlias
 
 from hgorun.errors import HgorunError, SimulationError
-from hgorun.process import serve
+from hgorun.process import processors, serve
 from hgorun.progress import shown
 from hgorun.reproduce.job import Job, Outcome, Work
 
-_queue: Any = None  # of the worker's process: where it reports to
+Messages: TypeAlias = "queue.Queue[tuple[int, float, str]]"
+"""The number of a job, the completed fraction of it, and what is being done."""
+
+Progress: TypeAlias = Callable[[int, float, str], None]
+
+_queue: Messages  # of the worker's process: where it reports to
 _OFTEN = 0.1  # seconds between two reports of a worker
-
-
-def processors() -> int:
-    """How many jobs run at once: the processors that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def run_all(works: Sequence[Work], *, workers: int | None = None, show: bool = True) -> list[Outcome]:
@@ -59,7 +58,7 @@ def run_all(works: Sequence[Work], *, workers: int | None = None, show: bool = T
     return [outcomes[i] for i in range(len(works))]
 
 
-def _in_parallel(jobs: list[Job], places: list[int], count: int, progress: Any) -> dict[int, Outcome]:
+def _in_parallel(jobs: list[Job], places: list[int], count: int, progress: Progress) -> dict[int, Outcome]:
     context = multiprocessing.get_context("spawn")
     with context.Manager() as manager:
         messages = manager.Queue()
@@ -75,7 +74,9 @@ def _in_parallel(jobs: list[Job], places: list[int], count: int, progress: Any) 
             pool.shutdown(cancel_futures=True)
 
 
-def _collected(futures: dict[Future[Outcome], int], messages: Any, progress: Any) -> Iterator[tuple[int, Outcome]]:
+def _collected(
+    futures: dict[Future[Outcome], int], messages: Messages, progress: Progress
+) -> Iterator[tuple[int, Outcome]]:
     left, failed = set(futures), None
     while left:
         finished, left = wait(left, timeout=_OFTEN, return_when=FIRST_COMPLETED)
@@ -100,7 +101,7 @@ def _collected(futures: dict[Future[Outcome], int], messages: Any, progress: Any
         raise failed
 
 
-def _start(messages: Any) -> None:
+def _start(messages: Messages) -> None:
     """In a new worker."""
     global _queue
     _queue = messages
@@ -120,7 +121,7 @@ def _work(job: Job, number: int) -> Outcome:
 
 
 @contextmanager
-def _progress(jobs: int, show: bool) -> Iterator[Callable[[int, float, str], None]]:
+def _progress(jobs: int, show: bool) -> Iterator[Progress]:
     """How far all jobs are together."""
     parts = [0.0] * jobs
     with shown(jobs, "", show=show) as whole:

@@ -51,7 +51,7 @@ def check(source: Source) -> Checked:
     return Checked(blocks.model_copy(update=_NOT_OF_A_RUN), plant, measurement, observers)
 
 
-_NOT_OF_A_RUN: dict[str, Any] = {"figures": {}, "claims": ()}
+_NOT_OF_A_RUN: dict[str, Any] = {"figures": {}, "claims": (), "tune": None}
 _PARTS = {"plant", "measurement", "observers"}  # each has a class of its own
 
 

@@ -10,7 +10,7 @@ from hgorun.measurement.schedule import continuous_delays
 from hgorun.measurement.signals import delay_range
 from hgorun.observers.base import SampledObserver, SampleSchedule
 from hgorun.simulation.prepared import PreparedRun
-from hgorun.simulation.tables import steps_between
+from hgorun.simulation.steps import steps_between
 from hgorun.symbolic.evaluate import roughly_at
 
 _COARSE = 0.01  # of a step: so far apart neighbouring numbers may be

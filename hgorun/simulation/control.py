@@ -20,13 +20,18 @@ from hgorun.engine.memory import Raw
 from hgorun.errors import Problem
 from hgorun.result.data import PLANT, Integration
 from hgorun.result.status import OK, Verdict
+from hgorun.simulation.between_steps import Missed, missed
 from hgorun.simulation.confirmation import ended
 from hgorun.simulation.ladder import first_stage
 from hgorun.simulation.measured import Measured
 from hgorun.simulation.passes import Again, integrate
+from hgorun.simulation.preparation import with_events
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.search import Budget, Finished, Progress, Search
 from hgorun.simulation.why_diverged import why_diverged
+
+_AGAIN, _ADVANCE = 4, 1e-6  # times that a search is repeated whatever comes; of the run, a later feature then
+_MOST_EVENTS = 5_000
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -71,9 +76,8 @@ def controlled(run: PreparedRun, progress: Progress = None) -> Controlled:
         When there are not enough evaluations for a single pass.
     """
     search = Search(run=run, budget=Budget(run=run, progress=progress, left=run.solver.max_evaluations))
-    for stage in _stages(search):
-        if stage():
-            break
+    _search(search, run)
+    unseen = _followed(search)
     found = search.best
     if found is None:
         raise search.failure or Problem(
@@ -91,7 +95,7 @@ def controlled(run: PreparedRun, progress: Progress = None) -> Controlled:
     )
     late = {label: error for label, error in found.error.items() if not error <= run.solver.accuracy}
     verdicts = {label: _doubt(error, run, search.budget.spent) for label, error in late.items()}
-    verdicts |= _lost(run, found.finished, progress)
+    verdicts |= unseen | _lost(run, found.finished, progress)
     observers = tuple(verdicts.get(b.label, v) for b, v in zip(run.observers, known.verdicts, strict=True))
     return Controlled(
         raw=found.finished.raw,
@@ -99,6 +103,55 @@ def controlled(run: PreparedRun, progress: Progress = None) -> Controlled:
         integration=integration,
         of_plant=verdicts.get(PLANT, OK),
     )
+
+
+def _search(search: Search, run: PreparedRun, *, fixed: bool = True) -> None:
+    """Search for the steps of a run, which may have other events than before; ``fixed``: fixed ones, too."""
+    search.run = search.budget.run = run
+    search.best, search.tried = None, False
+    for stage in _stages(search) if fixed else [lambda: search.controlled(("dopri5", "rodas5p"))]:
+        if stage():
+            break
+
+
+def _followed(search: Search) -> dict[str, Verdict]:
+    """Repeat a search where its steps may have passed over something; what is said where they still may.
+
+    The times at which a trajectory passes what is narrow in a state become events. What follows the first of them
+    changes with it, so that others are met at other times. Jumps are left to steps that errors control.
+    """
+    known, before, rounds = np.zeros(0), -np.inf, 0
+    while search.best is not None and search.enough():
+        found, kept = missed(search.run, search.best.finished.how), search.best
+        auto = search.run.solver.method == "auto"
+        if found.nothing:
+            break
+        times = np.concatenate([known, *found.narrow.values()])
+        first = min((float(np.min(when)) for when in found.narrow.values()), default=np.inf)
+        late = rounds > _AGAIN and not first > before + _ADVANCE * search.run.span
+        if found.countless or late or times.size > _MOST_EVENTS or not (auto or found.narrow):
+            return _passed(search.run, found)
+        rounds, known, before = rounds + 1, times, max(before, first)
+        _search(search, with_events(search.run, known), fixed=not auto)
+        if not search.enough():
+            search.best = kept
+            return _passed(search.run, found)
+    return {}
+
+
+def _passed(run: PreparedRun, found: Missed) -> dict[str, Verdict]:
+    """What is said of the plant and of observers that pass features between steps."""
+    labels = [PLANT, *(block.label for block in run.observers)]
+    if found.countless:
+        reason = "there are too many jumps or kinks in its equations to tell whether its steps see all of them"
+        return dict.fromkeys(labels, Verdict("inaccurate", reason=reason))
+    reason = "at t = {:.6g} its steps pass over a part of the equations that is narrow in a state, which may matter"
+    first = {label: float(np.min(times)) for label, times in found.narrow.items()}
+    first |= {label: min(first[PLANT], first.get(label, np.inf)) for label in labels if PLANT in first}
+    said = {label: Verdict("inaccurate", reason=reason.format(run.origin + when)) for label, when in first.items()}
+    reason = "its equations jump at t = {:.6g} shortly before or after those of the plant, within one step"
+    lagging = {label: run.origin + float(np.min(times)) for label, times in found.lagging.items()}
+    return {label: Verdict("inaccurate", reason=reason.format(when)) for label, when in lagging.items()} | said
 
 
 def _lost(run: PreparedRun, found: Finished, progress: Progress) -> dict[str, Verdict]:

@@ -25,8 +25,7 @@ from hgorun.simulation.blocks import Checked, check, check_again, observer_of, p
 from hgorun.simulation.forms import form_of
 from hgorun.simulation.grid import grid_of, metric_step
 from hgorun.simulation.observer_block import Design
-from hgorun.symbolic.canonical import CanonicalForm
-from hgorun.symbolic.forms import Form
+from hgorun.symbolic.forms import ChosenChains, Form
 
 # what the runs of a family share, and by which their schedules are known again
 _STRETCHES: Memo[list[list[Stretch]]] = Memo(16)
@@ -148,9 +147,12 @@ class Experiment:
         """Leave out what has been derived from parts that are no longer the same."""
         now, known = self._checked, self.__dict__
         known["_designed"] = known.get("_designed", {}) | known.get("designs", {})
+        formed = known.get("_formed", {}) | known.get("_forms", {})
+        same = {label for label, observer in now.observers.items() if observer is before.observers.get(label)}
+        known["_formed"] = {label: forms for label, forms in formed.items() if label in same}
         stale = {"designs"}
         if now.plant is not before.plant or now.blocks.time.start != before.blocks.time.start:
-            stale |= {"plant", *_OF_FORMS, "stretches", "grid"}
+            stale |= {"plant", "_formed", *_OF_FORMS, "stretches", "grid"}
         if now.observers is not before.observers:
             stale |= _OF_FORMS if now.observers.keys() == before.observers.keys() else {*_OF_FORMS, "grid"}
         if now.measurement is not before.measurement or now.blocks.time != before.blocks.time:
@@ -190,11 +192,11 @@ class Experiment:
     def _forms(self) -> dict[str, tuple[Form, Form]]:
         """For every observer the form of the plant, and the one first found with the same equations."""
         with self.located():
-            noise = self._noise
-            return {
-                label: form_of(self.plant, label, observer, noise, self._chosen.get(label))
-                for label, observer in self.observers.items()
-            }
+            known = self.__dict__.get("_formed", {})
+            return {label: known.get(label) or self._form(label) for label in self.observers}
+
+    def _form(self, label: str) -> tuple[Form, Form]:
+        return form_of(self.plant, label, self.observers[label], self._noise, self._chosen.get(label))
 
     @cached_property
     def _noise(self) -> dict[str, float]:
@@ -215,7 +217,7 @@ class Experiment:
     @cached_property
     def coordinates(self) -> dict[str, Coordinates]:
         """Of every observer with constant gain the coordinates in which it corrects."""
-        chains = {label: form for label, form in self.forms.items() if isinstance(form, CanonicalForm)}
+        chains = {label: form for label, form in self.forms.items() if isinstance(form, ChosenChains)}
         return {label: Coordinates(form.map, form.taken) for label, form in chains.items()}
 
     @cached_property

@@ -9,7 +9,7 @@ from hgorun.engine.methods import METHODS
 from hgorun.errors import Problem
 from hgorun.simulation.passes import Pass, fixed_steps
 from hgorun.simulation.prepared import PreparedRun
-from hgorun.simulation.tables import uneven_steps
+from hgorun.simulation.steps import uneven_steps
 
 UNEVEN = 0.62  # steps of the run that is compared, for each step
 _PRECISE = 1e-6  # below this accuracy the method of order five is cheaper

@@ -13,8 +13,7 @@ import numpy as np
 from hgorun.errors import PluginError, Problem, called
 from hgorun.memo import Same
 from hgorun.observers.base import AnyObserver, ContinuousObserver, Sample, SampledObserver
-from hgorun.symbolic.canonical import CanonicalForm
-from hgorun.symbolic.forms import Copy, Form, ModelCopy
+from hgorun.symbolic.forms import ChosenChains, Copy, Form, ModelCopy
 from hgorun.symbolic.parameters import Parameters, flat
 from hgorun.symbolic.states import StateBlock, Symmetric
 from hgorun.symbolic.symbols import Symbols
@@ -52,7 +51,7 @@ class Design:
             When the observer's block does not fit the plant.
         """
         canonical = observer.coordinates == "canonical"
-        if canonical and isinstance(form, CanonicalForm) and form.no_inverse is not None:
+        if canonical and isinstance(form, ChosenChains) and form.no_inverse is not None:
             raise Problem(("observers", label, "coordinates"), form.no_inverse)
         for key, known in (("initial", form.plant.states), ("saturation", form.saturable(canonical))):
             for name in getattr(observer, key):

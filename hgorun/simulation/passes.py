@@ -14,7 +14,8 @@ from hgorun.engine.plan import Plan
 from hgorun.simulation.checks import check_steps, longest_step
 from hgorun.simulation.loss import UNBOUNDED
 from hgorun.simulation.prepared import PreparedRun
-from hgorun.simulation.tables import build_plan, part_of_difference, steps_between
+from hgorun.simulation.steps import part_of_difference, steps_between
+from hgorun.simulation.tables import build_plan
 
 _DEFAULT_RTOL = 1e-8
 _FIRST = 1e-4  # of the run: the first step where errors control them and none is given

@@ -18,7 +18,7 @@ from hgorun.measurement.events import Irregular, Kinks, extremes, infinite, merg
 from hgorun.measurement.sampling import EVENT_BYTES
 from hgorun.memo import Memo
 from hgorun.plants.build import BuiltPlant, SymbolicPlant
-from hgorun.simulation.tables import count_steps, in_pieces
+from hgorun.simulation.steps import count_steps, in_pieces
 from hgorun.symbolic.crossings import TooMany
 from hgorun.symbolic.evaluate import evaluate
 

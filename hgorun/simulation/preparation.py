@@ -137,13 +137,22 @@ def _mean_squares(experiment: Experiment, step: float) -> np.ndarray | None:
     return alone.mean_squares()
 
 
-def schedule_of(experiment: Experiment, channels: list[Channel], step: float) -> Schedule:
-    """All that happens in a run, for a nominal step."""
+def with_events(run: PreparedRun, times: np.ndarray) -> PreparedRun:
+    """The same run with more times at which a step ends."""
+    return replace(run, schedule=schedule_of(run.experiment, run.channels, run.step, times))
+
+
+def schedule_of(
+    experiment: Experiment, channels: list[Channel], step: float, more: np.ndarray | None = None
+) -> Schedule:
+    """All that happens in a run, for a nominal step; ``more``: times at which a step is to end besides."""
     time = experiment.time
     found = [plant_kinks(experiment.plant, time, experiment.origin)]
     found += [kinks_of(s, time.max_memory) for channel in channels for s in channel.stretches if s.continuous]
     kinks = np.concatenate([irregular.times for irregular in found])
     looked_at = _extremes(experiment, channels) if experiment.blocks.solver.controlled else np.zeros(0)
+    if more is not None:
+        looked_at = np.concatenate([looked_at, more])
     timings, changes = tuple(channel.timing for channel in channels), (kinks.tobytes(), looked_at.tobytes())
     key: Hashable = timings, time, experiment.origin, changes, step  # delays depend on the clock
     return _SCHEDULES.get(key, lambda: build_schedule(channels, time, kinks, step, looked_at))

@@ -12,6 +12,7 @@ from hgorun.engine.memory import Raw, Tolerance
 from hgorun.engine.program import TooManySteps
 from hgorun.errors import SimulationError
 from hgorun.result.status import Verdict
+from hgorun.simulation.between_steps import may_jump, missed
 from hgorun.simulation.checks import longest_step
 from hgorun.simulation.confirmation import ended
 from hgorun.simulation.error_estimate import differences
@@ -92,6 +93,8 @@ class Search:
     ----------
     best : Attempt or None
         The last that could be finished.
+    tried : bool
+        Whether controlled steps have been tried.
     failure : SimulationError or None
         Why controlled steps could not.
     """
@@ -99,6 +102,7 @@ class Search:
     run: PreparedRun
     budget: Budget
     best: Attempt | None = None
+    tried: bool = False
     failure: SimulationError | None = field(default=None)
 
     @property
@@ -119,11 +123,18 @@ class Search:
                 return False
             how = Pass(method=method, step=step, bounded=False)
             error = self._compared(how, replace(how, uneven=UNEVEN))
+            if before == np.inf and self._jumps(how):
+                return False
             if self.enough():
                 return self._certain()
             order = order_of(method, np.array(error), np.array(before), np.array(down))
             down, before = int(further_down(np.array(error / self.accuracy), order)), error
             k += down
+
+    def _jumps(self, how: Pass) -> bool:
+        """Whether controlled steps should be tried, since equations jump where the run passes."""
+        asked = self.run.solver.method == "auto" and not self.tried and may_jump(self.run)
+        return asked and missed(self.run, how).jumps
 
     def _affordable(self, method: Method, step: float, limit: float = np.inf) -> bool:
         count, other = step_counts(self.run, step)
@@ -159,6 +170,7 @@ class Search:
 
     def controlled(self, methods: tuple[Method, ...]) -> bool:
         """With controlled steps; whether that was enough."""
+        self.tried = True
         tolerance = max(_TOLERANCE * self.accuracy, _TIGHTEST)
         first = self._cheapest(methods, tolerance)
         if first is None:

@@ -99,4 +99,5 @@ def located(run: PreparedRun) -> Iterator[None]:
             yield
     except SimulationError as error:
         file, line = run.experiment.source.where(("plant",))
-        raise SimulationError(f"{file}:{line}: plant: {error}") from error
+        where = f"{file}:{line}: " if file else ""
+        raise SimulationError(f"{where}plant: {error}") from error

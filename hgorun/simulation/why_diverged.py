@@ -10,8 +10,8 @@ from hgorun.observers.base import ContinuousObserver
 from hgorun.observers.capabilities import SlidingMode
 from hgorun.simulation.observer_block import ObserverBlock
 from hgorun.simulation.prepared import PreparedRun
-from hgorun.symbolic.canonical import CanonicalForm
 from hgorun.symbolic.evaluate import Floats, at, evaluate
+from hgorun.symbolic.forms import ChosenChains
 
 _GROWS = 1e-6  # of the fastest rate: a smaller one may be rounding of zero
 
@@ -31,13 +31,15 @@ def why_diverged(run: PreparedRun, raw: Raw, j: int) -> str | None:
 def singular(run: PreparedRun, raw: Raw, block: ObserverBlock) -> str | None:
     """When J, through whose inverse a constant gain corrects, became singular: its determinant changed its sign."""
     form = block.form
-    if not isinstance(form, CanonicalForm) or block.canonical or not form.square or form.map == "chain":
+    if not isinstance(form, ChosenChains) or block.canonical or form.map == "chain":
+        return None
+    if sum(form.chains) != form.plant.n:  # corrected by least squares
         return None
     xhat = block.states["xhat"]
     rows = raw.rows[:, xhat.start : xhat.start + xhat.size, 0]
     rows = rows[np.all(np.isfinite(rows), axis=1)]
     x, p = form.plant.x, form.plant.p
-    determinant = ca.Function("det", [x, p], [ca.det(form.J(x, p))])
+    determinant = ca.Function("det", [x, p], [ca.det(form.jacobian)])
     (values,) = evaluate(determinant, rows, run.plant.parameters)
     with np.errstate(invalid="ignore"):
         changed = np.flatnonzero(np.sign(values.ravel()) != np.sign(values.ravel()[0]))

@@ -9,7 +9,7 @@ from hgorun.config.types import describe
 from hgorun.config.yaml_source import Source
 from hgorun.errors import ConfigError
 
-OF_THE_FILE = ("runs", "figures", "claims")  # what is not part of one run
+OF_THE_FILE = ("runs", "figures", "claims", "tune")  # what is not part of one run
 OF_THE_ENSEMBLE = ("seeds", "vary")
 
 

@@ -21,7 +21,7 @@ import numpy as np
 from hgorun.errors import NotObservableForm
 from hgorun.memo import Memo, Same
 from hgorun.symbolic.chains import Chain
-from hgorun.symbolic.evaluate import at, evaluate
+from hgorun.symbolic.evaluate import at
 from hgorun.symbolic.forms import Bounds, saturate
 from hgorun.symbolic.matrices import A, inv_Delta
 from hgorun.symbolic.plant import PlantModel
@@ -95,10 +95,6 @@ class CanonicalForm:
     def jacobian_at(self, x: np.ndarray, parameters: np.ndarray) -> np.ndarray:
         """J as numbers, shape (sum(chains), n)."""
         return at(self._jacobian, x, parameters)[0].reshape(-1, self.plant.n)
-
-    def jacobians_at(self, x: np.ndarray, parameters: np.ndarray) -> np.ndarray:
-        """J at several states x (N, n), shape (N, sum(chains), n)."""
-        return evaluate(self._jacobian, x, parameters)[0].reshape(len(x), -1, self.plant.n)
 
     @property
     def invertible(self) -> bool:

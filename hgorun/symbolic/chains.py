@@ -14,6 +14,7 @@ from itertools import pairwise
 import casadi as ca
 import numpy as np
 
+from hgorun.memo import Memo
 from hgorun.symbolic.evaluate import at
 from hgorun.symbolic.plant import PlantModel
 
@@ -56,9 +57,13 @@ class Links:
             self._constant[i, j] = not ca.depends_on(self._slopes[i, j], moving)
         constants = ca.SX(ca.DM(self._constant.astype(float))) * self._slopes
         self._values = ca.Function("c", [plant.p], [ca.densify(constants)])
+        self._known: Memo[tuple[Chain, ...] | None] = Memo(8)
 
     def chains(self, parameters: np.ndarray) -> tuple[Chain, ...] | None:
         """The chain of every output; None where the plant is not made of chains with these parameters."""
+        return self._known.get(parameters.tobytes(), lambda: self._chains(parameters))
+
+    def _chains(self, parameters: np.ndarray) -> tuple[Chain, ...] | None:
         q, n = len(self.plant.outputs), self.plant.n
         values = at(self._values, parameters)[0].reshape(q + n, n)
         if not np.all(np.isfinite(values)):

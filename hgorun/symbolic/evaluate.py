@@ -47,7 +47,7 @@ def evaluate(function: ca.Function, *arguments: ArrayLike) -> list[Floats]:
     for i, (array, size) in enumerate(zip(arrays, ports.taken, strict=True)):
         if array.size != size * (points if array.ndim == 2 else 1):
             raise ValueError(f"argument {i} of {function}: {array.shape} does not fit")
-    results = [np.zeros((points, sparsity.nnz())) for sparsity in ports.given]
+    results = [np.zeros((points, matrix.nonzeros)) for matrix in ports.given]
     instructions = _INTERPRETED.get(Same(function), lambda: interpreted(function))
     if instructions:
         carry_out(instructions, arrays, results)
@@ -55,7 +55,33 @@ def evaluate(function: ca.Function, *arguments: ArrayLike) -> list[Floats]:
         _call(function, arrays, results)
     else:
         _in_pieces(function, arrays, results, points)
-    return [_shaped(sparsity, array) for sparsity, array in zip(ports.given, results, strict=True)]
+    return [matrix.full(array) for matrix, array in zip(ports.given, results, strict=True)]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class _Matrix:
+    """The shape of an output, and the places of its nonzeros, column after column; None where it is dense."""
+
+    rows: int
+    columns: int
+    nonzeros: int
+    places: np.ndarray | None
+
+    @classmethod
+    def of(cls, sparsity: ca.Sparsity) -> _Matrix:
+        rows, columns = sparsity.shape
+        places = np.array(sparsity.get_col(), dtype=int) * rows + np.array(sparsity.row(), dtype=int)
+        return cls(rows, columns, sparsity.nnz(), None if sparsity.is_dense() else places)
+
+    def full(self, values: Floats) -> Floats:
+        """Full matrices from CasADi's nonzeros."""
+        if self.places is not None:
+            full = np.zeros((len(values), self.columns * self.rows))
+            full[:, self.places] = values
+            values = full
+        if self.columns == 1:
+            return values
+        return np.ascontiguousarray(values.reshape(len(values), self.columns, self.rows).swapaxes(1, 2))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -63,12 +89,12 @@ class _Ports:
     """What a function takes and gives, asked for once: each question to CasADi takes a microsecond."""
 
     taken: tuple[int, ...]
-    given: tuple[ca.Sparsity, ...]
+    given: tuple[_Matrix, ...]
 
     @classmethod
     def of(cls, function: ca.Function) -> _Ports:
         taken = tuple(function.nnz_in(i) for i in range(function.n_in()))
-        return cls(taken, tuple(function.sparsity_out(i) for i in range(function.n_out())))
+        return cls(taken, tuple(_Matrix.of(function.sparsity_out(i)) for i in range(function.n_out())))
 
 
 _PORTS: Memo[_Ports] = Memo(256)
@@ -94,7 +120,7 @@ def _in_pieces(function: ca.Function, arrays: Sequence[Floats], results: Sequenc
     length = _PIECES[points > _PIECES[0]]
     mapped = _MAPPED.get((Same(function), length), lambda: function.map(length))
     buffer, call = mapped.buffer()
-    inside = [a if a.ndim == 2 else np.tile(a.ravel(), (length, 1)) for a in arrays]
+    inside = [a if a.ndim == 2 else np.full((length, a.size), a.ravel()) for a in arrays]
     whole = points - points % length
     for start in range(0, points, length):
         rest = start == whole
@@ -126,9 +152,9 @@ def roughly_at(function: ca.Function, *arguments: ArrayLike) -> list[Floats]:
     """What :func:`at` gives but for last bits, which depend on the machine: for questions such as what is finite."""
     arrays = [np.asarray(argument, dtype=float).ravel() for argument in arguments]
     ports = _PORTS.get(Same(function), lambda: _Ports.of(function))
-    results = [np.zeros((1, sparsity.nnz())) for sparsity in ports.given]
+    results = [np.zeros((1, matrix.nonzeros)) for matrix in ports.given]
     _call(function, arrays, results)
-    return [_shaped(sparsity, array)[0] for sparsity, array in zip(ports.given, results, strict=True)]
+    return [matrix.full(array)[0] for matrix, array in zip(ports.given, results, strict=True)]
 
 
 def along(function: ca.Function, times: ArrayLike, *constants: ArrayLike) -> Floats:
@@ -156,15 +182,3 @@ def compiled(text: str, *names: str) -> ca.Function:
     symbols = [ca.SX.sym(name) for name in names]
     value = parse(text, names=names).symbol(dict(zip(names, symbols, strict=True)))
     return ca.Function("value", symbols, [value])
-
-
-def _shaped(sparsity: ca.Sparsity, values: Floats) -> Floats:
-    """Full matrices from CasADi's nonzeros, which lie column after column."""
-    rows, columns = sparsity.shape
-    if not sparsity.is_dense():
-        full = np.zeros((len(values), columns * rows))
-        full[:, np.array(sparsity.get_col(), dtype=int) * rows + np.array(sparsity.row(), dtype=int)] = values
-        values = full
-    if columns == 1:
-        return values
-    return np.ascontiguousarray(values.reshape(len(values), columns, rows).swapaxes(1, 2))

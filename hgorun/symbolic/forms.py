@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Protocol, runtime_checkable
+from typing import Literal, Protocol, runtime_checkable
 
 import casadi as ca
 import numpy as np
@@ -115,6 +115,26 @@ class ChainForm(Form, Protocol):
     @property
     def identity(self) -> bool:
         """Whether z is x."""
+        ...
+
+
+@runtime_checkable
+class ChosenChains(ChainForm, Protocol):
+    """Chains that a plant may have in several ways: which were taken, and whether they lead back to its states."""
+
+    @property
+    def map(self) -> Literal["chain", "derivatives"]:
+        """Whether z are the plant's own states, but for their units, or derivatives of its outputs."""
+        ...
+
+    @property
+    def taken(self) -> Mapping[str, int]:
+        """The outputs with the lengths of their chains."""
+        ...
+
+    @property
+    def no_inverse(self) -> str | None:
+        """Why x is not known as a function of z; None where it is."""
         ...
 
 

@@ -27,8 +27,8 @@ _ITSELF = {
     **{ca.OP_FABS: _ABOVE, ca.OP_SIGN: _ABOVE, ca.OP_FLOOR: integers(reached=True)},
     **{ca.OP_CEIL: integers(reached=False)},
 }
-_STEPS = {ca.OP_SIGN, ca.OP_FLOOR, ca.OP_CEIL, ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE}
-_STEPS |= {ca.OP_NOT, ca.OP_AND, ca.OP_OR}  # constant between kinks
+STEPS = {ca.OP_SIGN, ca.OP_FLOOR, ca.OP_CEIL, ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE}
+STEPS |= {ca.OP_NOT, ca.OP_AND, ca.OP_OR}  # constant between kinks
 _POWERS = {ca.OP_POW, ca.OP_CONSTPOW}
 
 
@@ -144,15 +144,15 @@ class _Reader:
         self.watched += [node.whole for node in nodes if node is not None and node.timed]
 
     def _node(self, op: int, parts: list[_Node]) -> _Node:
-        whole = _apply(op, [part.whole for part in parts])
+        whole = apply_to(op, [part.whole for part in parts])
         smooth = [part.smooth for part in parts]
         if not any(part.timed for part in parts):
-            return _Node(whole, _apply(op, smooth))
+            return _Node(whole, apply_to(op, smooth))
         inside = frozenset().union(*(part.inside for part in parts))
-        for argument, levels, touches, singular in _kinks(op, parts):
+        for argument, levels, touches, singular in levels_of(op, [part.smooth for part in parts], parts[-1].timed):
             self.kinks.append((argument, levels, touches, singular, inside))
             inside |= {len(self.kinks) - 1}
-        if op in _STEPS:
+        if op in STEPS:
             return _Node(whole, self._step(whole), inside, True)
         if op == ca.OP_FABS:
             return _Node(whole, self._step(ca.sign(parts[0].whole)) * smooth[0], inside, True)
@@ -165,7 +165,7 @@ class _Reader:
         if op == ca.OP_FMOD:
             turns = self._step((parts[0].whole - whole) / parts[1].whole)
             return _Node(whole, smooth[0] - turns * smooth[1], inside, True)
-        return _Node(whole, _apply(op, smooth), inside, True)
+        return _Node(whole, apply_to(op, smooth), inside, True)
 
     def _step(self, whole: ca.SX) -> ca.SX:
         """A symbol for what is constant on each piece."""
@@ -198,13 +198,21 @@ def _entries_in(expression: ca.SX, p: ca.SX) -> np.ndarray:
     return np.flatnonzero(np.array(depends, dtype=bool))
 
 
-def _apply(op: int, parts: list[ca.SX]) -> ca.SX:
+def apply_to(op: int, parts: list[ca.SX]) -> ca.SX:
     return ca.SX.unary(op, *parts) if len(parts) == 1 else ca.SX.binary(op, *parts)
 
 
-def _kinks(op: int, parts: list[_Node]) -> Iterable[tuple[ca.SX, Levels, bool, bool]]:
-    """The arguments and levels of an operation: whether touching counts, and whether it may be infinite there."""
-    first, last = parts[0].smooth, parts[-1].smooth
+def levels_of(op: int, parts: list[ca.SX], varies: bool = True) -> Iterable[tuple[ca.SX, Levels, bool, bool]]:
+    """The arguments and levels of an operation: whether touching counts, and whether it may be infinite there.
+
+    Parameters
+    ----------
+    parts : list of casadi.SX
+        What it is done with.
+    varies : bool
+        Whether the last of them does.
+    """
+    first, last = parts[0], parts[-1]
     if op in _ITSELF:
         yield first, _ITSELF[op], False, False
     elif op in _DIFFERENCE:
@@ -212,7 +220,7 @@ def _kinks(op: int, parts: list[_Node]) -> Iterable[tuple[ca.SX, Levels, bool, b
     elif op == ca.OP_FMOD:
         yield first / last, integers(reached=True), False, False
         yield first / last, integers(reached=False), False, False
-    elif op in (ca.OP_DIV, ca.OP_INV) and parts[-1].timed:
+    elif op in (ca.OP_DIV, ca.OP_INV) and varies:
         yield last, _ABOVE, True, True
     elif op in _POWERS and not _is_natural(last):
         yield first, _ABOVE, True, True

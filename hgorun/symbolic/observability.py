@@ -166,6 +166,8 @@ class _Search:
 
     def _jacobian(self, lengths: tuple[int, ...], x: np.ndarray, parameters: np.ndarray) -> np.ndarray:
         """J with its rows in units of the outputs' noise, shape (sum(lengths), n)."""
+        if len(lengths) == 1:  # the only way, and the form has it
+            return self._of_derivatives(lengths).jacobian_at(x, parameters) * self.weights[0]
         rows = [
             evaluate.at(self._row(i, k), x, parameters)[0].ravel() * self.weights[i]
             for i, length in enumerate(lengths)

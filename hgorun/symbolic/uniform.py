@@ -63,13 +63,13 @@ def _above(chains: tuple[int, ...]) -> np.ndarray:
 
 
 def input_slopes(form: CanonicalForm) -> ca.Function:
-    """The slopes in x of z' with the inputs less z' without them, and of z' itself, from (t, x, u, p)."""
+    """The slopes in x of z' with the inputs less z' without them, and of z' itself, and J, from (t, x, u, p)."""
     plant = form.plant
     drift = plant.f(plant.t, plant.x, ca.SX.zeros(plant.u.shape), plant.p)
     added = ca.jacobian(form.jacobian @ (plant.dynamics - drift), plant.x)
     whole = ca.jacobian(form.jacobian @ plant.dynamics, plant.x)
     arguments = [plant.t, plant.x, plant.u, plant.p]
-    return ca.Function("slopes", arguments, [ca.densify(ca.cse(added)), ca.densify(ca.cse(whole))])
+    return ca.Function("slopes", arguments, [ca.densify(ca.cse(one)) for one in (added, whole, form.jacobian)])
 
 
 def _added(
@@ -81,8 +81,8 @@ def _added(
     """
     t, x, u = (np.array([getattr(at, name) for at in points]) for name in ("t", "x", "u"))
     values = evaluate.evaluate(slopes, t[:, None], x, u, parameters)
-    added, whole = (v.reshape(len(points), -1, form.plant.n) for v in values)
-    back = _inverses(form.jacobians_at(x, parameters), form.square)
+    added, whole, jacobians = (v.reshape(len(points), -1, form.plant.n) for v in values)
+    back = _inverses(jacobians, form.square)
     return added @ back, (np.abs(added) + np.abs(whole)) @ np.abs(back)
 
 

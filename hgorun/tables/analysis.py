@@ -12,7 +12,7 @@ import numpy as np
 from hgorun.analysis.finding import Finding
 from hgorun.analysis.report import Analysis, Findings
 from hgorun.result.result import Result
-from hgorun.tables.metrics import number, packed, wrapped
+from hgorun.tables.layout import number, packed, wrapped
 from hgorun.tables.typeset import printable
 
 _CAUTION = (

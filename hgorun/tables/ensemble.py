@@ -13,7 +13,8 @@ from hgorun.ensemble.collected import Collected, levels, shown
 from hgorun.ensemble.statistics import Difference, Statistics, Summary, points, statistics
 from hgorun.files import json_value
 from hgorun.result.metrics.base import all_metrics
-from hgorun.tables.metrics import latex_head, number, packed, wrapped
+from hgorun.tables.latex import latex_head
+from hgorun.tables.layout import number, packed, wrapped
 from hgorun.tables.typeset import latex_words, printable
 from hgorun.tables.uncertain import latex_uncertain, uncertain
 

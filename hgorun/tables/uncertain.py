@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 
-from hgorun.tables.metrics import number
+from hgorun.tables.layout import number
 
 _DIGITS = 6  # of a number, at most
 _FIXED = (1e-3, 1e6)  # numbers between are written without an exponent

@@ -19,6 +19,7 @@ from outside import installed
 from shell import Shell
 
 from hgorun.commands.catalogue import build_schema
+from hgorun.files import _MACHINE
 from hgorun.observers.base import OBSERVERS
 from hgorun.observers.shgo import StandardObserver
 from hgorun.reproduce.shipped import experiments
@@ -325,7 +326,7 @@ def test_a_package_that_takes_a_built_in_name_is_told(shell: Shell, monkeypatch:
 def test_compare_removes_what_a_killed_process_left(shell: Shell) -> None:
     results = shell.folder / "results"
     results.mkdir()
-    left = results / ".small-comparison.png-999999999-x.part"
+    left = results / f".small-comparison.png-{_MACHINE}-999999999-x.part"
     left.write_text("half")
     assert shell("compare", "small.yaml", "-q")[0] == 0
     assert not left.exists()

@@ -12,6 +12,7 @@ import pytest
 import yaml
 
 from hgorun.cli import main
+from hgorun.files import _MACHINE
 
 BASE: dict[str, Any] = {
     "time": {"end": 1, "output_step": 0.1},
@@ -233,7 +234,7 @@ def test_a_wrong_argument_is_explained(
 def test_what_a_killed_process_left_is_swept(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    left = tmp_path / "results" / f".c.h5-{2**22 + 1}-abcdef.part"  # beyond the largest number of a process
+    left = tmp_path / "results" / f".c.h5-{_MACHINE}-{2**22 + 1}-abcdef.part"  # beyond the largest number of a process
     left.parent.mkdir()
     left.write_bytes(b"half a file")
     assert shell(tmp_path, BASE, monkeypatch, capsys, "simulate", "c.yaml", "-q")[0] == 0

@@ -12,11 +12,14 @@ import numpy.typing as npt
 import pytest
 from interpreter import Interpreter, Run
 
+from hgorun.engine.ensemble import Ensemble, MemberNumbers
 from hgorun.engine.layout import ARRIVE, JUMP, REBASE, RECORD, SET, TAKE, Held, HybridSystem, Regime
+from hgorun.engine.loose import fits
 from hgorun.engine.memory import Raw, Start, Tolerance
+from hgorun.engine.methods import METHODS
 from hgorun.engine.plan import Plan
 from hgorun.engine.program import Program
-from hgorun.errors import SimulationError
+from hgorun.errors import PlantDiverged, SimulationError
 
 Array = npt.NDArray[np.float64]
 PLANT, OBSERVERS, OUTPUTS, PARAMETERS = 2, 2, 2, 2
@@ -253,3 +256,42 @@ def test_progress_grows_to_one() -> None:
     assert told == sorted(told)
     assert told[-1] == 1.0
     assert 0 < told[0] < 1
+
+
+@pytest.mark.parametrize("method", ["euler", "rk4"])
+def test_lanes_with_plans_of_their_own_are_runs_of_their_own(method: str) -> None:
+    """Bit for bit, with all actions, jumps, regimes, other numbers of steps, and observers that diverge."""
+    grid = np.sort(np.concatenate([[0.0, END], np.random.default_rng(1).uniform(0, END, 60)]))
+    plans = [replace(plan(seed, most_steps=2 + 5 * (seed % 3)), grid=grid) for seed in range(13)]
+    z, p = (np.column_stack(numbers) for numbers in zip(*(start_of(seed) for seed in range(13)), strict=True))
+    nothing = np.zeros(0)
+    members = MemberNumbers(z0=z, p=p, gain=nothing, bias=nothing, holds=nothing, bound=BOUND)
+    assert fits(system(False), METHODS[method])
+    found = Ensemble(system(False), method, 4).run_each(plans, members, rows=True)
+    assert found.rows is not None
+    diverged = 0
+    for k, own in enumerate(plans):
+        alone = program(method).run(own, Start(z[:, [k]], p[:, [k]], BOUND))
+        np.testing.assert_array_equal(found.rows[..., k], alone.rows[..., 0])
+        np.testing.assert_array_equal(found.diverged[:, k], alone.diverged[:, 0])
+        np.testing.assert_array_equal(found.last[:, k], alone.rows[-1, :, 0])
+        diverged += int(np.isfinite(alone.diverged).any())
+    assert 0 < diverged < len(plans)
+
+
+def test_a_plant_that_diverges_ends_its_own_lane_alone() -> None:
+    """The others have the bits that they have without it."""
+    made = plan(1)
+    z, p = (np.column_stack(numbers) for numbers in zip(*(start_of(seed) for seed in range(7)), strict=True))
+    z[0, 2] = 1e301
+    members = MemberNumbers(z0=z, p=p, gain=made.gain, bias=made.bias, holds=made.holds, bound=(1e300, 0.0))
+    ensemble = Ensemble(system(False), "rk4", 4)
+    for found in (ensemble.run(made, members, rows=True), ensemble.run_each([made] * 7, members, rows=True)):
+        assert found.rows is not None
+        assert list(np.isfinite(found.plant_diverged)) == [k == 2 for k in range(7)]
+        for k in (0, 1, 3, 6):
+            alone = program("rk4").run(made, Start(z[:, [k]], p[:, [k]], (1e300, 0.0)))
+            np.testing.assert_array_equal(found.rows[..., k], alone.rows[..., 0])
+        with pytest.raises(PlantDiverged) as alone_too:
+            program("rk4").run(made, Start(z[:, [2]], p[:, [2]], (1e300, 0.0)))
+        assert found.plant_diverged[2] == alone_too.value.at

@@ -179,6 +179,16 @@ def test_kinds_of_runs(plant: dict[str, Any], observers: dict[str, Any], more: d
 
 
 @pytest.mark.slow
+def test_what_is_narrow_in_a_state() -> None:
+    """A force within a thousandth of a position, which some of the members pass."""
+    plant = inline({"x1": "x2", "x2": "-x1 + 200*exp(-((x1 - 1)/1e-3)**2)"}, "x1", initial={"x1": 0.0, "x2": 0.0})
+    base = experiment(plant, {"S": {"type": "shgo", "theta": 3}}, end=2.0)
+    members = Members.of({"plant.initial.x1": np.linspace(0.3, 1.5, COUNT)})
+    block = compute(base, members)
+    for i in (0, 12, 29):
+        alone(base, members, i, block)
+
+
 def test_two_hundred_members_at_random() -> None:
     base = van_der_pol(MEASURED["sampled"], 0.02)
     random = np.random.default_rng(0)

@@ -31,6 +31,7 @@ from hgorun.ensemble.store import Store
 from hgorun.ensemble.sweep import Count, Part, Place, finished, sweep_to
 from hgorun.ensemble.sweep import carry_out as carry_out_all
 from hgorun.errors import ConfigError, HgorunError, SimulationError
+from hgorun.files import _alive
 from hgorun.result import digests
 from hgorun.result.sink import Sink
 
@@ -143,6 +144,14 @@ def test_a_member_that_fails_is_recorded_and_stops_nobody(tmp_path: Path) -> Non
     assert found.status[:, 0].tolist() == [0, 4, 0]
     assert found.trajectories is not None
     assert np.isnan(found.trajectories.x[:, 0, 0]).tolist() == [False, True, False]
+
+
+def test_a_plant_that_diverges_fails_alone(tmp_path: Path) -> None:
+    of = ensemble({"plant.parameters.mu": [1.0, -400.0], "seed": {"count": 2}})
+    sweep_to(of, Place.of(tmp_path / "a.h5"))
+    found = read(tmp_path / "a.h5")
+    assert [text.startswith("plant: ") for text in found.error] == [False, False, True, True], found.error
+    assert found.status[:, 0].tolist() == [0, 0, 4, 4]
 
 
 def test_the_worst_members_are_followed(tmp_path: Path) -> None:
@@ -335,3 +344,46 @@ def test_every_data_set_has_its_digest(tmp_path: Path) -> None:
         assert file["rmse"].attrs["sha256"] == digests.of_numbers(file["rmse"][()])
         assert file["error"].attrs["sha256"] == digests.of_names(file["error"].asstr()[()].ravel().tolist())
         assert file["observer"].attrs["sha256"] == digests.of_names(["SHGO", "FHGO"])
+
+
+_BUSY = """
+import multiprocessing, os, signal, sys, time
+from concurrent.futures import ProcessPoolExecutor
+from hgorun.process import serve
+
+def work(folder):
+    open(os.path.join(folder, str(os.getpid())), "w").close()
+    time.sleep(60)
+
+if __name__ == "__main__":
+    pool = ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn"), initializer=serve)
+    pool.submit(work, sys.argv[1])
+    time.sleep(60)
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.name != "posix", reason="sends signals")
+@pytest.mark.parametrize("whom", ["the worker by SIGTERM", "its parent by SIGKILL"])
+def test_a_busy_worker_ends_at_once(tmp_path: Path, whom: str) -> None:
+    (tmp_path / "busy.py").write_text(_BUSY)
+    folder = tmp_path / "began"
+    folder.mkdir()
+    parent = subprocess.Popen([sys.executable, "busy.py", str(folder)], cwd=tmp_path)
+    try:
+        while not list(folder.iterdir()):
+            assert parent.poll() is None
+            time.sleep(0.05)
+        worker = int(next(folder.iterdir()).name)
+        if whom.startswith("its"):
+            parent.kill()
+        else:
+            os.kill(worker, signal.SIGTERM)
+        for _ in range(200):
+            if not _alive(worker):
+                break
+            time.sleep(0.05)
+        assert not _alive(worker)
+    finally:
+        parent.kill()
+        parent.wait()

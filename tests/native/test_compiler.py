@@ -7,10 +7,11 @@ import hashlib
 import os
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from hgorun.native import compiler
-from hgorun.native.compiler import NativeModule, cache_folder
+from hgorun.native.compiler import NativeModule, address_of, cache_folder
 
 IR = "define dso_local double @number() {\n  ret double 42.0\n}"
 
@@ -146,3 +147,12 @@ def test_code_for_another_processor_is_another_entry(
         monkeypatch.setenv("HGORUN_CPU", processor)
         assert number(NativeModule(IR, ("number",))) == 42.0
     assert len(compiled) == len(list(folder.iterdir())) == 2
+
+
+def test_the_address_of_an_array_is_that_of_its_first_number() -> None:
+    """Whatever the array is: in pieces, not to be written to, empty, in the order of Fortran."""
+    fixed = np.zeros(3)
+    fixed.flags.writeable = False
+    whole = np.zeros((4, 6))
+    for array in (whole, whole[1:, ::2], fixed, np.zeros(0), np.asfortranarray(whole), np.zeros(4, dtype=np.int64)):
+        assert address_of(array) == array.ctypes.data

@@ -24,6 +24,7 @@ from hgorun.result.reading import read
 from hgorun.result.windows import MetricSettings, points_in
 from hgorun.study.quantities import measure_quantity, read_sentence
 from hgorun.tables import metrics as tables
+from hgorun.tables.latex import latex
 
 OBSERVERS: dict[str, Any] = {"A": {"type": "shgo", "theta": 3}, "B": {"type": "shgo", "theta": 5}}
 
@@ -140,7 +141,7 @@ def test_a_metric_of_another_package_is_like_one_of_ours(tmp_path: Path, capsys:
     assert tables.as_json(result)["observers"]["A"]["bias"]["x2"] == result.metrics()["A"]["bias"]["x2"]
     rows = list(csv.DictReader(tables.csv([result]).splitlines()))
     assert {row["metric"] for row in rows} == set(all_metrics())
-    assert "{bias}" in tables.latex([result])
+    assert "{bias}" in latex([result])
     whole, part = (
         measure_quantity(read_sentence(f"bias('A', x1{more})", ("r",)).quantities[0], {"r": result})
         for more in ("", ", 2, 3")
@@ -163,7 +164,7 @@ def test_files_with_more_and_with_fewer_metrics_are_compared(tmp_path: Path, mon
     column = head.split().index("bias")
     assert head.split()[column : column + 4] == ["bias", "x1", "bias", "x2"]
     assert [row.split()[-1] == "-" or " - " in row for row in rows] == [True, True, False, False]
-    assert "{bias}" in tables.latex([read(few), read(many)])
+    assert "{bias}" in latex([read(few), read(many)])
     with installed(tmp_path / "again", monkeypatch, METRICS, "my_metrics", BIAS, bias="BIAS"):
         old = read(few)  # a quantity that the file lacks is measured on its trajectories
         value = measure_quantity(read_sentence("bias('A', x1)", ("r",)).quantities[0], {"r": old})

@@ -17,7 +17,7 @@ from scipy.linalg import expm
 from hgorun import Experiment, Result, simulate
 from hgorun.errors import ConfigError
 from hgorun.simulation.preparation import prepare
-from hgorun.simulation.tables import part_of_difference, uneven_steps
+from hgorun.simulation.steps import part_of_difference, uneven_steps
 
 Right = Callable[[float, float, float], float]
 

@@ -10,6 +10,8 @@ import yaml
 
 import hgorun
 from hgorun.engine.ensemble import MemberNumbers
+from hgorun.engine.loose import fits
+from hgorun.engine.methods import METHODS
 from hgorun.simulation.lanes import reduction_of
 from hgorun.simulation.passes import as_given, plan_of
 from hgorun.simulation.prepared import PreparedRun
@@ -103,3 +105,44 @@ def test_numbers_of_any_strides(stride: int) -> None:
     found = ensemble.run(plan, MemberNumbers(z0=z0, p=p, gain=gain, bias=bias, holds=holds), rows=True).rows
     assert found is not None
     np.testing.assert_array_equal(found, straight)
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"sampling": {"period": 0.1, "jitter": 0.03}},
+        {"sampling": {"period": 0.1, "dropout": 0.3}},
+        {"sampling": {"period": 0.1, "jitter": 0.03, "dropout": 0.2}, "delay": "0.15*abs(cos(3*t))"},
+    ],
+)
+@pytest.mark.parametrize("method", ["euler", "rk4"])
+def test_members_with_their_own_events_have_the_bits_of_runs_alone(changed: dict[str, object], method: str) -> None:
+    config = yaml.safe_load(CONFIG)
+    config["measurement"] |= changed
+    config["solver"]["method"] = method
+    base = hgorun.Experiment(config, name="test")
+    of = [prepare(base.varied({"seed": k})) for k in range(24)]
+    of = [run for run in of if run.structure is of[0].structure]
+    assert len(of) > 8
+    plans, starts = zip(*(plan_of(run, as_given(run)) for run in of), strict=True)
+    numbers = MemberNumbers(
+        z0=np.hstack([start.z for start in starts]),
+        p=np.hstack([start.p for start in starts]),
+        gain=plans[0].gain,
+        bias=plans[0].bias,
+        holds=plans[0].holds,
+    )
+    assert len({plan.spans.tobytes() for plan in plans}) > 1
+    assert fits(of[0].structure.system, METHODS[method])
+    reduction, ensemble = reduction_of(of[0]), of[0].structure.ensemble(method)
+    found, kept = ensemble.run_each(plans, numbers, reduction), ensemble.run_each(plans, numbers, rows=True)
+    values = reduction.named(found.reduced)
+    assert kept.rows is not None
+    for k, (run, plan, start) in enumerate(zip(of, plans, starts, strict=True)):
+        alone = run.structure.program(method).run(plan, start)
+        np.testing.assert_array_equal(kept.rows[..., k], alone.rows[..., 0])
+        np.testing.assert_array_equal(found.last[:, k], alone.rows[-1, :, 0])
+        np.testing.assert_array_equal(found.diverged[:, k], alone.diverged[:, 0])
+        metrics = simulate_prepared(run).observers["FHGO"].metrics
+        for name, own in metrics.items():
+            np.testing.assert_array_equal(values[name][1, :, k], own, err_msg=name)

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from examples import load, prepared, run
 
-import hgorun.simulation.tables as plan_module
 from hgorun import simulate
 from hgorun.cli import main
 from hgorun.engine.memory import history_pieces
 from hgorun.errors import ConfigError
 from hgorun.measurement.noise import generator
+from hgorun.simulation import steps as of_steps
 from hgorun.simulation.simulate import prepare
-from hgorun.simulation.tables import count_steps, in_pieces
+from hgorun.simulation.steps import count_steps, in_pieces
 from hgorun.symbolic.canonical import CanonicalForm
 from hgorun.symbolic.shares import chain_lengths
 
@@ -71,8 +71,8 @@ def test_the_pieces_of_a_long_run_are_bounded() -> None:
     _, pieces = in_pieces(spans, counts)
     made = pieces[:, 2] - pieces[:, 1]
     assert made.sum() == steps.sum()
-    assert len(pieces) <= plan_module._MAX_PIECES + 3
-    assert made.max() <= plan_module._MAX_STEPS / plan_module._MAX_PIECES
+    assert len(pieces) <= of_steps._MAX_PIECES + 3
+    assert made.max() <= of_steps._MAX_STEPS / of_steps._MAX_PIECES
 
 
 @pytest.mark.parametrize(

@@ -17,9 +17,9 @@ from hgorun import ConfigError, Experiment, Result
 from hgorun.engine import program
 from hgorun.measurement import events, sampling, signals
 from hgorun.native.compiler import NativeModule
-from hgorun.plants import build
+from hgorun.plants import build, expressions
 from hgorun.simulation import experiment as experiments
-from hgorun.simulation import forms, grid, outcome, plant_alone, preparation, structure, tables
+from hgorun.simulation import forms, grid, outcome, plant_alone, preparation, steps, structure, tables
 from hgorun.simulation.simulate import prepare
 from hgorun.symbolic import crossings
 from hgorun.symbolic.canonical import CanonicalForm
@@ -65,10 +65,10 @@ def forget() -> None:
         structure._STRUCTURES, preparation._CHANNELS, preparation._SCHEDULES, preparation._SLOPES, preparation._TRUTHS,
         forms._FOUND, forms._DECIDED, tables._TABLES, outcome._INPUTS, plant_alone._KINKS, plant_alone._PROGRAMS,
         build._BUILT, signals._COMPILED, events._CROSSINGS, events._FOUND, sampling._FOUND, experiments._STRETCHES,
-        grid._GRIDS, grid._POINTS, tables._STEPS,
+        grid._GRIDS, grid._POINTS, steps._STEPS,
     ):  # fmt: skip
         memo.clear()
-    for function in (build._inputs, build._disturbance, build._values):
+    for function in (expressions.inputs_of, expressions.disturbance_of, expressions._values):
         function.cache_clear()
 
 

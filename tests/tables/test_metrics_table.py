@@ -20,6 +20,7 @@ from hgorun.result.data import Integration
 from hgorun.result.metrics.base import all_metrics
 from hgorun.result.status import OK, Verdict
 from hgorun.tables import metrics as tables
+from hgorun.tables.latex import latex
 from hgorun.tables.typeset import columns, latex_words
 
 NAMES = tuple(all_metrics())
@@ -264,14 +265,14 @@ def assert_compiles(source: str) -> list[list[str]]:
 
 
 def test_latex_of_a_run(result: Result) -> None:
-    rows = assert_compiles(tables.latex([result]))
+    rows = assert_compiles(latex([result]))
     assert [row[0] for row in rows] == ["", "", "SHGO", "FHGO r=2"] * 2
     assert rows[1][1:3] == ["$x_{1}$", "$x_{2}$"]
 
 
 @pytest.mark.parametrize("label", ODD)
 def test_any_label_survives_latex(result: Result, label: str) -> None:
-    rows = assert_compiles(tables.latex([labelled(result, [label, "other"])]))
+    rows = assert_compiles(latex([labelled(result, [label, "other"])]))
     assert rows[2][0]
 
 
@@ -283,7 +284,7 @@ def test_escaping_leaves_no_command(text: str) -> None:
 
 
 def test_latex_escapes(result: Result) -> None:
-    source = tables.latex([labelled(result, [r"a_b 5 % & #1 \x [y]", r"$\theta_1 = 2$, θ"])])
+    source = latex([labelled(result, [r"a_b 5 % & #1 \x [y]", r"$\theta_1 = 2$, θ"])])
     assert r"a\_b 5 \% \& \#1 \textbackslash{}x {[}y]" in source
     assert r"$\theta_1 = 2$, $\theta$ &" in source
 
@@ -295,7 +296,7 @@ def test_the_best_number_is_bold(result: Result) -> None:
         B={"rmse": [2.0, 2e-7], "tv": [1.5, 3.0]},
         C={"rmse": [math.inf, math.inf], "tv": [math.inf, math.nan]},
     )
-    rows = {row[0]: row[1:] for row in assert_compiles(tables.latex([made]))}
+    rows = {row[0]: row[1:] for row in assert_compiles(latex([made]))}
     assert rows["A"] == [
         r"$\mathbf{1.000}$",
         r"$\mathbf{1.000 \times 10^{-7}}$",
@@ -304,20 +305,20 @@ def test_the_best_number_is_bold(result: Result) -> None:
     ]
     assert rows["B"] == ["$2.000$", r"$2.000 \times 10^{-7}$", r"$\mathbf{1.500}$", r"$\mathbf{3.000}$"]
     assert rows["C"] == [r"$\infty$", r"$\infty$", r"$\infty$", "--"]
-    assert r"\multicolumn{5}{l}{C diverged at t=1.25 s}" in tables.latex([made])
-    assert "mathbf" not in tables.latex([with_metrics(result, A={"rmse": [1.0, 2.0]})])
+    assert r"\multicolumn{5}{l}{C diverged at t=1.25 s}" in latex([made])
+    assert "mathbf" not in latex([with_metrics(result, A={"rmse": [1.0, 2.0]})])
 
 
 def test_latex_of_chosen_metrics_and_of_many_states(result: Result) -> None:
-    rows = assert_compiles(tables.latex([result], metrics=("tv", "rmse")))
+    rows = assert_compiles(latex([result], metrics=("tv", "rmse")))
     assert rows[0][1:] == [r"\multicolumn{2}{c}{tv}", r"\multicolumn{2}{c}{rmse}"]
     states = 9
     wide = replace(
         with_metrics(result, A={name: [1.0] * states for name in NAMES}),
         states=tuple(f"x{i}" for i in range(states)),
     )
-    assert len(assert_compiles(tables.latex([wide]))) == 3 * len(NAMES)
-    assert_compiles(tables.latex([replace(result, observers={})]))
+    assert len(assert_compiles(latex([wide]))) == 3 * len(NAMES)
+    assert_compiles(latex([replace(result, observers={})]))
 
 
 def test_a_stored_result_gives_the_same_tables(result: Result, tmp_path: Path) -> None:
@@ -331,14 +332,14 @@ def test_a_stored_result_gives_the_same_tables(result: Result, tmp_path: Path) -
 
 def test_latex_names_who_diverged_and_shows_what_is_no_number(result: Result) -> None:
     lost = with_metrics(result, good={"rmse": [1.0, math.nan]}, bad={"rmse": [math.inf, -math.inf]})
-    shown = tables.latex([lost])
+    shown = latex([lost])
     assert r"bad & $\infty$ & $-\infty$ \\" in shown
     assert " & -- " in shown
     assert "\\midrule\n\\multicolumn{3}{l}{bad diverged at t=1.25 s} \\\\" in shown
 
 
 def test_latex_of_no_metrics_has_the_labels_alone(result: Result) -> None:
-    assert tables.latex([result], metrics=[]).splitlines() == [
+    assert latex([result], metrics=[]).splitlines() == [
         r"\begin{tabular}{l}", r"\toprule", r"\midrule", r"SHGO \\", r"FHGO r=2 \\", r"\bottomrule", r"\end{tabular}",
     ]  # fmt: skip
 
@@ -346,7 +347,7 @@ def test_latex_of_no_metrics_has_the_labels_alone(result: Result) -> None:
 def test_a_metric_that_a_file_does_not_have_is_a_dash(result: Result) -> None:
     """An older file, beside one of today."""
     older = replace(with_metrics(result, A={"rmse": [1.0, 2.0]}), name="older", integration=None)
-    assert " -- " in tables.latex([result, older])
+    assert " -- " in latex([result, older])
     row = next(line for line in tables.text([result, older]).split("\n") if line.startswith("older: A"))
     assert row.split()[2:] == ["1.000", "2.000", *["-"] * (len(row.split()) - 4)]
 

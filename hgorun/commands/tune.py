@@ -1,0 +1,152 @@
+"""``tune``: gains for a stated trade-off, with the evidence."""
+
+from __future__ import annotations
+
+import json as json_text
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from hgorun.commands.options import Tune
+from hgorun.commands.outputs import RESULTS, refuse_other_kinds
+from hgorun.commands.run import require_file
+from hgorun.errors import HgorunError
+from hgorun.files import write_text
+from hgorun.observers.capabilities import FilterOrder
+from hgorun.process import say
+from hgorun.progress import shown
+from hgorun.tables import tuning as tables
+from hgorun.tables.tuning import TunedTable
+from hgorun.tables.uncertain import uncertain
+from hgorun.tuning.evidence import Evidence, evidence
+from hgorun.tuning.loading import Asked, load_tuning
+from hgorun.tuning.search import admissible, search
+from hgorun.tuning.storing import save
+from hgorun.tuning.task import Task, is_plain
+from hgorun.tuning.trials import Trials
+from hgorun.tuning.written import with_numbers
+
+
+def tune(options: Tune) -> int:
+    """Find the gains that a file asks for, write the tuned configuration, what was tried, and a figure.
+
+    Raises
+    ------
+    ConfigError
+        For anything wrong in the file.
+    HgorunError
+        When no gains that were tried keep their estimate and meet the limits, or a file cannot be written.
+    """
+    refuse_other_kinds(options.output, ())
+    require_file(options.config)
+    asked = load_tuning(options.config, options.overrides, seed=options.seed, run=options.run)
+    found = [_tuned(task, asked.name, options) for task in asked.tasks]
+    files = _write(found, asked, options)
+    told = [_table(one) for one in found]
+    for one in found:
+        _warn(one, asked.name)
+    if options.json:
+        print(json_text.dumps(tables.as_json(told, asked.name, files), indent=2, allow_nan=False))
+    elif not options.quiet:
+        print(tables.text(told))
+        print("written: " + ", ".join(files))
+    return 0
+
+
+def _tuned(task: Task, name: str, options: Tune) -> Evidence:
+    threads = options.jobs or os.cpu_count() or 1
+    with shown(task.budget, f"{name}: {task.label}", "runs", show=options.text) as progress:
+        trials = Trials(task, threads, progress.update)
+        try:
+            found = search(trials)
+        except ValueError as error:
+            raise HgorunError(f"{name}: {task.label}: {error}") from None
+    return evidence(found, threads)
+
+
+def _warn(one: Evidence, name: str) -> None:
+    """Limits that the seeds of the search have met, and the held-out ones do not, are reported on stderr."""
+    mean, half = (part[one.chosen] for part in one.mean(held_out=True))
+    for k, limit in enumerate(one.task.limits, start=len(one.task.goals)):
+        if limit.excess(mean[k]) > 0:
+            wanted = f"{'below' if limit.below else 'above'} {limit.bound:g}"
+            found = uncertain(float(mean[k]), float(half[k]))
+            say(f"hgorun: {name}: on held-out seeds {limit.text} is {found}, not {wanted}")
+
+
+def _write(found: Sequence[Evidence], asked: Asked, options: Tune) -> list[str]:
+    folder = options.output or RESULTS
+    numbers = {path: value for one in found for path, value in one.tuned.items()}
+    config = folder / f"{asked.name}.tuned.yaml"
+    write_text(config, with_numbers(asked.config, numbers, config, run=asked.run))
+    files = [config, save(found, folder / f"{asked.name}.tune.h5", name=asked.name, config=asked.text)]
+    if options.plots:
+        files += _draw(found, folder / f"{asked.name}.tune")
+    return [str(file) for file in files]
+
+
+def _draw(found: Sequence[Evidence], path: Path) -> list[Path]:
+    from hgorun.figures.files import save as save_figure
+    from hgorun.figures.tuning import Tuned, tuning
+
+    drawn = []
+    for one in found:
+        trials, count = one.found.trials, len(one.task.goals)
+        label = one.task.label
+        block = one.task.base.observers.get(label)
+        front, half = one.mean(held_out=True)
+        drawn.append(
+            Tuned(
+                label=label,
+                type=block.type if block is not None else "",
+                filter_order=block.r if isinstance(block, FilterOrder) else None,
+                paths=tuple(gain.path for gain in one.task.gains),
+                gains=trials.gains[trials.complete],
+                goals=trials.means[trials.complete][:, :count],
+                met=admissible(trials)[trials.complete],
+                front_gains=one.gains,
+                front=front[:, :count],
+                half=half[:, :count],
+                chosen=one.chosen,
+            )
+        )
+    return save_figure(tuning(drawn, _names(found)), path)
+
+
+def _names(found: Sequence[Evidence]) -> list[str]:
+    """What axes call the goals: metrics by their names; expressions as they were written."""
+    from hgorun.figures.ensemble import quantity_label
+    from hgorun.tables.typeset import words
+
+    task = found[0].task
+    units = {"time": task.base.blocks.time.unit, **task.base.plant.units}
+    names = []
+    for text, sentence in task.goals:
+        quantity = sentence.quantities[0]
+        label = quantity_label(quantity.function, str(quantity.state), units)
+        names.append(label if is_plain(sentence) else words(text))
+    return names
+
+
+def _table(one: Evidence) -> TunedTable:
+    (tuned, tuned_half), (held_out, held_out_half) = one.mean(held_out=False), one.mean(held_out=True)
+    task = one.task
+    return TunedTable(
+        label=task.label,
+        paths=tuple(gain.path for gain in task.gains),
+        quantities=tuple([*(text for text, _ in task.goals), *(limit.text for limit in task.limits)]),
+        goals=len(task.goals),
+        gains=one.gains,
+        tuned=tuned,
+        tuned_half=tuned_half,
+        held_out=held_out,
+        held_out_half=held_out_half,
+        lost=np.isinf(one.held_out).any(axis=2).sum(axis=1),
+        confidence=one.confidence,
+        chosen=one.chosen,
+        runs=one.found.trials.spent,
+        seeds=len(task.seeds),
+        held_out_seeds=len(task.held_out),
+    )

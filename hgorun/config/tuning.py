@@ -1,0 +1,116 @@
+"""The block ``tune``: which gains are sought, for what, over which seeds, and how much may be tried."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from pydantic import BeforeValidator, Field, model_validator
+
+from hgorun.config.types import Block, NonEmpty, Number, describe
+
+MOST_GAINS = 6
+
+
+class Range(Block):
+    """Between which values a gain is sought, evenly on a linear or a logarithmic scale."""
+
+    log: tuple[Number, Number] | None = Field(default=None, description="[low, high], both > 0")
+    linear: tuple[Number, Number] | None = Field(default=None, description="[low, high]")
+
+    @model_validator(mode="after")
+    def _one(self) -> Range:
+        if (self.log is None) == (self.linear is None):
+            raise ValueError("give exactly one of log and linear")
+        low, high = self.ends
+        if not low < high:
+            raise ValueError(f"expected [low, high] with low < high, found [{low:g}, {high:g}]")
+        if self.log is not None and not low > 0:
+            raise ValueError(f"a logarithmic range needs numbers > 0, found [{low:g}, {high:g}]")
+        return self
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """The least and the largest value."""
+        return self.log or self.linear or (0.0, 0.0)
+
+
+def _texts(value: Any) -> Any:
+    """Quantities as texts; inside brackets YAML cuts ``hf(F, x2)`` at its comma, which is mended here."""
+    given = (value,) if isinstance(value, str) else value
+    if not isinstance(given, (list, tuple)) or not all(isinstance(part, str) for part in given):
+        raise ValueError(f"expected a quantity such as hf(FHGO, x2), or a list of two, found {describe(value)}")
+    found: list[str] = []
+    for part in given:
+        if found and found[-1].count("(") > found[-1].count(")"):
+            found[-1] += f", {part}"
+        else:
+            found.append(part)
+    return tuple(found)
+
+
+def _whole(value: Any) -> Any:
+    """A bound whose quantity YAML has cut at a comma, as keys without a value."""
+    if not isinstance(value, dict) or not isinstance(value.get("value"), str):
+        return value
+    text, rest = value["value"], dict(value)
+    for key, part in value.items():
+        if part is None and text.count("(") > text.count(")"):
+            text += f", {key}"
+            del rest[key]
+    return rest | {"value": text}
+
+
+class Bound(Block):
+    """What has to hold besides."""
+
+    value: str = Field(description="an expression of quantities, such as peak(FHGO, x2)")
+    below: Number | None = Field(default=None, description="its mean over the seeds has to be below")
+    above: Number | None = Field(default=None, description="its mean over the seeds has to be above")
+
+    @model_validator(mode="after")
+    def _one(self) -> Bound:
+        if (self.below is None) == (self.above is None):
+            raise ValueError("give exactly one of below and above")
+        return self
+
+
+class Tune(Block):
+    """Gains are sought that minimise one quantity, or the front of two."""
+
+    gains: dict[str, Range] = Field(
+        description="path: range, with a path as after --set; observers.*.theta: of every observer that has such a key"
+    )
+    minimise: Annotated[tuple[str, ...], BeforeValidator(_texts), NonEmpty, Field(max_length=2)] = Field(
+        description="one quantity or two, as in claims: hf(FHGO, x2); hf(*, x2) where several observers are tuned"
+    )
+    subject: tuple[Annotated[Bound, BeforeValidator(_whole)], ...] = Field(
+        default=(), description="what has to hold besides"
+    )
+    seeds: Annotated[int, Field(ge=1, le=10_000, strict=True)] = Field(
+        default=20, description="over how many seeds a quantity is averaged"
+    )
+    held_out: Annotated[int, Field(ge=2, le=10_000, strict=True)] = Field(
+        default=50, description="further seeds, for the numbers that are reported"
+    )
+    budget: Annotated[int, Field(ge=20, le=10_000_000, strict=True)] = Field(
+        default=2000, description="runs that the search of each observer may take"
+    )
+
+    @model_validator(mode="after")
+    def _some(self) -> Tune:
+        if not 1 <= len(self.gains) <= MOST_GAINS:
+            raise ValueError(f"expected 1 to {MOST_GAINS} gains, found {len(self.gains)}")
+        if self.budget < 8 * self.seeds:
+            raise ValueError(
+                f"a budget of {self.budget} runs is too small for {self.seeds} seeds: {8 * self.seeds} at least"
+            )
+        return self
+
+
+class TuneFile(Block):
+    """A file of its own for ``tune``."""
+
+    title: str = ""
+    base: str = Field(description="the configuration whose gains are sought, as seen from this file")
+    run: str | None = Field(default=None, description="which run of the base, where it has several")
+    tune: Tune

@@ -1,0 +1,153 @@
+"""What a tuning has tried and found: a front of two goals, or a goal against the gains."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hgorun.figures.actors import Actor, texts
+from hgorun.figures.ensemble import axis_label, drawable, limits, scale_axis
+from hgorun.figures.layout import TOP, finished, grid
+from hgorun.figures.looks import Look, looks
+from hgorun.figures.style import styled
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Floats = NDArray[np.float64]
+
+_WIDTH, _HEIGHT, _PANEL = 6.0, 3.8, 2.6
+_STAR: dict[str, Any] = {"marker": "*", "markersize": 11, "markeredgecolor": "black", "markeredgewidth": 0.6}
+# tried, and no choice
+_MISSED: dict[str, Any] = {
+    "linestyle": "none",
+    "marker": "o",
+    "markersize": 2.4,
+    "markerfacecolor": "none",
+    "markeredgecolor": "0.7",
+    "markeredgewidth": 0.5,
+    "color": "0.7",
+    "zorder": 1.4,
+}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Tuned:
+    """What is drawn of the gains of an observer.
+
+    Attributes
+    ----------
+    label, type, filter_order
+        The observer, or what its task is called.
+    paths : tuple of str
+        Of the gains.
+    gains : ndarray, shape (C, k)
+        Of all candidates that were tried with all seeds.
+    goals : ndarray, shape (C, g)
+        Their means.
+    met : ndarray of bool, shape (C,)
+        Whether they meet the limits.
+    front_gains : ndarray, shape (F, k)
+    front, half : ndarray, shape (F, g)
+        Means of the front on held-out seeds, and half the widths of their 95 % intervals.
+    chosen : int
+        The knee or the minimum, in the front.
+    """
+
+    label: str
+    type: str
+    filter_order: int | None
+    paths: tuple[str, ...]
+    gains: Floats
+    goals: Floats
+    met: NDArray[np.bool_]
+    front_gains: Floats
+    front: Floats
+    half: Floats
+    chosen: int
+
+
+def tuning(found: Sequence[Tuned], goals: Sequence[str]) -> Figure:
+    """A front of two goals with all that was tried, or one goal against each of the gains.
+
+    Parameters
+    ----------
+    found : sequence of Tuned
+        One for each observer.
+    goals : sequence of str
+        What axes call them; mathematics between dollar signs.
+    """
+    actors = [Actor(i, "", one.label, one.type, one.filter_order) for i, one in enumerate(found)]
+    look = looks([actors], texts(actors, {}))
+    with styled():
+        if len(goals) == 2:
+            figure, axes = grid(1, 1, _WIDTH, _HEIGHT + TOP, share=False)
+            for i, one in enumerate(found):
+                _front(axes[0], one, look[i])
+            _limits(axes[0], found)
+            axes[0].set_xlabel(goals[0])
+            axes[0].set_ylabel(goals[1])
+            title = "dots: tried; lines: fronts on held-out seeds; stars: knees"
+            return finished(figure, axes, 1, title, grow=True)
+        panels = [(i, k) for i, one in enumerate(found) for k in range(len(one.paths))]
+        columns = min(len(panels), 3)
+        rows = -(-len(panels) // columns)
+        figure, axes = grid(len(panels), columns, max(_WIDTH, 2.6 * columns), _PANEL * rows + TOP, share=False)
+        for ax, (i, k) in zip(axes, panels, strict=True):
+            _against(ax, found[i], k, look[i])
+            ax.set_ylabel(goals[0])
+        return finished(figure, axes, columns, "points: tried; star: the minimum on held-out seeds", grow=True)
+
+
+def _front(ax: Axes, one: Tuned, look: Look) -> None:
+    tried = drawable(one.goals)
+    ax.plot(*tried[~one.met].T, **_MISSED)
+    ax.plot(*tried[one.met].T, linestyle="none", marker=".", markersize=2.2, color=look.colour, alpha=0.35, zorder=1.5)
+    front = drawable(one.front)
+    bars: dict[str, Any] = {"elinewidth": 0.7, "capsize": 1.5, "color": look.colour, "zorder": 3}
+    bars |= {"linestyle": look.dashes, "marker": look.marker, "markersize": 3.5, "label": "_"}
+    ax.errorbar(front[:, 0], front[:, 1], xerr=one.half[:, 0], yerr=one.half[:, 1], **bars)
+    ax.plot([], [], color=look.colour, linestyle=look.dashes, marker=look.marker, markersize=3.5, label=look.text)
+    ax.plot(*front[one.chosen], color=look.colour, linestyle="none", zorder=4, **_STAR)
+
+
+def _limits(ax: Axes, found: Sequence[Tuned]) -> None:
+    """So much that the fronts are seen well; what was tried far away is not."""
+    front = drawable(np.concatenate([one.front for one in found]))
+    front = front[np.isfinite(front).all(axis=1)]
+    if not len(front):
+        return
+    for which, values in zip("xy", front.T, strict=True):
+        scale_axis(ax, which, values)
+        logarithmic = (ax.get_xscale() if which == "x" else ax.get_yscale()) == "log"
+        low, high = float(values.min()), float(values.max())
+        if low == high:
+            ends = limits(low, high, logarithmic=logarithmic)
+        else:
+            ends = limits(low, high, logarithmic=logarithmic, margin=0.25)
+        (ax.set_xlim if which == "x" else ax.set_ylim)(ends)
+
+
+def _against(ax: Axes, one: Tuned, k: int, look: Look) -> None:
+    tried = drawable(one.goals[:, 0])
+    known = np.isfinite(tried)
+    if not one.met.all():
+        ax.plot(one.gains[known & ~one.met, k], tried[known & ~one.met], **_MISSED, label="misses a limit")
+    ax.plot(one.gains[known & one.met, k], tried[known & one.met], linestyle="none", marker=look.marker, markersize=2.8,
+            color=look.colour, alpha=0.6, label=look.text)  # fmt: skip
+    best = one.front_gains[one.chosen, k], one.front[one.chosen, 0]
+    ax.errorbar(best[0], best[1], yerr=one.half[one.chosen, 0], color=look.colour, linestyle="none", zorder=4, **_STAR)
+    scale_axis(ax, "x", one.gains[:, k])
+    low, high = float(one.gains[:, k].min()), float(one.gains[:, k].max())
+    ax.set_xlim(limits(low, high, logarithmic=ax.get_xscale() == "log", margin=0.03))
+    values = np.append(tried[known], best[1])
+    values = values[np.isfinite(values)]
+    if values.size:
+        scale_axis(ax, "y", values)
+        ax.set_ylim(limits(float(values.min()), float(np.quantile(values, 0.9)), logarithmic=ax.get_yscale() == "log"))
+    ax.set_xlabel(axis_label(one.paths[k]))

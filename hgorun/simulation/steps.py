@@ -1,0 +1,133 @@
+"""Fixed steps between events: how many, even or uneven, and in pieces that do not take long."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hgorun.errors import Problem
+from hgorun.measurement.schedule import Schedule
+from hgorun.memo import Memo
+from hgorun.symbolic.levels import distinct
+
+_PIECE = 1 << 14  # steps between two checks for Ctrl-C, more only where there were too many pieces
+_MAX_PIECES = 100_000
+_MAX_STEPS = 1e10  # then a piece is still a matter of a second
+_KEPT = 50_000  # gaps whose steps are kept in memory
+_STEPS: Memo[np.ndarray] = Memo(16, lambda steps: steps.size < _KEPT)
+
+
+def steps_between(schedule: Schedule, longest: float, key: str = "step") -> np.ndarray:
+    """How many equal steps each gap between two events of a schedule takes, as :func:`count_steps`."""
+    return _STEPS.get((schedule, longest, key), lambda: count_steps(np.diff(schedule.events), longest, key))
+
+
+def count_steps(gaps: np.ndarray, longest: float, key: str = "step") -> np.ndarray:
+    """How many equal steps, none longer than ``longest``, each gap between two events takes.
+
+    Parameters
+    ----------
+    gaps : ndarray
+    longest : float
+    key : str
+        The solver's key that ``longest`` comes from.
+
+    Raises
+    ------
+    Problem
+        For more steps than a run can make.
+    """
+    with np.errstate(over="ignore", divide="ignore"):
+        steps = np.maximum(np.ceil(gaps / longest * (1 - 1e-9)), 1)
+        total = float(np.sum(steps))
+    if not total <= _MAX_STEPS:
+        raise Problem(
+            ("solver", key),
+            f"the run takes {total:.3g} steps of {longest:.3g}, at most {_MAX_STEPS:.0e} are possible: "
+            f"increase solver.{key}" + (", or solver.method: rodas5p if the system is stiff" if key == "step" else ""),
+        )
+    return np.asarray(steps.astype(np.int64))
+
+
+_PART = 0.5 * (3 - 5**0.5)  # of a gap, before its cut: no simple fraction
+
+
+def uneven_steps(steps: np.ndarray, ratio: float) -> np.ndarray:
+    """How many steps a gap takes in a run that is compared with one of ``steps`` even steps.
+
+    Parameters
+    ----------
+    steps : ndarray of int
+    ratio : float
+        So many for each of them, two at least; where that would hardly be another number, one more.
+    """
+    other = np.maximum(np.round(ratio * steps).astype(np.int64), 2)
+    return np.where((other >= steps) & (ratio < 1), steps + 1, other)
+
+
+def _cut(total: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """How many of the uneven steps of each gap lie before its cut, and how many behind it."""
+    before = np.clip(np.round(_PART * total).astype(np.int64), 1, total - 1)
+    return before, total - before
+
+
+def part_of_difference(steps: np.ndarray, ratio: float, order: int) -> float:
+    """How large the error of even steps is, for a difference of one to uneven ones.
+
+    Parameters
+    ----------
+    steps : ndarray of int
+        Even steps of every gap.
+    ratio : float
+        As in :func:`uneven_steps`.
+    order : int
+        With which errors fall with the step; where it is higher, what is found is too large.
+    """
+    even = distinct(steps)
+    uneven = _cut(uneven_steps(even, ratio))
+    own = even ** (-1.0 * order)
+    parts = (_PART, 1 - _PART)
+    other = sum(part ** (order + 1) / count ** (1.0 * order) for part, count in zip(parts, uneven, strict=True))
+    return float(np.max(own / np.abs(other - own)))
+
+
+def unevenly(spans: np.ndarray, counts: np.ndarray, ratio: float) -> tuple[np.ndarray, np.ndarray]:
+    """Segments cut in two parts with even steps each, whose times are no simple fractions of the segment.
+
+    Two runs with even steps share the zeros of many a sinusoid, whatever the numbers of their steps.
+    """
+    before, after = _cut(uneven_steps(counts[:, 0], ratio))
+    cut = spans[:, 0] + _PART * (spans[:, 1] - spans[:, 0])
+    cut = np.clip(cut, spans[:, 2], spans[:, 3])  # not outside of where functions of time are evaluated
+    split_spans, split_counts = np.repeat(spans, 2, axis=0), np.repeat(counts, 2, axis=0)
+    split_spans[::2, 1] = split_spans[::2, 3] = split_spans[1::2, 0] = split_spans[1::2, 2] = cut
+    split_counts[::2, 0] = split_counts[::2, 2] = before
+    split_counts[1::2, 0] = split_counts[1::2, 2] = after
+    split_counts[1::2, 4] = split_counts[1::2, 5]  # nothing happens at the cut
+    split_counts[:, 6] = 1
+    return split_spans, split_counts
+
+
+def steps_of_a_piece(total: int) -> int:
+    """How many steps a piece has, of so many in the run: see :func:`in_pieces`."""
+    return max(_PIECE, -(-total // _MAX_PIECES))
+
+
+def in_pieces(spans: np.ndarray, counts: np.ndarray, piece: int | None = None) -> tuple[np.ndarray, np.ndarray]:
+    """Long segments in pieces, so that the native code comes back soon; numbering of the steps goes on.
+
+    A piece has 16,384 steps. In runs of more than 1.6e9 steps it is longer, since the pieces themselves
+    take memory: up to 100,000 steps, well below a second for all but the largest systems.
+    """
+    piece = steps_of_a_piece(int(counts[:, 0].sum())) if piece is None else piece
+    pieces = np.maximum(-(-counts[:, 0] // piece), 1)
+    if np.all(pieces == 1):
+        return spans, counts
+    origin = np.repeat(np.arange(counts.shape[0]), pieces)
+    part = np.arange(origin.size) - np.repeat(np.cumsum(pieces) - pieces, pieces)
+    new = counts[origin].copy()
+    new[:, 1] = part * piece
+    new[:, 2] = np.minimum((part + 1) * piece, new[:, 0])
+    inner = new[:, 2] < new[:, 0]
+    new[inner, 6] = 1
+    new[part > 0, 4] = new[part > 0, 5]
+    return spans[origin], new

@@ -1,0 +1,355 @@
+"""What may be narrow in a state: where it is, along a trajectory that is known between the steps.
+
+A force that acts within 1e-4 of a position, or a peak exp(-(x/1e-4)^2), lasts as long as the state takes to pass it,
+which may be less than a step. Comparisons, signs and the like have such features where their arguments cross a value,
+exponentials and quotients where their arguments have an extreme. Along a trajectory that is a cubic between
+neighbouring times these are functions of time, whose crossings and extremes are found as those of inputs are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from hgorun.symbolic.crossings import Search
+from hgorun.symbolic.evaluate import Floats
+from hgorun.symbolic.functions_of_time import Smooth
+from hgorun.symbolic.instructions import read
+from hgorun.symbolic.intervals import Bounds, enclose
+from hgorun.symbolic.kinks import STEPS, apply_to, levels_of
+from hgorun.symbolic.levels import Levels, distinct, zero
+
+_SWITCHES = STEPS - {ca.OP_EQ, ca.OP_NE, ca.OP_NOT, ca.OP_AND, ca.OP_OR} | {ca.OP_FABS, ca.OP_FMIN, ca.OP_FMAX}
+_RAMPS = {ca.OP_TANH, ca.OP_ATAN}
+_EXPONENTIALS = {ca.OP_EXP, ca.OP_EXPM1, ca.OP_COSH, ca.OP_SINH}
+_QUOTIENTS = {ca.OP_DIV, ca.OP_INV}
+_POWERS = {ca.OP_POW, ca.OP_CONSTPOW}
+_HIGH_POWER = 16.0
+_TOGETHER = 64  # cells
+_BEYOND = 0.32  # of what four values differ by: no cubic through them goes further
+_MOST = 20_000  # passages of a feature
+_NOTHING = 40.0  # e to the power of minus that is nothing beside 1
+_CHANGE = 1.0  # of an argument, or of the logarithm of a divisor: less makes nothing narrow
+_ZERO = zero(reached=False)
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """A trajectory: a cubic on every cell of time.
+
+    Attributes
+    ----------
+    low, high : ndarray, shape (cells,)
+    coefficients : ndarray, shape (cells, states, 4)
+        Of 1, r, r^2 and r^3, where r goes from 0 to 1 on each cell.
+    least, most : ndarray, shape (cells, states)
+        Bounds of the states on each cell.
+    """
+
+    low: Floats
+    high: Floats
+    coefficients: Floats
+    least: Floats
+    most: Floats
+
+    @classmethod
+    def through(cls, low: Floats, high: Floats, values: Floats) -> Curve:
+        """From the states at the start, at a third, at two thirds and at the end of every cell, (cells, 4, states)."""
+        whole = np.all(np.isfinite(values), axis=(1, 2)) & (high > low)
+        thirds = np.array([[0.0, 0.0, 0.0], [1, 1, 1], [2, 4, 8], [3, 9, 27]]) / np.array([3, 9, 27])
+        inverse = np.linalg.inv(np.column_stack([np.ones(4), thirds]))
+        values = values[whole]
+        least, most = values.min(axis=1), values.max(axis=1)
+        beyond = _BEYOND * (most - least)
+        coefficients = np.einsum("kj,cjs->csk", inverse, values)
+        return cls(low[whole], high[whole], coefficients, least - beyond, most + beyond)
+
+    def where(self, chosen: np.ndarray) -> Curve:
+        """The cells that are chosen."""
+        parts = (self.low, self.high, self.coefficients, self.least, self.most)
+        return Curve(*(part[chosen] for part in parts))
+
+    def at(self, times: Floats) -> np.ndarray:
+        """The cells in which times lie."""
+        return np.clip(np.searchsorted(self.low, times, side="right") - 1, 0, None)
+
+
+@dataclass(frozen=True, eq=False)
+class Feature:
+    """A place in the space of states where equations change quickly.
+
+    Attributes
+    ----------
+    argument : Smooth
+        What decides it, as a function of time on a cell: s are the cell's start, 1 over its length, and the
+        coefficients of the states.
+    states_alone : casadi.Function
+        The same from (t, p, states).
+    slope : Smooth or None
+        Of what has a peak: the slope of the argument.
+    levels : Levels or None
+        Of what switches: the values that the argument crosses.
+    states : tuple of int
+        On which it depends.
+    ratio : bool
+        Whether the argument counts by its logarithm.
+    ramp : bool
+        Whether it switches smoothly.
+    jump : bool
+        Whether it switches from one value to another, so that equations are not continuous there.
+    even : bool
+        Whether both signs of the argument make a peak.
+    """
+
+    argument: Smooth
+    states_alone: ca.Function
+    slope: Smooth | None
+    levels: Levels | None
+    states: tuple[int, ...]
+    ratio: bool = False
+    ramp: bool = False
+    jump: bool = False
+    even: bool = False
+
+    def found(self, curve: Curve, p: Floats, step: int = 1) -> Floats:
+        """When a curve passes it, in ascending order; ``step``: how many cells a step may be as long as."""
+        curve = curve.where(self._near(curve, p)) if step == 1 else curve
+        if not curve.low.size:
+            return np.zeros(0)
+        s = self._cells(curve)
+        value, _ = self.argument.bounds(curve.low, curve.high, p, s)
+        some = np.flatnonzero(self._may(value, step))
+        if not some.size:
+            return np.zeros(0)
+        search = Search(self.slope or self.argument, p, s[some], self.levels or _ZERO, limit=_MOST)
+        times = search.between(curve.low[some], curve.high[some]).times
+        return times if self.slope is None else times[self._counts(curve, p, times)]
+
+    def _near(self, curve: Curve, p: Floats) -> np.ndarray:
+        """The cells of those neighbourhoods in which it may be passed, by bounds of the states alone."""
+        first = np.arange(0, curve.low.size, _TOGETHER)
+        if not first.size:
+            return np.zeros(0, dtype=bool)
+        last = np.append(first[1:], curve.low.size) - 1
+        least, most = np.minimum.reduceat(curve.least, first), np.maximum.reduceat(curve.most, first)
+        return np.repeat(self.near(curve.low[first], curve.high[last], least, most, p), last - first + 1)
+
+    def near(self, low: Floats, high: Floats, least: Floats, most: Floats, p: Floats) -> np.ndarray:
+        """Whether it may be passed.
+
+        Parameters
+        ----------
+        low, high : ndarray, shape (N,)
+            Times between which the states are within bounds.
+        least, most : ndarray, shape (N, states, ...)
+            What follows is for several runs, as with p.
+        p : ndarray, shape (parameters, ...)
+
+        Returns
+        -------
+        ndarray, shape (N, ...)
+        """
+        shape = least[:, 0].shape
+        times = low.reshape(-1, *(1,) * (len(shape) - 1)), high.reshape(-1, *(1,) * (len(shape) - 1))
+
+        def bounds(which: int, entry: int) -> Bounds:
+            if which == 0:
+                return times
+            if which == 1:
+                return np.asarray(p[entry]), np.asarray(p[entry])
+            return least[:, self.states[entry]], most[:, self.states[entry]]
+
+        value = enclose(self.states_alone, bounds)[0][0]
+        may = self._may((np.broadcast_to(value[0], shape).ravel(), np.broadcast_to(value[1], shape).ravel()))
+        return may.reshape(shape)
+
+    def _may(self, value: Bounds, step: int = 1) -> np.ndarray:
+        """Whether it may be passed where the argument has such bounds."""
+        some = np.ones(value[0].size, dtype=bool) if self.levels is None else self.levels.inside(value)
+        return some & self._changes(_over(value, step)) if self.levels is None or self.ramp else some
+
+    def _counts(self, curve: Curve, p: Floats, times: Floats) -> np.ndarray:
+        """Whether the peaks at some times are not nothing beside others, or what is there at the ends of cells."""
+        s = self._cells(curve)
+        size = self._size(self.argument.at(times, p, s[curve.at(times)]))
+        elsewhere = self._size(self.argument.at(curve.low, p, s))
+        return size >= max(np.max(size, initial=-np.inf), np.max(elsewhere, initial=-np.inf)) - _NOTHING
+
+    def _size(self, argument: Floats) -> Floats:
+        """The logarithm of what an argument brings about."""
+        if not self.ratio:
+            return np.abs(argument) if self.even else argument
+        with np.errstate(divide="ignore"):
+            return -np.log(np.abs(argument))
+
+    def differs(self, curve: Curve, p: Floats, times: Floats, others: Floats) -> np.ndarray:
+        """Whether the argument at some times is far from what it is at others, or these are on cells farther away."""
+        s, cells, there = self._cells(curve), curve.at(times), curve.at(others)
+        a, b = self.argument.at(times, p, s[cells]), self.argument.at(others, p, s[there])
+        with np.errstate(all="ignore"):
+            gap = np.log(np.abs(a / b)) if self.ratio else a - b
+        return np.asarray(~((np.abs(gap) <= _CHANGE) & (np.abs(cells - there) <= 1)))
+
+    def _changes(self, value: Bounds) -> np.ndarray:
+        """Whether an argument within such bounds may change much."""
+        low, high = value
+        if not self.ratio:
+            return np.asarray(~(high - low <= _CHANGE))
+        with np.errstate(all="ignore"):
+            little = (low > 0) & (high <= np.exp(_CHANGE) * low) | (high < 0) & (low >= np.exp(_CHANGE) * high)
+        return np.asarray(~little)
+
+    def _cells(self, curve: Curve) -> Floats:
+        own = curve.coefficients[:, list(self.states)].reshape(curve.low.size, -1)
+        return np.column_stack([curve.low, 1 / (curve.high - curve.low), own])
+
+
+def _over(value: Bounds, step: int) -> Bounds:
+    """Bounds over all cells that a step may share with each."""
+    if step == 1:
+        return value
+    first = np.arange(0, value[0].size, step)
+    low, high = np.minimum.reduceat(value[0], first), np.maximum.reduceat(value[1], first)
+    low, high = np.append(low, np.inf), np.append(high, -np.inf)
+    around = np.arange(value[0].size) // step
+    return (
+        np.minimum(np.minimum(low[around - 1], low[around]), low[around + 1]),
+        np.maximum(np.maximum(high[around - 1], high[around]), high[around + 1]),
+    )
+
+
+def features_of(functions: Sequence[ca.Function], states: Sequence[int]) -> tuple[Feature, ...]:
+    """The features of functions of (t, p, z, w) in given states; those that need w or other states are left out."""
+    t, p, z = ca.SX.sym("t"), ca.SX.sym("p", functions[0].size1_in(1)), ca.SX.sym("z", functions[0].size1_in(2))
+    known: dict[tuple[str, str], Feature] = {}
+    for function in functions:
+        for op, parts in _operations(function, t, p, z):
+            for kind, argument, levels in _narrow(op, parts):
+                argument = ca.cse(argument)
+                key = kind, str(argument)
+                within = _within(argument, z, states)
+                if within and key not in known and not ca.depends_on(argument, ca.SX.sym("w")):
+                    known[key] = _feature(kind, argument, levels, within, (t, p, z))
+    return tuple(known.values())
+
+
+def _operations(function: ca.Function, t: ca.SX, p: ca.SX, z: ca.SX) -> Iterator[tuple[int, list[ca.SX]]]:
+    """The operations that may be narrow, with what they are done with; those that need w are left out."""
+    looked_for = _SWITCHES | _RAMPS | _EXPONENTIALS | _QUOTIENTS | _POWERS
+    nodes: dict[int, ca.SX | None] = {}
+    for i in read(function):
+        if i.op == ca.OP_OUTPUT:
+            continue
+        if i.op == ca.OP_INPUT:
+            own = (t, p, z, None)[i.place[0]]
+            nodes[i.value] = None if own is None else own[i.place[1]]
+        elif i.op == ca.OP_CONST:
+            nodes[i.value] = ca.SX(i.number)
+        else:
+            parts = [nodes[a] for a in i.arguments]
+            given = [part for part in parts if part is not None]
+            nodes[i.value] = apply_to(i.op, given) if len(given) == len(parts) else None
+            if i.op in looked_for and len(given) == len(parts):
+                yield i.op, given
+            elif i.op in _QUOTIENTS and given and parts[-1] is not None:
+                yield ca.OP_INV, given[-1:]
+
+
+def _narrow(op: int, parts: list[ca.SX]) -> Iterator[tuple[str, ca.SX, Levels | None]]:
+    """The kind of an operation, its argument, and the levels that this crosses."""
+    if op in _SWITCHES:
+        for argument, levels, *_ in levels_of(op, parts):
+            yield "jump" if op in STEPS else "kink", argument, levels
+    elif op in _RAMPS:
+        yield "ramp", parts[0], _ZERO
+    elif op in _EXPONENTIALS:
+        yield "peak" if op in (ca.OP_EXP, ca.OP_EXPM1) else "even", parts[0], None
+    elif op in _QUOTIENTS:
+        yield "ratio", parts[-1], None
+    elif parts[-1].is_constant() and (float(parts[-1]) < 0 or float(parts[-1]) >= _HIGH_POWER):
+        yield "peak", 0.5 * parts[-1] * ca.log(parts[0] ** 2), None  # e to the power of that
+
+
+def _within(argument: ca.SX, z: ca.SX, states: Sequence[int]) -> tuple[int, ...]:
+    """The states on which an argument depends; none where others are among them."""
+    own = {e.element_hash() for e in ca.symvar(argument)}
+    used = tuple(k for k in range(z.numel()) if z[k].element_hash() in own)
+    return used if set(used) <= set(states) else ()
+
+
+def _feature(
+    kind: str, argument: ca.SX, levels: Levels | None, states: tuple[int, ...], symbols: tuple[ca.SX, ca.SX, ca.SX]
+) -> Feature:
+    t, p, z = symbols
+    s = ca.SX.sym("s", 2 + 4 * len(states))
+    r = (t - s[0]) * s[1]
+    curves = [s[j] + r * (s[j + 1] + r * (s[j + 2] + r * s[j + 3])) for j in range(2, s.numel(), 4)]
+    along = ca.substitute(argument, z[list(states)], ca.vertcat(*curves))
+    slope = None if levels is not None else Smooth.of(ca.jacobian(along, t), t, p, s)
+    return Feature(
+        Smooth.of(along, t, p, s),
+        ca.Function("g", [t, p, z[list(states)]], [ca.densify(argument)]),
+        slope,
+        levels,
+        states,
+        ratio=kind == "ratio",
+        ramp=kind == "ramp",
+        jump=kind == "jump",
+        even=kind == "even",
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Passages:
+    """When a curve passes features of one block of states.
+
+    Attributes
+    ----------
+    switches : ndarray
+        Of those that have levels, in ascending order.
+    jumps : ndarray
+        Of those among them at which equations are not continuous.
+    peaks : ndarray
+        Of those between the times at which the equations were evaluated.
+    """
+
+    switches: Floats
+    jumps: Floats
+    peaks: Floats
+
+    @classmethod
+    def of(cls, features: Sequence[Feature], curve: Curve, p: Floats, seen: Floats, step: int = 1) -> Passages:
+        """Those of a curve.
+
+        Parameters
+        ----------
+        seen : ndarray
+            The times of evaluation, in ascending order.
+        step : int
+            How many cells a step may be as long as.
+        """
+        switches, jumps, peaks = [np.zeros(0)], [np.zeros(0)], [np.zeros(0)]
+        for feature in features:
+            times = feature.found(curve, p, step)
+            if feature.levels is not None:
+                switches.append(times)
+                jumps += [times] if feature.jump else []
+            elif times.size:
+                after = np.clip(np.searchsorted(seen, times), 1, seen.size - 1)
+                alone = np.all([feature.differs(curve, p, times, seen[k]) for k in (after - 1, after)], axis=0)
+                peaks.append(times[alone])
+        return cls(*(distinct(np.concatenate(times)) for times in (switches, jumps, peaks)))
+
+    def narrow(self, seen: Floats, longest: float = np.inf) -> Floats:
+        """The ends of what lies between two evaluations; what lasts longer than ``longest`` does not."""
+        return distinct(np.concatenate([between(self.switches, seen, longest), self.peaks]))
+
+
+def between(times: Floats, seen: Floats, longest: float = np.inf) -> Floats:
+    """Those of some times, in ascending order, that follow one another without an evaluation between them."""
+    empty = np.searchsorted(seen, times[:-1], side="left") == np.searchsorted(seen, times[1:], side="right")
+    narrow = empty & (np.diff(times) < longest)
+    return distinct(np.concatenate([times[:-1][narrow], times[1:][narrow]]))

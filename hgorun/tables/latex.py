@@ -1,0 +1,81 @@
+"""Metrics of one or several results as a table of LaTeX."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+
+from hgorun.result.metrics.base import all_metrics
+from hgorun.result.result import Result
+from hgorun.tables.layout import number
+from hgorun.tables.rows import metrics_of, rows_of, states_of
+from hgorun.tables.typeset import latex_words, symbol
+
+_PAGE = 6  # numbers side by side on a page
+
+
+def latex(results: Sequence[Result], metrics: Sequence[str] | None = None) -> str:
+    r"""A ``tabular`` for a document that loads the package booktabs.
+
+    The best number of every column is bold: the smallest, for tv the nearest to 1. Metrics that do not fit
+    side by side follow below each other; observers that are not ok are named at the end.
+
+    Parameters
+    ----------
+    results : sequence of Result
+    metrics : sequence of str, optional
+        Which, in this order; all by default.
+    """
+    rows, states = rows_of(results), states_of(results)
+    known = metrics_of(rows)
+    chosen = [metric for metric in (known if metrics is None else metrics) if metric in known]
+    at_once = max(_PAGE // max(len(states), 1), 1)
+    blocks = [chosen[i : i + at_once] for i in range(0, len(chosen), at_once)] or [[]]
+    width = len(blocks[0]) * len(states)
+    lines = [rf"\begin{{tabular}}{{l{'r' * width}}}", r"\toprule"]
+    for block in blocks:
+        padding = [""] * (width - len(block) * len(states))
+        lines += [*([r"\midrule"] if block is not blocks[0] else []), *latex_head(block, states, padding)]
+        numbers = {(metric, s): [row.value(metric, s) for row in rows] for metric in block for s in states}
+        best = {column: _best(column[0], values) for column, values in numbers.items()}
+        for i, row in enumerate(rows):
+            cells = [_latex_number(values[i], best[column]) for column, values in numbers.items()]
+            lines.append(" & ".join([latex_words(row.text), *cells, *padding]) + r" \\")
+    lost = "; ".join(latex_words(f"{row.text} {row.status}") for row in rows if row.observer.status != "ok")
+    if lost:
+        lines += [r"\midrule", rf"\multicolumn{{{width + 1}}}{{l}}{{{lost}}} \\"]
+    return "\n".join([*lines, r"\bottomrule", r"\end{tabular}"]) + "\n"
+
+
+def latex_head(metrics: Sequence[str], states: Sequence[str], padding: Sequence[str]) -> list[str]:
+    """The lines above the rows: metrics, and below each of them the states; then so many empty columns."""
+    n = len(states)
+    if not metrics:
+        return [r"\midrule"]
+    above = [rf"\multicolumn{{{n}}}{{c}}{{{latex_words(metric)}}}" for metric in metrics]
+    rules = [rf"\cmidrule(lr){{{2 + i * n}-{1 + (i + 1) * n}}}" for i in range(len(metrics))]
+    below = [f"${symbol(state)}$" for _ in metrics for state in states]
+    return [
+        " & ".join(["", *above, *padding]) + r" \\", " ".join(rules),
+        " & ".join(["", *below, *padding]) + r" \\", r"\midrule",
+    ]  # fmt: skip
+
+
+def _best(metric: str, values: Sequence[float | None]) -> str | None:
+    """The best number as printed; None where nothing is compared."""
+    finite = [value for value in values if value is not None and math.isfinite(value)]
+    if not finite or len(set(map(number, values))) < 2:
+        return None
+    known = all_metrics().get(metric)
+    ideal = known.ideal if known else 0.0
+    return number(min(finite, key=lambda v: abs(math.log(v / ideal)) if ideal and v > 0 else v))
+
+
+def _latex_number(value: float | None, best: str | None) -> str:
+    if value is None or math.isnan(value):
+        return "--"
+    if math.isinf(value):
+        return r"$\infty$" if value > 0 else r"$-\infty$"
+    shown = re.sub(r"e([-+])0*(\d+)", lambda m: rf" \times 10^{{{m[1].strip('+')}{m[2]}}}", number(value))
+    return rf"$\mathbf{{{shown}}}$" if number(value) == best else f"${shown}$"

@@ -1,0 +1,53 @@
+"""The rows of tables of metrics: the observers of one or several results."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from hgorun.result.data import ObserverResult
+from hgorun.result.metrics.base import all_metrics
+from hgorun.result.result import Result
+from hgorun.result.run_names import run_names
+from hgorun.tables.typeset import printable
+
+
+@dataclass(frozen=True)
+class Row:
+    """One observer of one result."""
+
+    run: str
+    label: str
+    text: str
+    result: Result
+    observer: ObserverResult
+
+    def value(self, metric: str, state: str) -> float | None:
+        """None where there is no such number."""
+        if metric not in self.observer.metrics or state not in self.result.states:
+            return None
+        return float(self.observer.metrics[metric][self.result.states.index(state)])
+
+    @property
+    def status(self) -> str:
+        """The word, and the time with its unit where there is one."""
+        return self.observer.verdict.text(printable(self.result.units.get("time", "")))
+
+
+def rows_of(results: Sequence[Result]) -> list[Row]:
+    return [
+        Row(run, label, f"{run}: {label}" if len(results) > 1 else label, result, observer)
+        for run, result in zip(run_names(results), results, strict=True)
+        for label, observer in result.observers.items()
+    ]
+
+
+def metrics_of(rows: Sequence[Row]) -> list[str]:
+    """Those of any row: the known ones in their order, then what only files know."""
+    found = dict.fromkeys(metric for row in rows for metric in row.observer.metrics)
+    known = [name for name in all_metrics() if name in found]
+    return [*known, *(name for name in found if name not in known)]
+
+
+def states_of(results: Sequence[Result]) -> list[str]:
+    return list(dict.fromkeys(state for result in results for state in result.states))

@@ -1,0 +1,115 @@
+"""What a tuning has found, as text and JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hgorun.files import json_value
+from hgorun.tables.ensemble import short_axis
+from hgorun.tables.layout import number, packed, wrapped
+from hgorun.tables.uncertain import uncertain
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TunedTable:
+    """The front of an observer.
+
+    Attributes
+    ----------
+    label : str
+        The observer, or what its task is called.
+    paths, quantities : tuple of str
+        Of the gains; goals, then limits.
+    goals : int
+        How many of the quantities are minimised.
+    gains : ndarray, shape (F, k)
+    tuned, tuned_half : ndarray, shape (F, q)
+        Means over the seeds of the search, and half the widths of their 95 % intervals.
+    held_out, held_out_half : ndarray, shape (F, q)
+        The same over the held-out seeds.
+    lost : ndarray of int, shape (F,)
+        Held-out seeds with which an estimate was lost.
+    confidence : ndarray, shape (F,)
+    chosen : int
+        The knee, or the minimum.
+    runs, seeds, held_out_seeds : int
+        How many.
+    """
+
+    label: str
+    paths: tuple[str, ...]
+    quantities: tuple[str, ...]
+    goals: int
+    gains: Floats
+    tuned: Floats
+    tuned_half: Floats
+    held_out: Floats
+    held_out_half: Floats
+    lost: NDArray[np.int64]
+    confidence: Floats
+    chosen: int
+    runs: int
+    seeds: int
+    held_out_seeds: int
+
+
+def text(found: Sequence[TunedTable]) -> str:
+    """A table for each observer, a row for each point of its front."""
+    lines: list[str] = []
+    for one in found:
+        what = "the least" if one.goals == 1 else "the front, * the knee"
+        head = f"{one.label}: {one.runs} runs over {one.seeds} seeds; {what}, on {one.held_out_seeds} held-out seeds"
+        lines += [*([""] if lines else []), *wrapped(head)]
+        rows = ["*" if i == one.chosen else "" for i in range(len(one.gains))]
+        columns = [[short_axis(path, one.paths), *map(number, one.gains[:, k])] for k, path in enumerate(one.paths)]
+        for k, quantity in enumerate(one.quantities):
+            values = zip(one.held_out[:, k], one.held_out_half[:, k], strict=True)
+            columns.append([quantity, *(uncertain(float(mean), float(half)) for mean, half in values)])
+        if one.goals > 1:
+            columns.append(["confidence", *(f"{100 * c:.0f} %" for c in one.confidence)])
+        if one.lost.any():
+            columns.append(["lost", *map(str, one.lost)])
+        for block in packed(rows, [[column] for column in columns]):
+            lines += ["", *block]
+    return "\n".join(lines)
+
+
+def as_json(found: Sequence[TunedTable], name: str, files: Sequence[str]) -> dict[str, Any]:
+    """``{name, files, observers: {label: {runs, seeds, held_out, gains, chosen, front: [{gains, tuned, held_out,
+    confidence, lost}]}}}``; quantities are ``{text: {mean, ci95}}``."""
+    observers = {}
+    for one in found:
+        front = [
+            {
+                "gains": dict(zip(one.paths, one.gains[i].tolist(), strict=True)),
+                "tuned": _quantities(one, one.tuned[i], one.tuned_half[i]),
+                "held_out": _quantities(one, one.held_out[i], one.held_out_half[i]),
+                "confidence": float(one.confidence[i]),
+                "lost": int(one.lost[i]),
+            }
+            for i in range(len(one.gains))
+        ]
+        observers[one.label] = {
+            "runs": one.runs,
+            "seeds": one.seeds,
+            "held_out": one.held_out_seeds,
+            "gains": front[one.chosen]["gains"],
+            "chosen": one.chosen,
+            "front": front,
+        }
+    whole: dict[str, Any] = {"name": name, "files": list(files), "observers": observers}
+    return {key: json_value(value) for key, value in whole.items()}
+
+
+def _quantities(one: TunedTable, means: Floats, halves: Floats) -> dict[str, Any]:
+    return {
+        quantity: {"mean": float(mean), "ci95": None if np.isnan(half) else [float(mean - half), float(mean + half)]}
+        for quantity, mean, half in zip(one.quantities, means, halves, strict=True)
+    }

@@ -1,0 +1,63 @@
+"""From a file with the key ``tune`` to the tasks that it asks for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from hgorun.config.reading import read_source
+from hgorun.config.tuning import Tune, TuneFile
+from hgorun.config.validation import validate
+from hgorun.errors import ConfigError
+from hgorun.study.loading import load
+from hgorun.tuning.task import Task, tasks
+
+
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """What a file asks for.
+
+    Attributes
+    ----------
+    name : str
+        Files are called by it.
+    text : str
+        The file as it was written.
+    config : Path
+        The configuration whose gains are sought.
+    run : str or None
+        Which run of it.
+    tasks : list of Task
+    """
+
+    name: str
+    text: str
+    config: Path
+    run: str | None
+    tasks: list[Task]
+
+
+def load_tuning(path: Path, overrides: Sequence[str] = (), *, seed: int | None = None, run: str | None = None) -> Asked:
+    """Read and check a configuration with the key ``tune``, or a file with ``base`` and ``tune``.
+
+    Raises
+    ------
+    ConfigError
+        For anything wrong in them: file, line, key, what was found and what would be right.
+    """
+    text, source = read_source(path)
+    data = source.data if isinstance(source.data, dict) else {}
+    if "tune" not in data:
+        raise ConfigError("the key tune is missing: it says which gains are sought, and for what", file=str(path))
+    config = path
+    if "base" in data:
+        blocks = validate(TuneFile, data, source, ())
+        config, run = path.parent / blocks.base, run or blocks.run
+        if not config.is_file():
+            file, line = source.where(("base",))
+            raise ConfigError(f"there is no file {config}", file=file, line=line, key="base")
+    experiment = load(config, overrides, seed=seed, run=run)
+    block = validate(Tune, data["tune"], source, ("tune",))
+    with source.located():
+        return Asked(path.stem, text, config, run, tasks(experiment, block))

@@ -1,0 +1,62 @@
+"""The evidence of a tuning as a file: everything that was tried, the front, and the held-out seeds."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from hgorun.files import written_whole
+from hgorun.result.sink import Sink
+from hgorun.tuning.evidence import Evidence
+from hgorun.version import __version__
+
+FORMAT = "hgorun-tune-1"
+_TEXT = h5py.string_dtype()
+
+
+def save(found: Sequence[Evidence], path: Path, *, name: str, config: str) -> Path:
+    """Write a file with a group for each task, called after what was tuned.
+
+    ``scan/gains (candidate, gain)``, ``scan/values (candidate, seed, quantity)`` with NaN where a seed was not tried,
+    ``front/candidate, gains, held_out (point, seed, quantity), confidence``, and the attributes ``gains, quantities,
+    goals`` (how many of the quantities are minimised), ``seeds, held_out, chosen`` (the place of the knee or of the
+    minimum in the front).
+
+    Raises
+    ------
+    HgorunError
+        When the file cannot be written.
+    """
+    with written_whole(path) as part, Sink(part) as sink:
+        with h5py.File(sink, "w", track_order=True) as file:
+            file.attrs["format"] = FORMAT
+            file.attrs["name"] = name
+            file.attrs["config"] = config
+            file.attrs["hgorun_version"] = __version__
+            for one in found:
+                _write(file.create_group(one.task.label, track_order=True), one)
+        if sink.failed is not None:
+            raise sink.failed
+    return path
+
+
+def _write(group: h5py.Group, found: Evidence) -> None:
+    task, trials = found.task, found.found.trials
+    group.attrs["gains"] = np.array([gain.path for gain in task.gains], dtype=_TEXT)
+    texts = [*(text for text, _ in task.goals), *(limit.text for limit in task.limits)]
+    group.attrs["quantities"] = np.array(texts, dtype=_TEXT)
+    group.attrs["goals"] = len(task.goals)
+    group.attrs["seeds"], group.attrs["held_out"] = np.array(task.seeds), np.array(task.held_out)
+    group.attrs["chosen"], group.attrs["runs"] = found.chosen, trials.spent
+    for place, values in {
+        "scan/gains": trials.gains,
+        "scan/values": trials.values,
+        "front/candidate": found.front,
+        "front/gains": found.gains,
+        "front/held_out": found.held_out,
+        "front/confidence": found.confidence,
+    }.items():
+        group.create_dataset(place, data=values, track_times=False)

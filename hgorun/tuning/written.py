@@ -1,0 +1,89 @@
+"""A configuration with other numbers in it: the file's own text where they stand in it, comments and all."""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from hgorun.config.overrides import replaced
+from hgorun.config.reading import read_source
+from hgorun.config.yaml_source import Source
+from hgorun.errors import KeyPath
+
+
+def with_numbers(path: Path, numbers: Mapping[str, float], target: Path, *, run: str | None = None) -> str:
+    """The text of a configuration with numbers in place of its own.
+
+    Where all of them stand in the file, its text is kept but for them, and for the name of the file that it extends,
+    which is written as seen from the target. Otherwise the text is a file that extends it.
+
+    Parameters
+    ----------
+    path : Path
+        The configuration.
+    numbers : mapping of str to float
+        By path, as after ``--set``.
+    target : Path
+        Where the text will stand.
+    run : str, optional
+        Whose numbers they are, where the file has several runs.
+    """
+    text, source = read_source(path)
+    beside = Path(os.path.relpath(path.parent.resolve(), target.parent.resolve()))
+    scalars = _scalars(yaml.compose(text, Loader=yaml.SafeLoader))
+    edits: list[tuple[yaml.ScalarNode, str]] = []
+    for name, value in numbers.items():
+        node = next((scalars[place] for place in _places(source, name, value, run) if place in scalars), None)
+        if node is None:
+            return _on_top(beside / path.name, numbers, source, run)
+        edits.append((node, f"{value:.6g}"))
+    extended = scalars.get(("extends",))
+    if extended is not None:
+        edits.append((extended, _quoted(str(beside / str(extended.value)))))
+    for node, new in sorted(edits, key=lambda edit: -edit[0].start_mark.index):
+        text = text[: node.start_mark.index] + new + text[node.end_mark.index :]
+    return text
+
+
+def _places(source: Source, name: str, value: float, run: str | None) -> list[KeyPath]:
+    """Where a number may stand: in the run, else in what all runs share."""
+    shared = replaced(source, name, value)[1]
+    return [shared] if run is None else [("runs", run, *replaced(source.below(("runs", run)), name, value)[1]), shared]
+
+
+def _on_top(base: Path, numbers: Mapping[str, float], source: Source, run: str | None) -> str:
+    """A file that extends another one and has the numbers of its own."""
+    data: dict[str, Any] = {"extends": str(base)}
+    for name, value in numbers.items():
+        place = replaced(source, name, value)[1]
+        holder = data
+        for key in (("runs", run, *place) if run is not None else place)[:-1]:
+            holder = holder.setdefault(str(key), {})
+        holder[str(place[-1])] = float(f"{value:.6g}")
+    return str(yaml.safe_dump(data, sort_keys=False, allow_unicode=True))
+
+
+def _scalars(root: yaml.Node | None) -> dict[KeyPath, yaml.ScalarNode]:
+    """The scalars of a document by their paths, without those that stand for several values by an alias."""
+    found: dict[KeyPath, yaml.ScalarNode] = {}
+    seen: Counter[int] = Counter()
+    todo: list[tuple[KeyPath, yaml.Node]] = [((), root)] if root is not None else []
+    while todo:
+        path, node = todo.pop()
+        if isinstance(node, yaml.ScalarNode):
+            found[path] = node
+            seen[node.start_mark.index] += 1
+        elif isinstance(node, yaml.MappingNode):
+            todo += [((*path, str(key.value)), value) for key, value in node.value]
+        elif isinstance(node, yaml.SequenceNode):
+            todo += [((*path, i), value) for i, value in enumerate(node.value)]
+    return {path: node for path, node in found.items() if seen[node.start_mark.index] == 1}
+
+
+def _quoted(name: str) -> str:
+    return "'" + name.replace("'", "''") + "'"

@@ -1,0 +1,249 @@
+"""Gains that are tuned: against brute force, fronts against their definition, and what is refused."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+from shell import Shell
+
+from hgorun import load
+from hgorun.config.tuning import Tune
+from hgorun.ensemble.fronts import non_dominated
+from hgorun.errors import ConfigError, Problem
+from hgorun.simulation.experiment import Experiment
+from hgorun.tuning.evidence import Evidence, evidence
+from hgorun.tuning.search import search
+from hgorun.tuning.task import Task, tasks
+from hgorun.tuning.trials import Trials, measured
+
+CONFIG = """\
+# a double integrator with a noisy sensor
+time: {end: 4, output_step: 0.02, unit: s}
+plant:
+  type: inline
+  states: [x1, x2]
+  dynamics: {x1: x2, x2: -x1}   # an oscillator
+  output: x1
+  initial: {x1: 1, x2: 0}
+measurement: {sampling: {period: 0.02}, noise: [{type: gaussian, std: 0.1}]}
+observers:
+  # the gain is to be tuned
+  SHGO: {type: shgo, theta: 2, initial: {x1: 0, x2: 2}}
+  FHGO: {type: fhgo2, r: 1, theta: 2, initial: {x1: 0, x2: 2}}
+solver: {method: rk4, step: 0.02}
+"""
+THETA = "observers.SHGO.theta"
+
+
+@pytest.fixture
+def experiment(tmp_path: Path) -> Experiment:
+    path = tmp_path / "c.yaml"
+    path.write_text(CONFIG)
+    return load(path)
+
+
+def block(**more: Any) -> Tune:
+    given = {
+        "gains": {THETA: {"log": [0.5, 10]}},
+        "minimise": "rmse(SHGO, x2)",
+        "seeds": 5,
+        "held_out": 30,
+        "budget": 300,
+    }
+    return Tune.model_validate(given | more)
+
+
+def tuned(task: Task) -> Evidence:
+    return evidence(search(Trials(task)))
+
+
+def held_out(task: Task, gains: np.ndarray) -> np.ndarray:
+    """Means of all quantities on held-out seeds, for rows of gains."""
+    seeds = np.array(task.held_out)
+    values = measured(task, np.repeat(gains, len(seeds), axis=0), np.tile(seeds, len(gains)))
+    return np.asarray(values.reshape(len(gains), len(seeds), -1).mean(axis=1))
+
+
+def test_the_minimum_of_brute_force(experiment: Experiment) -> None:
+    (task,) = tasks(experiment, block())
+    found = tuned(task)
+    grid = np.geomspace(0.5, 10, 80)[:, None]
+    brute = held_out(task, grid)[:, 0].min()
+    assert held_out(task, np.array([[found.tuned[THETA]]]))[0, 0] <= 1.05 * brute
+    assert found.mean(held_out=True)[0][found.chosen, 0] == held_out(task, np.array([[found.tuned[THETA]]]))[0, 0]
+
+
+def test_the_least_noise_that_settles_in_time(experiment: Experiment) -> None:
+    """The limit is active: brute force over the grid that meets it is not beaten by more than the grid's spacing."""
+    (task,) = tasks(experiment, block(minimise="hf(SHGO, x2)", subject=[{"value": "settling(SHGO, x2)", "below": 2.2}]))
+    found = tuned(task)
+    tuned_means = found.mean(held_out=False)[0][found.chosen]
+    assert tuned_means[1] <= 2.2
+    grid = np.geomspace(0.5, 10, 80)[:, None]
+    means = held_out(task, grid)
+    brute = means[means[:, 1] < 2.2, 0].min()
+    hf, settling = found.mean(held_out=True)[0][found.chosen]
+    assert hf <= 1.05 * brute
+    assert settling < 1.05 * 2.2
+
+
+def test_two_gains_against_a_grid(experiment: Experiment) -> None:
+    gains = {"observers.FHGO.theta": {"log": [0.5, 10]}, "observers.FHGO.poles": {"linear": [-2, -0.5]}}
+    (task,) = tasks(experiment, block(gains=gains, minimise="rmse(FHGO, x2)", budget=1000))
+    found = tuned(task)
+    theta, poles = np.meshgrid(np.geomspace(0.5, 10, 16), np.linspace(-2, -0.5, 8), indexing="ij")
+    brute = held_out(task, np.column_stack([theta.ravel(), poles.ravel()]))[:, 0].min()
+    assert found.mean(held_out=True)[0][found.chosen, 0] <= 1.05 * brute
+
+
+def test_a_front_beats_what_was_tried(experiment: Experiment) -> None:
+    (task,) = tasks(experiment, block(minimise=["hf(SHGO, x2)", "settling(SHGO, x2)"]))
+    found = tuned(task)
+    trials = found.found.trials
+    means = trials.values[trials.complete].mean(axis=1)
+    naive = {tuple(row) for row in means[non_dominated(means)]}
+    assert {tuple(row) for row in trials.values[found.found.front].mean(axis=1)} == naive
+    assert np.all(np.diff(trials.means[found.found.front][:, 0]) >= 0)
+    assert trials.spent <= task.budget
+    assert found.confidence.shape == (len(found.front),)
+    assert np.all((found.confidence >= 0) & (found.confidence <= 1))
+
+
+def test_every_observer_has_the_same_budget_and_the_same_number_of_gains(experiment: Experiment) -> None:
+    found = tasks(experiment, block(gains={"observers.*.theta": {"log": [0.5, 10]}}, minimise="rmse(*, x2)"))
+    assert [task.label for task in found] == ["SHGO", "FHGO"]
+    assert [list(task.base.observers) for task in found] == [["SHGO"], ["FHGO"]]
+    assert len({(task.budget, len(task.gains), task.seeds, task.held_out) for task in found}) == 1
+    uneven = {"observers.*.theta": {"log": [0.5, 10]}, "observers.FHGO.poles": {"linear": [-2, -0.5]}}
+    with pytest.raises(Problem, match="equally many gains; found SHGO 1, FHGO 2"):
+        tasks(experiment, block(gains=uneven, minimise="rmse(*, x2)"))
+
+
+def test_the_same_file_is_tuned_to_the_same_gains(experiment: Experiment) -> None:
+    (task,) = tasks(experiment, block())
+    assert tuned(task).tuned == tuned(task).tuned
+
+
+def test_what_cannot_be_met_is_said(experiment: Experiment) -> None:
+    (task,) = tasks(experiment, block(subject=[{"value": "settling(SHGO, x2)", "below": 1e-3}]))
+    with pytest.raises(ValueError, match=r"no gains that were tried meet all limits: settling.* at best"):
+        search(Trials(task))
+
+
+def test_gains_that_lose_the_estimate_are_left(experiment: Experiment) -> None:
+    """Above some gain the samples are too far apart."""
+    (task,) = tasks(experiment, block(gains={THETA: {"log": [1, 500]}}, seeds=2, budget=100))
+    found = tuned(task)
+    assert found.tuned[THETA] < 60
+    assert np.isinf(found.found.trials.values).any()
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"minimise": "rmse(SHGOO, x2)"}, "no observer is called 'SHGOO'"),
+        ({"minimise": "rmse(SHGO, x3)"}, "no state 'x3'"),
+        ({"minimise": "rms(SHGO, x2)"}, "no quantity is called 'rms'"),
+        ({"minimise": "std(SHGO, x2)"}, "what is tuned are metrics"),
+        ({"minimise": "rmse(SHGO, x2, 1, 2)"}, "without a window"),
+        ({"minimise": "rmse(FHGO, x2)"}, "nothing of observer SHGO is minimised"),
+        ({"gains": {"observers.*.gamma": {"log": [1, 2]}}}, "no observer has the key"),
+        ({"gains": {"observers.SHGO.gamma": {"log": [1, 2]}}}, "unknown key 'gamma'"),
+        ({"gains": {THETA: {"linear": [-1, 2]}}}, r"for the value -1"),
+    ],
+)
+def test_what_does_not_fit_is_refused(experiment: Experiment, change: dict[str, Any], message: str) -> None:
+    with pytest.raises(Problem, match=message):
+        tasks(experiment, block(**change))
+
+
+TUNE = """\
+tune:
+  gains: {observers.SHGO.theta: {log: [0.5, 10]}}
+  minimise: [hf(SHGO, x2), settling(SHGO, x2)]   # noise against speed
+  subject: [{value: peak(SHGO, x2), below: 30}]
+  seeds: 3
+  held_out: 10
+  budget: 120
+"""
+
+
+@pytest.fixture
+def shell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Shell:
+    (tmp_path / "c.yaml").write_text(CONFIG + TUNE)
+    return Shell(tmp_path, monkeypatch, capsys)
+
+
+def test_the_command_writes_gains_and_evidence(shell: Shell) -> None:
+    code, out, err = shell("tune", "c.yaml", "--json")
+    assert (code, err) == (0, "")
+    found = json.loads(out)
+    assert found["files"] == [f"results/c.{end}" for end in ("tuned.yaml", "tune.h5", "tune.png", "tune.pdf")]
+    theta = found["observers"]["SHGO"]["gains"][THETA]
+    text = (shell.folder / "results" / "c.tuned.yaml").read_text()
+    assert text == (CONFIG + TUNE).replace("SHGO: {type: shgo, theta: 2", f"SHGO: {{type: shgo, theta: {theta:.6g}")
+    own = load(shell.folder / "results" / "c.tuned.yaml")
+    assert own.observers["SHGO"].theta == theta  # type: ignore[attr-defined]  # of this family
+    with h5py.File(shell.folder / "results" / "c.tune.h5") as file:
+        group = file["SHGO"]
+        assert group["scan/values"].shape[1:] == (3, 3)
+        chosen = int(group.attrs["chosen"])
+        assert group["front/gains"][chosen, 0] == theta
+        mean = found["observers"]["SHGO"]["front"][chosen]["held_out"]["hf('SHGO', x2)"]["mean"]
+        assert group["front/held_out"][chosen, :, 0].mean() == pytest.approx(mean, rel=1e-14)
+
+
+def test_a_file_of_its_own(shell: Shell) -> None:
+    folder = shell.folder / "own"
+    folder.mkdir()
+    (folder / "t.yaml").write_text(f"base: ../c.yaml\n{TUNE}")
+    code, out, err = shell("tune", "own/t.yaml", "-o", "out", "--no-plots")
+    assert (code, err) == (0, "")
+    assert "the front, * the knee, on 10 held-out seeds" in out
+    assert "# the gain is to be tuned" in (shell.folder / "out" / "t.tuned.yaml").read_text()
+
+
+def test_without_the_key_nothing_is_tuned(shell: Shell) -> None:
+    (shell.folder / "plain.yaml").write_text(CONFIG)
+    code, _, err = shell("tune", "plain.yaml")
+    assert code == 2
+    assert "plain.yaml: the key tune is missing" in err
+
+
+def test_a_wrong_block_is_refused_by_all_commands(shell: Shell) -> None:
+    (shell.folder / "c.yaml").write_text(CONFIG + TUNE.replace("budget: 120", "budget: many"))
+    for command in ("simulate", "tune"):
+        code, _, err = shell(command, "c.yaml")
+        assert code == 2
+        assert "c.yaml:21: tune.budget" in err
+
+
+def test_the_block_changes_no_result(shell: Shell) -> None:
+    (shell.folder / "plain.yaml").write_text(CONFIG)
+    digests = []
+    for name in ("c", "plain"):
+        shell("simulate", f"{name}.yaml", "-q")
+        with h5py.File(shell.folder / "results" / f"{name}.h5") as file:
+            digests.append(file.attrs["config_resolved"])
+    assert digests[0] == digests[1]
+
+
+def test_only_a_missed_limit_is_told(shell: Shell) -> None:
+    (shell.folder / "c.yaml").write_text(CONFIG + TUNE.replace("below: 30", "below: 0.1"))
+    code, _, err = shell("tune", "c.yaml")
+    assert code == 1
+    assert "no gains that were tried meet all limits: peak('SHGO', x2) below 0.1, at best" in err
+
+
+def test_a_base_that_is_missing(shell: Shell) -> None:
+    (shell.folder / "t.yaml").write_text(f"base: missing.yaml\n{TUNE}")
+    code, _, err = shell("tune", "t.yaml")
+    assert code == 2
+    assert "t.yaml:1: base: there is no file missing.yaml" in err
+    with pytest.raises(ConfigError):
+        load(shell.folder / "missing.yaml")

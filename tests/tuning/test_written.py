@@ -1,0 +1,66 @@
+"""Configurations with other numbers in them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from hgorun import load
+from hgorun.study.loading import load_study
+from hgorun.tuning.written import with_numbers
+
+PLAIN = """\
+time: {end: 1, output_step: 0.1}
+plant: {type: van_der_pol, initial: {x1: 1, x2: 0}}
+observers:
+  # é, before
+  F: {type: shgo, theta: "2*2", poles: [-1, -2]}  # behind
+  G: {type: shgo, theta: 3}
+"""
+
+
+def theta(path: Path, label: str = "F", run: str | None = None) -> float:
+    return float(load(path, run=run).observers[label].theta)  # type: ignore[attr-defined]  # of this family
+
+
+def test_numbers_take_the_place_of_others(tmp_path: Path) -> None:
+    path = tmp_path / "a.yaml"
+    path.write_text(PLAIN)
+    found = with_numbers(path, {"observers.F.theta": 5.25, "observers.F.poles.1": -3.0}, tmp_path / "b.yaml")
+    assert found == PLAIN.replace('"2*2"', "5.25").replace("-2]", "-3]")
+
+
+def test_a_file_that_is_extended_is_found_from_elsewhere(tmp_path: Path) -> None:
+    (tmp_path / "base.yaml").write_text(PLAIN)
+    own = tmp_path / "own.yaml"
+    own.write_text("extends: base.yaml  # the base\nobservers: {F: {theta: 7}}\n")
+    target = tmp_path / "results" / "own.tuned.yaml"
+    target.parent.mkdir()
+    target.write_text(with_numbers(own, {"observers.F.theta": 8.5}, target))
+    assert target.read_text() == "extends: '../base.yaml'  # the base\nobservers: {F: {theta: 8.5}}\n"
+    assert theta(target) == 8.5
+    target.write_text(with_numbers(own, {"observers.G.theta": 1.5}, target))  # which stands in the base
+    assert target.read_text().startswith("extends: ../own.yaml\n")
+    assert (theta(target), theta(target, "G")) == (7.0, 1.5)
+
+
+def test_a_number_that_stands_for_several_is_not_touched(tmp_path: Path) -> None:
+    path = tmp_path / "a.yaml"
+    path.write_text(PLAIN.replace('"2*2"', "&t 4").replace("theta: 3", "theta: *t"))
+    target = tmp_path / "b.yaml"
+    target.write_text(with_numbers(path, {"observers.F.theta": 5.0}, target))
+    assert (theta(target), theta(target, "G")) == (5.0, 4.0)
+
+
+@pytest.mark.parametrize("inside", [True, False])
+def test_a_run_has_numbers_of_its_own(tmp_path: Path, inside: bool) -> None:
+    path = tmp_path / "a.yaml"
+    own = "observers: {F: {theta: 6}}" if inside else "seed: 3"
+    path.write_text(f"{PLAIN}runs:\n  one: {{{own}}}\n  two: {{}}\n")
+    target = tmp_path / "b.yaml"
+    target.write_text(with_numbers(path, {"observers.F.theta": 5.5}, target, run="one"))
+    assert theta(target, run="one") == 5.5
+    assert list(load_study(target).runs) == ["one", "two"]
+    if inside:
+        assert theta(target, run="two") == 4.0
