@@ -37,6 +37,9 @@ NEEDED_BY_OTHERS = (
     "hgorun.native.functions.power",
     "hgorun.result.columns",
     "hgorun.result.reading",
+    "hgorun.simulation.control",
+    "hgorun.symbolic.enclosures",
+    "hgorun.tables.latex",
     "numpy.ma",
 )
 

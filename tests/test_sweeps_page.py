@@ -34,7 +34,7 @@ def test_the_commands_of_the_page_run(
     (tmp_path / "gains.yaml").write_text(file.replace("2, 20, 10", "2, 20, 3").replace("count: 20", "count: 3"))
     shell = Shell(tmp_path, monkeypatch, capsys)
     commands = re.findall(r"^    hgorun (.*)$", PAGE, re.MULTILINE)
-    assert len(commands) == 4
+    assert len(commands) == 6
     for command in commands:
         assert shell(*shlex.split(command), "-q")[::2] == (0, "")
     for code in blocks("python"):

@@ -5,13 +5,21 @@ from __future__ import annotations
 import json as json_text
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
-from hgorun.commands.options import Compare, OfEnsembles, Report
+from hgorun.commands.options import Compare, OfEnsembles, Report, Simulate
 from hgorun.commands.outputs import DRAWING_SUFFIXES, NOT_OK, RESULTS, refuse_other_kinds
 from hgorun.config.expressions import nearest
 from hgorun.ensemble.collected import Collected, is_sweep, levels
 from hgorun.ensemble.growing import read_sweep
+from hgorun.ensemble.outcome import outcome_of
+from hgorun.ensemble.store import Changed, Store
+from hgorun.ensemble.sweep import Place, carry_out, finished
 from hgorun.errors import ConfigError
+from hgorun.process import say
+from hgorun.progress import shown as progress
+from hgorun.study.ensembles import ensemble_of
+from hgorun.study.study import Run
 from hgorun.tables import ensemble as tables
 from hgorun.tables.ensemble import Compared, compared
 
@@ -43,6 +51,43 @@ def compare_ensembles(options: Compare) -> int:
         if options.text and options.format == "text":
             print("written: " + ", ".join(map(str, written)))
     return NOT_OK if options.strict and not all(one.members.all_ok for one in found) else 0
+
+
+def simulate_ensemble(run: Run, target: Path, options: Simulate) -> tuple[dict[str, Any], bool]:
+    """Carry out the ensemble of a study's run, and show its statistics.
+
+    What is there already of the same ensemble is kept; members of another configuration are replaced.
+
+    Parameters
+    ----------
+    target : Path
+        The collected file.
+
+    Returns
+    -------
+    (dict, bool)
+        The statistics as JSON holds them, and whether every observer is ok in every member.
+    """
+    ensemble, place = ensemble_of(run), Place.of(target)
+    try:
+        store = Store.opened(place.folder, ensemble)
+    except Changed:
+        place.file.unlink(missing_ok=True)
+        store = Store.opened(place.folder, ensemble, fresh=True)
+    with progress(ensemble.size, run.name, "members", show=options.text) as bar:
+
+        def carry() -> None:
+            carry_out(store, told=lambda count: bar.update(count.done, failed=count.failed))
+
+        carry()
+        finished(store, place.file, carry)
+    for words in outcome_of(place.file).troubles():
+        say(f"hgorun: {run.name}: {words}")
+    found = _divided(read_sweep(place.file), file=str(place.file))
+    if options.text:
+        print(tables.text([found], pairs=False))
+        print(f"written: {place.file}")
+    return tables.as_json(found), found.members.all_ok
 
 
 def report(options: Report) -> int:
@@ -125,16 +170,24 @@ def selected(members: Collected, at: Sequence[str]) -> Collected:
     return members
 
 
+def _divided(members: Collected, *, file: str) -> Compared:
+    """The statistics of an ensemble, divided by all axes but the seed while that makes a readable table."""
+    return compared(members, _readable(members), file=file)
+
+
 def _axes(members: Collected, options: OfEnsembles) -> tuple[str, ...]:
-    """By which axes the members are divided: those named, or all but the seed while that makes a readable table."""
+    """By which axes the members are divided: those named, or as is readable."""
     if options.by == [_TOGETHER]:
         return ()
-    if options.by:
-        return tuple(members.axis(name) for name in options.by)
-    points = 1
+    return tuple(members.axis(name) for name in options.by) or _readable(members)
+
+
+def _readable(members: Collected) -> tuple[str, ...]:
+    """All axes that were chosen while they make a readable table, else none."""
+    count = 1
     for axis in members.chosen:
-        points *= len(levels(members.axes[axis]))
-    return members.chosen if points <= _MOST_POINTS else ()
+        count *= len(levels(members.axes[axis]))
+    return members.chosen if count <= _MOST_POINTS else ()
 
 
 def all_ensembles(sources: Sequence[Path]) -> bool:

@@ -24,6 +24,7 @@ from hgorun.study.check import check_figures
 from hgorun.study.loading import load, load_study, refuse_twins
 
 if TYPE_CHECKING:
+    from hgorun.study.study import Run
     from hgorun.tables.metrics import Predicted
 
 _COARSE, _FINE = 1e-2, 1e-3  # errors of given steps that are told, and that would do
@@ -32,9 +33,12 @@ Style: TypeAlias = "Callable[[Sequence[Result], Sequence[Predicted]], str]"
 
 
 def simulate(options: Simulate) -> int:
-    """Run configurations and write their results; everything is checked before anything runs."""
+    """Run configurations and write their results; everything is checked before anything runs.
+
+    Runs with seeds or vary are carried out as ensembles, and statistics of them are shown.
+    """
     refuse_other_kinds(options.output, RESULT_SUFFIXES)
-    runs, targets = _prepared(options)
+    runs, targets, ensembles = _prepared(options)
     for folder in {target.parent for target in targets}:
         remove_leftovers(folder)
     results, files = [], []
@@ -48,9 +52,17 @@ def simulate(options: Simulate) -> int:
 
             print(text([result]))
             print(f"written: {target}")
+    of_ensembles: list[dict[str, object]] = []
+    fine = all(result.status == "ok" for result in results)
+    for run, target in ensembles:
+        from hgorun.commands.ensembles import simulate_ensemble
+
+        told, ok = simulate_ensemble(run, target, options)
+        of_ensembles.append(told)
+        fine = fine and ok
     if options.json:
-        _print_json(results, files)
-    return NOT_OK if options.strict and any(r.status != "ok" for r in results) else 0
+        _print_json(results, files, others=of_ensembles)
+    return NOT_OK if options.strict and not fine else 0
 
 
 def compare(options: Compare) -> int:
@@ -72,7 +84,7 @@ def compare(options: Compare) -> int:
         if _is_result(path):
             loaded.append(read(path))
         else:
-            loaded += [prepare(experiment) for experiment in _experiments(path, options)]
+            loaded += [prepare(experiment) for experiment in _single(path, options)]
         files += [str(path)] * (len(loaded) - len(files))
     results = [s if isinstance(s, Result) else run_with_progress(s, show=options.text) for s in loaded]
     predicted = _predicted(loaded, results) if options.analyze else []
@@ -150,37 +162,50 @@ def _draw(results: Sequence[Result], options: Compare) -> list[Path]:
     return save(comparison(results), (options.output or RESULTS) / name)
 
 
-def _prepared(options: Simulate) -> tuple[list[PreparedRun], list[Path]]:
-    """All runs of the files, and where each result goes."""
+def _prepared(options: Simulate) -> tuple[list[PreparedRun], list[Path], list[tuple[Run, Path]]]:
+    """All single runs of the files and where each result goes, and all ensembles with their files."""
     refuse_twins(options.configs)
-    runs, targets = [], []
+    runs: list[PreparedRun] = []
+    targets: list[Path] = []
+    ensembles: list[tuple[Run, Path]] = []
     for path in options.configs:
-        for experiment in _experiments(path, options):
+        single, several = _experiments(path, options)
+        folder = options.output or RESULTS
+        for experiment in single:
             runs.append(prepare(experiment))
-            folder = options.output or RESULTS
             inside = folder / path.stem if experiment.name != path.stem else folder
             targets.append(inside / f"{experiment.name}.h5")
+        ensembles += [(run, folder / path.stem / f"{run.name}.sweep.h5") for run in several]
     if options.output is not None and _is_result(options.output):
-        if len(runs) > 1:
+        if len(runs) + len(ensembles) > 1:
             files = len(options.configs)
-            what = f"{files} configurations" if files > 1 else f"{len(runs)} runs in {options.configs[0]}"
+            count = len(runs) + len(ensembles)
+            what = f"{files} configurations" if files > 1 else f"{count} runs in {options.configs[0]}"
             raise ConfigError(f"--output: {options.output} is one file, but there are {what}; name a folder")
-        return runs, [options.output]
-    return runs, targets
+        return runs, [options.output] * len(runs), [(run, options.output) for run, _ in ensembles]
+    return runs, targets, ensembles
 
 
-def _experiments(path: Path, options: Configured) -> list[Experiment]:
-    """The run named, or all single runs of a file; ensembles belong to claims and figures."""
+def _experiments(path: Path, options: Configured) -> tuple[list[Experiment], list[Run]]:
+    """The run named, or all single runs of a file, and its ensembles."""
     require_file(path)
     if options.run is not None:
-        return [load(path, options.overrides, seed=options.seed, run=options.run)]
+        return [load(path, options.overrides, seed=options.seed, run=options.run)], []
     study = load_study(path, options.overrides, seed=options.seed)
     if len(study.runs) == 1 and path.stem in study.runs:  # figures beside the run are checked before it
         check_figures(study)
-    single = [r.experiment for r in study.runs.values() if r.single]
+    several = [run for run in study.runs.values() if not run.single]
+    return [run.experiment for run in study.runs.values() if run.single], several
+
+
+def _single(path: Path, options: Configured) -> list[Experiment]:
+    """The single runs of a file, of which there has to be one."""
+    single, several = _experiments(path, options)
     if not single:
+        names = ", ".join(run.name for run in several)
         raise ConfigError(
-            f"all runs are ensembles: {', '.join(study.runs)}; --run NAME runs the first member of one", file=str(path)
+            f"all runs are ensembles: {names}; hgorun simulate carries them out, --run NAME compares the first member",
+            file=str(path),
         )
     return single
 
@@ -230,10 +255,15 @@ def _predicted(sources: Sequence[PreparedRun | Result], results: Sequence[Result
     ]
 
 
-def _print_json(results: Sequence[Result], files: Sequence[str], predicted: Sequence[Predicted] = ()) -> None:
-    """One object for one result, a list for several."""
+def _print_json(
+    results: Sequence[Result],
+    files: Sequence[str],
+    predicted: Sequence[Predicted] = (),
+    others: Sequence[dict[str, object]] = (),
+) -> None:
+    """One object for one result, a list for several; those of ensembles last."""
     theory = list(predicted) or [{} for _ in results]
     from hgorun.tables.metrics import as_json
 
-    found = [as_json(*each) for each in zip(results, files, theory, strict=True)]
+    found = [*(as_json(*each) for each in zip(results, files, theory, strict=True)), *others]
     print(json_text.dumps(found[0] if len(found) == 1 else found, indent=2, allow_nan=False))

@@ -16,15 +16,13 @@ import numpy as np
 
 from hgorun.engine.layout import HybridSystem
 from hgorun.engine.loose import fits
-from hgorun.engine.many import ManyProgram, Reducer, Worker
+from hgorun.engine.many import ManyProgram, Reducer, Worker, beside, lanes_of, widest
 from hgorun.engine.members import INPUTS
 from hgorun.engine.methods import METHODS
 from hgorun.engine.plan import Floats, Plan
 from hgorun.engine.queue import Queue
 from hgorun.errors import SimulationError
-from hgorun.native.compiler import vector_doubles
 
-_FEW_STATES = 6
 _KEPT = 1 << 24  # numbers of rows that are kept at once for a reduction in Python
 
 
@@ -205,7 +203,7 @@ class Ensemble:
         read; all else as in :meth:`run`.
         """
         plans = [plan.whole() for plan in plans]
-        gain, bias, holds = (_beside([getattr(plan, name) for plan in plans]) for name in ("gain", "bias", "holds"))
+        gain, bias, holds = (beside([getattr(plan, name) for plan in plans]) for name in ("gain", "bias", "holds"))
         numbers = replace(members, gain=gain, bias=bias, holds=holds)
         if fits(self.system, METHODS[self.method]) and self.lanes > 1:
             return self._run(plans, numbers, reduction, rows=rows, threads=threads, progress=progress)
@@ -229,7 +227,7 @@ class Ensemble:
     ) -> Outcome:
         """Runs that have one plan, or each its own."""
         loose = len(plans) > 1
-        plan = _widest(plans) if loose else plans[0]
+        plan = widest(plans) if loose else plans[0]
         whole = self.system.states if rows else None
         reducers = [reduction.reducer(self.lanes, whole=whole) if reduction else None for _ in range(max(threads, 1))]
         compiled = reducers[0] is not None
@@ -294,35 +292,9 @@ class Ensemble:
         return _joined(parts, False)
 
 
-def lanes_of(system: HybridSystem) -> int:
-    """How many members are fastest side by side.
-
-    Where states fit into registers, the instructions of two vectors fill each other's waiting times: Lorenz, of 3
-    states, takes 0.69 of the time with 16 lanes, and 0.70 with 32, of what it takes with 8 (AVX-512); with AVX2 0.61
-    with 8, and 0.59 with 16, of what it takes with 4. Of more states two vectors only go through memory more often:
-    7 states take as long with 16 lanes as with 8, 12 states 1.15 times as long, 17 states 1.4, 23 states 1.0 to 1.1.
-    """
-    return (2 if system.states <= _FEW_STATES else 1) * vector_doubles()
-
-
 def _told(progress: Callable[[int], None] | None, lanes: int, count: int) -> Callable[[int], None]:
     """Progress in members, from that in blocks."""
     return lambda blocks: progress(min(blocks * lanes, count)) if progress else None
-
-
-def _widest(plans: Sequence[Plan]) -> Plan:
-    """A plan with room for the samples and held values of each; all have one grid."""
-    slots, holds = (max(sizes) for sizes in zip(*((plan.slots, plan.holds.size) for plan in plans), strict=True))
-    gain = max(plan.gain.size for plan in plans)
-    return replace(plans[0], slots=slots, gain=np.zeros(gain), bias=np.zeros(gain), holds=np.zeros(holds))
-
-
-def _beside(rows: Sequence[Floats]) -> Floats:
-    """Numbers of each member, shape (longest, members); zero behind the end of the shorter ones."""
-    found = np.zeros((len(rows), max(row.size for row in rows)))
-    for own, row in zip(found, rows, strict=True):
-        own[: row.size] = row
-    return found.T
 
 
 def _doubles(array: np.ndarray) -> Floats:

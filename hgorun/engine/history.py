@@ -13,7 +13,8 @@ from collections.abc import Callable
 import casadi as ca
 
 from hgorun.engine.layout import WORD, Regime
-from hgorun.engine.parts import Module, copy, hermite, hermite_slope
+from hgorun.engine.parts import Module, copy
+from hgorun.engine.rows import hermite, hermite_slope
 from hgorun.native.ir import Function
 
 REFINEMENTS = 4  # passes of a step whose delays reach into it; each one gains an order

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from hgorun.engine.lane_tables import TABLES
+from hgorun.engine.lane_tables import own as lane_word
 from hgorun.engine.layout import DONE, WORD
-from hgorun.engine.loose import TABLES
-from hgorun.engine.loose import own as lane_word
 from hgorun.engine.parts import Module, copy
 from hgorun.native.ir import Function, hexadecimal
 

@@ -22,8 +22,9 @@ from hgorun.engine.layout import (
 )
 from hgorun.engine.memory import ADAPTIVE_HISTORY, Memory, Raw, Start, Tolerance
 from hgorun.engine.methods import METHODS, Method, Rosenbrock
-from hgorun.engine.parts import Module, add_actions, add_channels, add_flag, add_jumps, add_rows, counts, span
+from hgorun.engine.parts import Module, add_actions, add_channels, add_flag, add_jumps, counts, span
 from hgorun.engine.plan import Plan
+from hgorun.engine.rows import add_rows
 from hgorun.engine.stepper import Stepper
 from hgorun.errors import PlantDiverged, SimulationError
 from hgorun.native.compiler import NativeModule
@@ -57,7 +58,7 @@ def generate(
     add_channels(m)
     add_jumps(m)
     add_actions(m)
-    add_flag(m, alone=adaptive or lanes == 1)
+    add_flag(m, alone=adaptive or (lanes == 1 and not many))
     add_rows(m, quintic=bool(chosen.dense))
     history = History(m, slopes=implicit) if system.remembers else None
     for i, flow in enumerate(flows):

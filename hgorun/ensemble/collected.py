@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -106,10 +107,16 @@ class Collected:
             found[label] = {word: int(n) for word, n in zip(STATUSES, numbers, strict=True) if n}
         return found
 
-    @property
+    @cached_property
     def chosen(self) -> tuple[str, ...]:
-        """The axes with more than one value, without the seed: chance is not chosen."""
-        return tuple(a for a, values in self.axes.items() if a != SEED and len(levels(values)) > 1)
+        """The axes with more than one value: without the seed, for chance is not chosen, and without axes that follow
+        an earlier one, up or down, as those that one name sets together."""
+        found: list[str] = []
+        for axis, values in self.axes.items():
+            many = axis != SEED and len(levels(values)) > 1
+            if many and not any(_follows(values, self.axes[other]) for other in found):
+                found.append(axis)
+        return tuple(found)
 
     def axis(self, name: str) -> str:
         """The axis of a name: its path, or the end of it where that tells it from the others.
@@ -167,6 +174,17 @@ class Collected:
             known = ", ".join(shown(v) for v in levels(values)[:20])
             raise ConfigError(f"no member has the value {shown(value)}; there are {known}", key=axis)
         return np.asarray(found)
+
+
+def _follows(values: NDArray[Any], others: NDArray[Any]) -> bool:
+    """Whether numbers grow, or fall, with others, and change with nothing else."""
+    if values.dtype.kind not in "iuf" or others.dtype.kind not in "iuf":
+        return False
+    order = np.argsort(others, kind="stable")
+    own, other = np.diff(values[order]), np.diff(others[order])
+    return bool(np.all((other > 0) == (own > 0)) and np.all(own >= 0)) or bool(
+        np.all((other > 0) == (own < 0)) and np.all(own <= 0)
+    )
 
 
 def levels(values: NDArray[Any]) -> list[Any]:

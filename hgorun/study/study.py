@@ -71,7 +71,7 @@ class Run:
         if self.single:
             yield self.base
         for value in self.varied[start:]:
-            changes = self._changes(value)
+            changes = self.changes(value)
             try:
                 yield self.base.varied(changes)
             except ConfigError as error:
@@ -80,7 +80,7 @@ class Run:
                     raise
                 raise self._wrong(path, f"{error.message} (for the value {value:g})") from error
 
-    def _changes(self, value: float) -> dict[str, float | int]:
+    def changes(self, value: float) -> dict[str, float | int]:
         """What a member changes of the base, by path."""
         vary = self.ensemble.vary
         if self.ensemble.seeds is not None:

@@ -157,8 +157,14 @@ def _exact(value: float | None) -> str:
     return "" if value is None or math.isnan(value) else repr(value)
 
 
-def text(found: Sequence[Compared]) -> str:
-    """Aligned tables for a terminal, at most 100 columns wide."""
+def text(found: Sequence[Compared], *, pairs: bool = True) -> str:
+    """Aligned tables for a terminal, at most 100 columns wide.
+
+    Parameters
+    ----------
+    pairs : bool
+        Whether differences between observers are told.
+    """
     lines: list[str] = []
     for one in found:
         first, *others = summary(one)
@@ -167,7 +173,7 @@ def text(found: Sequence[Compared]) -> str:
             *wrapped(first),
             *(line for other in others for line in wrapped(other, "  ")),
         ]
-        lines += _by_point(one) if one.by else _whole(one)
+        lines += _by_point(one) if one.by else _whole(one, pairs=pairs)
     return "\n".join(lines)
 
 
@@ -195,7 +201,7 @@ def _span(values: Sequence[Any]) -> str:
     return f"{shown(values[0])} to {shown(values[-1])} ({len(values)} values)"
 
 
-def _whole(one: Compared) -> list[str]:
+def _whole(one: Compared, *, pairs: bool) -> list[str]:
     lines: list[str] = []
     part = one.whole
     for metric in dict.fromkeys(metric for _, metric, _ in part.summaries):
@@ -206,12 +212,12 @@ def _whole(one: Compared) -> list[str]:
         for block in packed(list(own), [[column] for column in columns], title=metric):
             lines += ["", *block]
     lines += ["", *wrapped(_NOTE)]
-    if part.differences:
-        pairs: dict[tuple[str, str], list[str]] = {}
+    if part.differences and pairs:
+        columns_of: dict[tuple[str, str], list[str]] = {}
         rows = list(dict.fromkeys(f"{d.metric} {d.state}" for d in part.differences))
         for d in part.differences:
-            pairs.setdefault((d.a, d.b), []).append(_difference(d))
-        for block in packed(rows, [[[f"{a} - {b}", *cells]] for (a, b), cells in pairs.items()]):
+            columns_of.setdefault((d.a, d.b), []).append(_difference(d))
+        for block in packed(rows, [[[f"{a} - {b}", *cells]] for (a, b), cells in columns_of.items()]):
             lines += ["", *block]
         lines += ["", *wrapped(_PAIRS)]
     return lines

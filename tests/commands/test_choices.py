@@ -45,7 +45,7 @@ def test_the_version_is_the_packages(shell: Shell) -> None:
         (("compare", "base.yaml", "--analyze", "--format", "latex"), "the LaTeX table has metrics only"),
         (("simulate", "runs.yaml", "-o", "all.h5"), "all.h5 is one file, but there are 2 runs in runs.yaml"),
         (("simulate", "base.yaml", "hours.yaml", "-o", "all.h5"), "there are 2 configurations; name a folder"),
-        (("simulate", "ensemble.yaml"), "all runs are ensembles: many; --run NAME runs the first member of one"),
+        (("compare", "ensemble.yaml"), "all runs are ensembles: many"),
         (("simulate", "base.yaml", "-o", "there.png"), "expected a file .h5, .hdf5, .nc or a folder"),
         (("analyze", "base.yaml", "-o", "base.yaml"), "base.yaml"),
         (("show", "rmsee"), "nothing is called 'rmsee'. Did you mean `rmse`?"),

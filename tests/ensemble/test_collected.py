@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ import numpy as np
 import pytest
 from collected_files import write
 
-from hgorun.ensemble.collected import is_sweep, read
+from hgorun.ensemble.collected import Collected, is_sweep, read
 from hgorun.errors import ConfigError
 
 THETA, SEED = "observers.F.theta", "seed"
@@ -107,3 +108,22 @@ def test_damaged_files_are_refused(tmp_path: Path, change: Callable[[h5py.File],
 def test_a_file_larger_than_allowed_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="larger than"):
         read(product(tmp_path / "a.sweep.h5"), max_memory=100)
+
+
+def test_axes_that_follow_each_other_are_one_choice() -> None:
+    """What one name sets is one choice, points that are spread are not, and neither is a product."""
+    eps = np.array([1.0, 2.0, 4.0, 4.0])
+    spread = np.array([0.3, 0.9, 0.1, 0.5])
+    base = Collected(
+        name="x",
+        axes={"a": eps, "b": 1 / eps, "c": eps**2, "seed": np.array([0, 0, 0, 1])},
+        observers=("F",),
+        states=("x",),
+        metrics={},
+        status=np.zeros((4, 1), dtype=np.int8),
+        error=np.full(4, "", dtype=object),
+    )
+    assert base.chosen == ("a",)
+    assert replace(base, axes={"a": eps, "b": spread}).chosen == ("a", "b")
+    both = {"a": np.array([1.0, 1.0, 2.0, 2.0]), "b": np.array([1.0, 2.0, 1.0, 2.0])}
+    assert replace(base, axes=both).chosen == ("a", "b")

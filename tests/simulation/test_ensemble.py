@@ -21,7 +21,8 @@ CONFIG = """
 time: {end: 3, output_step: 0.05}
 plant:
   states: [x1, x2]
-  dynamics: {x1: x2, x2: -4*x1 + sin(2*t)*x2/2}
+  dynamics: {x1: x2, x2: -4*x1 + sin(w*t)*x2/2}
+  parameters: {w: 2}
   output: x1
   initial: {x1: 1, x2: 0}
 measurement:
@@ -35,10 +36,15 @@ metrics: {average: 0.3}
 """
 
 
-def runs(count: int) -> list[PreparedRun]:
-    """Runs that differ in their seeds and gains."""
+def runs(count: int, *, alike: bool) -> list[PreparedRun]:
+    """Runs that differ in their seeds and gains, and unless functions of time are alike, in a frequency."""
     base = hgorun.Experiment(yaml.safe_load(CONFIG), name="test")
-    return [prepare(base.varied({"seed": k, "observers.SHGO.theta": 2 + 0.1 * k})) for k in range(count)]
+    fast = [2 if alike else 2 + 0.2 * k for k in range(count)]
+    own = [
+        {"seed": k, "observers.SHGO.theta": 2 + 0.1 * k, "plant.parameters.w": w, "solver.step": 0.01}
+        for k, w in enumerate(fast)
+    ]
+    return [prepare(base.varied(changes)) for changes in own]
 
 
 def members(of: list[PreparedRun]) -> MemberNumbers:
@@ -53,11 +59,11 @@ def members(of: list[PreparedRun]) -> MemberNumbers:
     )
 
 
-@pytest.mark.parametrize("threads", [1, 2])
-def test_members_have_the_bits_of_runs_alone(threads: int) -> None:
-    of = runs(11)
+@pytest.mark.parametrize(("lanes", "threads"), [(1, 1), (2, 2), (4, 1), (8, 2), (16, 1), (32, 3)])
+def test_members_have_the_bits_of_runs_alone(lanes: int, threads: int) -> None:
+    of = runs(11, alike=threads == 1)
     plan, reduction = plan_of(of[0], as_given(of[0]))[0], reduction_of(of[0])
-    ensemble = of[0].structure.ensemble("rk4")
+    ensemble = of[0].structure.ensemble("rk4", lanes)
     found = ensemble.run(plan, members(of), reduction, threads=threads)
     values = reduction.named(found.reduced)
     kept = ensemble.run(plan, members(of), rows=True, threads=threads)
