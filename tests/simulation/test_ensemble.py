@@ -96,7 +96,7 @@ def test_every_member_has_its_own_continuous_delay() -> None:
 @pytest.mark.parametrize("stride", [1, 2, 3])
 def test_numbers_of_any_strides(stride: int) -> None:
     """The last members of a block that is not full may lie as far apart as a full one is wide."""
-    of = runs(6)
+    of = runs(6, alike=False)
     plan, numbers = plan_of(of[0], as_given(of[0]))[0], members(of)
 
     def apart(array: np.ndarray) -> np.ndarray:
