@@ -92,7 +92,7 @@ def _affordable(climber: _Climber) -> np.ndarray:
     """Which members can make the two passes of their rung."""
     run = climber.lot.run
     stage = first_stage(run)
-    if stage is None or climber.k > finest_rung(run):
+    if stage is None or run.unknown or climber.k > finest_rung(run):
         return np.zeros(climber.spent.size, dtype=bool)
     method, limit = stage
     count, other = step_counts(run, run.span / 2.0**climber.k)

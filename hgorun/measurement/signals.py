@@ -13,7 +13,7 @@ from hgorun.config.expressions import parse
 from hgorun.config.literals import Template, template
 from hgorun.errors import Problem, called
 from hgorun.measurement.availability import Stretch
-from hgorun.measurement.events import Irregular, Kinks, extremes, infinite, not_followed, too_many
+from hgorun.measurement.events import Irregular, Kinks, Unknown, extremes, infinite, not_followed, too_many, usual_rate
 from hgorun.measurement.sampling import EVENT_BYTES
 from hgorun.memo import Memo
 from hgorun.noise.base import TimeFunction
@@ -111,6 +111,15 @@ def extremes_of(stretch: Stretch) -> Irregular:
     if fast and not parse(stretch.delay, names=("t",)).names:
         return Irregular(np.zeros(0), ())
     return extremes(_compiled(stretch).slopes, signal_numbers(stretch), stretch.start, stretch.end)
+
+
+def unknown_extremes(stretch: Stretch) -> list[Unknown]:
+    """Noise and delay, where their extremes may not all have been found."""
+    lost = tuple((stretch.origin + a, stretch.origin + b) for a, b in extremes_of(stretch).lost)
+    if not lost:
+        return []
+    rate = usual_rate(_compiled(stretch).slopes, signal_numbers(stretch), stretch.start, stretch.end)
+    return [Unknown(".".join(map(str, stretch.paths["noise"])), False, lost, (stretch.end - stretch.start) * rate)]
 
 
 def signal_remarks(stretch: Stretch, max_memory: float) -> list[str]:

@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hgorun.engine.memory import Raw
+from hgorun.engine.methods import METHODS
 from hgorun.errors import Problem
 from hgorun.result.data import PLANT, Integration
 from hgorun.result.status import OK, Verdict
@@ -24,7 +25,7 @@ from hgorun.simulation.between_steps import Missed, missed
 from hgorun.simulation.confirmation import ended
 from hgorun.simulation.ladder import first_stage
 from hgorun.simulation.measured import Measured
-from hgorun.simulation.passes import Again, integrate
+from hgorun.simulation.passes import Again, Pass, integrate
 from hgorun.simulation.preparation import with_events
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.search import Budget, Finished, Progress, Search
@@ -95,7 +96,7 @@ def controlled(run: PreparedRun, progress: Progress = None) -> Controlled:
     )
     late = {label: error for label, error in found.error.items() if not error <= run.solver.accuracy}
     verdicts = {label: _doubt(error, run, search.budget.spent) for label, error in late.items()}
-    verdicts |= unseen | _lost(run, found.finished, progress)
+    verdicts |= _not_seen(run, how, found.finished.raw) | unseen | _lost(run, found.finished, progress)
     observers = tuple(verdicts.get(b.label, v) for b, v in zip(run.observers, known.verdicts, strict=True))
     return Controlled(
         raw=found.finished.raw,
@@ -137,6 +138,17 @@ def _followed(search: Search) -> dict[str, Verdict]:
             search.best = kept
             return _passed(search.run, found)
     return {}
+
+
+def _not_seen(run: PreparedRun, how: Pass, raw: Raw) -> dict[str, Verdict]:
+    """What is said where functions of time may have pulses that the steps do not see."""
+    evaluations = raw.tries * len(METHODS[how.method].c)
+    said: dict[str, Verdict] = {}
+    for unknown in run.unknown:
+        if not unknown.seen(evaluations):
+            labels = [*([PLANT] if unknown.of_plant else []), *(block.label for block in run.observers)]
+            said |= dict.fromkeys(labels, Verdict("inaccurate", reason=unknown.reason))
+    return said
 
 
 def _passed(run: PreparedRun, found: Missed) -> dict[str, Verdict]:

@@ -14,7 +14,17 @@ from hgorun.engine.memory import Start, Tolerance
 from hgorun.engine.plan import Plan
 from hgorun.engine.program import Program
 from hgorun.errors import KeyPath, Problem
-from hgorun.measurement.events import Irregular, Kinks, extremes, infinite, merge, not_followed, too_many
+from hgorun.measurement.events import (
+    Irregular,
+    Kinks,
+    Unknown,
+    extremes,
+    infinite,
+    merge,
+    not_followed,
+    too_many,
+    usual_rate,
+)
 from hgorun.measurement.sampling import EVENT_BYTES
 from hgorun.memo import Memo
 from hgorun.plants.build import BuiltPlant, SymbolicPlant
@@ -51,9 +61,21 @@ def plant_kinks(plant: BuiltPlant, time: Time, origin: float) -> Irregular:
 
 def plant_extremes(plant: BuiltPlant, time: Time) -> Irregular:
     """Extremes of the plant's functions of time, which no step should pass over."""
+    return extremes(_slopes(plant), plant.everything, time.start, time.end)
+
+
+def _slopes(plant: BuiltPlant) -> Kinks:
     symbolic, t = plant.symbolic, plant.model.t
-    slopes = _SLOPES.get(symbolic, lambda: Kinks.of_slopes(_functions(symbolic), t, symbolic.everything))
-    return extremes(slopes, plant.everything, time.start, time.end)
+    return _SLOPES.get(symbolic, lambda: Kinks.of_slopes(_functions(symbolic), t, symbolic.everything))
+
+
+def plant_unknown(plant: BuiltPlant, time: Time, origin: float) -> list[Unknown]:
+    """The plant's functions of time, where their extremes may not all have been found."""
+    lost = tuple((origin + a, origin + b) for a, b in plant_extremes(plant, time).lost)
+    if not lost:
+        return []
+    rate = usual_rate(_slopes(plant), plant.everything, time.start, time.end)
+    return [Unknown("plant", True, lost, (time.end - time.start) * rate)]
 
 
 def _functions(plant: SymbolicPlant) -> list[ca.SX]:

@@ -10,10 +10,10 @@ import numpy as np
 
 from hgorun.config.models import Time
 from hgorun.errors import Problem
-from hgorun.measurement.events import Irregular, pulses_missed
+from hgorun.measurement.events import Unknown
 from hgorun.measurement.noise import is_relative
 from hgorun.measurement.schedule import Channel, Schedule, build_schedule, check_delays, find_channels
-from hgorun.measurement.signals import extremes_of, kinks_of, signal_remarks
+from hgorun.measurement.signals import extremes_of, kinks_of, signal_remarks, unknown_extremes
 from hgorun.memo import Memo, Same
 from hgorun.observers.base import AnyObserver
 from hgorun.observers.capabilities import Switching
@@ -22,7 +22,7 @@ from hgorun.result.data import DesignNumbers
 from hgorun.simulation.checks import check_run
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.observer_block import Design
-from hgorun.simulation.plant_alone import PlantRun, plant_extremes, plant_kinks, plant_remarks
+from hgorun.simulation.plant_alone import PlantRun, plant_extremes, plant_kinks, plant_remarks, plant_unknown
 from hgorun.simulation.prepared import Numbers, PreparedRun
 from hgorun.simulation.structure import Structure, parameter_values, structure_of
 from hgorun.simulation.truth import SimulatedPlant
@@ -104,6 +104,7 @@ def _prepared(experiment: Experiment, design: DesignNumbers | None) -> PreparedR
         smallest_delay=smallest_delay,
         reach=reach,
         remarks=_remarks(experiment),
+        unknown=_unknown(experiment),
     )
 
 
@@ -170,14 +171,17 @@ def _remarks(experiment: Experiment) -> tuple[str, ...]:
     time = experiment.time
     continuous = [s for one in experiment.stretches for s in one if s.continuous]
     found = [signal_remarks(s, time.max_memory) for s in continuous]
-    if experiment.blocks.solver.controlled:
-        found += [_pulses("plant", plant_extremes(experiment.plant, time), experiment.origin)]
-        found += [_pulses(".".join(map(str, s.paths["noise"])), extremes_of(s), s.origin) for s in continuous]
     return tuple(dict.fromkeys(sum(found, plant_remarks(experiment.plant, time, experiment.origin))))
 
 
-def _pulses(what: str, found: Irregular, origin: float) -> list[str]:
-    return [pulses_missed(what, found.lost, origin)] if found.lost else []
+def _unknown(experiment: Experiment) -> tuple[Unknown, ...]:
+    """Functions of time in which an automatic step may miss something."""
+    if not experiment.blocks.solver.controlled:
+        return ()
+    found = plant_unknown(experiment.plant, experiment.time, experiment.origin)
+    for stretches in experiment.stretches:
+        found += [one for s in stretches if s.continuous for one in unknown_extremes(s)]
+    return tuple(found)
 
 
 def nominal_step(experiment: Experiment) -> float:

@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from hgorun.config.models import Solver, Time
+from hgorun.measurement.events import Unknown
 from hgorun.measurement.schedule import Channel, Schedule
 from hgorun.plants.build import BuiltPlant
 from hgorun.simulation.experiment import Experiment
@@ -49,6 +50,8 @@ class PreparedRun:
         No step is longer, and no continuous delay.
     remarks : tuple of str
         What should be known of the run although nothing is wrong with it.
+    unknown : tuple of Unknown
+        Functions of time in which an automatic step may miss something.
     """
 
     experiment: Experiment
@@ -60,6 +63,7 @@ class PreparedRun:
     smallest_delay: float
     reach: float
     remarks: tuple[str, ...] = ()
+    unknown: tuple[Unknown, ...] = ()
 
     @property
     def plant(self) -> BuiltPlant:

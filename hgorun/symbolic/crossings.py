@@ -20,8 +20,10 @@ from hgorun.symbolic.levels import Levels, distinct
 
 _CELLS = 1 << 15  # that are looked at together: bounds the memory
 _BUDGET = 4_000_000  # cells of one function
+_EARLY, _SAMPLES, _LARGE = 1 << 13, 4, 100_000  # cells; looks for each crossing that is allowed, where that is few
 _PER_CROSSING = 100  # more cells for each crossing that was found
 _ZERO = 1e-290  # a slope that is zero but for rounding outwards
+_GOLDEN = 0.5 * (5**0.5 - 1)
 _LOOKS = (0.137, 0.618, 0.389, 0.891)  # where a cell is looked at: no simple function has all its roots there
 _NOISE = 64.0  # bounds of a cell are those of rounding if they are no further apart than that many of a point's
 _DOUBTFUL = 20_000  # cells of which it is unknown what rounding hides
@@ -110,22 +112,25 @@ class Search:
         """
         finest = 1e-3 * np.spacing(max(abs(low[0]), abs(high[-1])))  # near t = 0 doubles are finer than need be
         stack = [Cells(low, high, np.arange(low.size))]
-        times, flat, looked, doubtful, found = [], [], 0, 0, 0
+        crossed, flat, looked, doubtful, found = [], [], 0, 0, 0
         while stack and looked < _BUDGET + _PER_CROSSING * found:
             cells = stack.pop()
             if cells.low.size > _CELLS:
                 rest = np.arange(cells.low.size) >= _CELLS
                 stack.append(cells.where(rest))
                 cells = cells.where(~rest)
+            if looked < _EARLY <= looked + cells.low.size:
+                self._not_too_many(low, high)
             looked += cells.low.size
             monotone, hidden, doubted, left = self._sorted(cells, finest)
             doubtful += doubted.low.size
-            times.append(self._crossed(monotone, found))
-            found += times[-1].size
+            crossed.append(self._crossed(monotone, found))
+            found += crossed[-1][1].size
             flat += [hidden, doubted] if doubtful > _DOUBTFUL else [hidden]
             stack += [c.halves() for c in ([left] if doubtful > _DOUBTFUL else [left, doubted]) if c.low.size]
         unseen, touched = _together(stack), _joined(_together(flat))
-        times += [self._crossed(cells, found) for cells in (unseen, touched)]
+        crossed += [self._crossed(cells, found) for cells in (unseen, touched)]
+        times = [np.zeros(0), *(self._first_beyond(*one) for one in crossed if one[1].size)]
         middle = 0.5 * (touched.low + touched.high)
         if self.touches:
             times.append(middle)
@@ -136,6 +141,25 @@ class Search:
         wide = touched.where(known & loud & (touched.high - touched.low > least))
         lost = [(float(c.low.min()), float(c.high.max())) for c in (wide, unseen) if c.low.size]
         return Found(distinct(np.concatenate(times)), tuple(lost))
+
+    def _not_too_many(self, low: Floats, high: Floats) -> None:
+        """End a search early that would find too many crossings: levels passed from one look to the next are as many.
+
+        Raises
+        ------
+        TooMany
+        """
+        count = int(_SAMPLES * self.limit) if self.limit < _LARGE else 0
+        if not count:
+            return
+        times = low[0] + (high[-1] - low[0]) * np.sort(np.mod(np.arange(count) * _GOLDEN, 1.0))
+        piece = np.clip(np.searchsorted(low, times, side="right") - 1, 0, None)
+        passed = self.levels.crossed(self.function.at(times, self.p, self.s[piece]))
+        inside = (times < high[piece]) & np.isfinite(passed)
+        same = (piece[1:] == piece[:-1]) & inside[1:] & inside[:-1]
+        found = float(np.abs(np.diff(passed))[same].sum())
+        if found > self.limit:
+            raise TooMany(found)
 
     def _sorted(self, cells: Cells, finest: float) -> tuple[Cells, Cells, Cells, Cells]:
         """The cells in which there may be a crossing, in four kinds.
@@ -189,8 +213,10 @@ class Search:
         around = np.nextafter(at_middle[0] - reach, -np.inf), np.nextafter(at_middle[1] + reach, np.inf)
         return np.fmax(value[0], around[0]), np.fmin(value[1], around[1])
 
-    def _crossed(self, cells: Cells, before: int) -> Floats:
-        """The crossings of a function that is monotone on cells, from its values at their ends.
+    def _crossed(self, cells: Cells, before: int) -> tuple[Cells, Floats]:
+        """A cell and the number of the level for every crossing of a function that is monotone on cells.
+
+        They are counted from the values at the ends, before the time of any is looked for.
 
         Parameters
         ----------
@@ -198,7 +224,7 @@ class Search:
             How many have been found before.
         """
         if not cells.low.size:
-            return cells.low
+            return cells, cells.low
         s = self.s[cells.piece]
         first, last = (self.levels.crossed(self.function.at(x, self.p, s)) for x in (cells.low, cells.high))
         with np.errstate(invalid="ignore"):
@@ -208,7 +234,7 @@ class Search:
         many = count.astype(int)
         cell = np.repeat(np.arange(many.size), many)
         number = np.arange(cell.size) - np.repeat(np.cumsum(many) - many, many) + 1 + np.minimum(first, last)[cell]
-        return self._first_beyond(cells.where(cell), number) if cell.size else np.zeros(0)
+        return cells.where(cell), number
 
     def _first_beyond(self, cells: Cells, number: Floats) -> Floats:
         """The first double at which the level is crossed; each cell holds one crossing of one level.

@@ -330,20 +330,38 @@ def test_a_pulse_is_met_whenever_the_clock_began() -> None:
     assert result.status == "ok"
 
 
-def test_a_pulse_among_many_extremes_is_met() -> None:
-    """x' = 200 cos(200 t) + pulse over 500 s: more than 30,000 extremes, and a pulse of a millisecond at t = 333.3."""
+@pytest.mark.parametrize("end", [500, 2000])
+def test_a_pulse_among_many_extremes_is_met(end: float) -> None:
+    """x' = 200 cos(200 t) + pulse: 30,000 or 120,000 extremes, and a pulse of a millisecond at t = 333.3."""
     u = "200*cos(200*t) + 1000*exp(-((t - 333.3)/1e-3)**2)"
     plant = inline({"x": "u"}, "x", inputs={"u": u}, initial={"x": 0})
-    result = simulate(experiment(plant, {"S": {"type": "shgo", "theta": 0.1}}, end=500, output_step=1))
-    assert result.x[-1, 0] == pytest.approx(np.sin(1e5) + np.sqrt(np.pi), abs=4e-3)
+    result = simulate(experiment(plant, {"S": {"type": "shgo", "theta": 0.1}}, end=end, output_step=1))
+    assert result.x[-1, 0] == pytest.approx(np.sin(200 * end) + np.sqrt(np.pi), abs=4e-3)
     assert result.remarks == ()
 
 
 def test_pulses_that_cannot_all_be_found_are_said() -> None:
     """Fifteen thousand narrow pulses: their slope is lost in underflow between them."""
     plant = inline({"x": "u - x"}, "x", inputs={"u": "3e4*exp(-(sin(50*pi*t)/1e-3)**2)"}, initial={"x": 0})
-    prepared = prepare(experiment(plant, {"S": {"type": "shgo", "theta": 0.1}}, end=300, output_step=1))
-    assert "pulses that are shorter than the steps may have been missed" in prepared.remarks[0]
+    result = simulate(experiment(plant, {"S": {"type": "shgo", "theta": 0.1}}, end=300, output_step=1))
+    assert result.status == "inaccurate"
+    for verdict in (result.verdict, result.observers["S"].verdict):
+        assert "pulses that are shorter than the steps may have been missed" in (verdict.reason or "")
+
+
+def test_pulses_of_noise_that_cannot_all_be_found_are_said_of_the_observers() -> None:
+    plant = inline({"x": "-x"}, "x", initial={"x": 1})
+    noise = {"noise": [{"type": "expression", "value": "exp(-(sin(1000*pi*t)/1e-3)**2)"}]}
+    result = simulate(experiment(plant, {"S": {"type": "shgo", "theta": 1}}, end=100, output_step=1, measurement=noise))
+    assert (result.verdict.status, result.observers["S"].status) == ("ok", "inaccurate")
+
+
+def test_many_extremes_that_the_steps_see_are_not_told() -> None:
+    """A hundred thousand periods of mains power: the steps of the run follow each of them."""
+    plant = inline({"x": "sin(2*pi*100*t)**2 - x"}, "x", initial={"x": 0})
+    result = simulate(experiment(plant, {"S": {"type": "shgo", "theta": 1}}, end=300, output_step=1))
+    assert (result.status, result.remarks) == ("ok", ())
+    assert result.x[-1, 0] == pytest.approx(0.5, rel=1e-3)
 
 
 @pytest.mark.parametrize("size", [1e4, 1e8])
