@@ -53,10 +53,13 @@ class Simulate(Configured):
 class Sweep(Printing):
     """Carry out the members of a sweep file, and collect them in results/NAME.sweep.h5.
 
-    Started again, it carries out what is missing.
+    Started again, it carries out what is missing. Of a configuration, the runs with seeds or vary.
     """
 
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="A YAML file with base, axes and keep.")]
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE", help="A YAML file with base, axes and keep, or a configuration.")
+    ]
+    run: Annotated[str | None, typer.Option("--run", help="Only this run of a configuration (default: all).")] = None
     fresh: Annotated[bool, typer.Option("--fresh", help="Begin anew, whatever was finished before.")] = False
     part: Annotated[
         str | None, typer.Option("--part", metavar="K/N", help="Only this part of N, for array jobs; see hgorun merge.")

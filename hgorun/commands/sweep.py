@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import json as json_text
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 from hgorun.commands.options import Merge, Printing, Sweep
 from hgorun.commands.outputs import NOT_OK, RESULT_SUFFIXES, RESULTS, refuse_other_kinds
 from hgorun.commands.run import require_file
 from hgorun.ensemble.collecting import collect
+from hgorun.ensemble.ensemble import Ensemble
 from hgorun.ensemble.executors import EXECUTORS, Executor, processes, threads
 from hgorun.ensemble.outcome import Outcome, outcome_of
 from hgorun.ensemble.store import Store
@@ -18,27 +21,36 @@ from hgorun.ensemble.sweep import SUFFIX, Count, Part, Place, carry_out, finishe
 from hgorun.errors import ConfigError
 from hgorun.process import processors
 from hgorun.progress import shown
-from hgorun.study.sweep_file import load_sweep
+from hgorun.study.sweep_file import load_sweeps
 
 
 def sweep(options: Sweep) -> int:
-    """Carry out what is missing of an ensemble, and collect its file when nothing is missing."""
+    """Carry out what is missing of ensembles, and collect the file of each when nothing is missing."""
     refuse_other_kinds(options.output, RESULT_SUFFIXES)
     require_file(options.file)
     part = None if options.part is None else Part.read(options.part)
     executor, jobs = _executor(options)
-    ensemble = load_sweep(options.file)
-    place = _place(options, ensemble.name)
+    if options.collect and (part is not None or options.fresh):
+        raise ConfigError("--collect carries nothing out: it goes with neither --part nor --fresh")
+    ensembles = load_sweeps(options.file, options.run)
+    if len(ensembles) > 1 and options.output is not None and _is_file(options.output):
+        raise ConfigError(f"--output: {options.output} is one file, but there are {len(ensembles)} ensembles")
+    told = [
+        _one(options, ensemble, _place(options, name), executor, jobs, part) for name, ensemble in ensembles.items()
+    ]
+    return _said(options, told)
+
+
+def _one(options: Sweep, ensemble: Ensemble, place: Place, executor: Executor, jobs: int, part: Part | None) -> Told:
+    """Carry an ensemble out, or collect what is there of it."""
     if options.collect:
-        if part is not None or options.fresh:
-            raise ConfigError("--collect carries nothing out: it goes with neither --part nor --fresh")
         Store.existing(place.folder)  # is refused where nothing is there
     elif options.fresh:
         place.file.unlink(missing_ok=True)
     store = Store.opened(place.folder, ensemble, fresh=options.fresh)
     if options.collect:
         collect(store, place.file)
-        return _told(options, store, place)
+        return Told(store, place.file, part)
 
     def missing() -> None:
         with shown(_members(store, part), ensemble.name, "members", show=options.text) as progress:
@@ -49,9 +61,7 @@ def sweep(options: Sweep) -> int:
             carry_out(store, executor, part=part, workers=jobs, told=told)
 
     missing()
-    if not finished(store, place.file, missing):
-        return _unfinished(options, store, part)
-    return _told(options, store, place)
+    return Told(store, place.file if finished(store, place.file, missing) else None, part)
 
 
 def merge(options: Merge) -> int:
@@ -66,15 +76,20 @@ def merge(options: Merge) -> int:
     for one in stores:
         store.adopt(one)
     collect(store, place.file)
-    return _told(options, store, place)
+    return _said(options, [Told(store, place.file)])
 
 
 def _place(options: Printing, name: str) -> Place:
     """The file called by ``--output``, or of the sweep's name in that folder."""
     output = options.output or RESULTS
-    if output.suffix.lower() in RESULT_SUFFIXES and not output.is_dir():
+    if _is_file(output):
         return Place.of(output)
     return Place.of(output / f"{name}{SUFFIX}.h5")
+
+
+def _is_file(output: Path) -> bool:
+    """Whether ``--output`` names the collected file, not a folder."""
+    return output.suffix.lower() in RESULT_SUFFIXES and not output.is_dir()
 
 
 def _executor(options: Sweep) -> tuple[Executor, int]:
@@ -99,40 +114,54 @@ def _members(store: Store, part: Part | None) -> int:
     return stop - start
 
 
-def _unfinished(options: Sweep, store: Store, part: Part | None) -> int:
-    """A part is finished, and others are not."""
-    left = sum(stop - start for start, stop in store.missing())
-    if options.json:
-        _print_json(store, None, None)
-    elif not options.quiet:
-        which = "" if part is None else f"part {part.number}/{part.of} is finished; "
-        print(f"{store.folder}: {which}{store.size - left} of {store.size} members are there")
-    return 0
+@dataclass(frozen=True)
+class Told:
+    """What there is of an ensemble: its file, once nothing is missing, and which part was carried out."""
+
+    store: Store
+    file: Path | None
+    part: Part | None = None
+
+    @cached_property
+    def outcome(self) -> Outcome | None:
+        """What has become of the members."""
+        return None if self.file is None else outcome_of(self.file)
+
+    def as_json(self) -> dict[str, object]:
+        """For ``--json``."""
+        outcome = self.outcome
+        return {
+            "name": self.store.ensemble.name,
+            "file": None if self.file is None else str(self.file),
+            "folder": str(self.store.folder),
+            "members": self.store.size,
+            "finished": self.store.size - self._left,
+            "status": None if outcome is None else outcome.status,
+            "failed": None if outcome is None else outcome.failed,
+            "observers": None if outcome is None else outcome.observers,
+        }
+
+    def text(self) -> str:
+        """For a person."""
+        if self.outcome is not None:
+            return f"{self.outcome.text()}\nwritten: {self.file}"
+        which = "" if self.part is None else f"part {self.part.number}/{self.part.of} is finished; "
+        return f"{self.store.folder}: {which}{self.store.size - self._left} of {self.store.size} members are there"
+
+    @property
+    def _left(self) -> int:
+        return sum(stop - start for start, stop in self.store.missing())
 
 
-def _told(options: Sweep | Merge, store: Store, place: Place) -> int:
+def _said(options: Sweep | Merge, found: Sequence[Told]) -> int:
     """Say what has become of the members."""
-    outcome = outcome_of(place.file)
-    for words in outcome.troubles():
-        print(f"hgorun: {store.ensemble.name}: {words}", file=sys.stderr)
+    for one in found:
+        for words in one.outcome.troubles() if one.outcome is not None else ():
+            print(f"hgorun: {one.store.ensemble.name}: {words}", file=sys.stderr)
     if options.json:
-        _print_json(store, place.file, outcome)
+        records = [one.as_json() for one in found]
+        print(json_text.dumps(records[0] if len(records) == 1 else records, indent=2, allow_nan=False))
     elif not options.quiet:
-        print(outcome.text())
-        print(f"written: {place.file}")
-    return NOT_OK if options.strict and outcome.status != "ok" else 0
-
-
-def _print_json(store: Store, file: Path | None, outcome: Outcome | None) -> None:
-    left = sum(stop - start for start, stop in store.missing())
-    found = {
-        "name": store.ensemble.name,
-        "file": None if file is None else str(file),
-        "folder": str(store.folder),
-        "members": store.size,
-        "finished": store.size - left,
-        "status": None if outcome is None else outcome.status,
-        "failed": None if outcome is None else outcome.failed,
-        "observers": None if outcome is None else outcome.observers,
-    }
-    print(json_text.dumps(found, indent=2, allow_nan=False))
+        print("\n".join(one.text() for one in found))
+    worst = any(one.outcome is not None and one.outcome.status != "ok" for one in found)
+    return NOT_OK if options.strict and worst else 0

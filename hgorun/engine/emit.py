@@ -65,6 +65,7 @@ def emit(
     declarations: set[str],
     *,
     inlined: bool = True,
+    literal: bool = False,
     timed: bool = False,
 ) -> Emitted:
     """Emit f(t, p, z, w) -> d.
@@ -81,10 +82,13 @@ def emit(
         Receives the intrinsics needed.
     inlined : bool
         Whether the code stands wherever it is called, or once.
+    literal : bool
+        Every operation by itself, rounded as it is written; otherwise those of every evaluation are taken together
+        where that takes less time, see :class:`~hgorun.engine.emitter.Emitter`.
     timed : bool
         Whether each lane has a time of its own.
     """
-    emitter = Emitter(name, lanes, declarations, inlined=inlined, timed=timed)
+    emitter = Emitter(name, lanes, declarations, inlined=inlined, timed=timed, literal=literal)
     instructions = read(function)
     for some in rounds(instructions, calls=CALLS):
         if some[0].op in CALLS:

@@ -86,7 +86,9 @@ def operation(f: Function, op: int, names: Sequence[str]) -> str:
 class Emitter:
     """Walks the instruction list once, appending each instruction to the part that it belongs to."""
 
-    def __init__(self, name: str, lanes: int, declarations: set[str], *, inlined: bool, timed: bool) -> None:
+    def __init__(
+        self, name: str, lanes: int, declarations: set[str], *, inlined: bool, timed: bool, literal: bool = False
+    ) -> None:
         inline = f"{'alwaysinline' if inlined else 'noinline'} nounwind"
         clock = inline if lanes == 1 else "noinline nounwind"  # it is there twice, and rarely runs
         pointers = "ptr noalias %p, ptr noalias %c"
@@ -107,8 +109,11 @@ class Emitter:
                 attributes=inline,
             ),
         ]
-        self.name, self.lanes, self.declarations, self.timed = name, lanes, declarations, timed
+        self.name, self.lanes, self.declarations = name, lanes, declarations
+        self.timed, self.literal = timed, literal
         self.sizes = [0, 0]  # numbers in c and in tau
+        self.products: dict[int, tuple[int, int]] = {}  # what is a product in the last part -> its factors
+        self.made: dict[tuple[int, ...], int] = {}  # operation and arguments -> a value of our own, below zero
         self.level: dict[int, int] = {}  # value -> the part that computes it
         self.names: list[dict[int, str]] = [{}, {}, {}]  # per part: value -> its name there
         self.passed: dict[int, int] = {}  # value -> its place in c or tau
@@ -164,8 +169,68 @@ class Emitter:
 
     def operation(self, value: int, op: int, arguments: Sequence[int]) -> None:
         part = max((self.level[a] for a in arguments), default=SETUP)
+        name = self._shortened(value, op, arguments) if part == MAIN and not self.literal else None
         f = self.parts[part]
-        self.define(value, part, operation(f, op, [self.use(a, part) for a in arguments]))
+        self.define(value, part, name or operation(f, op, [self.use(a, part) for a in arguments]))
+
+    def _shortened(self, value: int, op: int, arguments: Sequence[int]) -> str | None:
+        """An operation of every evaluation in another way that takes less time; None where there is none.
+
+        Whether there is follows from the formula alone and not from the order of its terms and factors, nor from
+        what else the function computes: symmetric matrices stay symmetric, and bits are the same in any company.
+        """
+        if op == ca.OP_DIV:
+            return self._product(value, arguments[0], self._reciprocal(arguments[1]))
+        if op in (ca.OP_MUL, ca.OP_SQ):
+            return self._product(value, arguments[0], arguments[-1])
+        if op in (ca.OP_ADD, ca.OP_SUB):
+            return self._fused(op, arguments)
+        return None
+
+    def _product(self, value: int, a: int, b: int) -> str:
+        """A product; what it has of factors that depend on parameters alone is multiplied once a run."""
+        for constant, other in ((a, b), (b, a)):
+            if self.level[constant] == SETUP and other in self.products:
+                for own, rest in (self.products[other], self.products[other][::-1]):
+                    if self.level[own] == SETUP:
+                        a, b = self._made(ca.OP_MUL, min(constant, own), max(constant, own)), rest
+        self.products[value] = a, b
+        return self.parts[MAIN].mul(self.use(a, MAIN), self.use(b, MAIN))
+
+    def _reciprocal(self, value: int) -> int:
+        """1 over a value: one division for all that is divided by it; once a run, if it depends on parameters alone."""
+        if self.level[value] == SETUP:
+            return self._made(ca.OP_INV, value)
+        key = ca.OP_INV, value
+        if key not in self.made:
+            self.made[key] = -1 - len(self.made)
+            self.define(self.made[key], MAIN, operation(self.parts[MAIN], ca.OP_INV, [self.use(value, MAIN)]))
+        return self.made[key]
+
+    def _made(self, op: int, *arguments: int) -> int:
+        """A value that depends on parameters alone and that the function does not have itself."""
+        key = op, *arguments
+        if key not in self.made:
+            self.made[key] = -1 - len(self.made)
+            self.operation(self.made[key], op, arguments)
+        return self.made[key]
+
+    def _fused(self, op: int, arguments: Sequence[int]) -> str | None:
+        """A sum of a product and something else, rounded once; None for other sums.
+
+        The sum of two products would depend on which of them is rounded by itself, and what is symmetric in its
+        formulas would no longer be to the last bit: it stays as it is written.
+        """
+        left, right = (self.products.get(a) for a in arguments)
+        if (left is None) == (right is None):
+            return None
+        f, product = self.parts[MAIN], left or right
+        assert product is not None
+        a, b = (self.use(factor, MAIN) for factor in product)
+        other = self.use(arguments[1] if left else arguments[0], MAIN)
+        if op == ca.OP_SUB:
+            a, other = (a, f.neg(other)) if left else (f.neg(a), other)
+        return f.fma(a, b, other)
 
     def calls(self, calls: Sequence[Instruction]) -> None:
         """Calls in one part that do not wait for each other: those of one function side by side."""

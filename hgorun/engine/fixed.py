@@ -40,8 +40,11 @@ def add_fixed(s: Stepper) -> None:
         t = exact(step)
         skipped = f.let(f"and i1 {is_last}, {silent_end}")
         with f.when(f.let(f"xor i1 {skipped}, true")):
-            at_first = f.let(f"zext i1 {f.test('eq', step, n['first'])} to i64")
-            s.slope_at_end(clocked(step), s.clock[0.0], finished=at_first)
+            first = f.test("eq", step, n["first"])
+            # the last stage has looked up the same, unless that was provisional
+            known = f.test("eq", f.load(s.flags, "i64"), "0") if s.delayed and s.ends_at_end else "false"
+            known = f.let(f"select i1 {first}, i1 false, i1 {known}")
+            s.slope_at_end(clocked(step), s.clock[0.0], finished=f.let(f"zext i1 {first} to i64"), known=known)
         with f.when(f.test("ne", step, n["first"])):
             t_before = exact(f.scalar("sub", step, "1"))
             s.rows_before(t_before, t, h)

@@ -13,10 +13,12 @@ from collections.abc import Callable
 import casadi as ca
 
 from hgorun.engine.layout import WORD, Regime
-from hgorun.engine.parts import Module, copy
+from hgorun.engine.parts import Module, copy, each
 from hgorun.engine.rows import hermite, hermite_slope
-from hgorun.native.ir import Function
+from hgorun.native.ir import Function, hexadecimal
 
+_FEW = 2  # delayed outputs, for each of which the code of looking up stands wherever it is needed
+_FAR = 1 + 1e-9  # steps: a delay as long as that looks into finished ones only, in spite of rounding
 REFINEMENTS = 4  # passes of a step whose delays reach into it; each one gains an order
 
 
@@ -87,11 +89,12 @@ class History:
 
         Returns 0, or 1 when the provisional piece was used, or 2 when the history is too short.
         """
+        few = self.m.lanes == 1 and all(len(regime.delayed) <= _FEW for regime in self.m.system.regimes)
         f = self.m.function(
             name,
             "ptr %ctx, i64 %output, double %t, i64 %newest, ptr %hint, ptr %target",
             returns="i64",
-            attributes="nounwind noinline",
+            attributes=f"nounwind {'alwaysinline' if few else 'noinline'}",
         )
         own = self.m.system.width * self.m.lanes
         first = f.scalar("mul", "%output", str(own))
@@ -133,9 +136,9 @@ class History:
         h = f.scalar("fsub", t1, t0)
         theta, length = f.splat(f.scalar("fdiv", f.scalar("fsub", "%t", t0), h)), f.splat(h)
         data = f.at(f.at(piece, 2), first)
-        with f.count(0, self.m.system.width) as channel:
-            k = f.scalar("mul", channel, str(f.lanes))
-            parts = [f.load(f.at(data, f.scalar("add", k, str(j * self.width))), f.real) for j in range(4)]
+        for j in each(f, self.m.system.width):
+            k = f.scalar("mul", str(j), str(f.lanes))
+            parts = [f.load(f.at(data, f.scalar("add", k, str(part * self.width))), f.real) for part in range(4)]
             f.store(value(f, theta, length, *parts), f.at("%target", k), f.real)
         provisional = f.test("eq", i, count)
         f.do(f"ret i64 {f.let(f'zext i1 {provisional} to i64')}")
@@ -152,6 +155,21 @@ class History:
         lag.main(f, p, c, tau, z, w, delays)
         for i in s.regimes[regime].delayed:
             self._look_up(f, "recall", i, t, f.at(delays, i * lanes), newest, f.at(w, s.held.output(i) * lanes), flags)
+
+    def near(self, f: Function, regime: int, h: str) -> str:
+        """Whether a delay may look into a step of length h; of delays that are not constant that is not known."""
+        lag = self.lags[regime]
+        if lag.clocked:
+            return "true"
+        lanes, z = self.m.lanes, f.word("%ctx", WORD["z"], "ptr")
+        p, w = f.word("%ctx", WORD["p"], "ptr"), f.word("%ctx", WORD["w"], "ptr")
+        delays = f.slot("double", self.m.system.outputs * lanes)
+        lag.main(f, p, self.m.constants_of(f, lag), f.slot("double", 1), z, w, delays)
+        far, near = f.splat(f.scalar("fmul", h, hexadecimal(_FAR))), "false"
+        for i in self.m.system.regimes[regime].delayed:
+            one = f.any(f.compare("olt", f.load(f.at(delays, i * lanes), f.real), far))
+            near = f.let(f"or i1 {near}, {one}")
+        return near
 
     def look_up_slopes(self, f: Function, regime: int, t: str, newest: str, target: str, flags: str) -> None:
         """The time derivatives of the delayed channels at t, one output after the other, as :meth:`look_up`."""

@@ -14,7 +14,7 @@ from hgorun.engine.lane_tables import add_act_of, add_enter, add_rows_of, own
 from hgorun.engine.layout import WORD, HybridSystem
 from hgorun.engine.methods import Method, Rosenbrock
 from hgorun.engine.parts import Module, move
-from hgorun.engine.stepper import guard, weighted
+from hgorun.engine.stepper import advanced, guard
 from hgorun.native.ir import hexadecimal
 
 _REGIMES = 4  # each of them is in the code of every stage
@@ -177,6 +177,7 @@ class _Loop:
         factor = h if scale == 1.0 else f.mul(h, f.constant(scale))
         for i in range(self.size):
             place = i * f.lanes
-            old = f.load(f.at(self.z, place), f.real)
-            new = f.add(old, f.mul(factor, weighted(f, weights, self.k, place)))
-            f.store(f.select(active, new, old) if target == self.z else new, f.at(target, place), f.real)
+            new = advanced(f, factor, weights, self.k, self.z, place)
+            if target == self.z:
+                new = f.select(active, new, f.load(f.at(self.z, place), f.real))
+            f.store(new, f.at(target, place), f.real)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from hgorun.engine.emit import Emitted, emit
 from hgorun.engine.layout import (
@@ -22,6 +22,7 @@ from hgorun.engine.layout import (
 from hgorun.native.ir import Function, hexadecimal
 
 _UNROLLED = 8
+_REGISTERS = 512  # doubles of an array that registers and what they spill into may hold
 
 
 class Module:
@@ -93,6 +94,15 @@ def counts(f: Function, segment: str) -> dict[str, str]:
     return {name: f.word(base, i) for i, name in enumerate(COUNT)}
 
 
+def each(f: Function, count: int) -> Iterator[str | int]:
+    """The numbers of ``count`` values, which lie in all lanes one after the other: a loop where they are many."""
+    if count <= _UNROLLED:
+        yield from range(count)
+    else:
+        with f.count(0, count) as i:
+            yield i
+
+
 def copy(f: Function, source: str, target: str, count: int) -> None:
     """Copy ``count`` values of all lanes, in a loop where they are many."""
     if count <= _UNROLLED:
@@ -107,6 +117,18 @@ def move(f: Function, source: str, target: str, count: int) -> None:
     """Copy ``count`` values of all lanes, unrolled, so that the arrays may become registers."""
     for i in range(count):
         f.store(f.load(f.at(source, i * f.lanes), f.real), f.at(target, i * f.lanes), f.real)
+
+
+def lent(f: Function, array: str, count: int) -> str:
+    """An array for a function that is called rarely: a copy, since only what no function is given becomes registers.
+
+    A store that is loaded again takes longer than an addition, above all where scalars are loaded as a vector.
+    """
+    if count * f.lanes > _REGISTERS:
+        return array
+    own = f.slot("double", count * f.lanes)
+    move(f, array, own, count)
+    return own
 
 
 def add_channels(m: Module) -> None:

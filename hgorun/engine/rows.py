@@ -12,14 +12,11 @@ from hgorun.native.ir import Function
 def hermite(f: Function, theta: str, h: str, z0: str, k0: str, z1: str, k1: str) -> str:
     """The cubic through (0, z0, k0) and (h, z1, k1) at theta h."""
     rest = f.sub(f.constant(1.0), theta)
-    rise = f.sub(z1, z0)
-    # (1-T) z0 + T z1 + T (T-1) ((1-2T)(z1-z0) + (T-1) h k0 + T h k1)
-    line = f.add(f.mul(rest, z0), f.mul(theta, z1))
-    a = f.mul(f.sub(rest, theta), rise)
-    b = f.mul(rest, f.mul(h, k0))
-    c = f.mul(theta, f.mul(h, k1))
-    bend = f.sub(f.add(a, c), b)
-    return f.sub(line, f.mul(f.mul(theta, rest), bend))
+    # (1-T) z0 + T z1 + T (T-1) ((1-2T)(z1-z0) + (T-1) h k0 + T h k1): the ends are met to the last bit
+    line = f.fma(rest, z0, f.mul(theta, z1))
+    ends = f.fma(f.mul(theta, h), k1, f.neg(f.mul(f.mul(rest, h), k0)))
+    bend = f.fma(f.sub(rest, theta), f.sub(z1, z0), ends)
+    return f.fma(f.neg(f.mul(theta, rest)), bend, line)
 
 
 def hermite_slope(f: Function, theta: str, h: str, z0: str, k0: str, z1: str, k1: str) -> str:

@@ -6,7 +6,7 @@ from hgorun.engine.emit import Emitted
 from hgorun.engine.history import History
 from hgorun.engine.methods import Method, Row
 from hgorun.engine.parts import Module
-from hgorun.engine.stepper import Stepper, weighted
+from hgorun.engine.stepper import Stepper, advanced, weighted
 from hgorun.native.ir import Function, hexadecimal
 
 
@@ -15,8 +15,7 @@ def combine(f: Function, row: Row, h: str, z: str, slopes: list[str], target: st
     factor = f.splat(h if row.scale == 1.0 else f.scalar("fmul", h, hexadecimal(row.scale)))
     for i in range(size):
         place = i * f.lanes
-        step = f.mul(factor, weighted(f, row.weights, slopes, place))
-        f.store(f.add(f.load(f.at(z, place), f.real), step), f.at(target, place), f.real)
+        f.store(advanced(f, factor, row.weights, slopes, z, place), f.at(target, place), f.real)
 
 
 class RungeKutta(Stepper):
@@ -42,17 +41,22 @@ class RungeKutta(Stepper):
 
     def stages(self, t: str, h: str, t_end: str) -> None:
         f, method = self.f, self.method
-        ticked = {0.0}
+        ticked, before = {0.0}, -1.0
         for c, row, target in zip(method.c[1:], method.stages, self.k[1:], strict=True):
             t_stage = t_end if c == 1.0 else f.scalar("fadd", t, f.scalar("fmul", h, hexadecimal(c)))
             if c not in ticked:
                 self.tick(t_stage, self.clock[c])
                 ticked.add(c)
             combine(f, row, h, self.base, self.k, self.stage, self.size)
-            self.flow_at(t_stage, self.clock[c], self.stage, target)
+            self.flow_at(t_stage, self.clock[c], self.stage, target, known=c == before)  # what is delayed
+            before = c
         combine(f, method.result, h, self.base, self.k, self.z, self.size)
         if 1.0 not in ticked:
             self.tick(t_end, self.clock[1.0])
+
+    @property
+    def ends_at_end(self) -> bool:
+        return self.method.c[-1] == 1.0
 
     def _embedded(self, weights: tuple[float, ...], h: str, i: int) -> str:
         """h sum_j weights[j] k_j of state i, the last k being the slope at the end of the step."""

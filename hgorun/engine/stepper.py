@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 from hgorun.engine.emit import Emitted
 from hgorun.engine.history import REFINEMENTS, History
 from hgorun.engine.layout import WORD
-from hgorun.engine.parts import Module, move, span
+from hgorun.engine.parts import Module, lent, move, span
 from hgorun.native.ir import Function, hexadecimal
 
 
@@ -17,9 +17,16 @@ def weighted(f: Function, weights: tuple[float, ...], slopes: list[str], place: 
     for weight, slope in zip(weights, slopes, strict=False):
         if weight != 0.0:
             term = f.load(f.at(slope, place), f.real)
-            term = term if weight == 1.0 else f.mul(f.constant(weight), term)
-            total = f.add(total, term) if total else term
+            if not total:
+                total = term if weight == 1.0 else f.mul(f.constant(weight), term)
+            else:
+                total = f.add(total, term) if weight == 1.0 else f.fma(f.constant(weight), term, total)
     return total
+
+
+def advanced(f: Function, factor: str, weights: tuple[float, ...], slopes: list[str], z: str, place: int) -> str:
+    """z + factor sum_j weights[j] slopes[j] of one state."""
+    return f.fma(factor, weighted(f, weights, slopes, place), f.load(f.at(z, place), f.real))
 
 
 def guard(f: Function, m: Module, t: str, z: str, lost: str) -> None:
@@ -44,7 +51,9 @@ def guard(f: Function, m: Module, t: str, z: str, lost: str) -> None:
     with f.when(f.any(bad[0])):
         bounds = f.slot("double", lanes)
         f.store(bound, bounds, f.real)
-        verdict = f.call("flag", f"ptr %ctx, {m.time} {t}, ptr {z}, ptr {bounds}", "i64")
+        masked = lent(f, z, s.states)
+        verdict = f.call("flag", f"ptr %ctx, {m.time} {t}, ptr {masked}, ptr {bounds}", "i64")
+        move(f, masked, z, s.states)
         f.leave_if(f.test("eq", verdict, "1"), lost)
 
 
@@ -99,6 +108,11 @@ class Stepper(ABC):
     def stages(self, t: str, h: str, t_end: str) -> None:
         """The stages after f at the start, and the step: from ``before`` and ``slope_before`` to ``z``."""
 
+    @property
+    def ends_at_end(self) -> bool:
+        """Whether the last thing that a step evaluates is a slope at its end."""
+        return False
+
     @abstractmethod
     def errors(self, h: str) -> list[str]:
         """The embedded error estimate of every state; nothing where the method has none."""
@@ -120,18 +134,27 @@ class Stepper(ABC):
         """What depends on time alone, at t."""
         self.flow.clock(self.f, t, self.p, self.c, tau)
 
-    def flow_at(self, t: str, tau: str, z: str, target: str, *, finished: str = "0") -> None:
-        """z' at (t, z); ``finished``: "1" where no step is being made whose provisional piece may be used."""
+    def look_up(self, t: str, *, finished: str = "0") -> None:
+        """What is delayed at t; ``finished``: "1" where no step is being made whose provisional piece may be used."""
         f = self.f
         if self.delayed:
             assert self.history is not None
             newest = f.scalar("sub", f.word("%ctx", WORD["ring_count"]), finished)
             self.history.look_up(f, self.regime, t, newest, self.flags)
+
+    def flow_at(self, t: str, tau: str, z: str, target: str, *, finished: str = "0", known: bool = False) -> None:
+        """z' at (t, z); ``finished`` as in :meth:`look_up`, ``known`` where what is delayed at t stands in w."""
+        f = self.f
+        if not known:
+            self.look_up(t, finished=finished)
         self.flow.main(f, self.p, self.c, tau, z, self.w, target)
 
-    def slope_at_end(self, t: str, tau: str, *, finished: str = "0") -> None:
-        """The slope at the end of the step, and the channels there; ``finished`` as in :meth:`flow_at`."""
-        self.flow_at(t, tau, self.z, self.slope, finished=finished)
+    def slope_at_end(self, t: str, tau: str, *, finished: str = "0", known: str = "false") -> None:
+        """The slope at the end of the step, and the channels there; arguments as of :meth:`flow_at`."""
+        if self.delayed:
+            with self.f.when(self.f.let(f"xor i1 {known}, true")):
+                self.look_up(t, finished=finished)
+        self.flow_at(t, tau, self.z, self.slope, known=True)
         if self.history:
             self.history.follow(self.f, t, self.z, self.slope, self.trace)
 
@@ -142,11 +165,14 @@ class Stepper(ABC):
             assert self.history is not None
             f.store("0", self.flags, "i64")
             f.store("0", self.passes, "i64")
-            self._straight_line(h)
+            near = self.history.near(f, self.regime, h)
+            with f.when(near):
+                self._straight_line(h)
             again, settled = f.label(), f.label()
             f.jump(again)
             f.place(again)
-            self.remember(t, t_end_exact)
+            with f.when(near):
+                self.remember(t, t_end_exact)
         self.stages(t, h, t_end)
         if self.delayed:
             passes = f.scalar("add", f.load(self.passes, "i64"), "1")
@@ -224,8 +250,9 @@ class Stepper(ABC):
         due, snap = self._due(t1, h)
         with f.when(due):
             first, last, quintic = self.interpolant(h)
+            known = [lent(f, array, self.size) for array in (self.before, first, self.z, last)]
             f.call(
                 "rows",
-                f"ptr %ctx, double {t0}, double {t1}, double {snap}, ptr {self.before}, ptr {first}, "
-                f"ptr {self.z}, ptr {last}, ptr {quintic}",
+                f"ptr %ctx, double {t0}, double {t1}, double {snap}, "
+                + ", ".join(f"ptr {array}" for array in [*known, quintic]),
             )

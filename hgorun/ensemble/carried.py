@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields
 from time import perf_counter
 from typing import Any
@@ -42,7 +42,9 @@ class Carried:
     seconds: float = 0.0
 
 
-def carry_out(recipe: str, start: int, stop: int, threads: int = 1) -> Carried:
+def carry_out(
+    recipe: str, start: int, stop: int, threads: int = 1, progress: Callable[[int], None] | None = None
+) -> Carried:
     """Carry members out; the same in any process.
 
     Parameters
@@ -53,10 +55,13 @@ def carry_out(recipe: str, start: int, stop: int, threads: int = 1) -> Carried:
         Numbers of the first member and of that behind the last.
     threads : int
         How many carry members out side by side.
+    progress : callable, optional
+        Called with the number of members that are finished.
     """
     began = perf_counter()
     ensemble = ensemble_of(recipe)
-    block = compute(ensemble.base, ensemble.members(start, stop), metrics=ensemble.metrics, threads=threads)
+    members = ensemble.members(start, stop)
+    block = compute(ensemble.base, members, metrics=ensemble.metrics, threads=threads, progress=progress)
     followed = follow(ensemble, chosen(ensemble.keep.trajectories, start, stop))
     return Carried(start=start, stop=stop, block=block, followed=followed, seconds=perf_counter() - began)
 

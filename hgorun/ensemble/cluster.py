@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from functools import partial
 from threading import Lock
@@ -38,7 +38,7 @@ def dask(scheduler: str | None, jobs: int | None = None) -> Executor:
         Workers of that cluster.
     """
 
-    def run(recipe: str, cuts: Cuts) -> Iterator[Carried]:
+    def run(recipe: str, cuts: Cuts, _: Callable[[int], None]) -> Iterator[Carried]:
         client, distributed = _client(scheduler, jobs)
         with client, client.as_current():
             try:

@@ -20,8 +20,11 @@ from hgorun.ensemble.recipe import ensemble_of
 from hgorun.errors import SimulationError
 from hgorun.process import serve
 
-Executor: TypeAlias = Callable[[str, Cuts], Iterator[Carried]]
-"""From a recipe and the members that are missing, the blocks as they are finished."""
+Executor: TypeAlias = Callable[[str, Cuts, Callable[[int], None]], Iterator[Carried]]
+"""From a recipe and the members that are missing, the blocks as they are finished.
+
+Who carries out one block after the other may tell how many members of it are finished.
+"""
 
 EXECUTORS = ("threads", "processes", "dask")
 _DEATHS = 3  # of processes that may be killed while they carry out one block
@@ -31,9 +34,9 @@ _AHEAD = 2  # blocks that wait for each worker
 def threads(jobs: int) -> Executor:
     """Block after block, each on so many threads of this process."""
 
-    def run(recipe: str, cuts: Cuts) -> Iterator[Carried]:
+    def run(recipe: str, cuts: Cuts, told: Callable[[int], None]) -> Iterator[Carried]:
         for start, stop in cuts:
-            yield carry_out(recipe, start, stop, jobs)
+            yield carry_out(recipe, start, stop, jobs, told)
 
     return run
 
@@ -44,7 +47,7 @@ def processes(jobs: int) -> Executor:
     What a process was carrying out when it was killed is carried out again.
     """
 
-    def run(recipe: str, cuts: Cuts) -> Iterator[Carried]:
+    def run(recipe: str, cuts: Cuts, _: Callable[[int], None]) -> Iterator[Carried]:
         flow, deaths = Flow(cuts, _AHEAD * jobs), Counter[Range]()
         while True:
             pool = _pool(recipe, jobs)

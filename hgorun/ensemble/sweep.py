@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -105,7 +105,7 @@ def carry_out(
     workers : int
         Blocks that the executor carries out side by side.
     told : callable
-        Told how far it is after every block.
+        Told how far it is.
 
     Raises
     ------
@@ -119,7 +119,11 @@ def carry_out(
     if not gaps:
         return
     cuts = Cuts(gaps, most_members(store.ensemble), workers)
-    for carried in (executor or threads(processors()))(store.recipe, cuts):
+
+    def inside(finished: int) -> None:
+        told(replace(count, done=count.done + finished))
+
+    for carried in (executor or threads(processors()))(store.recipe, cuts, inside):
         cuts.learn(carried)
         store.write(carried)
         count.done += carried.stop - carried.start

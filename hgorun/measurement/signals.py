@@ -16,7 +16,7 @@ from hgorun.measurement.availability import Stretch
 from hgorun.measurement.events import Irregular, Kinks, Unknown, extremes, infinite, not_followed, too_many, usual_rate
 from hgorun.measurement.sampling import EVENT_BYTES
 from hgorun.memo import Memo
-from hgorun.noise.base import TimeFunction
+from hgorun.noise.base import RandomNoise, TimeFunction
 from hgorun.symbolic.clock import on_the_clock
 from hgorun.symbolic.crossings import TooMany
 from hgorun.symbolic.evaluate import along
@@ -41,11 +41,18 @@ _COMPILED: Memo[_Compiled] = Memo(256)
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Signal:
-    """A continuous output in one phase: v(t) without its held part, how it enters, and the delay."""
+    """A continuous output in one phase: v(t) without its held part, how it enters, and the delay.
+
+    Attributes
+    ----------
+    drawn : bool
+        Whether there is a held part, too.
+    """
 
     noise: ca.SX
     multiplicative: bool
     delay: ca.SX
+    drawn: bool
 
 
 def signal_structure(stretch: Stretch) -> Hashable:
@@ -53,7 +60,7 @@ def signal_structure(stretch: Stretch) -> Hashable:
     if not stretch.continuous:
         return None
     functions = tuple((type(item), item.structure()) for item in _functions(stretch))
-    return stretch.origin, stretch.multiplicative, _delay(stretch)[0], functions
+    return stretch.origin, stretch.multiplicative, _delay(stretch)[0], functions, _drawn(stretch)
 
 
 def signal(stretch: Stretch, t: ca.SX, parameters: Parameters, name: str) -> Signal:
@@ -66,7 +73,11 @@ def signal(stretch: Stretch, t: ca.SX, parameters: Parameters, name: str) -> Sig
             noise += item.symbol(t, numbers)
     lifted, values = _delay(stretch)
     delay = lifted.symbol({"t": t}, parameters.add(f"{name}.delay", values))
-    return Signal(noise, stretch.multiplicative, delay)
+    return Signal(noise, stretch.multiplicative, delay, _drawn(stretch))
+
+
+def _drawn(stretch: Stretch) -> bool:
+    return any(isinstance(item, RandomNoise) for item in stretch.noise)
 
 
 def signal_numbers(stretch: Stretch) -> np.ndarray:

@@ -211,5 +211,5 @@ def _alpha(groups: Sequence[Group], nothing: int) -> tuple[tuple[int, ...], ...]
 
 
 def _measured(y: ca.SX, held: ca.SX, signal: Signal) -> ca.SX:
-    v = signal.noise + held
+    v = signal.noise + held if signal.drawn else signal.noise
     return y * (1 + v) if signal.multiplicative else y + v

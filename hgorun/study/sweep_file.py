@@ -12,10 +12,47 @@ from hgorun.config.yaml_source import Source
 from hgorun.ensemble.ensemble import Ensemble
 from hgorun.errors import ConfigError
 from hgorun.simulation.experiment import Experiment
+from hgorun.study.ensembles import ensemble_of
 from hgorun.study.loading import load
 from hgorun.study.study import study_of
 
-_OF_A_CONFIGURATION = ("plant", "observers", "time")
+_OF_A_CONFIGURATION = ("extends", "plant", "observers", "time")
+
+
+def load_sweeps(path: str | Path, run: str | None = None) -> dict[str, Ensemble]:
+    """The ensembles of a file: that of a sweep file, or those of the runs of a configuration with seeds or vary.
+
+    Parameters
+    ----------
+    path : path
+    run : str, optional
+        Only that of this run.
+
+    Returns
+    -------
+    dict of str to Ensemble
+        By what their files are called: the name of the file, or that of the run in a folder named after the file.
+
+    Raises
+    ------
+    ConfigError
+        For anything wrong in them: file, line, key, what was found and what would be right.
+    """
+    path = Path(path)
+    text, source = read_source(path)
+    keys = source.data if isinstance(source.data, dict) else {}
+    if "axes" in keys or not any(key in keys for key in _OF_A_CONFIGURATION):
+        if run is not None:
+            raise ConfigError("--run goes with a configuration; a sweep file has the key run", file=str(path))
+        return {path.stem: load_sweep(path)}
+    runs = study_of(source, path.stem, text).runs
+    found = {name: ensemble_of(one) for name, one in runs.items() if not one.single and run in (None, name)}
+    if not found:
+        known = ", ".join(name for name, one in runs.items() if not one.single)
+        what = f"no run with seeds or vary is called {run!r}; known: {known}"
+        nothing = "none of its runs has seeds or vary; a sweep file has base, axes and keep"
+        raise ConfigError(what if known else nothing, file=str(path))
+    return {f"{path.stem}/{name}": ensemble for name, ensemble in found.items()}
 
 
 def load_sweep(path: str | Path) -> Ensemble:
@@ -28,9 +65,6 @@ def load_sweep(path: str | Path) -> Ensemble:
     """
     path = Path(path)
     text, source = read_source(path)
-    keys = source.data if isinstance(source.data, dict) else {}
-    if any(key in keys for key in _OF_A_CONFIGURATION) and "axes" not in keys:
-        raise ConfigError("this is a configuration; a sweep file has base, axes and keep", file=str(path))
     blocks = validate(SweepFile, source.data, source, ())
     base = _base(blocks, source, path)
     with source.located():

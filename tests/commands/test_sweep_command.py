@@ -129,7 +129,8 @@ def test_members_that_fail_are_said_on_stderr(shell: Shell) -> None:
         (("s.yaml", "--executor", "dask", "--scheduler", "tcp://x:1", "--jobs", "2"), "--jobs does not go with"),
         (("s.yaml", "--collect", "--fresh"), "--collect carries nothing out"),
         (("s.yaml", "--collect"), "results/s.sweep: no folder of a sweep: manifest.json is missing"),
-        (("base.yaml",), "base.yaml: this is a configuration; a sweep file has base, axes and keep"),
+        (("base.yaml",), "base.yaml: none of its runs has seeds or vary; a sweep file has base, axes and keep"),
+        (("s.yaml", "--run", "one"), "s.yaml: --run goes with a configuration; a sweep file has the key run"),
         (("nowhere.yaml",), "nowhere.yaml: there is no such file"),
     ],
 )
@@ -171,3 +172,40 @@ def test_a_base_may_stand_in_the_file_and_have_runs(shell: Shell) -> None:
     (shell.folder / "s.yaml").write_text(inline.replace("run: fast", "run: fats") + "axes: {seed: {count: 2}}\n")
     code, _, err = shell("sweep", "s.yaml", "--fresh")
     assert (code, "s.yaml:4: run: expected one of slow, fast. Did you mean `fast`?" in err) == (2, True)
+
+
+STUDY = (
+    BASE
+    + """
+runs:
+  one: {}
+  random: {seeds: 3, seed: 5}
+  gains: {vary: {name: a, values: [1, 2], set: {observers.SHGO.theta: 2*a, observers.FHGO.delta: 3 + a/2}}}
+"""
+)
+
+
+def test_ensembles_of_a_study_are_sweeps(shell: Shell) -> None:
+    (shell.folder / "study.yaml").write_text(STUDY)
+    code, out, err = shell("sweep", "study.yaml", "--json")
+    assert (code, err) == (0, "")
+    told = json.loads(out)
+    assert [(one["name"], one["file"]) for one in told] == [
+        ("random", "results/study/random.sweep.h5"),
+        ("gains", "results/study/gains.sweep.h5"),
+    ]
+    runs = hgorun.load_study(shell.folder / "study.yaml").runs
+    for name, axis, values in (("random", "seed", [5, 6, 7]), ("gains", "observers.SHGO.theta", [2, 4])):
+        found = hgorun.read_sweep(shell.folder / "results" / "study" / f"{name}.sweep.h5")
+        assert found.axes[axis].tolist() == values
+        for i, experiment in enumerate(runs[name].members()):
+            alone = hgorun.simulate(experiment)
+            for j, label in enumerate(found.observers):
+                assert found.metrics["hf"][i, j].tolist() == alone.observers[label].metrics["hf"].tolist()
+    assert shell("simulate", "study.yaml", "-q")[0] == 0  # finds them finished
+    code, out, _ = shell("sweep", "study.yaml", "--run", "random", "-o", "x.h5")
+    assert (code, out.splitlines()[-1]) == (0, "written: x.h5")
+    code, _, err = shell("sweep", "study.yaml", "-o", "y.h5")
+    assert (code, "y.h5 is one file, but there are 2 ensembles" in err) == (2, True)
+    code, _, err = shell("sweep", "study.yaml", "--run", "one")
+    assert (code, "no run with seeds or vary is called 'one'; known: random, gains" in err) == (2, True)

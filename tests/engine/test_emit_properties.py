@@ -164,10 +164,10 @@ def symbolic(graph: Graph) -> tuple[list[ca.SX], list[ca.SX]]:
 class Native:
     """f(t, p, z, w) in machine code, on W lanes."""
 
-    def __init__(self, inputs: Sequence[ca.SX], outputs: Sequence[ca.SX], lanes: int) -> None:
-        self.lanes, self.outputs = lanes, len(outputs)
+    def __init__(self, inputs: Sequence[ca.SX], outputs: Sequence[ca.SX], lanes: int, *, literal: bool = True) -> None:
+        self.lanes, self.outputs = lanes, sum(output.numel() for output in outputs)
         declarations: set[str] = set()
-        emitted = emit(ca.Function("f", [*inputs], [ca.vertcat(*outputs)]), "f", lanes, declarations)
+        emitted = emit(ca.Function("f", [*inputs], [ca.vertcat(*outputs)]), "f", lanes, declarations, literal=literal)
         ir = "\n".join(
             [
                 *sorted(declarations),
@@ -250,6 +250,51 @@ def test_every_operation_is_numpys_in_every_lane(graph: Graph, at: dict[str, Arr
     same_bits(interpreted(inputs, nodes, at), values)
     # nor does a value depend on what else is computed
     same_bits(Native(inputs, nodes[-1:], 1)(at), values[-1:])
+
+
+TAME = [op for op in BINARY if op in (ca.OP_ADD, ca.OP_SUB, ca.OP_MUL, ca.OP_DIV)]
+
+
+@st.composite
+def sums_and_products(draw: st.DrawFn) -> Graph:
+    """Of positive numbers, so that no sum cancels: then all ways to compute it are close."""
+    nodes, leaves = draw(st.integers(1, 25)), sum(SIZES.values()) + 1
+    positive = st.sampled_from([op for op in TAME if op != ca.OP_SUB])
+    return (0.75,), tuple(
+        draw(st.tuples(positive, st.integers(1, leaves + k - 1), st.integers(1, leaves + k - 1))) for k in range(nodes)
+    )
+
+
+@settings(max_examples=60)
+@given(sums_and_products(), st.integers(0, 2**32 - 1), st.sampled_from(LANES[1:]))
+def test_what_is_taken_together_is_nearly_the_same(graph: Graph, seed: int, lanes: int) -> None:
+    """Products with sums, reciprocals, factors that depend on parameters alone: in all lanes and in any company."""
+    random = np.random.default_rng(seed)
+    at = {"t": np.array([0.5])} | {name: random.uniform(0.5, 2, (SIZES[name], POINTS)) for name in "pzw"}
+    inputs, nodes = symbolic(graph)
+    exact, found = Native(inputs, nodes, 1)(at), Native(inputs, nodes, 1, literal=False)(at)
+    sound = (np.abs(exact) > 1e-200) & (np.abs(exact) < 1e200)
+    roundings = 3.0 ** len(nodes)  # a square has the error twice
+    np.testing.assert_array_less(np.abs(found - exact)[sound], (1e-15 * roundings * np.abs(exact))[sound])
+    same_bits(Native(inputs, nodes, lanes, literal=False)(at), found)
+    same_bits(Native(inputs, nodes[-1:], 1, literal=False)(at), found[-1:])
+
+
+@given(st.integers(0, 2**32 - 1))
+@settings(max_examples=10)
+def test_what_is_symmetric_stays_so_to_the_last_bit(seed: int) -> None:
+    """P' = theta (P + (F P + P F^T) - K K^T / r): the terms of its entries are each other's in another order."""
+    n, random = 3, np.random.default_rng(seed)
+    t, p, z, w = ca.SX.sym("t"), ca.SX.sym("p", 2), ca.SX.sym("z", n * n), ca.SX.sym("w", n * n)
+    P, F = ca.reshape(z, n, n), ca.reshape(w, n, n)
+    K = P[:, 0] * p[1]
+    rate = p[0] * (P + (F @ P + P @ F.T) - K @ K.T / (1 + P[0, 0]))
+    start = random.normal(size=(n, n, POINTS))
+    start = start + start.transpose(1, 0, 2)
+    at = {"t": np.array([0.0]), "p": random.normal(size=(2, POINTS)), "z": start.reshape(n * n, POINTS)}
+    at["w"] = random.normal(size=(n * n, POINTS))
+    found = Native([t, p, z, w], [ca.vec(rate)], 1, literal=False)(at).reshape(n, n, POINTS)
+    same_bits(found, found.transpose(1, 0, 2))
 
 
 SPECIAL = np.array(

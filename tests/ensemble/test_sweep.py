@@ -46,7 +46,7 @@ def undisturbed(folder: Path, of: Ensemble) -> bytes:
 def by_blocks(order: list[tuple[int, int]]) -> Executor:
     """Blocks given beforehand, in some order."""
 
-    def run(recipe: str, cuts: Cuts) -> Iterator[Carried]:
+    def run(recipe: str, cuts: Cuts, told: object) -> Iterator[Carried]:
         for start, stop in order:
             yield carry_out(recipe, start, stop)
 
@@ -140,6 +140,7 @@ def test_a_member_that_fails_is_recorded_and_stops_nobody(tmp_path: Path) -> Non
     collect(store, tmp_path / "a.h5")
     found = read(tmp_path / "a.h5")
     assert told[-1] == 1
+    assert len(told) > 2  # inside of a block, too
     assert found.error.tolist() == ["", "observers.SHGO.theta: expected a number above 0, found -1.0", ""]
     assert found.status[:, 0].tolist() == [0, 4, 0]
     assert found.trajectories is not None
