@@ -56,7 +56,7 @@ class History:
         f = self.m.function(
             "remember",
             "ptr %ctx, i64 %index, double %t0, double %t1, ptr %start, ptr %end",
-            attributes="nounwind noinline",
+            attributes=f"nounwind {self._inlined}",
         )
         piece = self._piece(f, "%index")
         f.store("%t0", piece)
@@ -66,6 +66,12 @@ class History:
         copy(f, "%end", f.at(piece, 2 + 2 * self.width), values)
         f.do("ret void")
         self.m.finish(f)
+
+    @property
+    def _inlined(self) -> str:
+        """Whether the code that reads and writes pieces stands wherever it is needed."""
+        few = self.m.lanes == 1 and all(len(regime.delayed) <= _FEW for regime in self.m.system.regimes)
+        return "alwaysinline" if few else "noinline"
 
     def _piece(self, f: Function, index: str) -> str:
         slot = f.scalar("and", index, f.word("%ctx", WORD["ring_mask"]))
@@ -89,12 +95,11 @@ class History:
 
         Returns 0, or 1 when the provisional piece was used, or 2 when the history is too short.
         """
-        few = self.m.lanes == 1 and all(len(regime.delayed) <= _FEW for regime in self.m.system.regimes)
         f = self.m.function(
             name,
             "ptr %ctx, i64 %output, double %t, i64 %newest, ptr %hint, ptr %target",
             returns="i64",
-            attributes=f"nounwind {'alwaysinline' if few else 'noinline'}",
+            attributes=f"nounwind {self._inlined}",
         )
         own = self.m.system.width * self.m.lanes
         first = f.scalar("mul", "%output", str(own))

@@ -144,7 +144,8 @@ def _add_spread(m: Module) -> None:
     for lane in range(m.lanes):
         member = f.let(f"call i64 @llvm.smin.i64(i64 {f.scalar('add', '%first', str(lane))}, i64 {last})")
         places.append(f.scalar("mul", member, "%member"))
-    neighbours = f.test("eq", f.scalar("sub", places[-1], places[0]), str(m.lanes - 1))
+    full = f.test("eq", f.scalar("sub", places[-1], places[0]), str(m.lanes - 1))
+    neighbours = f.let(f"and i1 {full}, {f.test('eq', '%member', '1')}")
     with f.when(neighbours):
         base = f.at("%source", places[0])
         with f.count(0, "%rows") as i:

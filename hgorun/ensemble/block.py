@@ -16,13 +16,14 @@ from hgorun.ensemble.ladder import found_steps, steps_in_lanes
 from hgorun.ensemble.lanes import fits, given_steps
 from hgorun.ensemble.lot import Lot, Numbers, settings_of, times_of
 from hgorun.ensemble.members import Members
-from hgorun.errors import ConfigError, HgorunError, Problem
+from hgorun.ensemble.suspects import Suspects, together
+from hgorun.errors import ConfigError, HgorunError, Problem, SimulationError
 from hgorun.memo import Memo, Same
 from hgorun.result.metrics.base import all_metrics
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.preparation import prepare
 from hgorun.simulation.prepared import PreparedRun
-from hgorun.simulation.simulate import simulate
+from hgorun.simulation.simulate import finished, located, simulate_prepared
 
 __all__ = ["Block", "compute"]
 
@@ -133,40 +134,68 @@ class _Work:
     def _prepared(self, which: Integers) -> None:
         """Members that are prepared one by one, and carried out side by side as far as they have one plan."""
         for start in range(0, which.size, _PREPARED):
-            groups: dict[object, _Group] = {}
-            alone: list[int] = []
-            for i in which[start : start + _PREPARED].tolist():
-                try:
-                    run = prepare(self.base.varied(self.members.changes(i)))
-                except Exception as error:  # whatever it is, the others go on
-                    self.block.fail(i, error)
-                    self._finished(1)
-                    continue
-                if _able(run):
-                    groups.setdefault((settings_of(run), times_of(run)), []).append((i, run))
-                else:
-                    alone.append(i)
+            groups, rest = self._groups(which[start : start + _PREPARED])
+            self._singles(rest)
             for lot in _lots(list(groups.values())):
-                alone += self._lot(lot).tolist()
-            self._alone(np.array(alone, dtype=np.int64))
+                self._alone(self._lot(lot))
 
     def _alone(self, which: Integers) -> None:
-        """Members that are carried out one by one, or on threads."""
-        if self.threads == 1 or which.size < 2:
-            for i in which.tolist():
-                self._one(i)
+        """Members that are looked at one by one, their passes side by side where they have one plan."""
+        for start in range(0, which.size, _PREPARED):
+            groups, rest = self._groups(which[start : start + _PREPARED])
+            for group in groups.values():
+                if group[0][1].solver.controlled:
+                    rest += group
+                    continue
+                for part in _parts(group, together(group[0][1])):
+                    self._looked_at(part)
+            self._singles(rest)
+
+    def _groups(self, which: Integers) -> tuple[dict[object, _Group], _Group]:
+        """Members by what they have in common, prepared; and those that cannot be carried out side by side."""
+        groups: dict[object, _Group] = {}
+        rest: _Group = []
+        for i in which.tolist():
+            try:
+                run = prepare(self.base.varied(self.members.changes(i)))
+            except Exception as error:  # whatever it is, the others go on
+                self.block.fail(i, error)
+                self._finished(1)
+                continue
+            own = groups.setdefault((settings_of(run), times_of(run)), []) if _able(run) else rest
+            own.append((i, run))
+        return groups, rest
+
+    def _looked_at(self, group: _Group) -> None:
+        """Members with one plan of given steps."""
+        suspects = Suspects([run for _, run in group], self.threads)
+        for k, (i, run) in enumerate(group):
+            try:
+                with located(run):
+                    self.block.record(i, finished(run, suspects.raw(k), suspects.again(k)))
+            except SimulationError:  # the plant diverges
+                self._one(i, run)
+            except Exception as error:  # whatever it is, the others go on
+                self.block.fail(i, error)
+            self._finished(1)
+
+    def _singles(self, group: _Group) -> None:
+        """Members that are carried out alone, on threads where there are some."""
+        if self.threads == 1 or len(group) < 2:
+            for i, run in group:
+                self._one(i, run)
                 self._finished(1)
             return
         pool = ThreadPoolExecutor(self.threads)
         try:
-            for _ in pool.map(self._one, which.tolist()):
+            for _ in pool.map(self._one, *zip(*group, strict=True)):
                 self._finished(1)
         finally:
             pool.shutdown(cancel_futures=True)  # where the user has had enough
 
-    def _one(self, i: int) -> None:
+    def _one(self, i: int, run: PreparedRun) -> None:
         try:
-            self.block.record(i, simulate(self.base.varied(self.members.changes(i))))
+            self.block.record(i, simulate_prepared(run))
         except Exception as error:  # whatever it is, the others go on
             self.block.fail(i, error)
 
@@ -187,16 +216,15 @@ def _lots(groups: Sequence[_Group]) -> Iterator[Lot]:
         if len(group) == 1 and not run.solver.controlled:
             single.setdefault(settings_of(run), []).extend(group)
             continue
-        for part in _parts(group):
+        for part in _parts(group, _size(run)):
             runs = [run for _, run in part]
             yield Lot(runs[0], np.array([i for i, _ in part]), Numbers.of(runs))
     for group in single.values():
-        for part in _parts(group):
+        for part in _parts(group, _size(group[0][1])):
             yield Lot.of(*zip(*part, strict=True))
 
 
-def _parts(group: _Group) -> Iterator[_Group]:
-    size = _size(group[0][1])
+def _parts(group: _Group, size: int) -> Iterator[_Group]:
     for first in range(0, len(group), size):
         yield group[first : first + size]
 

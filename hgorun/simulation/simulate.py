@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+from hgorun.engine.memory import Raw
 from hgorun.errors import PlantDiverged, SimulationError
 from hgorun.result.data import Integration
 from hgorun.result.result import Result
+from hgorun.simulation import loss
 from hgorun.simulation.confirmation import confirmed, plant_lost
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.given import LaterEstimate
@@ -51,7 +53,7 @@ def simulate_prepared(
     run: PreparedRun, *, check_step: bool = False, progress: Callable[[float], None] | None = None
 ) -> Result:
     """Simulate a prepared run; see :func:`simulate`."""
-    with _located(run), run.experiment.located():
+    with located(run):
         if run.solver.controlled:
             from hgorun.simulation.control import controlled  # not for the short runs of a given step
 
@@ -63,23 +65,38 @@ def simulate_prepared(
             raw = integrate(run, how, progress)
         except PlantDiverged as error:
             raise plant_lost(run, error, again) from error
-        raw, verdicts = confirmed(run, raw, again)
-        found = measured(run, raw, verdicts)
-        integration = Integration(
-            method=how.method,
-            step=None if how.tolerance else how.step,
-            rtol=how.tolerance.rtol if how.tolerance else None,
-            evaluations=raw.tries * how.evaluations_of_a_step,
-            error=LaterEstimate(run, found, finer=check_step),
-        )
-        return record(run, raw, found, integration)
+        return finished(run, raw, again, check_step=check_step)
+
+
+def finished(run: PreparedRun, raw: Raw, again: loss.Again, *, check_step: bool = False) -> Result:
+    """The result of a run whose step or tolerances are given, from the engine's arrays; to be called :func:`located`.
+
+    Parameters
+    ----------
+    raw : Raw
+        What the run has given with the engine's bound.
+    again : Again
+        The same run once more, where that is needed to tell what has become of an observer.
+    """
+    how = as_given(run)
+    raw, verdicts = confirmed(run, raw, again)
+    found = measured(run, raw, verdicts)
+    integration = Integration(
+        method=how.method,
+        step=None if how.tolerance else how.step,
+        rtol=how.tolerance.rtol if how.tolerance else None,
+        evaluations=raw.tries * how.evaluations_of_a_step,
+        error=LaterEstimate(run, found, finer=check_step),
+    )
+    return record(run, raw, found, integration)
 
 
 @contextmanager
-def _located(run: PreparedRun) -> Iterator[None]:
-    """Say which plant it was that could not be followed."""
+def located(run: PreparedRun) -> Iterator[None]:
+    """Say where in the file a problem is, and which plant it was that could not be followed."""
     try:
-        yield
+        with run.experiment.located():
+            yield
     except SimulationError as error:
         file, line = run.experiment.source.where(("plant",))
         where = f"{file}:{line}: " if file else ""

@@ -110,6 +110,74 @@ def test_automatic_steps(measured: str, axes: str) -> None:
         alone(base, members, i, block)
 
 
+@pytest.mark.parametrize("root", [False, True])
+@pytest.mark.parametrize("step", [0.01, None])
+def test_members_whose_plant_or_estimate_is_lost(step: float | None, root: bool) -> None:
+    """Plants that diverge or are undefined, estimates that leave, and those that come back."""
+    rate = "-sqrt(x1 + 0.5) - x2" if root else "-x1 + a*x2**3"
+    base = experiment(
+        inline({"x1": "x2", "x2": rate}, "x1", parameters={"a": 1.0}),
+        {"S": {"type": "shgo", "theta": 5}},
+        end=2.0,
+        step=step,
+        measurement={"sampling": {"period": 0.05}, "noise": [{"type": "gaussian", "std": 0.02}]},
+    )
+    random = np.random.default_rng(3)
+    members = Members.of({"plant.initial.x2": random.uniform(0.2, 1.5, COUNT), "seed": np.arange(COUNT)})
+    if root:
+        members = Members.of({"plant.initial.x1": np.linspace(-0.6, 1.5, COUNT), "seed": np.arange(COUNT)})
+    block = compute(base, members)
+    assert {"failed", "ok"} <= {STATUSES[status] for status in np.unique(block.status)}
+    for i in range(0, COUNT, 3):
+        alone(base, members, i, block)
+
+
+@pytest.mark.parametrize(
+    ("plant", "observers", "more"),
+    [
+        (inline({"x1": "-x1 + sin(t)"}, "x1"), {"S": {"type": "shgo", "theta": 5}}, {"measurement": {"noise": [HELD]}}),
+        (inline({"x1": "-x1 + sin(t)"}, "x1"), {}, {"step": 0.01}),
+        (
+            inline({"x1": "x2", "x2": "-x1"}, "x1 + 0.1*x1**3"),
+            {"S": {"type": "shgo", "theta": 3}},
+            {"step": 0.01, "measurement": {"sampling": {"period": 0.1}, "noise": [GAUSSIAN]}},
+        ),
+        (
+            inline({"x1": "x2", "x2": "-x1", "x3": "x1 - x3"}, ["x1", "x3"]),
+            {"S": {"type": "shgo", "theta": 3}},
+            {
+                "step": 0.01,
+                "measurement": {
+                    "sampling": {"period": 0.1},
+                    "noise": [GAUSSIAN],
+                    "outputs": {"x3": {"noise": [GAUSSIAN | {"std": 0.3}]}},
+                },
+            },
+        ),
+        (
+            VAN_DER_POL,
+            {"S": {"type": "shgo", "theta": 3}},
+            {
+                "solver": {"step": 0.01, "method": "euler", "divergence": 3},
+                "measurement": {"noise": [HELD | {"std": 1}]},
+            },
+        ),
+        (
+            VAN_DER_POL,
+            {"S": {"type": "shgo", "theta": 3}},
+            {"solver": {"rtol": 1e-6, "method": "dopri5"}, "measurement": {"noise": [HELD]}},
+        ),
+    ],
+    ids=["one state", "no observer", "output function", "two outputs", "bound", "tolerances"],
+)
+def test_kinds_of_runs(plant: dict[str, Any], observers: dict[str, Any], more: dict[str, Any]) -> None:
+    base = experiment(plant, observers, **{"end": 1.5, **more})
+    members = Members.of({"seed": np.arange(COUNT), "plant.initial.x1": np.linspace(0.3, 0.9, COUNT)})
+    block = compute(base, members)
+    for i in range(0, COUNT, 5):
+        alone(base, members, i, block)
+
+
 @pytest.mark.slow
 def test_what_is_narrow_in_a_state() -> None:
     """A force within a thousandth of a position, which some of the members pass."""

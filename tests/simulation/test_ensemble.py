@@ -93,6 +93,26 @@ def test_every_member_has_its_own_continuous_delay() -> None:
     assert not np.array_equal(together.rows[..., 0], together.rows[..., 1])
 
 
+@pytest.mark.parametrize("stride", [1, 2, 3])
+def test_numbers_of_any_strides(stride: int) -> None:
+    """The last members of a block that is not full may lie as far apart as a full one is wide."""
+    of = runs(6, alike=False)
+    plan, numbers = plan_of(of[0], as_given(of[0]))[0], members(of)
+
+    def apart(array: np.ndarray) -> np.ndarray:
+        wide = np.full((len(array), stride * 6), np.nan)
+        wide[:, ::stride] = array
+        return wide[:, ::stride]
+
+    names = ("z0", "p", "gain", "bias", "holds")
+    z0, p, gain, bias, holds = (apart(getattr(numbers, name)) for name in names)
+    ensemble = of[0].structure.ensemble("rk4", lanes=4)
+    straight = ensemble.run(plan, numbers, rows=True).rows
+    found = ensemble.run(plan, MemberNumbers(z0=z0, p=p, gain=gain, bias=bias, holds=holds), rows=True).rows
+    assert found is not None
+    np.testing.assert_array_equal(found, straight)
+
+
 @pytest.mark.parametrize(
     "changed",
     [
