@@ -54,7 +54,7 @@ def test_a_jacobian_is_named_that_is_singular_where_the_plant_passes() -> None:
 
 
 def test_a_singular_jacobian_is_named() -> None:
-    observers = {"S": {"type": "shgo", "theta": 3, "map": "derivatives", "initial": {"a": -0.8, "b": 0.8}}}
+    observers = {"S": {"type": "shgo", "theta": 2, "map": "derivatives", "initial": {"a": -0.8, "b": 0.8}}}
     observer = simulated(HUMP, observers, end=4, output_step=0.001, step=0.001).observers["S"]
     assert observer.status != "ok"
     assert observer.reason is not None
