@@ -9,6 +9,7 @@ integrated, while the rows are still in the cache.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -151,6 +152,7 @@ class Ensemble:
     def __init__(self, system: HybridSystem, method: str, lanes: int | None = None) -> None:
         self.system, self.method = system, method
         self.lanes = lanes_of(system) if lanes is None else lanes
+        self._single: Ensemble | None = None
         self._programs: dict[tuple[tuple[int, ...] | None, bool], ManyProgram] = {}
 
     def run(
@@ -199,7 +201,7 @@ class Ensemble:
         """Runs each of which has a plan of its own, with its gain, bias and holds; all have one grid.
 
         They run side by side, each lane through its own events, but for those with continuous delays, many regimes or
-        an embedded error estimate, which run one after the other. The members' own gain, bias and holds are not
+        an embedded error estimate, which take a lane each, on threads. The members' own gain, bias and holds are not
         read; all else as in :meth:`run`.
         """
         plans = [plan.whole() for plan in plans]
@@ -207,12 +209,32 @@ class Ensemble:
         numbers = replace(members, gain=gain, bias=bias, holds=holds)
         if fits(self.system, METHODS[self.method]) and self.lanes > 1:
             return self._run(plans, numbers, reduction, rows=rows, threads=threads, progress=progress)
-        parts = []
-        for i, plan in enumerate(plans):
-            one = replace(members.some(slice(i, i + 1)), gain=plan.gain, bias=plan.bias, holds=plan.holds)
-            parts.append(self.run(plan, one, reduction, rows=rows))
-            if progress:
-                progress(i + 1)
+        return self._one_by_one(plans, numbers, reduction, rows, threads, progress)
+
+    def _one_by_one(
+        self,
+        plans: Sequence[Plan],
+        members: MemberNumbers,
+        reduction: Reduction | None,
+        rows: bool,
+        threads: int,
+        progress: Callable[[int], None] | None,
+    ) -> Outcome:
+        """Members that share nothing, each on one lane."""
+        if self._single is None:
+            self._single = self if self.lanes == 1 else Ensemble(self.system, self.method, 1)
+        single = self._single
+
+        def one(i: int) -> Outcome:
+            own = members.some(slice(i, i + 1))
+            return single._run(plans[i : i + 1], own, reduction, rows=rows, threads=1, progress=None)
+
+        parts = [one(0)]  # compiled before there are threads
+        with ThreadPoolExecutor(max(threads, 1)) as pool:
+            for part in pool.map(one, range(1, len(plans))):
+                parts.append(part)
+                if progress:
+                    progress(len(parts))
         return _joined(parts, rows)
 
     def _run(
