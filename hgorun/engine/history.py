@@ -17,7 +17,7 @@ from hgorun.engine.parts import Module, copy, each
 from hgorun.engine.rows import hermite, hermite_slope
 from hgorun.native.ir import Function, hexadecimal
 
-_FEW = 2  # delayed outputs, for each of which the code of looking up stands wherever it is needed
+_FEW = 4  # delayed outputs, over all regimes, for each of which the code of looking up stands wherever it is needed
 _FAR = 1 + 1e-9  # steps: a delay as long as that looks into finished ones only, in spite of rounding
 REFINEMENTS = 4  # passes of a step whose delays reach into it; each one gains an order
 
@@ -70,7 +70,8 @@ class History:
     @property
     def _inlined(self) -> str:
         """Whether the code that reads and writes pieces stands wherever it is needed."""
-        few = self.m.lanes == 1 and all(len(regime.delayed) <= _FEW for regime in self.m.system.regimes)
+        places = sum(len(regime.delayed) for regime in self.m.system.regimes)
+        few = self.m.lanes == 1 and places <= _FEW
         return "alwaysinline" if few else "noinline"
 
     def _piece(self, f: Function, index: str) -> str:
