@@ -24,6 +24,7 @@ from hgorun.engine.plan import Floats, Plan
 from hgorun.engine.queue import Queue
 from hgorun.errors import SimulationError
 
+_ROWS = 1 << 26  # numbers of the rows of a block: of long ones fewer are made side by side
 _KEPT = 1 << 24  # numbers of rows that are kept at once for a reduction in Python
 
 
@@ -152,7 +153,7 @@ class Ensemble:
     def __init__(self, system: HybridSystem, method: str, lanes: int | None = None) -> None:
         self.system, self.method = system, method
         self.lanes = lanes_of(system) if lanes is None else lanes
-        self._single: Ensemble | None = None
+        self._others = {self.lanes: self}  # by their numbers of lanes
         self._programs: dict[tuple[tuple[int, ...] | None, bool], ManyProgram] = {}
 
     def run(
@@ -221,9 +222,7 @@ class Ensemble:
         progress: Callable[[int], None] | None,
     ) -> Outcome:
         """Members that share nothing, each on one lane."""
-        if self._single is None:
-            self._single = self if self.lanes == 1 else Ensemble(self.system, self.method, 1)
-        single = self._single
+        single = self._on(1)
 
         def one(i: int) -> Outcome:
             own = members.some(slice(i, i + 1))
@@ -248,7 +247,12 @@ class Ensemble:
         progress: Callable[[int], None] | None,
     ) -> Outcome:
         """Runs that have one plan, or each its own."""
-        loose = len(plans) > 1
+        loose, lanes = len(plans) > 1, self.lanes
+        while lanes > 1 + loose and lanes * self.system.states * plans[0].grid.size > _ROWS:
+            lanes //= 2
+        if lanes < self.lanes:
+            fewer = self._on(lanes)
+            return fewer._run(plans, members, reduction, rows=rows, threads=threads, progress=progress)
         plan = widest(plans) if loose else plans[0]
         whole = self.system.states if rows else None
         reducers = [reduction.reducer(self.lanes, whole=whole) if reduction else None for _ in range(max(threads, 1))]
@@ -286,6 +290,12 @@ class Ensemble:
             error=outputs["error"],
             rows=outputs["kept"] if rows else None,
         )
+
+    def _on(self, lanes: int) -> Ensemble:
+        """The same on another number of lanes."""
+        if lanes not in self._others:
+            self._others[lanes] = Ensemble(self.system, self.method, lanes)
+        return self._others[lanes]
 
     def _program(self, shown: Sequence[int] | None, *, loose: bool) -> ManyProgram:
         key = None if shown is None else tuple(shown), loose

@@ -297,6 +297,20 @@ def test_what_cannot_run_side_by_side_runs_on_threads(delayed: bool, method: str
         np.testing.assert_array_equal(found.error[:, k], alone.error[:, 0])
 
 
+def test_fewer_lanes_where_rows_are_many(monkeypatch: pytest.MonkeyPatch) -> None:
+    made = plan(0)
+    z, p = (np.column_stack(numbers) for numbers in zip(*(start_of(seed) for seed in range(5)), strict=True))
+    members = MemberNumbers(z0=z, p=p, gain=made.gain, bias=made.bias, holds=made.holds, bound=BOUND)
+    ensemble = Ensemble(system(False), "rk4", 8)
+    wide = ensemble.run(made, members, rows=True)
+    monkeypatch.setattr("hgorun.engine.ensemble._ROWS", 2 * STATES * made.grid.size)
+    narrow = ensemble.run(made, members, rows=True)
+    assert wide.rows is not None
+    assert narrow.rows is not None
+    np.testing.assert_array_equal(wide.rows, narrow.rows)
+    assert set(ensemble._others) == {2, 8}
+
+
 def test_numbers_that_a_plan_reads_have_to_be_there() -> None:
     z, p = start_of(0)
     made = plan(0)

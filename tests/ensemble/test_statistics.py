@@ -7,7 +7,8 @@ import pytest
 from collected_files import write
 from scipy import stats
 
-from hgorun.ensemble.collected import Collected, read
+from hgorun.ensemble.collected import Collected
+from hgorun.ensemble.reading import read
 from hgorun.ensemble.statistics import holm, points, quantiles, statistics, thinned
 
 SEEDS, OBSERVERS, STATES = 40, ("F", "S", "T"), ("x1", "x2")
