@@ -100,6 +100,8 @@ def show(options: Show) -> int:
             print(json_text.dumps({"name": path, "kind": "experiment", "text": text}) if json else text)
             return 0
     known = [*(name for registry in _REGISTRIES.values() for name in registry.names()), *metrics, *findings, *shipped]
+    if name in _KINDS or f"{name}s" in _KINDS:
+        raise ConfigError(f"{name!r} is a list: see hgorun list {name if name in _KINDS else f'{name}s'}")
     raise ConfigError(f"nothing is called {name!r}.{nearest(name, known)} See hgorun list")
 
 

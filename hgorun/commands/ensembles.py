@@ -10,9 +10,10 @@ from typing import Any
 from hgorun.commands.options import Compare, OfEnsembles, Report, Simulate
 from hgorun.commands.outputs import DRAWING_SUFFIXES, NOT_OK, RESULTS, refuse_other_kinds
 from hgorun.config.expressions import nearest
-from hgorun.ensemble.collected import Collected, is_sweep, levels
+from hgorun.ensemble.collected import Collected, levels
 from hgorun.ensemble.growing import read_sweep
 from hgorun.ensemble.outcome import outcome_of
+from hgorun.ensemble.reading import is_sweep
 from hgorun.ensemble.store import Changed, Store
 from hgorun.ensemble.sweep import Place, carry_out, finished
 from hgorun.errors import ConfigError

@@ -150,7 +150,7 @@ class Report(OfEnsembles):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Tune(Configured):
+class Tune(Printing):
     """Find gains for a stated trade-off, and write the tuned configuration with the evidence.
 
     The key tune of the configuration says which gains, what is minimised, and over how many seeds.
@@ -159,6 +159,10 @@ class Tune(Configured):
     config: Annotated[
         Path, typer.Argument(metavar="CONFIG", help="A configuration with the key tune, or a file with base and tune.")
     ]
+    overrides: Annotated[
+        list[str], typer.Option("--set", metavar="tune.KEY=VALUE", help="Change a key of tune; repeatable.")
+    ] = field(default_factory=list)
+    run: Annotated[str | None, typer.Option("--run", help="Which run of the file, where it has several.")] = None
     plots: Annotated[bool, typer.Option("--plots/--no-plots", help="Draw what was tried and found (PNG and PDF).")] = (
         True
     )

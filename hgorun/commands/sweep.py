@@ -15,6 +15,7 @@ from hgorun.commands.run import require_file
 from hgorun.ensemble.collecting import collect
 from hgorun.ensemble.ensemble import Ensemble
 from hgorun.ensemble.executors import EXECUTORS, Executor, processes, threads
+from hgorun.ensemble.fingerprint import ingredients
 from hgorun.ensemble.outcome import Outcome, outcome_of
 from hgorun.ensemble.store import Store
 from hgorun.ensemble.sweep import SUFFIX, Count, Part, Place, carry_out, finished
@@ -70,8 +71,9 @@ def merge(options: Merge) -> int:
     stores = [Store.existing(folder) for folder in options.folders]
     ensemble = stores[0].ensemble
     place = _place(options, ensemble.name)
+    made_of = ingredients(ensemble)
     for one in stores:
-        one.refuse_changes(stores[0].manifest["made_of"])
+        one.refuse_changes(made_of)
     store = Store.opened(place.folder, ensemble)
     for one in stores:
         store.adopt(one)

@@ -41,7 +41,7 @@ def tune(options: Tune) -> int:
     """
     refuse_other_kinds(options.output, ())
     require_file(options.config)
-    asked = load_tuning(options.config, options.overrides, seed=options.seed, run=options.run)
+    asked = load_tuning(options.config, options.overrides, run=options.run)
     found = [_tuned(task, asked.name, options) for task in asked.tasks]
     files = _write(found, asked, options)
     told = [_table(one) for one in found]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TypeVar
 
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from hgorun.config.types import Block, describe
@@ -38,17 +38,17 @@ def validate(model: type[_B], data: object, source: Source, path: KeyPath) -> _B
     try:
         return model.model_validate(data)
     except ValidationError as error:
-        raise _explained(error, source, path) from None
+        raise _explained(error, source, path, model) from None
 
 
-def _explained(error: ValidationError, source: Source, path: KeyPath) -> ConfigError:
+def _explained(error: ValidationError, source: Source, path: KeyPath, model: type[BaseModel]) -> ConfigError:
     candidates = []
     for item in error.errors(include_url=False):
         where = _known_path(source, path, item["loc"])
         if item["type"] in ("unknown_key", "no_value", "unknown_type"):
             where = (*where, item["ctx"]["key"])
         file, line = source.where(where)
-        candidates.append((line, where, file, _sentence(item)))
+        candidates.append((line, where, file, _sentence(item) + _meaning(item, model)))
     line, where, file, message = min(candidates, key=lambda c: c[0])
     return ConfigError(message, file=file, line=line, key=".".join(map(str, where)) or None)
 
@@ -76,6 +76,19 @@ def _sentence(item: ErrorDetails) -> str:
         return item["msg"]
     expected = _EXPECTED.get(kind, "another value").format_map(item.get("ctx", {}))
     return f"expected {expected}, found {describe(found)}{_hint(kind, found)}"
+
+
+def _meaning(item: ErrorDetails, model: type[BaseModel]) -> str:
+    """What a key that is missing from a block says."""
+    field = None
+    for part in item["loc"] if item["type"] == "missing" else ():
+        kind = model if field is None else field.annotation
+        if not (isinstance(kind, type) and issubclass(kind, BaseModel)):
+            return ""
+        field = kind.model_fields.get(str(part))
+        if field is None:
+            return ""
+    return f": {field.description}" if field is not None and field.description else ""
 
 
 def _hint(kind: str, found: object) -> str:

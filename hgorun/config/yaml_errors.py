@@ -91,11 +91,22 @@ def explain(error: yaml.YAMLError, text: str, bracket: int | None) -> tuple[str,
         return _TAB, problem.line + 1
     if isinstance(error, yaml.scanner.ScannerError):
         if began.index == problem.index:
-            return _misplaced(problem), problem.line + 1
+            wanting = _without_colon(problem)
+            return (_misplaced(problem), problem.line + 1) if wanting is None else (_KEY, wanting)
         return _unfinished(began, problem)
     if bracket is not None:  # at the end of the text its own line tells more
         return _BRACKET.format(bracket), problem.line + 1 if problem.char else bracket
     return _unfitting(problem), problem.line + 1
+
+
+def _without_colon(problem: _Place) -> int | None:
+    """The line, from 1, that should have a `:` where one on the next line is refused; None where that is not why."""
+    if problem.char != ":" or problem.line < 1:
+        return None
+    line = problem.text[problem.starts[problem.line - 1] : problem.starts[problem.line]]
+    before = line.partition(" #")[0].rstrip()
+    plain = before.strip() and not re.search(r":(?:\s|$)|^\s*[#-]|[\[\]{}\"']", before)
+    return problem.line if plain else None
 
 
 def _misplaced(problem: _Place) -> str:

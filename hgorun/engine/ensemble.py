@@ -9,6 +9,7 @@ integrated, while the rows are still in the cache.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -23,6 +24,7 @@ from hgorun.engine.plan import Floats, Plan
 from hgorun.engine.queue import Queue
 from hgorun.errors import SimulationError
 
+_ROWS = 1 << 26  # numbers of the rows of a block: of long ones fewer are made side by side
 _KEPT = 1 << 24  # numbers of rows that are kept at once for a reduction in Python
 
 
@@ -151,6 +153,7 @@ class Ensemble:
     def __init__(self, system: HybridSystem, method: str, lanes: int | None = None) -> None:
         self.system, self.method = system, method
         self.lanes = lanes_of(system) if lanes is None else lanes
+        self._others = {self.lanes: self}  # by their numbers of lanes
         self._programs: dict[tuple[tuple[int, ...] | None, bool], ManyProgram] = {}
 
     def run(
@@ -199,7 +202,7 @@ class Ensemble:
         """Runs each of which has a plan of its own, with its gain, bias and holds; all have one grid.
 
         They run side by side, each lane through its own events, but for those with continuous delays, many regimes or
-        an embedded error estimate, which run one after the other. The members' own gain, bias and holds are not
+        an embedded error estimate, which take a lane each, on threads. The members' own gain, bias and holds are not
         read; all else as in :meth:`run`.
         """
         plans = [plan.whole() for plan in plans]
@@ -207,12 +210,30 @@ class Ensemble:
         numbers = replace(members, gain=gain, bias=bias, holds=holds)
         if fits(self.system, METHODS[self.method]) and self.lanes > 1:
             return self._run(plans, numbers, reduction, rows=rows, threads=threads, progress=progress)
-        parts = []
-        for i, plan in enumerate(plans):
-            one = replace(members.some(slice(i, i + 1)), gain=plan.gain, bias=plan.bias, holds=plan.holds)
-            parts.append(self.run(plan, one, reduction, rows=rows))
-            if progress:
-                progress(i + 1)
+        return self._one_by_one(plans, numbers, reduction, rows, threads, progress)
+
+    def _one_by_one(
+        self,
+        plans: Sequence[Plan],
+        members: MemberNumbers,
+        reduction: Reduction | None,
+        rows: bool,
+        threads: int,
+        progress: Callable[[int], None] | None,
+    ) -> Outcome:
+        """Members that share nothing, each on one lane."""
+        single = self._on(1)
+
+        def one(i: int) -> Outcome:
+            own = members.some(slice(i, i + 1))
+            return single._run(plans[i : i + 1], own, reduction, rows=rows, threads=1, progress=None)
+
+        parts = [one(0)]  # compiled before there are threads
+        with ThreadPoolExecutor(max(threads, 1)) as pool:
+            for part in pool.map(one, range(1, len(plans))):
+                parts.append(part)
+                if progress:
+                    progress(len(parts))
         return _joined(parts, rows)
 
     def _run(
@@ -226,7 +247,12 @@ class Ensemble:
         progress: Callable[[int], None] | None,
     ) -> Outcome:
         """Runs that have one plan, or each its own."""
-        loose = len(plans) > 1
+        loose, lanes = len(plans) > 1, self.lanes
+        while lanes > 1 + loose and lanes * self.system.states * plans[0].grid.size > _ROWS:
+            lanes //= 2
+        if lanes < self.lanes:
+            fewer = self._on(lanes)
+            return fewer._run(plans, members, reduction, rows=rows, threads=threads, progress=progress)
         plan = widest(plans) if loose else plans[0]
         whole = self.system.states if rows else None
         reducers = [reduction.reducer(self.lanes, whole=whole) if reduction else None for _ in range(max(threads, 1))]
@@ -264,6 +290,12 @@ class Ensemble:
             error=outputs["error"],
             rows=outputs["kept"] if rows else None,
         )
+
+    def _on(self, lanes: int) -> Ensemble:
+        """The same on another number of lanes."""
+        if lanes not in self._others:
+            self._others[lanes] = Ensemble(self.system, self.method, lanes)
+        return self._others[lanes]
 
     def _program(self, shown: Sequence[int] | None, *, loose: bool) -> ManyProgram:
         key = None if shown is None else tuple(shown), loose

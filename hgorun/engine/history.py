@@ -17,7 +17,7 @@ from hgorun.engine.parts import Module, copy, each
 from hgorun.engine.rows import hermite, hermite_slope
 from hgorun.native.ir import Function, hexadecimal
 
-_FEW = 2  # delayed outputs, for each of which the code of looking up stands wherever it is needed
+_FEW = 4  # delayed outputs, over all regimes, for each of which the code of looking up stands wherever it is needed
 _FAR = 1 + 1e-9  # steps: a delay as long as that looks into finished ones only, in spite of rounding
 REFINEMENTS = 4  # passes of a step whose delays reach into it; each one gains an order
 
@@ -56,7 +56,7 @@ class History:
         f = self.m.function(
             "remember",
             "ptr %ctx, i64 %index, double %t0, double %t1, ptr %start, ptr %end",
-            attributes="nounwind noinline",
+            attributes=f"nounwind {self._inlined}",
         )
         piece = self._piece(f, "%index")
         f.store("%t0", piece)
@@ -66,6 +66,13 @@ class History:
         copy(f, "%end", f.at(piece, 2 + 2 * self.width), values)
         f.do("ret void")
         self.m.finish(f)
+
+    @property
+    def _inlined(self) -> str:
+        """Whether the code that reads and writes pieces stands wherever it is needed."""
+        places = sum(len(regime.delayed) for regime in self.m.system.regimes)
+        few = self.m.lanes == 1 and places <= _FEW
+        return "alwaysinline" if few else "noinline"
 
     def _piece(self, f: Function, index: str) -> str:
         slot = f.scalar("and", index, f.word("%ctx", WORD["ring_mask"]))
@@ -89,12 +96,11 @@ class History:
 
         Returns 0, or 1 when the provisional piece was used, or 2 when the history is too short.
         """
-        few = self.m.lanes == 1 and all(len(regime.delayed) <= _FEW for regime in self.m.system.regimes)
         f = self.m.function(
             name,
             "ptr %ctx, i64 %output, double %t, i64 %newest, ptr %hint, ptr %target",
             returns="i64",
-            attributes=f"nounwind {'alwaysinline' if few else 'noinline'}",
+            attributes=f"nounwind {self._inlined}",
         )
         own = self.m.system.width * self.m.lanes
         first = f.scalar("mul", "%output", str(own))

@@ -80,7 +80,7 @@ class Worker:
     program : ManyProgram
     plan : Plan
     inputs : mapping of str to ndarray, shape (rows, N) or (rows,)
-        Of the names in ``INPUTS``, of doubles.
+        Of the names in ``INPUTS``, of doubles; ValueError where they are fewer than the plan reads.
     outputs : mapping of str to ndarray, shape (rows, N)
         Of some of the names in ``OUTPUTS``.
     count : int
@@ -109,7 +109,10 @@ class Worker:
         self._memory = Memory(s, lanes, program.constants, plan, start, None, program.width, len(OWN))
         job = np.zeros(len(JOB), dtype=np.int64)
         for name in INPUTS:
-            array = inputs[name]
+            room = self._memory.arrays[name].size // lanes
+            array = inputs[name][:room]  # plans with fewer samples than others have numbers that are not read
+            if len(array) < min(room, _needed(plan, name)):
+                raise ValueError(f"{name} has {len(array)} rows, the plan needs {_needed(plan, name)}")
             strides = [stride // 8 for stride in array.strides]
             strides += [0] * (2 - len(strides))  # the same for all members
             place = PLACE[f"{name}_address"]
@@ -131,6 +134,12 @@ class Worker:
     def run(self, first: int, stop: int) -> None:
         """Some of the blocks of W members; the interpreter is free meanwhile."""
         self._program.members(self._memory.address, address_of(self._job), first, stop)
+
+
+def _needed(plan: Plan, name: str) -> int:
+    """So many numbers of each member a plan reads."""
+    sizes = {"gain": plan.gain.size, "bias": plan.bias.size, "holds": plan.holds.size}
+    return sizes.get(name, 0)
 
 
 def _table_of(plans: Sequence[Plan]) -> tuple[np.ndarray, list[list[np.ndarray]]]:

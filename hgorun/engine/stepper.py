@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 from hgorun.engine.emit import Emitted
 from hgorun.engine.history import REFINEMENTS, History
 from hgorun.engine.layout import WORD
-from hgorun.engine.parts import Module, lent, move, span
+from hgorun.engine.parts import Module, each, lent, move, span
 from hgorun.native.ir import Function, hexadecimal
 
 
@@ -208,8 +208,8 @@ class Stepper(ABC):
     def _straight_line(self, h: str) -> None:
         """The provisional end of a step's piece of history: values go on at their slope."""
         f = self.f
-        with f.count(0, self.width) as i:
-            j = f.scalar("add", i, str(self.width))
+        for i in each(f, self.width):
+            j = i + self.width if isinstance(i, int) else f.scalar("add", i, str(self.width))
             value, slope = f.word(self.trace_before, i, "double"), f.word(self.trace_before, j, "double")
             f.store(f.scalar("fadd", value, f.scalar("fmul", h, slope)), f.at(self.trace, i))
             f.store(slope, f.at(self.trace, j))

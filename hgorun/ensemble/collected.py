@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 from numpy.typing import NDArray
 
 from hgorun.config.expressions import nearest
 from hgorun.errors import ConfigError, printable
 from hgorun.result.status import STATUSES
-from hgorun.result.stored import LARGEST, NAMED, StoredFile, opened
 
-FORMAT = "hgorun-sweep-1"
 SEED = "seed"
 _OK = (STATUSES.index("ok"), STATUSES.index("inaccurate"))  # there are numbers
 
@@ -197,149 +192,6 @@ def levels(values: NDArray[Any]) -> list[Any]:
 def shown(value: Any) -> str:
     """A value of an axis as tables and figures show it."""
     return f"{value:.4g}" if isinstance(value, float) else printable(str(value))
-
-
-def is_sweep(path: Path) -> bool:
-    """Whether it is a collected file, or the folder in which one is made."""
-    if path.is_dir():
-        return (path / "manifest.json").is_file()
-    if not path.is_file() or path.suffix.lower() not in {".h5", ".nc", ".hdf5"}:
-        return False
-    try:
-        return bool(opened(path, LARGEST, lambda file: file.attrs.get("format") == FORMAT))
-    except ConfigError:
-        return False  # whoever reads it says what is wrong
-
-
-def read(path: str | Path, *, max_memory: float = LARGEST) -> Collected:
-    """Read a collected file.
-
-    Parameters
-    ----------
-    path : path
-    max_memory : float
-        Bytes that its numbers may take; 1 GiB by default.
-
-    Raises
-    ------
-    ConfigError
-        When the file is missing, not one of an ensemble, damaged, or larger than allowed.
-    """
-    path = Path(path)
-    if not os.path.isfile(path):
-        raise ConfigError("not a regular file" if os.path.exists(path) else "no such file", file=str(path))
-    budget = int(max_memory)
-    return opened(path, budget, lambda file: _Reader(file, path, budget).collected())
-
-
-class _Reader(StoredFile):
-    """A collected file, piece by piece."""
-
-    def collected(self) -> Collected:
-        form = self.file.attrs.get("format")
-        if not isinstance(form, str) or form != FORMAT:
-            raise self.error(f"not the file of an ensemble: attribute format is {form!r}, expected {FORMAT!r}")
-        observers, states = self.words("observer"), self.words("state")
-        *dimensions, last = self.dimensions("status") or [""]
-        if last != "observer":
-            raise self.error("status is missing, or its last dimension is not observer")
-        shape = tuple(self.data(name).shape[0] for name in dimensions)
-        size, m, n = int(np.prod(shape, dtype=np.int64)), len(observers), len(states)
-        metrics = {}
-        for name in self.file:
-            if self.dimensions(name) == [*dimensions, "observer", "state"]:
-                metrics[printable(name)] = self.numbers(name, *shape, m, n).reshape(size, m, n)
-        status = self.numbers("status", *shape, m).reshape(size, m)
-        if not np.all(np.isin(status, np.arange(len(STATUSES)))):
-            raise self.error(f"status holds numbers that are none of {', '.join(STATUSES)}")
-        error = np.array(self.texts("error", *shape), dtype=object) if "error" in self.file else np.full(size, "", "O")
-        return Collected(
-            name=printable(self.text("name")) if "name" in self.file.attrs else self.path.name.partition(".")[0],
-            title=printable(self.text("title")) if "title" in self.file.attrs else "",
-            axes=self.axes(dimensions, shape),
-            observers=observers,
-            states=states,
-            metrics=metrics,
-            status=status.astype(np.int8),
-            error=error,
-            units=self.entries("units", lambda _, v: isinstance(v, str), "text") if "units" in self.file.attrs else {},
-            families=self.families(observers),
-            dimensions=dict(zip(dimensions, shape, strict=True)),
-            planned=size,
-            trajectories=self.trajectories(size, m, n) if "trajectories" in self.file else None,
-        )
-
-    def axes(self, dimensions: Sequence[str], shape: tuple[int, ...]) -> dict[str, NDArray[Any]]:
-        """The values of every axis for every member: of a product from its dimensions, else from coordinates."""
-        if list(dimensions) == ["member"]:
-            return {name: self.values(name, *shape) for name in self.labels_of_file("axes")}
-        own = [self.values(name, size) for name, size in zip(dimensions, shape, strict=True)]
-        places = np.indices(shape).reshape(len(shape), -1)
-        return {name: values[place] for name, values, place in zip(dimensions, own, places, strict=True)}
-
-    def labels_of_file(self, attribute: str) -> list[str]:
-        """Names in an attribute of the file."""
-        found = np.atleast_1d(self.file.attrs.get(attribute, np.empty(0, dtype=object)))
-        if not all(isinstance(name, str) for name in found):
-            raise self.error(f"attribute {attribute} must be a list of names")
-        return [str(name) for name in found]
-
-    def dimensions(self, name: str) -> list[str]:
-        """What the dimensions of a data set are called; nothing for a group."""
-        link = self.file.get(name, getlink=True)
-        if not isinstance(link, h5py.HardLink) or not isinstance(self.file[name], h5py.Dataset):
-            return []
-        data = self.data(name)
-        if data.is_scale:
-            return [name] if data.shape is not None and len(data.shape) == 1 else []
-        return [dim[0].name.lstrip("/") if len(dim) else "" for dim in data.dims]
-
-    def values(self, name: str, size: int) -> NDArray[Any]:
-        """Numbers or texts."""
-        if self.data(name).dtype.kind in "iu":
-            return self.numbers(name, size).astype(np.int64)
-        return self.numbers(name, size) if self.data(name).dtype.kind == "f" else np.array(self.texts(name, size), "O")
-
-    def texts(self, name: str, *shape: int) -> list[str]:
-        """Texts of a data set, row after row."""
-        data = self.data(name)
-        if h5py.check_string_dtype(data.dtype) is None or data.shape != shape:
-            raise self.error(f"{name} must hold texts of shape {shape}")
-        self.budget -= 64 * data.size
-        if self.budget < 0:
-            raise self.error(f"the data sets are larger than {self.allowed / 2**30:.3g} GiB")
-        return [printable(str(text)) for text in data.asstr()[()].ravel()]
-
-    def words(self, name: str) -> tuple[str, ...]:
-        """Names along a dimension."""
-        found = self.texts(name, *(self.data(name).shape or (0,)))
-        if len(set(found)) < len(found) or not all(0 < len(word) <= NAMED for word in found):
-            raise self.error(f"{name} must be different names")
-        return tuple(found)
-
-    def families(self, observers: Sequence[str]) -> dict[str, tuple[str, int | None]]:
-        """Types of the observers and orders of their filters, where the file has them."""
-        if "observer_type" not in self.file:
-            return {}
-        types = self.texts("observer_type", len(observers))
-        orders = self.numbers("filter_order", len(observers)) if "filter_order" in self.file else [-1.0] * len(types)
-        return {
-            label: (kind, int(order) if order >= 0 else None)
-            for label, kind, order in zip(observers, types, orders, strict=True)
-        }
-
-    def trajectories(self, size: int, m: int, n: int) -> Trajectories:
-        member = self.numbers("trajectories/member", None)
-        if not np.all(np.isin(member, np.arange(size))):
-            raise self.error("trajectories/member must be places among the members")
-        time = self.times("trajectories/time")
-        k, nt = member.size, time.size
-        return Trajectories(
-            member=member.astype(np.int64),
-            time=time,
-            x=self.numbers("trajectories/x", k, nt, n),
-            xhat=self.numbers("trajectories/xhat", k, m, nt, n),
-        )
 
 
 def _of_members(kept: Trajectories | None, members: NDArray[np.bool_]) -> Trajectories | None:

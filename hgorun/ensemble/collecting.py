@@ -18,10 +18,11 @@ from numpy.typing import NDArray
 
 from hgorun.config.sweeps import Worst
 from hgorun.engine.methods import METHODS
-from hgorun.ensemble.collected import FORMAT, Trajectories
+from hgorun.ensemble.collected import Trajectories
 from hgorun.ensemble.ensemble import Ensemble
 from hgorun.ensemble.found import Block
 from hgorun.ensemble.layout import MEMBER, Column, Layout
+from hgorun.ensemble.reading import FORMAT
 from hgorun.ensemble.recipe import written
 from hgorun.ensemble.rows import batches, part
 from hgorun.ensemble.store import Store

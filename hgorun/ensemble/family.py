@@ -19,7 +19,7 @@ from hgorun.ensemble.gains import Gains
 from hgorun.ensemble.lot import Lot, Numbers, times_of
 from hgorun.ensemble.members import Members
 from hgorun.errors import HgorunError, Problem
-from hgorun.measurement.schedule import Channel
+from hgorun.measurement.channels import Channel
 from hgorun.memo import Memo, Same
 from hgorun.simulation.checks import check_run
 from hgorun.simulation.experiment import Experiment

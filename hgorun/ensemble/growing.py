@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hgorun.ensemble.collected import Collected, Trajectories, read
+from hgorun.ensemble.collected import Collected, Trajectories
 from hgorun.ensemble.ensemble import Ensemble
+from hgorun.ensemble.reading import read
 from hgorun.ensemble.rows import joined, part
 from hgorun.ensemble.store import Store
 from hgorun.errors import ConfigError, HgorunError

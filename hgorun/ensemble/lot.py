@@ -11,7 +11,7 @@ import numpy as np
 from hgorun.engine.ensemble import MemberNumbers
 from hgorun.engine.plan import Plan
 from hgorun.ensemble.found import Floats, Integers
-from hgorun.measurement.schedule import Channel, joined
+from hgorun.measurement.channels import Channel, joined
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.symbolic.evaluate import evaluate
 

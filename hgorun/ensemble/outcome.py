@@ -62,9 +62,9 @@ class Outcome:
 def outcome_of(path: Path) -> Outcome:
     """Count the members of a file that this program has just written."""
     with h5py.File(path, "r") as file:
-        status = file["status"][()].reshape(-1, file["status"].shape[-1])
+        status = file["status"][()].reshape(file["plant_status"].size, -1)
         labels = file["observer"].asstr()[()]
-        failed = np.flatnonzero((status == len(STATUSES) - 1).all(axis=1) & (status.shape[1] > 0))
+        failed = np.flatnonzero(file["plant_status"][()].ravel() == STATUSES.index("failed"))
         errors = file["error"]
         first, count = None, 0
         for number in failed:

@@ -143,12 +143,41 @@ def points(members: Collected, by: Sequence[str]) -> Iterator[tuple[dict[str, An
     (dict, Collected)
         Values on those axes, and the members that have them.
     """
-    for values in product(*(levels(members.axes[axis]) for axis in by)):
-        inside = np.ones(len(members), dtype=bool)
-        for axis, value in zip(by, values, strict=True):
-            inside &= members.axes[axis] == value
-        if inside.any():
-            yield dict(zip(by, values, strict=True)), members.where(inside)
+    group = _groups(members, by)
+    order = np.argsort(group, kind="stable")
+    starts = np.flatnonzero(np.diff(group[order], prepend=-1))
+    for own in np.split(order, starts[1:]) if len(members) else ():
+        inside = np.zeros(len(members), dtype=bool)
+        inside[own] = True
+        first = int(own[0])
+        yield {axis: _value(members.axes[axis][first]) for axis in by}, members.where(inside)
+
+
+def thinned(members: Collected, by: Sequence[str], most: int) -> Collected:
+    """The members at every so many-th point of axes, so that there are at most ``most`` points."""
+    group = _groups(members, by)
+    count = int(group.max(initial=-1)) + 1
+    return members if count <= most else members.where(group % -(-count // most) == 0)
+
+
+def _groups(members: Collected, by: Sequence[str]) -> NDArray[np.int64]:
+    """The number of the point at which each member is; points are counted in the order of the axes' values."""
+    if not by:
+        return np.zeros(len(members), dtype=np.int64)
+    places = np.column_stack([_places(members.axes[axis], levels(members.axes[axis])) for axis in by])
+    return np.asarray(np.unique(places, axis=0, return_inverse=True)[1], dtype=np.int64).ravel()
+
+
+def _value(value: Any) -> Any:
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def _places(values: NDArray[Any], known: Sequence[Any]) -> NDArray[np.int64]:
+    """Where the members stand among the values of an axis."""
+    if values.dtype.kind in "iuf":
+        return np.searchsorted(np.array(known), values)
+    place = {value: i for i, value in enumerate(known)}
+    return np.array([place[value] for value in values.tolist()], dtype=np.int64)
 
 
 def quantiles(values: Floats, sound: NDArray[np.bool_], at: Iterable[float]) -> list[Floats]:
@@ -209,6 +238,9 @@ def _mean(values: Floats, sound: NDArray[np.bool_]) -> tuple[Floats, Floats, NDA
     with np.errstate(invalid="ignore", divide="ignore"):
         used = np.where(sound, values, 0.0)
         mean = np.where(n > 0, np.sum(used, axis=0) / n, np.nan)
+        least = np.min(np.where(sound, values, np.inf), axis=0, initial=np.inf)
+        largest = np.max(np.where(sound, values, -np.inf), axis=0, initial=-np.inf)
+        mean = np.where((n > 0) & (least == largest), least, mean)  # without chance there is no rounding, either
         squares = np.sum(np.where(sound, (values - mean) ** 2, 0.0), axis=0)
         sem = np.where(n > 1, np.sqrt(squares / (n - 1) / n), np.nan)
     return mean, sem, n

@@ -82,7 +82,7 @@ class Store:
             remove_leftovers(part)
         if (folder / MANIFEST).exists():
             store = cls.existing(folder)
-            store.refuse_changes(made_of)
+            store.refuse_changes(made_of, "; --fresh starts anew")
             return store
         manifest = {
             "format": _FORMAT,
@@ -116,8 +116,8 @@ class Store:
             raise ConfigError("not the manifest of a sweep that this version can continue", file=str(path))
         return cls(folder, manifest)
 
-    def refuse_changes(self, made_of: Ingredients) -> None:
-        """Refuse to be continued with other ingredients.
+    def refuse_changes(self, made_of: Ingredients, advice: str = "") -> None:
+        """Refuse to be continued with other ingredients, or to be put together with members made of them.
 
         Raises
         ------
@@ -126,7 +126,7 @@ class Store:
         """
         changed = difference(self.manifest["made_of"], made_of)
         if changed is not None:
-            raise Changed(f"{self.folder}: holds members of something else: {changed}; --fresh starts anew")
+            raise Changed(f"{self.folder}: holds members of something else: {changed}{advice}")
 
     @property
     def recipe(self) -> str:

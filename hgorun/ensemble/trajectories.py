@@ -41,7 +41,8 @@ def follow(ensemble: Ensemble, members: Sequence[int]) -> Trajectories | None:
         if followed is None:
             followed = _empty(members, result.time, m, n)
         followed.x[i] = result.x
-        followed.xhat[i] = [result.observers[label].xhat for label in base.observers]
+        for j, label in enumerate(base.observers):
+            followed.xhat[i, j] = result.observers[label].xhat
     return followed or _empty(members, base.grid[0][:: base.grid[1]] + base.origin, m, n)
 
 

@@ -22,7 +22,7 @@ from bokeh.plotting import figure as new_figure
 
 from hgorun.ensemble.collected import Collected, Floats, levels, shown
 from hgorun.ensemble.fronts import non_dominated
-from hgorun.ensemble.statistics import QUANTILES, points, quantiles
+from hgorun.ensemble.statistics import QUANTILES, points, quantiles, thinned
 from hgorun.figures.ensemble import TIMES, Cast, drawable, limits, places
 from hgorun.result.metrics.base import all_metrics
 
@@ -121,8 +121,7 @@ def heat_maps(cast: Cast, axes: tuple[str, str], metric: str, state: str) -> lis
 def trade_off(cast: Cast, metrics: tuple[str, str], state: str) -> Plot:
     """Two metrics against each other, medians over seeds, with the front of each observer."""
     members = cast.members
-    parts = list(points(members, members.chosen)) if members.chosen else [({}, members)]
-    parts = parts[:: -(-len(parts) // _MOST_POINTS)]
+    parts = list(points(thinned(members, members.chosen, _MOST_POINTS), members.chosen))
     texts = [", ".join(f"{axis} = {shown(value)}" for axis, value in at.items()) for at, _ in parts]
     found = {}
     for label in cast.looks:

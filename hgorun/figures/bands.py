@@ -57,7 +57,9 @@ def bands(members: Collected) -> Figure:
             right.set_ylabel(rf"$|{symbol(state, hat=True)} - {symbol(state)}|$" + measured_in)
             for ax in (left, right):
                 _time_axis(ax, members, kept)
+        pooled = ", ".join(axis_label(axis, members.units.get("time", "")) for axis in members.chosen)
         title = f"medians, 50 % and 90 % of {len(kept.member)} members at each time"
+        title += f", over all values of {pooled}" if pooled else ""
         return finished(figure, axes, 2, title, grow=True)
 
 
@@ -156,15 +158,17 @@ def _different(members: Collected, kept: Trajectories) -> tuple[str, ...]:
 def _family(
     ax: Axes, kept: Trajectories, i: int, j: int, values: Any, colours: dict[Any, Any], *, error: bool
 ) -> list[Floats]:
-    drawn = []
+    """Draw the members, the roughest at the back; what is drawn."""
+    curves = []
     for k, value in enumerate(values.tolist()):
         xhat = kept.xhat[k, i, :, j]
-        curve = drawable(xhat - kept.x[k, :, j] if error else xhat)
-        known = np.isfinite(curve)
-        line = thinned(Curve(kept.time[known], curve[known]), MAX_POINTS // 2)
-        ax.plot(*line, color=colours[value], linewidth=0.8, label="_", zorder=3)
-        drawn.append(curve[known])
-    return drawn
+        shown_values = drawable(xhat - kept.x[k, :, j] if error else xhat)
+        known = np.isfinite(shown_values)
+        curves.append((Curve(kept.time[known], shown_values[known]), colours[value]))
+    curves.sort(key=lambda one: -float(np.abs(np.diff(one[0].v)).sum()))
+    for curve, colour in curves:
+        ax.plot(*thinned(curve, MAX_POINTS // 2), color=colour, linewidth=0.8, label="_", zorder=3)
+    return [curve.v for curve, _ in curves]
 
 
 def _colours(values: Any) -> dict[Any, Any]:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from hgorun.ensemble.collected import Collected, Floats
 from hgorun.ensemble.fronts import non_dominated
-from hgorun.ensemble.statistics import points, quantiles
+from hgorun.ensemble.statistics import points, quantiles, thinned
 from hgorun.figures.ensemble import Cast, drawable, limits, scale_axis
 from hgorun.figures.layout import TOP, finished, grid
 from hgorun.figures.style import styled
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _ROW = 2.7
+_MOST_POINTS = 3_000
 
 
 def front(members: Collected, x: str, y: str) -> Figure:
@@ -34,7 +35,7 @@ def front(members: Collected, x: str, y: str) -> Figure:
         Metrics, such as noise amplification ``hf`` and convergence time ``settling``.
     """
     cast = Cast(members)
-    chosen = [part for _, part in points(members, members.chosen)] if members.chosen else [members]
+    chosen = [part for _, part in points(thinned(members, members.chosen, _MOST_POINTS), members.chosen)]
     with styled():
         columns = min(len(cast.states), 3)
         rows = -(-len(cast.states) // columns)
@@ -47,7 +48,8 @@ def front(members: Collected, x: str, y: str) -> Figure:
             _draw(ax, cast, found)
             ax.set_xlabel(cast.quantity(x, state))
             ax.set_ylabel(cast.quantity(y, state))
-        return finished(figure, axes, columns, "medians over seeds; lines: fronts", grow=True)
+        what = "medians over seeds" if any(len(part) > 1 for part in chosen) else "points: members"
+        return finished(figure, axes, columns, f"{what}; lines: fronts", grow=True)
 
 
 def _median(cast: Cast, metric: str, label: str, state: str) -> float:

@@ -63,12 +63,14 @@ def heat_map(members: Collected, axes: tuple[str, str], metric: str) -> Figure:
                     ax.set_title(words(label), loc="center")
             bar = figure.colorbar(mesh, ax=row, pad=0.02, aspect=14)
             bar.set_label(cast.quantity(metric, state))
-        return finished(figure, panels, len(labels), _title(members, axes), grow=False)
+        return finished(figure, panels, len(labels), _title(members, len(cells[0][0]) * len(cells[1][0])), grow=False)
 
 
-def _title(members: Collected, axes: tuple[str, str]) -> str:
-    each = len(members) // max(math.prod(len(levels(members.axes[axis])) for axis in axes), 1)
-    return f"median of {each} members in each cell" if each > 1 else "each cell is a member"
+def _title(members: Collected, cells: int) -> str:
+    if len(members) == cells:
+        return "each cell is a member"
+    each = len(members) / cells
+    return f"median of {'about ' if len(members) % cells else ''}{each:.0f} members in each cell"
 
 
 def _cells(values: NDArray[Any]) -> tuple[list[str], NDArray[np.int64]]:

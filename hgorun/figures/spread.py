@@ -53,13 +53,13 @@ def against(members: Collected, axis: str, metrics: Sequence[str]) -> Figure:
             ax.set_ylabel(cast.quantity(metric, state))
             ax.set_xlabel(axis_label(axis, members.units.get("time", "")))
             _ticks(ax, members, axis, at)
-        title = f"medians, 50 % and 90 % of {_count(members, axis)}"
+        title = f"medians, 50 % and 90 % of {_count(members, len(at))}"
         return finished(figure, axes, columns, title, grow=True)
 
 
-def _count(members: Collected, axis: str) -> str:
-    each = len(members) // max(len(levels(members.axes[axis])), 1)
-    return f"{each} members at each value" if each > 1 else "members"
+def _count(members: Collected, places: int) -> str:
+    each = len(members) / max(places, 1)
+    return f"{'about ' if len(members) % places else ''}{each:.0f} members at each value" if each > 1 else "members"
 
 
 def _at_places(values: Floats, sound: NDArray[np.bool_], whose: NDArray[np.int64], size: int) -> Floats:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, SerializeAsAny, model_validator
@@ -60,6 +60,15 @@ def _sampling(value: Any) -> Any:
 Sampling = Annotated[Literal["continuous"] | Periodic | Times | Steps, BeforeValidator(_sampling)]
 
 
+_ALIASES = {"gaussian": ("normal", "white", "gauss"), "sinusoids": ("sine", "sin", "cosine", "harmonic", "sinus")}
+
+
+def _hint(name: str, known: Sequence[str]) -> str:
+    """What may have been meant, by other names of the same, too."""
+    meant = [kind for kind, names in _ALIASES.items() if name.lower() in names and kind in known]
+    return f" Did you mean `{meant[0]}`?" if meant else nearest(name, known)
+
+
 def _noise(value: Any) -> Any:
     """One item of noise, checked by the class that its type names."""
     if isinstance(value, Noise):
@@ -78,7 +87,7 @@ def _noise(value: Any) -> Any:
             {
                 "key": "type",
                 "name": describe(value["type"]),
-                "hint": nearest(str(value["type"]), known),
+                "hint": _hint(str(value["type"]), known),
                 "known": ", ".join(known),
             },
         ) from None

@@ -57,7 +57,7 @@ class DesignNumbers:
     step: float
 
 
-PLANT = "plant"  # beside the labels of observers: an observer that is called so hides the error of the plant
+PLANT = "plant"  # beside the labels of observers, none of which is called so
 MapName = Literal["chain", "derivatives"]
 MAPS: tuple[MapName, ...] = ("chain", "derivatives")
 

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from hgorun.engine.layout import ARRIVE, JUMP, REBASE, RECORD, SET, TAKE, Held, HybridSystem
-from hgorun.measurement.schedule import Channel, nearest_event
+from hgorun.measurement.channels import Channel
+from hgorun.measurement.schedule import nearest_event
 
 _RANKS = 8  # what happens at one event has ranks from -3 to 4
 

@@ -18,7 +18,7 @@ from hgorun.measurement.blocks import Measurement
 from hgorun.observers.base import OBSERVERS, AnyObserver
 from hgorun.plants.base import PLANTS, Plant
 from hgorun.registry import Registry
-from hgorun.result.data import Coordinates
+from hgorun.result.data import PLANT, Coordinates
 from hgorun.symbolic.observability import CanonicalForms
 
 T = TypeVar("T")
@@ -166,6 +166,9 @@ def observer_of(label: str, block: dict[str, Any], source: Source) -> AnyObserve
             line=line,
             key=f"observers.{label}",
         )
+    if label == PLANT:
+        message = "no observer can be called plant: results and tables call the plant itself so"
+        raise ConfigError(message, file=file, line=line, key=f"observers.{label}")
     if "type" not in block:
         known = ", ".join(OBSERVERS.names())
         others = [name for name in source.data["observers"] if name != label]

@@ -6,7 +6,7 @@ import numpy as np
 
 from hgorun.engine.memory import history_bytes, history_pieces
 from hgorun.errors import Problem
-from hgorun.measurement.schedule import continuous_delays
+from hgorun.measurement.channels import continuous_delays
 from hgorun.measurement.signals import delay_range
 from hgorun.observers.base import SampledObserver, SampleSchedule
 from hgorun.simulation.prepared import PreparedRun

@@ -8,8 +8,9 @@ from functools import cached_property
 import numpy as np
 
 from hgorun.config.models import Solver, Time
+from hgorun.measurement.channels import Channel
 from hgorun.measurement.events import Unknown
-from hgorun.measurement.schedule import Channel, Schedule
+from hgorun.measurement.schedule import Schedule
 from hgorun.plants.build import BuiltPlant
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.observer_block import ObserverBlock

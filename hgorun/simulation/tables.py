@@ -10,7 +10,8 @@ import numpy as np
 
 from hgorun.engine.layout import HybridSystem
 from hgorun.engine.plan import Following, Plan, Segments
-from hgorun.measurement.schedule import Channel, Schedule
+from hgorun.measurement.channels import Channel
+from hgorun.measurement.schedule import Schedule
 from hgorun.memo import Memo, Same
 from hgorun.simulation.actions import Actions, RecordedInputs
 from hgorun.simulation.steps import count_steps, in_pieces, steps_between, steps_of_a_piece, uneven_steps, unevenly

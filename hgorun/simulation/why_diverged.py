@@ -29,7 +29,10 @@ def why_diverged(run: PreparedRun, raw: Raw, j: int) -> str | None:
 
 
 def singular(run: PreparedRun, raw: Raw, block: ObserverBlock) -> str | None:
-    """When J, through whose inverse a constant gain corrects, became singular: its determinant changed its sign."""
+    """When J, through whose inverse a constant gain corrects, became singular: its determinant changed its sign.
+
+    Where the estimate is lost before its own determinant shows that, that of the true state does.
+    """
     form = block.form
     if not isinstance(form, ChosenChains) or block.canonical or form.map == "chain":
         return None
@@ -38,14 +41,24 @@ def singular(run: PreparedRun, raw: Raw, block: ObserverBlock) -> str | None:
     xhat = block.states["xhat"]
     rows = raw.rows[:, xhat.start : xhat.start + xhat.size, 0]
     rows = rows[np.all(np.isfinite(rows), axis=1)]
+    truth = raw.rows[: len(rows) + 1, : form.plant.n, 0]
     x, p = form.plant.x, form.plant.p
     determinant = ca.Function("det", [x, p], [ca.det(form.jacobian)])
-    (values,) = evaluate(determinant, rows, run.plant.parameters)
-    with np.errstate(invalid="ignore"):
-        changed = np.flatnonzero(np.sign(values.ravel()) != np.sign(values.ravel()[0]))
-    if not changed.size:
-        return None
-    return f"J became singular at t = {run.origin + run.grid[changed[0]]:.6g}"
+    for states in (rows, truth):
+        values = evaluate(determinant, states, run.plant.parameters)[0].ravel()
+        with np.errstate(invalid="ignore"):
+            changed = np.flatnonzero(np.sign(values) != np.sign(values[0]))
+        if changed.size:
+            k = int(changed[0])
+            when = np.interp(0.0, *_rising(values[k - 1 : k + 1], run.grid[k - 1 : k + 1]))
+            return f"J became singular at t = {run.origin + float(when):.6g}"
+    return None
+
+
+def _rising(values: Floats, times: Floats) -> tuple[Floats, Floats]:
+    """Two points in ascending order of their values."""
+    order = np.argsort(values)
+    return values[order], times[order]
 
 
 def _unstable_gain(run: PreparedRun, raw: Raw, block: ObserverBlock) -> str | None:

@@ -9,6 +9,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
+from numpy.typing import NDArray
+
 from hgorun.ensemble.collected import Collected, levels, shown
 from hgorun.ensemble.statistics import Difference, Statistics, Summary, points, statistics
 from hgorun.files import json_value
@@ -18,6 +20,7 @@ from hgorun.tables.layout import number, packed, wrapped
 from hgorun.tables.typeset import latex_words, printable
 from hgorun.tables.uncertain import latex_uncertain, uncertain
 
+_MOST_VALUES = 1000  # of an axis, one by one
 _PAGE = 3  # numbers with their uncertainty side by side on a page
 NUMBERS = tuple(f.name for f in fields(Summary) if f.name not in ("n", "ci95"))
 _NOTE = (
@@ -82,7 +85,8 @@ def as_json(found: Compared) -> dict[str, Any]:
         ``{name, file, members, planned, axes: {axis: [values]}, observers: {label: {failed, metric: {state: {mean,
         median, sem, ci95, q05, q25, q75, q95, n}}}}, paired: [{a, b, metric, state, mean, ci95, n, p, p_holm}]}``,
         and ``points``, each with ``at: {axis: value}`` and the same keys, where the ensemble is divided.
-        Numbers that are not finite are text, those that are not known null.
+        Numbers that are not finite are text, those that are not known null. An axis with more than a thousand values
+        is ``{first, last, count}``.
     """
     members = found.members
     whole: dict[str, Any] = {
@@ -90,12 +94,20 @@ def as_json(found: Compared) -> dict[str, Any]:
         "file": found.file,
         "members": found.whole.members,
         "planned": members.planned,
-        "axes": {axis: levels(values) for axis, values in members.axes.items()},
+        "axes": {axis: _levels(values) for axis, values in members.axes.items()},
     }
     whole |= _json_of(found.whole, members)
     if found.by:
         whole["points"] = [{"at": part.at, "members": part.members, **_json_of(part, members)} for part in found.points]
     return {key: json_value(value) for key, value in whole.items()}
+
+
+def _levels(values: NDArray[Any]) -> list[Any] | dict[str, Any]:
+    """The values of an axis; of very many only the ends and their number."""
+    found = levels(values)
+    if len(found) <= _MOST_VALUES:
+        return found
+    return {"first": found[0], "last": found[-1], "count": len(found)}
 
 
 def _json_of(found: Statistics, members: Collected) -> dict[str, Any]:

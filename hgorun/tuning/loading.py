@@ -46,7 +46,12 @@ def load_tuning(path: Path, overrides: Sequence[str] = (), *, seed: int | None =
     ConfigError
         For anything wrong in them: file, line, key, what was found and what would be right.
     """
-    text, source = read_source(path)
+    for assignment in overrides:
+        if not assignment.startswith("tune."):
+            raise ConfigError(
+                f"--set {assignment}: only keys of tune can be changed here; the tuned file would lack other changes"
+            )
+    text, source = read_source(path, overrides)
     data = source.data if isinstance(source.data, dict) else {}
     if "tune" not in data:
         raise ConfigError("the key tune is missing: it says which gains are sought, and for what", file=str(path))
@@ -57,7 +62,7 @@ def load_tuning(path: Path, overrides: Sequence[str] = (), *, seed: int | None =
         if not config.is_file():
             file, line = source.where(("base",))
             raise ConfigError(f"there is no file {config}", file=file, line=line, key="base")
-    experiment = load(config, overrides, seed=seed, run=run)
+    experiment = load(config, run=run)
     block = validate(Tune, data["tune"], source, ("tune",))
     with source.located():
         return Asked(path.stem, text, config, run, tasks(experiment, block))

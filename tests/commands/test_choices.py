@@ -48,6 +48,7 @@ def test_the_version_is_the_packages(shell: Shell) -> None:
         (("compare", "ensemble.yaml"), "all runs are ensembles: many"),
         (("simulate", "base.yaml", "-o", "there.png"), "expected a file .h5, .hdf5, .nc or a folder"),
         (("analyze", "base.yaml", "-o", "base.yaml"), "base.yaml"),
+        (("show", "noise"), "'noise' is a list: see hgorun list noise"),
         (("show", "rmsee"), "nothing is called 'rmsee'. Did you mean `rmse`?"),
     ],
 )

@@ -95,7 +95,13 @@ def test_folders_of_different_sweeps_are_not_merged(shell: Shell) -> None:
     code, out, err = shell("merge", "one/s.sweep", "two/s.sweep", "-o", "both")
     assert (code, out) == (2, "")
     assert "two/s.sweep: holds members of something else: axes.observers.SHGO.theta.log.1: 30.0 -> 20.0" in err
+    assert "--fresh" not in err
     assert shell("merge", "nowhere")[0] == 2
+    manifest = shell.folder / "two" / "s.sweep" / "manifest.json"
+    manifest.write_text(manifest.read_text().replace(f'"version": "{hgorun.__version__}"', '"version": "0.0.1"'))
+    code, _, err = shell("merge", "two/s.sweep", "-o", "both")
+    assert (code, f"hgorun 0.0.1 -> {hgorun.__version__}" in err) == (2, True)
+    assert not (shell.folder / "both").exists()
 
 
 def test_a_change_is_refused_with_the_difference(shell: Shell) -> None:

@@ -279,6 +279,46 @@ def test_lanes_with_plans_of_their_own_are_runs_of_their_own(method: str) -> Non
     assert 0 < diverged < len(plans)
 
 
+@pytest.mark.parametrize(("delayed", "method"), [(True, "rk4"), (False, "dopri5")])
+def test_what_cannot_run_side_by_side_runs_on_threads(delayed: bool, method: str) -> None:
+    """Continuous delays and embedded errors with plans of their own, of other numbers of samples."""
+    grid = np.linspace(0, END, 11)
+    plans = [replace(plan(seed), grid=grid) for seed in range(5)]
+    plans[1] = replace(plans[1], holds=np.append(plans[1].holds, [1.0, 2.0]))
+    z, p = (np.column_stack(numbers) for numbers in zip(*(start_of(seed) for seed in range(5)), strict=True))
+    nothing = np.zeros(0)
+    members = MemberNumbers(z0=z, p=p, gain=nothing, bias=nothing, holds=nothing, bound=BOUND)
+    assert not fits(system(delayed), METHODS[method])
+    found = Ensemble(system(delayed), method).run_each(plans, members, rows=True, threads=2)
+    assert found.rows is not None
+    for k, own in enumerate(plans):
+        alone = program(method, delayed=delayed).run(own, Start(z[:, [k]], p[:, [k]], BOUND))
+        np.testing.assert_array_equal(found.rows[..., k], alone.rows[..., 0])
+        np.testing.assert_array_equal(found.error[:, k], alone.error[:, 0])
+
+
+def test_fewer_lanes_where_rows_are_many(monkeypatch: pytest.MonkeyPatch) -> None:
+    made = plan(0)
+    z, p = (np.column_stack(numbers) for numbers in zip(*(start_of(seed) for seed in range(5)), strict=True))
+    members = MemberNumbers(z0=z, p=p, gain=made.gain, bias=made.bias, holds=made.holds, bound=BOUND)
+    ensemble = Ensemble(system(False), "rk4", 8)
+    wide = ensemble.run(made, members, rows=True)
+    monkeypatch.setattr("hgorun.engine.ensemble._ROWS", 2 * STATES * made.grid.size)
+    narrow = ensemble.run(made, members, rows=True)
+    assert wide.rows is not None
+    assert narrow.rows is not None
+    np.testing.assert_array_equal(wide.rows, narrow.rows)
+    assert set(ensemble._others) == {2, 8}
+
+
+def test_numbers_that_a_plan_reads_have_to_be_there() -> None:
+    z, p = start_of(0)
+    made = plan(0)
+    short = MemberNumbers(z0=z[:, None], p=p[:, None], gain=made.gain[:2], bias=made.bias, holds=made.holds)
+    with pytest.raises(ValueError, match="gain has 2 rows, the plan needs 5"):
+        Ensemble(system(False), "rk4", 2).run(made, short)
+
+
 def test_a_plant_that_diverges_ends_its_own_lane_alone() -> None:
     """The others have the bits that they have without it."""
     made = plan(1)

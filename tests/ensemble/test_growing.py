@@ -10,6 +10,7 @@ from ensembles import base, ensemble, small
 
 import hgorun
 from hgorun.ensemble.carried import carry_out
+from hgorun.ensemble.outcome import outcome_of
 from hgorun.ensemble.recipe import recipe_of
 from hgorun.ensemble.store import Store
 from hgorun.ensemble.sweep import Place, sweep_to
@@ -85,6 +86,18 @@ def test_a_folder_that_is_whole_reads_like_its_file(tmp_path: Path) -> None:
     assert folder.to_xarray().identical(file.to_xarray())
     assert folder.families == file.families
     assert (folder.trajectories is None, file.trajectories is None) == (False, False)
+
+
+def test_an_ensemble_may_be_of_a_plant_alone(tmp_path: Path) -> None:
+    place = Place.of(tmp_path / "a.h5")
+    alone = base().varied({"observers.SHGO": None, "observers.FHGO": None})
+    sweep_to(ensemble({"plant.initial.x1": [1.0, 2.0]}, alone, keep={"trajectories": "all"}), place)
+    found = hgorun.read_sweep(place.file)
+    assert found.metrics["rmse"].shape == (2, 0, 2)
+    assert found.trajectories is not None
+    assert found.trajectories.x[:, 0, 0].tolist() == [1, 2]
+    told = outcome_of(place.file)
+    assert (told.members, told.failed, told.observers, told.status) == (2, 0, {}, "ok")
 
 
 def test_text_is_an_axis_too(tmp_path: Path) -> None:

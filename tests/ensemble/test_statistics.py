@@ -7,8 +7,9 @@ import pytest
 from collected_files import write
 from scipy import stats
 
-from hgorun.ensemble.collected import Collected, read
-from hgorun.ensemble.statistics import holm, points, quantiles, statistics
+from hgorun.ensemble.collected import Collected
+from hgorun.ensemble.reading import read
+from hgorun.ensemble.statistics import holm, points, quantiles, statistics, thinned
 
 SEEDS, OBSERVERS, STATES = 40, ("F", "S", "T"), ("x1", "x2")
 DIVERGED, FAILED, INACCURATE = 2, 4, 1
@@ -92,6 +93,31 @@ def test_points_divide_the_members(members: Collected) -> None:
     )
 
 
+def test_points_that_no_grid_has() -> None:
+    """Every member is a point of its own: there is one for each, and not one for each pair of values."""
+    size = 500
+    random = np.random.default_rng(0)
+    members = Collected(
+        name="x",
+        axes={
+            "a": random.random(size),
+            "b": random.random(size),
+            "c": np.array(["u", "v"] * (size // 2), dtype=object),
+        },
+        observers=("F",),
+        states=("x",),
+        metrics={"sup": random.random((size, 1, 1))},
+        status=np.zeros((size, 1), dtype=np.int8),
+        error=np.full(size, "", dtype=object),
+    )
+    divided = list(points(members, ["a", "b", "c"]))
+    assert [at["a"] for at, _ in divided] == sorted(members.axes["a"].tolist())
+    assert all(len(part) == 1 and part.axes["c"][0] == at["c"] for at, part in divided)
+    assert len(list(points(thinned(members, ["a", "b"], 60), ["a", "b"]))) <= 60
+    assert [at for at, _ in points(members, ["c"])] == [{"c": "u"}, {"c": "v"}]
+    assert [(at, len(part)) for at, part in points(members, [])] == [({}, size)]
+
+
 def test_too_few_members_leave_the_uncertainty_open(members: Collected) -> None:
     one = np.zeros(len(members), dtype=bool)
     one[3] = True
@@ -126,6 +152,21 @@ def test_differences_without_scatter() -> None:
     assert [(d.a, d.b, d.mean, d.p) for d in statistics(members).differences] == [
         ("a", "b", 0.0, 1.0), ("a", "c", -1.0, 0.0), ("b", "c", -1.0, 0.0)
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize("value", [0.1, 1 / 3, -7e-9, 0.0])
+def test_without_chance_there_is_no_uncertainty(value: float) -> None:
+    members = Collected(
+        name="x",
+        axes={"seed": np.arange(7)},
+        observers=("a",),
+        states=("x",),
+        metrics={"sup": np.full((7, 1, 1), value)},
+        status=np.zeros((7, 1), dtype=np.int8),
+        error=np.full(7, "", dtype=object),
+    )
+    summary = statistics(members).summaries["a", "sup", "x"]
+    assert (summary.mean, summary.sem, summary.ci95) == (value, 0.0, (value, value))
 
 
 def test_holm_by_hand() -> None:

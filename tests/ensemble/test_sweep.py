@@ -21,11 +21,11 @@ from ensembles import base, ensemble, small
 import hgorun
 from hgorun.ensemble import collecting, executors
 from hgorun.ensemble.carried import Carried, carry_out
-from hgorun.ensemble.collected import read
 from hgorun.ensemble.collecting import collect, is_collected
 from hgorun.ensemble.cuts import Cuts, most_members
 from hgorun.ensemble.ensemble import Ensemble
 from hgorun.ensemble.executors import Executor, processes, threads
+from hgorun.ensemble.reading import read
 from hgorun.ensemble.recipe import recipe_of
 from hgorun.ensemble.store import Store
 from hgorun.ensemble.sweep import Count, Part, Place, finished, sweep_to

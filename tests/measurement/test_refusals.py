@@ -69,6 +69,7 @@ def test_steps_may_stop_being_positive_after_the_run() -> None:
     [
         ("loud", "expected a mapping with type: .*found 'loud'"),
         ({"std": 1}, "type is missing; one of"),
+        ({"type": "normal"}, "no noise is called 'normal'. Did you mean .*gaussian"),
         ({"type": "gausian"}, "no noise is called 'gausian'. Did you mean .*gaussian"),
     ],
 )

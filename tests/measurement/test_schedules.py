@@ -20,10 +20,12 @@ from hgorun.config.models import Time
 from hgorun.errors import Problem
 from hgorun.measurement import events as irregular
 from hgorun.measurement import schedule as measured
+from hgorun.measurement import variants
 from hgorun.measurement.availability import resolve
 from hgorun.measurement.blocks import Measurement
+from hgorun.measurement.channels import Channel, find_channels
 from hgorun.measurement.events import Irregular
-from hgorun.measurement.schedule import Channel, Schedule, build_schedule, find_channels
+from hgorun.measurement.schedule import Schedule, build_schedule
 
 GRID = 20  # times are decimals, multiples of 1/GRID: what coincides on paper does not in binary
 LEVELS = 4
@@ -210,7 +212,7 @@ def test_events_and_what_holds_between_them(case: Any) -> None:
             outputs, lists, expected, channels, variant, strict=True
         ):
             word, phase = naive.kind_at(phases, samples, middle)
-            assert (kind, number) == (getattr(measured, word), phase)
+            assert (kind, number) == (getattr(variants, word), phase)
             (here,) = [p for p in phases if p.start <= middle < p.end]
             if here.sampling.continuous:
                 drawn = [item for item in here.noise if item.function is None]

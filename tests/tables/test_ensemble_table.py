@@ -126,3 +126,9 @@ def test_latex_rows_have_one_width() -> None:
         if "&" in line and "multicolumn" not in line
     ]
     assert {line.count("&") for line in made_rows} == {2}
+
+
+def test_many_values_of_an_axis_are_told_by_their_ends() -> None:
+    found = as_json(compared(made(1001), ()))
+    assert found["axes"]["seed"] == {"first": 0, "last": 1000, "count": 1001}
+    assert found["axes"]["observers.F.theta"] == [2.0, 4.0]

@@ -208,6 +208,26 @@ def test_a_file_of_its_own(shell: Shell) -> None:
     assert "# the gain is to be tuned" in (shell.folder / "out" / "t.tuned.yaml").read_text()
 
 
+def test_keys_of_tune_can_be_changed_on_the_command_line_and_no_others(shell: Shell) -> None:
+    code, out, _ = shell("tune", "c.yaml", "--json", "--no-plots", "--set", "tune.held_out=4")
+    assert code == 0
+    assert json.loads(out)["observers"]["SHGO"]["held_out"] == 4
+    code, _, err = shell("tune", "c.yaml", "--set", "time.end=3")
+    assert code == 2
+    assert "the tuned file would lack other changes" in err
+
+
+def test_a_run_of_several(shell: Shell) -> None:
+    runs = "runs:\n  slow: {}\n  fast: {measurement: {sampling: {period: 0.04}}}\n"
+    (shell.folder / "c.yaml").write_text(CONFIG + TUNE + runs)
+    code, _, err = shell("tune", "c.yaml")
+    assert code == 2
+    assert "name one with --run" in err
+    assert shell("tune", "c.yaml", "--run", "fast", "-q", "--no-plots")[0] == 0
+    tuned_file = shell.folder / "results" / "c.tuned.yaml"
+    assert load(tuned_file, run="fast").observers["SHGO"].theta != 2  # type: ignore[attr-defined]  # of this family
+
+
 def test_without_the_key_nothing_is_tuned(shell: Shell) -> None:
     (shell.folder / "plain.yaml").write_text(CONFIG)
     code, _, err = shell("tune", "plain.yaml")

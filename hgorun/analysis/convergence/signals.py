@@ -9,7 +9,7 @@ import numpy as np
 
 from hgorun.analysis.convergence.charts import Chart
 from hgorun.analysis.convergence.lipschitz import ranges
-from hgorun.measurement.schedule import Channel
+from hgorun.measurement.channels import Channel
 from hgorun.result.result import Result
 from hgorun.simulation.prepared import PreparedRun
 

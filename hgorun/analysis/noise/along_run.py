@@ -22,7 +22,7 @@ from hgorun.analysis.linear.linear import Linear, Linearisation
 from hgorun.analysis.linear.transfer import relevant_states, restricted
 from hgorun.analysis.noise.events import Edges, edges_of
 from hgorun.analysis.reasons import NO_SLOPES, NoValue, no_spectrum
-from hgorun.measurement.schedule import Channel
+from hgorun.measurement.channels import Channel
 from hgorun.noise.base import Wave
 from hgorun.result.result import Result
 from hgorun.simulation.prepared import PreparedRun
