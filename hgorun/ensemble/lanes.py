@@ -27,7 +27,7 @@ def fits(run: PreparedRun, method: Method) -> bool:
     """Whether runs like this one can be carried out side by side."""
     readout = run.structure.outputs.places is not None  # else outputs are looked at along the whole run
     estimates = all(of.places is not None for of in run.structure.estimates) or run.experiment.grid[2] == 1
-    return bool(run.observers) and not run.adaptive and method in _IN_LANES and readout and estimates
+    return not run.adaptive and method in _IN_LANES and readout and estimates
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -58,7 +58,8 @@ def carry_out(lot: Lot, how: Pass, metrics: Sequence[Metric], *, rows: bool = Fa
         Where it cannot be made with the memory that there is.
     """
     run = lot.run
-    reduction, ensemble = reduction_of(run, metrics), run.structure.ensemble(how.method)
+    reduction = reduction_of(run, metrics) if run.observers else None
+    ensemble = run.structure.ensemble(how.method)
     if lot.own is None:
         plan, start = plan_of(run, how)
         numbers, steps = lot.numbers.beside(plan, start.bound), np.full(lot.which.size, plan.steps)
@@ -67,7 +68,8 @@ def carry_out(lot: Lot, how: Pass, metrics: Sequence[Metric], *, rows: bool = Fa
         plans = [plan_of(own, how)[0] for own in lot.own]
         numbers, steps = lot.numbers.beside(plans[0], plan_of(run, how)[1].bound), np.array([p.steps for p in plans])
         found = ensemble.run_each(plans, numbers, reduction, rows=rows, threads=threads)
-    named = dict(reduction.named(found.reduced))
+    nothing = np.empty((0, run.plant.model.n, lot.which.size))
+    named = dict(reduction.named(found.reduced)) if reduction else {metric.name: nothing for metric in metrics}
     return Passed(metrics=named, sound=_sound(lot, found, named), steps=steps, rows=found.rows)
 
 
@@ -75,8 +77,9 @@ def _sound(lot: Lot, found: Outcome, metrics: dict[str, Floats]) -> np.ndarray:
     """Of which members there is nothing to be said."""
     run = lot.run
     sound = ~np.isfinite(found.plant_diverged) & ~np.any(np.isfinite(found.diverged), axis=0)
-    lost = np.all([np.all(np.isinf(values), axis=1) for values in metrics.values()], axis=0)  # as where it ends
-    sound &= ~np.any(lost, axis=0)
+    if run.observers:
+        lost = np.all([np.all(np.isinf(values), axis=1) for values in metrics.values()], axis=0)  # as where it ends
+        sound &= ~np.any(lost, axis=0)
     x = np.stack([found.first, found.last])[:, : run.plant.model.n]
     for j in range(len(run.observers)):
         sound &= ~may_have_left(x, _ends(lot, found, j))

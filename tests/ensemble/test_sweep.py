@@ -17,6 +17,7 @@ import h5py
 import numpy as np
 import pytest
 from ensembles import base, ensemble, small
+from examples import VAN_DER_POL, experiment
 
 import hgorun
 from hgorun.ensemble import collecting, executors
@@ -78,6 +79,33 @@ def test_the_file_does_not_tell_how_it_came_about(
         carry_out_all(store, by_blocks(order))
         assert finished(store, place.file, lambda: None)
         assert place.file.read_bytes() == whole
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("measurement", "step", "axes"),
+    [
+        ({"sampling": {"period": 0.1}}, None, {"observers.SHGO.theta": {"log": [1, 300, 13]}, "seed": {"count": 2}}),
+        ({"sampling": {"period": 0.1}}, 0.05, {"observers.*.theta": {"log": [1, 3000, 30]}}),
+        ({"sampling": {"period": 0.1, "jitter": 0.02, "dropout": 0.1}}, 0.01, {"seed": {"count": 30}}),
+        ({"delay": 0.1}, 0.01, {"measurement.delay": {"linear": [0.05, 0.3, 30]}}),
+    ],
+    ids=["automatic steps", "divergence", "random times", "delays"],
+)
+def test_blocks_decide_nothing(
+    tmp_path: Path, measurement: dict[str, Any], step: float | None, axes: dict[str, Any]
+) -> None:
+    """Nothing in the file, steps and statuses included, depends on who was carried out side by side with whom."""
+    observers = {"SHGO": {"type": "shgo", "theta": 3}, "FHGO": {"type": "fhgo1", "theta": 2, "delta": 3}}
+    of = ensemble(axes, experiment(VAN_DER_POL, observers, end=1.0, step=step, measurement=measurement))
+    files = set()
+    for i, order in enumerate([[(0, of.size)], [(1, of.size), (0, 1)], [(k, k + 1) for k in range(of.size)]]):
+        place = Place.of(tmp_path / f"{i}.h5")
+        store = Store.opened(place.folder, of)
+        carry_out_all(store, by_blocks(order))
+        assert finished(store, place.file, lambda: None)
+        files.add(place.file.read_bytes())
+    assert len(files) == 1
 
 
 @pytest.mark.slow
