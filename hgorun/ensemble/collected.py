@@ -89,6 +89,11 @@ class Collected:
         return np.isin(self.status, _OK)
 
     @property
+    def worst(self) -> str:
+        """The worst status of all observers in all members."""
+        return STATUSES[int(self.status.max(initial=0))]
+
+    @property
     def all_ok(self) -> bool:
         """Whether every observer is ok in every member."""
         return not self.status.any()

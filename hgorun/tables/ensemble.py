@@ -82,9 +82,9 @@ def as_json(found: Compared) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``{name, file, members, planned, axes: {axis: [values]}, observers: {label: {failed, metric: {state: {mean,
-        median, sem, ci95, q05, q25, q75, q95, n}}}}, paired: [{a, b, metric, state, mean, ci95, n, p, p_holm}]}``,
-        and ``points``, each with ``at: {axis: value}`` and the same keys, where the ensemble is divided.
+        ``{name, file, status, members, planned, axes: {axis: [values]}, observers: {label: {failed, metric: {state:
+        {mean, median, sem, ci95, q05, q25, q75, q95, n}}}}, paired: [{a, b, metric, state, n, mean, ci95, p,
+        p_holm}]}``, and ``points``, each with ``at: {axis: value}`` and the same keys, where the ensemble is divided.
         Numbers that are not finite are text, those that are not known null. An axis with more than a thousand values
         is ``{first, last, count}``.
     """
@@ -92,6 +92,7 @@ def as_json(found: Compared) -> dict[str, Any]:
     whole: dict[str, Any] = {
         "name": members.name,
         "file": found.file,
+        "status": members.worst,
         "members": found.whole.members,
         "planned": members.planned,
         "axes": {axis: _levels(values) for axis, values in members.axes.items()},

@@ -88,6 +88,7 @@ def test_an_ensemble_divided_by_an_axis() -> None:
 def test_json_has_the_keys_that_were_promised() -> None:
     found = json.loads(json.dumps(as_json(compared(made(lost=1), (), file="m.sweep.h5")), allow_nan=False))
     assert (found["name"], found["members"], found["file"]) == ("made", 60, "m.sweep.h5")
+    assert found["status"] == "diverged"
     assert set(found["observers"]["F"]["rmse"]["x1"]) == {
         "mean", "median", "sem", "ci95", "q05", "q25", "q75", "q95", "n"
     }  # fmt: skip

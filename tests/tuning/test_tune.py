@@ -162,6 +162,32 @@ def test_what_does_not_fit_is_refused(experiment: Experiment, change: dict[str, 
         tasks(experiment, block(**change))
 
 
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"gains": {}}, "expected 1 to 6 gains, found 0"),
+        ({"gains": {THETA: {}}}, "exactly one of log and linear"),
+        ({"gains": {THETA: {"log": [0, 1]}}}, "a logarithmic range needs numbers > 0"),
+        ({"gains": {THETA: {"linear": [2, 1]}}}, "expected \\[low, high\\] with low < high"),
+        ({"minimise": 3}, "expected a quantity"),
+        ({"minimise": ["a(F, x)", "b(F, x)", "c(F, x)"]}, "at most 2"),
+        ({"subject": [{"value": "sup(F, x)"}]}, "exactly one of below and above"),
+        ({"subject": ["sup(F, x)"]}, "expected a mapping"),
+        ({"budget": 20}, "too small for 5 seeds: 40 at least"),
+    ],
+)
+def test_blocks_that_say_nothing_sensible_are_refused(change: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        block(**change)
+
+
+def test_yaml_may_cut_quantities_at_their_commas() -> None:
+    """As it does with ``[hf(F, x2), settling(F, x2)]`` and ``{value: peak(F, x2), below: 3}``."""
+    cut = block(minimise=["hf(F", "x2)", "settling(F", "x2)"], subject=[{"value": "peak(F", "x2)": None, "below": 3}])
+    assert cut.minimise == ("hf(F, x2)", "settling(F, x2)")
+    assert cut.subject[0].value == "peak(F, x2)"
+
+
 TUNE = """\
 tune:
   gains: {observers.SHGO.theta: {log: [0.5, 10]}}
@@ -196,6 +222,19 @@ def test_the_command_writes_gains_and_evidence(shell: Shell) -> None:
         assert group["front/gains"][chosen, 0] == theta
         mean = found["observers"]["SHGO"]["front"][chosen]["held_out"]["hf('SHGO', x2)"]["mean"]
         assert group["front/held_out"][chosen, :, 0].mean() == pytest.approx(mean, rel=1e-14)
+
+
+def test_one_goal_is_drawn_against_each_gain(shell: Shell) -> None:
+    gains = "{observers.FHGO.theta: {log: [0.5, 10]}, observers.FHGO.poles: {linear: [-2, -0.5]}}"
+    block_of_two = TUNE.replace("{observers.SHGO.theta: {log: [0.5, 10]}}", gains).replace("SHGO", "FHGO")
+    wanted = block_of_two.replace("[hf(FHGO, x2), settling(FHGO, x2)]", "hf(FHGO, x2)")
+    (shell.folder / "c.yaml").write_text(
+        CONFIG + wanted.replace("peak(FHGO, x2), below: 30", "settling(FHGO, x2), below: 3")
+    )
+    code, out, _ = shell("tune", "c.yaml")
+    assert code == 0
+    assert "the least, on 10 held-out seeds" in out
+    assert (shell.folder / "results" / "c.tune.png").stat().st_size > 10_000
 
 
 def test_a_file_of_its_own(shell: Shell) -> None:
