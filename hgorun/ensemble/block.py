@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
@@ -142,10 +142,10 @@ class _Work:
                 self._alone(self._lot(lot))
 
     def _alone(self, which: Integers) -> None:
-        """Members that are looked at one by one, their passes side by side where they have one plan."""
+        """Members that are looked at one by one, their passes side by side."""
         for start in range(0, which.size, _PREPARED):
             groups, rest = self._groups(which[start : start + _PREPARED])
-            for group in groups.values():
+            for group in _with_others(groups.values()):
                 if group[0][1].solver.controlled:
                     rest += group
                     continue
@@ -174,7 +174,7 @@ class _Work:
         return groups, rest
 
     def _looked_at(self, group: _Group) -> None:
-        """Members with one plan of given steps."""
+        """Members of given steps, with one plan or each with its own."""
         suspects = Suspects([run for _, run in group], self.threads)
         for k, (i, run) in enumerate(group):
             try:
@@ -213,6 +213,17 @@ class _Work:
 
 
 _Group = list[tuple[int, PreparedRun]]  # members with the same settings and times
+
+
+def _with_others(groups: Iterable[_Group]) -> Iterator[_Group]:
+    """Groups of members with one plan; those of a single member are one group with all others of its settings."""
+    single: dict[object, _Group] = {}
+    for group in groups:
+        if len(group) > 1:
+            yield group
+        else:
+            single.setdefault(settings_of(group[0][1]), []).extend(group)
+    yield from single.values()
 
 
 def _lots(groups: Sequence[_Group]) -> Iterator[Lot]:

@@ -14,8 +14,8 @@ import numpy as np
 from hgorun.engine.ensemble import Outcome
 from hgorun.engine.memory import Raw
 from hgorun.engine.plan import Plan
-from hgorun.ensemble.lot import Lot, Numbers
-from hgorun.errors import PlantDiverged
+from hgorun.ensemble.lot import Lot, Numbers, times_of
+from hgorun.errors import PlantDiverged, Problem
 from hgorun.simulation import passes
 from hgorun.simulation.passes import Pass, as_given, plan_of
 from hgorun.simulation.prepared import PreparedRun
@@ -30,7 +30,7 @@ def together(run: PreparedRun) -> int:
 
 @dataclass(frozen=True, eq=False)
 class Suspects:
-    """Members of one plan that are looked at together.
+    """Members that are looked at together, with one plan or each with its own.
 
     Attributes
     ----------
@@ -41,12 +41,7 @@ class Suspects:
 
     runs: Sequence[PreparedRun]
     threads: int = 1
-    _passes: dict[int, tuple[Outcome, int]] = field(default_factory=dict)
-
-    @property
-    def how(self) -> Pass:
-        """The pass that has made them suspects."""
-        return as_given(self.runs[0])
+    _passes: dict[int, _Made] = field(default_factory=dict)
 
     def raw(self, i: int) -> Raw:
         """What a member has given, up to where it was stopped."""
@@ -54,7 +49,7 @@ class Suspects:
 
     def again(self, i: int) -> Again:
         """A member once more."""
-        return Again(self, i, passes.Again(self.runs[i], self.how))
+        return Again(self, i, passes.Again(self.runs[i], as_given(self.runs[i])))
 
     def free(self, i: int, shorter: int) -> Raw:
         """What a member gives without a bound, with steps so many times shorter.
@@ -62,32 +57,69 @@ class Suspects:
         Raises
         ------
         PlantDiverged
+        Problem
+            Where there is no time or no memory for so many steps.
         """
         return self._raw(i, shorter)
 
     def _raw(self, i: int, shorter: int) -> Raw:
-        found, steps = self._pass(shorter)
-        if np.isfinite(found.plant_diverged[i]):
-            raise PlantDiverged("the plant diverged", float(found.plant_diverged[i]))
-        own, run = slice(i, i + 1), self.runs[i]
+        if shorter not in self._passes:
+            self._passes[shorter] = self._pass(shorter)
+        made = self._passes[shorter]
+        if i in made.problems:
+            raise made.problems[i]
+        place, found, run = made.places[i], made.found, self.runs[i]
+        if np.isfinite(found.plant_diverged[place]):
+            raise PlantDiverged("the plant diverged", float(found.plant_diverged[place]))
+        own = slice(place, place + 1)
         assert found.rows is not None
         slots = sum(channel.samples.arrival.size for channel in run.channels)
         nothing = np.full((slots, 1), np.nan), np.full((run.structure.system.held.size, 1), np.nan)
+        steps = made.steps[place]
         return Raw(found.rows[:, :, own], nothing[0], found.diverged[:, own], found.error[:, own], nothing[1], steps)
 
-    def _pass(self, shorter: int) -> tuple[Outcome, int]:
+    def _pass(self, shorter: int) -> _Made:
         """The pass of all members: with the bound for 0, else without it and with steps so many times shorter."""
-        if shorter not in self._passes:
-            run, how = self.runs[0], self.how
-            if shorter:
-                longest = how.step if shorter == 1 else min(how.step, run.longest_gap) / shorter
-                how = replace(how, step=longest, bounded=False)
-            lot = Lot(run, np.arange(len(self.runs)), Numbers.of(self.runs))
-            plan, start = plan_of(run, how)
-            numbers = lot.numbers.beside(plan, start.bound)
-            ensemble = run.structure.ensemble(how.method)
-            self._passes[shorter] = ensemble.run(plan, numbers, rows=True, threads=self.threads), plan.steps
-        return self._passes[shorter]
+        plans, starts, problems = [], [], {}
+        for i, run in enumerate(self.runs):
+            try:
+                plan, start = plan_of(run, _how(run, shorter))
+            except Problem as problem:
+                problems[i] = problem
+                continue
+            plans.append(plan)
+            starts.append(start)
+        if not plans:
+            raise problems[0]
+        which = [i for i in range(len(self.runs)) if i not in problems]
+        runs = [self.runs[i] for i in which]
+        ensemble = runs[0].structure.ensemble(as_given(runs[0]).method)
+        if len({times_of(run) for run in runs}) == 1:
+            numbers = Numbers.of(runs).beside(plans[0], starts[0].bound)
+            found = ensemble.run(plans[0], numbers, rows=True, threads=self.threads)
+        else:
+            numbers = Lot.of(which, runs).numbers.beside(plans[0], starts[0].bound)
+            found = ensemble.run_each(plans, numbers, rows=True, threads=self.threads)
+        places = {i: place for place, i in enumerate(which)}
+        return _Made(found, places, [plan.steps for plan in plans], problems)
+
+
+@dataclass(frozen=True, eq=False)
+class _Made:
+    """A pass of several members: the place and the steps of each, and why some could not be made."""
+
+    found: Outcome
+    places: dict[int, int]
+    steps: list[int]
+    problems: dict[int, Problem]
+
+
+def _how(run: PreparedRun, shorter: int) -> Pass:
+    how = as_given(run)
+    if not shorter:
+        return how
+    longest = how.step if shorter == 1 else min(how.step, run.longest_gap) / shorter
+    return replace(how, step=longest, bounded=False)
 
 
 @dataclass(frozen=True, eq=False)

@@ -194,7 +194,7 @@ def test_another_instruction_set_makes_the_same_bits(config: Path, file: Path, t
     shipped = Path(__file__).parents[2] / "experiments/robles2023/chapter3/contois_te025.yaml"
     here = hgorun.simulate(hgorun.load(shipped)).save(tmp_path / "contois.h5")
     for made in (file, here):
-        checked = command(tmp_path, "rerun", str(made), "--check", **OTHER)
+        checked = command(tmp_path, "rerun", str(made), "--check", "-q", **OTHER)
         assert (checked.returncode, checked.stderr) == (0, ""), checked.stdout
     there = command(tmp_path, "simulate", str(config), "-q", **OTHER)
     assert (there.returncode, there.stderr) == (0, "")
