@@ -69,7 +69,7 @@ def write(
 
 def column(values: Sequence[Any]) -> np.ndarray:
     """Numbers, or texts as objects."""
-    return np.array(values, dtype=object) if any(isinstance(v, str) for v in values) else np.asarray(values)
+    return np.array(values, dtype=object) if all(isinstance(v, str) for v in values) else np.asarray(values)
 
 
 def scale(file: h5py.File, name: str, values: np.ndarray) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json as json_text
 from collections.abc import Callable, Sequence
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -49,7 +50,7 @@ def compare_ensembles(options: Compare) -> int:
         print(style(found))
     if options.plots:
         written = [path for one in found for path in draw(one, options)]
-        if options.text and options.format == "text":
+        if written and options.text and options.format == "text":
             print("written: " + ", ".join(map(str, written)))
     return NOT_OK if options.strict and not all(one.members.all_ok for one in found) else 0
 
@@ -105,6 +106,8 @@ def report(options: Report) -> int:
 
     refuse_other_kinds(options.output, _PAGES)
     found = _compared(read_sweep(options.source), options, str(options.source))
+    if not found.members.observers:
+        raise ConfigError("it has no observers, so there is nothing to report", file=str(options.source))
     output = options.output or RESULTS
     path = write_page(found, output if output.suffix.lower() in _PAGES else output / f"{found.members.name}.html")
     if options.json:
@@ -122,7 +125,7 @@ def draw(found: Compared, options: Compare) -> list[Path]:
     output = options.output or RESULTS
     figures = figures_of(found.members, options.metrics)
     if output.suffix.lower() in DRAWING_SUFFIXES:
-        return save(next(figures)[1], output.with_suffix(""))
+        return [path for _, figure in islice(figures, 1) for path in save(figure, output.with_suffix(""))]
     return [path for kind, figure in figures for path in save(figure, output / f"{found.members.name}-{kind}")]
 
 

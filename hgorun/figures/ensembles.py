@@ -32,8 +32,10 @@ def figures_of(members: Collected, metrics: Sequence[str] = ()) -> Iterator[tupl
     (str, Figure)
         ``boxes`` where members differ in chance alone, ``against-AXIS`` for every axis, ``map-METRIC`` where there
         are two axes, ``front`` of settling time and noise amplification; ``bands`` and ``family-AXIS`` of the
-        trajectories that were kept.
+        trajectories that were kept. Nothing where there are no observers.
     """
+    if not members.observers:
+        return
     chosen = [name for name in metrics or _SHOWN if name in members.metrics] or list(members.metrics)[:2]
     if not members.chosen:
         yield "boxes", boxes(members, chosen)

@@ -185,6 +185,9 @@ def text(found: Sequence[Compared], *, pairs: bool = True) -> str:
             *wrapped(first),
             *(line for other in others for line in wrapped(other, "  ")),
         ]
+        if not one.members.observers:
+            lines += ["", "no observers"]
+            continue
         lines += _by_point(one) if one.by else _whole(one, pairs=pairs)
     return "\n".join(lines)
 

@@ -90,3 +90,27 @@ def test_single_runs_are_not_compared_with_ensembles(shell: Shell) -> None:
 def test_strict(shell: Shell) -> None:
     assert shell("compare", "a.sweep.h5", "--strict", "-q", "--no-plots")[0] == 3
     assert shell("compare", "a.sweep.h5", "--strict", "-q", "--no-plots", "--at", "theta=2")[0] == 0
+
+
+def test_an_ensemble_without_observers(shell: Shell) -> None:
+    """Of the plant alone there are trajectories, and nothing to compare."""
+    path = shell.folder / "p.sweep.h5"
+    write(path, {"seed": range(3)}, {"rmse": np.zeros((3, 0, 2))}, observers=[], states=["x1", "x2"])
+    code, out, err = shell("compare", "p.sweep.h5")
+    assert (code, err) == (0, "")
+    assert out.splitlines()[:4] == ["p", "  3 members; seed 0, 1, 2", "", "no observers"]
+    for how in (["--format", "csv"], ["--format", "latex"], ["--json"], ["-o", "a.png"]):
+        assert shell("compare", "p.sweep.h5", *how)[::2] == (0, "")
+    assert not (shell.folder / "a.png").exists()
+
+
+@pytest.mark.parametrize("size", [1, 2])
+def test_few_members(shell: Shell, size: int) -> None:
+    values = np.ones((size, 2, 1))
+    status = np.full((size, 2), 2)
+    for name, lost in (("fine", np.zeros_like(status)), ("lost", status)):
+        values = np.where(lost[:, :, None] > 1, np.inf, values)
+        path = shell.folder / f"{name}.sweep.h5"
+        write(path, {"seed": range(size)}, {"rmse": values}, observers=["F", "S"], states=["x1"], status=lost)
+        for how in ([], ["--format", "csv"], ["--format", "latex"], ["--json"]):
+            assert shell("compare", f"{name}.sweep.h5", *how)[::2] == (0, "")

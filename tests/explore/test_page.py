@@ -81,6 +81,10 @@ def test_only_some_members_and_metrics(shell: Shell) -> None:
 
 def test_what_does_not_fit_is_refused(shell: Shell) -> None:
     assert shell("report", "missing.sweep.h5")[0] == 2
+    write(shell.folder / "p.sweep.h5", {"seed": range(2)}, {"sup": np.ones((2, 0, 1))}, observers=[], states=["x1"])
+    code, _, err = shell("report", "p.sweep.h5")
+    assert code == 2
+    assert "it has no observers" in err
     code, _, err = shell("report", "a.sweep.h5", "-o", "page.pdf")
     assert code == 2
     assert ".html" in err
