@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -28,6 +29,7 @@ from hgorun.simulation.simulate import finished, located, simulate_prepared
 __all__ = ["Block", "compute"]
 
 _FEW = 24  # members of a family that are prepared one by one
+_SIDE_BY_SIDE = 3  # members of one structure, for which code for several at once is compiled
 _PREPARED = 512  # runs that are kept prepared at once
 _NUMBERS = (
     4_000_000  # doubles of the members of a lot: of their numbers, and of their trajectories where these are kept
@@ -152,9 +154,10 @@ class _Work:
             self._singles(rest)
 
     def _groups(self, which: Integers) -> tuple[dict[object, _Group], _Group]:
-        """Members by what they have in common, prepared; and those that cannot be carried out side by side."""
+        """Members by what they have in common, prepared; and those that are better carried out alone."""
         groups: dict[object, _Group] = {}
         rest: _Group = []
+        of_structure: Counter[int] = Counter()
         for i in which.tolist():
             try:
                 run = prepare(self.base.varied(self.members.changes(i)))
@@ -164,6 +167,10 @@ class _Work:
                 continue
             own = groups.setdefault((settings_of(run), times_of(run)), []) if _able(run) else rest
             own.append((i, run))
+            of_structure[id(run.structure)] += 1
+        for key, group in list(groups.items()):  # code for a single run is made and loaded sooner
+            if of_structure[id(group[0][1].structure)] < _SIDE_BY_SIDE:
+                rest += groups.pop(key)
         return groups, rest
 
     def _looked_at(self, group: _Group) -> None:

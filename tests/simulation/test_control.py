@@ -379,13 +379,13 @@ def test_a_large_initial_gain_is_followed(size: float) -> None:
 
 @pytest.mark.parametrize("delay", ["0.1", "0.1*(1 + sin(t)/2)"], ids=["constant", "varying"])
 def test_delayed_outputs_are_right_with_default_settings(delay: str) -> None:
-    observers = {"plant": {"type": "shgo", "theta": 3, "initial": {"x1": 2, "x2": 1}}}  # called like the plant
+    observers = {"SHGO": {"type": "shgo", "theta": 3, "initial": {"x1": 2, "x2": 1}}}
     e = experiment(VAN_DER_POL, observers, end=10, output_step=0.05, measurement={"delay": delay})
     found, right = simulate(e), simulate(e.varied({"solver": {"method": "dopri5", "step": 2e-4}}))
     assert found.status == "ok"
-    for name, values in right.observers["plant"].metrics.items():
+    for name, values in right.observers["SHGO"].metrics.items():
         accuracy = 1e-3 + (0.05 / 10 if name == "settling" else 0)
-        np.testing.assert_allclose(found.observers["plant"].metrics[name], values, rtol=accuracy, err_msg=name)
+        np.testing.assert_allclose(found.observers["SHGO"].metrics[name], values, rtol=accuracy, err_msg=name)
 
 
 @pytest.mark.parametrize("ratio", [0.125, 0.62, 1.62])
