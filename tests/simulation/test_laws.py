@@ -151,7 +151,7 @@ def test_pieces_of_a_long_segment_do_not_change_bits(
 ) -> None:
     config = configuration(MEASUREMENTS[name] | {"noise": SINE}, {"S": SHGO, "F": FHGO})
     whole = run(tmp_path, config, "solver.step=0.0004")
-    monkeypatch.setattr("hgorun.simulation.tables._PIECE", 7)
+    monkeypatch.setattr("hgorun.simulation.steps._PIECE", 7)
     pieces = run(tmp_path, config, "solver.step=0.0004")
     assert same(whole, pieces, "S", "F")
 
