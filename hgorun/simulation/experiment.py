@@ -22,10 +22,10 @@ from hgorun.plants.base import Plant
 from hgorun.plants.build import BuiltPlant, build_plant
 from hgorun.result.data import Coordinates
 from hgorun.simulation.blocks import Checked, check, check_again, observer_of, plain, resolved
-from hgorun.simulation.forms import form_of
+from hgorun.simulation.forms import coordinates_of, form_of
 from hgorun.simulation.grid import grid_of, metric_step
 from hgorun.simulation.observer_block import Design
-from hgorun.symbolic.forms import ChosenChains, Form
+from hgorun.symbolic.forms import Form
 
 # what the runs of a family share, and by which their schedules are known again
 _STRETCHES: Memo[list[list[Stretch]]] = Memo(16)
@@ -217,8 +217,8 @@ class Experiment:
     @cached_property
     def coordinates(self) -> dict[str, Coordinates]:
         """Of every observer with constant gain the coordinates in which it corrects."""
-        chains = {label: form for label, form in self.forms.items() if isinstance(form, ChosenChains)}
-        return {label: Coordinates(form.map, form.taken) for label, form in chains.items()}
+        found = {label: coordinates_of(form) for label, form in self.forms.items()}
+        return {label: taken for label, taken in found.items() if taken is not None}
 
     @cached_property
     def designs(self) -> dict[str, Design]:

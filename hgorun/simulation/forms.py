@@ -5,15 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from hgorun.errors import HgorunError, NotObservableForm, Problem, called
-from hgorun.memo import Memo
+from hgorun.memo import Memo, Same
 from hgorun.observers.base import OBSERVERS, AnyObserver, SampledObserver
 from hgorun.plants.build import BuiltPlant
 from hgorun.result.data import Coordinates
-from hgorun.symbolic.forms import Form, FormFinder, Redecided
+from hgorun.symbolic.forms import ChosenChains, Form, FormFinder, Redecided
 from hgorun.symbolic.observability import CanonicalForms
 
 _FOUND: Memo[list[Form]] = Memo(256)  # by plant and function
 _DECIDED: Memo[tuple[Form, Form]] = Memo(256)  # by numbers, too
+_COORDINATES: Memo[Coordinates | None] = Memo(256)  # of forms; to ask for their type again takes longer
 _KEPT = 8  # forms of one plant and function
 
 
@@ -57,6 +58,13 @@ def form_of(
     except Exception as error:
         with called("observer", observer.type, "form"):
             raise error
+
+
+def coordinates_of(form: Form) -> Coordinates | None:
+    """The chains that were taken of several possible ones; None where there is nothing to choose."""
+    return _COORDINATES.get(
+        Same(form), lambda: Coordinates(form.map, form.taken) if isinstance(form, ChosenChains) else None
+    )
 
 
 def _finder(
