@@ -13,6 +13,7 @@ from hgorun.config.yaml_source import Source
 from hgorun.errors import KeyPath, Problem
 from hgorun.observers.base import AnyObserver
 from hgorun.plants.base import Plant
+from hgorun.plants.expressions import parameter_values
 
 _PARAMETERS: KeyPath = ("plant", "parameters")
 
@@ -63,6 +64,7 @@ def _refuse(names: list[str], plant: Plant, observers: Mapping[str, AnyObserver]
     used = own | _names(text for observer in observers.values() for text in _texts(observer.model_dump()))
     for name in names:
         if name not in used:
+            parameter_values(plant)  # a value that is none says more
             others = [other for other in plant.parameters if other in used]
             raise Problem((*_PARAMETERS, name), f"nothing uses the parameter {name!r}.{nearest(name, others)}")
 
