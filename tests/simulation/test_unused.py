@@ -31,13 +31,13 @@ solver: {step: 0.01}
 """
 
 
-def oscillator(**more: object) -> Block:
-    return inline({"x1": "x2", "x2": "-l*x1"}, "x1", **{"parameters": {"l": 2}, **more})
+def oscillator(**parameters: float) -> Block:
+    return inline({"x1": "x2", "x2": "-l*x1"}, "x1", parameters={"l": 2, **parameters})
 
 
 def test_what_nothing_uses_is_refused_with_what_was_meant() -> None:
     with pytest.raises(ConfigError, match=r"plant\.parameters\.L: nothing uses the parameter 'L'\. Did you mean `l`\?"):
-        experiment(oscillator(parameters={"l": 2, "L": 3}), SHGO)
+        experiment(oscillator(L=3), SHGO)
     one = experiment(oscillator(), SHGO)
     with pytest.raises(ConfigError, match=r"nothing uses the parameter 'L'\. Did you mean `l`\?"):
         one.varied({"plant.parameters.L": 3})
@@ -60,7 +60,7 @@ def test_other_parameters_inputs_disturbance_and_outputs_use_them(more: Block) -
 
 
 def test_observers_use_them() -> None:
-    plant = oscillator(parameters={"l": 2, "D": 0.1})
+    plant = oscillator(D=0.1)
     with pytest.raises(ConfigError, match="'D'"):
         experiment(plant, SHGO)
     block = InlinePlant.model_validate(plant)
