@@ -330,9 +330,11 @@ def drawn(front: np.ndarray, half: float, *, goals: np.ndarray, logarithmic: boo
 def test_lines_join_what_nothing_beats_on_held_out_seeds() -> None:
     front = np.array([[1.0, 4.0], [2.0, 2.0], [3.0, 1.0], [4.0, 3.0]])  # the last one is beaten
     figure = tuning([drawn(front, 0.1, goals=front)], ["a", "b"])
-    joined = [line for line in figure.axes[0].lines if line.get_linestyle() != "None" and len(line.get_xdata()) > 1]
+    joined = [line for line in figure.axes[0].lines if line.get_linestyle() != "None" and np.size(line.get_xdata()) > 1]
     assert [np.asarray(line.get_xdata()).tolist() for line in joined] == [[1.0, 2.0, 3.0]]
-    hollow = [line for line in figure.axes[0].lines if line.get_markerfacecolor() == "none" and len(line.get_xdata())]
+    hollow = [
+        line for line in figure.axes[0].lines if line.get_markerfacecolor() == "none" and np.size(line.get_xdata())
+    ]
     assert [np.asarray(line.get_ydata()).tolist() for line in hollow if line.get_marker() != "None"][-1] == [3.0]
     assert "hollow: beaten" in figure.legends[0].get_title().get_text()
 
