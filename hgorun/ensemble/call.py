@@ -14,6 +14,7 @@ from hgorun.config.yaml_source import Source
 from hgorun.ensemble.ensemble import Ensemble
 from hgorun.ensemble.executors import Executor
 from hgorun.ensemble.growing import Sweep, read_sweep
+from hgorun.ensemble.refused import refuse_base
 from hgorun.ensemble.store import Store
 from hgorun.ensemble.sweep import SUFFIX, Place, carry_out, finished
 from hgorun.errors import ConfigError
@@ -57,7 +58,8 @@ def sweep(
     Raises
     ------
     ConfigError
-        When an axis or what is kept does not fit the experiment, or an argument is something else than asked for.
+        When an axis or what is kept does not fit the experiment, the experiment itself is refused, or an argument is
+        something else than asked for.
     HgorunError
         When ``output`` holds members of something else, or cannot be written.
 
@@ -74,6 +76,7 @@ def sweep(
     ensemble = Ensemble(name=name, base=experiment, blocks=blocks)
     with source.located():
         ensemble.check()
+    refuse_base(ensemble)
     if output is not None:
         return _at(Place.of(Path(output)), ensemble, fresh, executor)
     with TemporaryDirectory(prefix="hgorun-") as folder:
