@@ -99,9 +99,9 @@ def test_paired_differences(raw: tuple[np.ndarray, np.ndarray], draws: Collected
     assert [d.p_holm for d in found] == pytest.approx(naive, rel=1e-9)
 
 
-def test_the_same_noise_makes_small_differences_significant(members: Collected) -> None:
+def test_the_same_noise_makes_small_differences_significant(draws: Collected) -> None:
     """The observers differ by a twentieth of what the noise changes from seed to seed."""
-    found = statistics(members)
+    found = statistics(draws)
     first = found.differences[0]
     spread = found.summaries["F", "rmse", "x1"].half
     assert abs(first.mean) < spread
@@ -173,7 +173,7 @@ def test_differences_without_scatter() -> None:
         status=np.zeros((5, 3), dtype=np.int8),
         error=np.full(5, "", dtype=object),
     )
-    assert [(d.a, d.b, d.mean, d.p) for d in statistics(draws).differences] == [
+    assert [(d.a, d.b, d.mean, d.p) for d in statistics(members).differences] == [
         ("a", "b", 0.0, 1.0), ("a", "c", -1.0, 0.0), ("b", "c", -1.0, 0.0)
     ]  # fmt: skip
 
