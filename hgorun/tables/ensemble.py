@@ -83,8 +83,9 @@ def as_json(found: Compared) -> dict[str, Any]:
     -------
     dict
         ``{name, file, status, members, planned, axes: {axis: [values]}, pooled: [axis], observers: {label: {failed,
-        metric: {state: {mean, median, sem, ci95, q05, q25, q75, q95, n}}}}, paired: [{a, b, metric, state, n, mean, ci95,
-        p, p_holm}]}``, and ``points``, each with ``at: {axis: value}`` and the same keys, where the ensemble is divided.
+        metric: {state: {mean, median, sem, ci95, q05, q25, q75, q95, n}}}}, paired: [{a, b, metric, state, n, mean,
+        ci95, p, p_holm}]}``, and ``points``, each with ``at: {axis: value}`` and the same keys, where the ensemble is
+        divided.
         ``pooled`` are the axes for which members are no independent draws; then intervals and p are not known.
         Numbers that are not finite are text, those that are not known null. An axis with more than a thousand values
         is ``{first, last, count}``.
