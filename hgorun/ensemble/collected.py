@@ -57,6 +57,8 @@ class Collected:
         Why a member has failed; empty where it has not.
     units : mapping of str to str
         Of the states, and of ``time``.
+    random : frozenset of str
+        Axes besides the seed whose values are random draws.
     families : mapping of str to (str, int or None)
         Of every observer, where it is known, its type and the order of its filter.
     dimensions : mapping of str to int
@@ -75,6 +77,7 @@ class Collected:
     status: NDArray[np.int8]
     error: NDArray[np.object_]
     units: Mapping[str, str] = field(default_factory=dict)
+    random: frozenset[str] = frozenset()
     families: Mapping[str, tuple[str, int | None]] = field(default_factory=dict)
     dimensions: Mapping[str, int] = field(default_factory=dict)
     planned: int = 0
@@ -117,6 +120,22 @@ class Collected:
             if many and not any(_follows(values, self.axes[other]) for other in found):
                 found.append(axis)
         return tuple(found)
+
+    @property
+    def grid(self) -> tuple[str, ...]:
+        """Those of :attr:`chosen` that are no random draws."""
+        return tuple(axis for axis in self.chosen if axis not in self.random)
+
+    @cached_property
+    def shared(self) -> tuple[str, ...]:
+        """Random axes, the seed among them, on which several members have the same draw, and others another one."""
+        counts = {axis: len(levels(values)) for axis, values in self.axes.items() if axis in {SEED, *self.random}}
+        return tuple(axis for axis, count in counts.items() if 1 < count < len(self))
+
+    @property
+    def independent(self) -> bool:
+        """Whether the members are independent draws: they differ in nothing that was chosen, and share no draw."""
+        return not self.grid and not self.shared
 
     def axis(self, name: str) -> str:
         """The axis of a name: its path, or the end of it where that tells it from the others.
