@@ -33,7 +33,8 @@ def ingredients(ensemble: Ensemble) -> Ingredients:
     """All that the numbers follow from, as JSON holds it."""
     base = ensemble.base
     noise = chain.from_iterable(items for _, items in noise_blocks(base.measurement))
-    theirs = code_of(metric.measure for metric in all_metrics().values())
+    metrics = all_metrics()
+    theirs = code_of(metrics[name].measure for name in ensemble.metrics)
     theirs |= code_of(map(type, (base.plant_block, *base.observers.values(), *noise)))
     return {
         "version": __version__,
@@ -55,9 +56,13 @@ def difference(before: Ingredients, now: Ingredients) -> str | None:
     """
     if before.get("version") != now["version"]:
         return f"hgorun {before.get('version', 'unknown')} -> {now['version']}"
-    rooms = sorted(name for name, _, _ in _differences(before.get("code", {}), now["code"]))
+    rooms = sorted(_differences(before.get("code", {}), now["code"]))
     if rooms:
-        return f"the code of {' and '.join(rooms)} changed"
+        return "; ".join(
+            f"the code of {' and '.join(names)} {what}"
+            for what in ("changed", "was not there", "is gone")
+            if (names := [name for name, old, new in rooms if _what(old, new) == what])
+        )
     changes = [
         f"{prefix}{path}: {old} -> {new}"
         for part, prefix in (("configuration", ""), ("sweep", ""))
@@ -67,6 +72,10 @@ def difference(before: Ingredients, now: Ingredients) -> str | None:
         return None
     more = f" and {len(changes) - _SHOWN} more" if len(changes) > _SHOWN else ""
     return "; ".join(changes[:_SHOWN]) + more
+
+
+def _what(old: str, new: str) -> str:
+    return "was not there" if old == _MISSING else "is gone" if new == _MISSING else "changed"
 
 
 def _differences(before: Any, now: Any) -> Iterator[tuple[str, str, str]]:
