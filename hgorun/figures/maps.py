@@ -136,9 +136,18 @@ def _hatched(column: int, row: int) -> Any:
 
 
 def _axis(ax: Axes, which: str, names: list[str], label: str) -> None:
-    count = min(len(names), _MOST_LABELS)
-    named = np.linspace(0, len(names) - 1, count).round().astype(int).tolist()  # both ends among them
+    named = _named(len(names))
     at = [i + 0.5 for i in named]
     (ax.set_xticks if which == "x" else ax.set_yticks)(at, [names[i] for i in named] if label else [])
     ax.tick_params(axis=which, which="both", length=0)  # type: ignore[arg-type]  # x or y
     (ax.set_xlabel if which == "x" else ax.set_ylabel)(label)
+
+
+def _named(count: int) -> list[int]:
+    """Which of the places along an axis have labels: both ends and others, in equal steps where there are such."""
+    last = count - 1
+    steps = range(max(-(-last // (_MOST_LABELS - 1)), 1), last // 2 + 1)
+    step = next((step for step in steps if last % step == 0), None)
+    if step is not None:
+        return list(range(0, count, step))
+    return sorted(set(np.linspace(0, last, min(count, _MOST_LABELS)).round().astype(int).tolist()))

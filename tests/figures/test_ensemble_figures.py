@@ -168,12 +168,8 @@ def test_few_members_are_lines_and_not_quantiles() -> None:
     kept = members.trajectories
     assert kept is not None
     few = replace(members, trajectories=replace(kept, member=kept.member[:5], x=kept.x[:5], xhat=kept.xhat[:5]))
-    times = {
-        "member": np.tile(kept.member, 3),
-        "x": np.tile(kept.x, (3, 1, 1)),
-        "xhat": np.tile(kept.xhat, (3, 1, 1, 1)),
-    }
-    many = replace(members, trajectories=replace(kept, **times))
+    x, xhat = np.tile(kept.x, (3, 1, 1)), np.tile(kept.xhat, (3, 1, 1, 1))
+    many = replace(members, trajectories=replace(kept, member=np.tile(kept.member, 3), x=x, xhat=xhat))
     for one, fills in ((many, True), (few, False)):
         figure = bands(one)
         assert bool(figure.axes[0].collections) == fills
