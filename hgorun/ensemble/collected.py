@@ -127,6 +127,16 @@ class Collected:
         """Those of :attr:`chosen` that are no random draws."""
         return tuple(axis for axis in self.chosen if axis not in self.random)
 
+    @property
+    def gains(self) -> tuple[str, ...]:
+        """Those of :attr:`grid` that a designer may choose: keys of observers."""
+        return tuple(axis for axis in self.grid if axis.startswith("observers."))
+
+    @property
+    def surroundings(self) -> tuple[str, ...]:
+        """Those of :attr:`grid` that are no choice of the observer's designer."""
+        return tuple(axis for axis in self.grid if not axis.startswith("observers."))
+
     @cached_property
     def shared(self) -> tuple[str, ...]:
         """Random axes, the seed among them, on which several members have the same draw, and others another one."""
