@@ -272,4 +272,4 @@ class SweepFile(SweepBlocks):
     base: Annotated[str | dict[str, Any], BeforeValidator(_base)] = Field(
         description="the configuration that members vary: a file, as seen from this one, or written here"
     )
-    run: str | None = Field(default=None, description="which run of the base, where it has several")
+    run: str | None = Field(default=None, description="which run of the base, where it has several: a single one")
