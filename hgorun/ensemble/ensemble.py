@@ -12,6 +12,7 @@ from math import prod
 
 import numpy as np
 
+from hgorun.config.expressions import nearest
 from hgorun.config.sweeps import MOST_MEMBERS, Combine, Keep, LinearAxis, ListAxis, LogAxis, SweepBlocks, Worst
 from hgorun.ensemble.members import Members, written_out
 from hgorun.ensemble.values import Column, Floats, Places, Seeds, Values, values_of
@@ -127,6 +128,7 @@ class Ensemble:
             except ConfigError as error:
                 raise Problem(place, error.message) from None
             for one in paths:
+                self._check_observer(one, path)
                 _check_apart(one, path, found)
                 found[one] = path
             refused: ConfigError | None = None
@@ -141,6 +143,15 @@ class Ensemble:
                 assert refused is not None
                 key = "" if refused.key in (None, path) else f"{refused.key}: "
                 raise Problem(place, f"{key}{refused.message}")
+
+    def _check_observer(self, path: str, axis: str) -> None:
+        """Refuse a key of an observer that there is not."""
+        first, _, rest = path.partition(".")
+        label, _, key = rest.partition(".")
+        if first == "observers" and key and label not in self.base.observers:
+            known = tuple(self.base.observers)
+            message = f"no observer is called {label!r}.{nearest(label, known)} Known: {', '.join(known) or 'none'}"
+            raise Problem(("axes", axis), message)
 
     @property
     def _sizes(self) -> dict[str, int]:
@@ -173,7 +184,8 @@ class Ensemble:
         known, kept = all_metrics(), self.keep.trajectories
         for i, name in enumerate(self.keep.metrics or ()):
             if name not in known:
-                raise Problem(("keep", "metrics", i), f"no metric is called {name!r}; known: {', '.join(known)}")
+                near, names = nearest(name, known), ", ".join(known)
+                raise Problem(("keep", "metrics", i), f"no metric is called {name!r}.{near} Known: {names}")
         place: KeyPath = ("keep", "trajectories")
         if isinstance(kept, Worst):
             for key, names in (
