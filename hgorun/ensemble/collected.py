@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -171,7 +172,8 @@ class Collected:
         )
 
     def at(self, axis: str, value: Any) -> NDArray[np.bool_]:
-        """Which members have a value on an axis; of numbers the digits that tables show have to agree.
+        """Which members have a value on an axis; of numbers that are not whole the digits that tables show have to
+        agree.
 
         Raises
         ------
@@ -180,10 +182,10 @@ class Collected:
         """
         values = self.axes[axis]
         if values.dtype.kind in "iuf":
-            try:
-                value = float(value)
-            except ValueError:
-                raise ConfigError(f"expected a number, found {printable(str(value))!r}", key=axis) from None
+            value = _number(value, axis)
+        if values.dtype.kind in "iu":
+            found = np.array([v == value for v in values.tolist()], dtype=bool)
+        elif values.dtype.kind == "f":
             found = np.isclose(values.astype(float), value, rtol=1e-3, atol=0.0)
             distance = np.abs(values.astype(float) - value)
             found &= distance == np.min(distance, initial=np.inf, where=found)
@@ -193,6 +195,15 @@ class Collected:
             known = ", ".join(shown(v) for v in levels(values)[:20])
             raise ConfigError(f"no member has the value {shown(value)}; there are {known}", key=axis)
         return np.asarray(found)
+
+
+def _number(value: object, axis: str) -> int | float:
+    """A number from text, with all digits of an integer."""
+    text = str(value)
+    for kind in (int, float):
+        with suppress(ValueError):
+            return kind(text)
+    raise ConfigError(f"expected a number, found {printable(text)!r}", key=axis)
 
 
 def _follows(values: NDArray[Any], others: NDArray[Any]) -> bool:

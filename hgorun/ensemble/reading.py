@@ -127,7 +127,7 @@ class _Reader(StoredFile):
     def values(self, name: str, size: int) -> NDArray[Any]:
         """Numbers or texts."""
         if self.data(name).dtype.kind in "iu":
-            return self.numbers(name, size).astype(np.int64)
+            return self.integers(name, size)
         return self.numbers(name, size) if self.data(name).dtype.kind == "f" else np.array(self.texts(name, size), "O")
 
     def texts(self, name: str, *shape: int) -> list[str]:
