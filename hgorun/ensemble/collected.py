@@ -127,6 +127,16 @@ class Collected:
         """Those of :attr:`chosen` that are no random draws."""
         return tuple(axis for axis in self.chosen if axis not in self.random)
 
+    @property
+    def gains(self) -> tuple[str, ...]:
+        """Those of :attr:`grid` that a designer may choose: keys of observers."""
+        return tuple(axis for axis in self.grid if axis.startswith("observers."))
+
+    @property
+    def surroundings(self) -> tuple[str, ...]:
+        """Those of :attr:`grid` that are no choice of the observer's designer."""
+        return tuple(axis for axis in self.grid if not axis.startswith("observers."))
+
     @cached_property
     def shared(self) -> tuple[str, ...]:
         """Random axes, the seed among them, on which several members have the same draw, and others another one."""
@@ -190,7 +200,7 @@ class Collected:
             distance = np.abs(values.astype(float) - value)
             found &= distance == np.min(distance, initial=np.inf, where=found)
         else:
-            found = np.array([str(v) == str(value) for v in values], dtype=bool)
+            found = np.array([as_text(v) == as_text(value) for v in values], dtype=bool)
         if not found.any():
             known = ", ".join(shown(v) for v in levels(values)[:20])
             raise ConfigError(f"no member has the value {shown(value)}; there are {known}", key=axis)
@@ -227,6 +237,11 @@ def levels(values: NDArray[Any]) -> list[Any]:
 def shown(value: Any) -> str:
     """A value of an axis as tables and figures show it."""
     return f"{value:.4g}" if isinstance(value, float) else printable(str(value))
+
+
+def as_text(value: object) -> str:
+    """A value of an axis that is not among numbers alone, as files and tables have it."""
+    return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def _of_members(kept: Trajectories | None, members: NDArray[np.bool_]) -> Trajectories | None:
