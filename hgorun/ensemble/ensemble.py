@@ -202,8 +202,8 @@ class Ensemble:
         known, kept = all_metrics(), self.keep.trajectories
         for i, name in enumerate(self.keep.metrics or ()):
             if name not in known:
-                near, names = nearest(name, known), ", ".join(known)
-                raise Problem(("keep", "metrics", i), f"no metric is called {name!r}.{near} Known: {names}")
+                near, all_names = nearest(name, known), ", ".join(known)
+                raise Problem(("keep", "metrics", i), f"no metric is called {name!r}.{near} Known: {all_names}")
         place: KeyPath = ("keep", "trajectories")
         if isinstance(kept, Worst):
             for key, names in (
