@@ -260,7 +260,8 @@ def test_a_range_that_overflows_is_refused(shell: Shell, gain: str) -> None:
 
 
 def test_seeds_of_a_tuning_end_at_the_largest_one(shell: Shell) -> None:
-    code, _, err = shell("tune", "c.yaml", "--set", f"seed={2**63 - 2}")
+    (shell.folder / "c.yaml").write_text(f"seed: {2**63 - 2}\n{CONFIG}{TUNE}")
+    code, _, err = shell("tune", "c.yaml")
     assert code == 2
     assert "end above the largest seed" in err
 
