@@ -200,7 +200,7 @@ def test_a_base_may_stand_in_the_file_and_have_runs(shell: Shell) -> None:
     assert manifest["made_of"]["configuration"]["observers"]["SHGO"]["theta"] == 9
     (shell.folder / "s.yaml").write_text(inline.replace("run: fast", "run: fats") + "axes: {seed: {count: 2}}\n")
     code, _, err = shell("sweep", "s.yaml", "--fresh")
-    assert (code, "s.yaml:4: run: no run is called 'fats'. Did you mean `fast`?" in err) == (2, True)
+    assert (code, "s.yaml:4: run: expected one of slow, fast. Did you mean `fast`?" in err) == (2, True)
 
 
 STUDY = (
