@@ -15,7 +15,7 @@ from hgorun.ensemble.collected import Collected, levels
 from hgorun.ensemble.growing import read_sweep
 from hgorun.ensemble.outcome import outcome_of
 from hgorun.ensemble.reading import is_sweep
-from hgorun.ensemble.store import Changed, Store
+from hgorun.ensemble.store import Changed, Store, remove_file
 from hgorun.ensemble.sweep import Place, carry_out, finished
 from hgorun.errors import ConfigError
 from hgorun.process import say
@@ -74,7 +74,7 @@ def simulate_ensemble(run: Run, target: Path, options: Simulate) -> tuple[dict[s
     try:
         store = Store.opened(place.folder, ensemble)
     except Changed:
-        place.file.unlink(missing_ok=True)
+        remove_file(place.file)
         store = Store.opened(place.folder, ensemble, fresh=True)
     with progress(ensemble.size, run.name, "members", show=options.text) as bar:
 

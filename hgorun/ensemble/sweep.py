@@ -14,7 +14,7 @@ from hgorun.ensemble.cuts import Cuts, Range, most_members
 from hgorun.ensemble.ensemble import Ensemble
 from hgorun.ensemble.executors import Executor, threads
 from hgorun.ensemble.found import FAILED
-from hgorun.ensemble.store import Damaged, Store
+from hgorun.ensemble.store import Damaged, Store, remove_file
 from hgorun.errors import ConfigError
 from hgorun.process import processors
 
@@ -157,9 +157,10 @@ def finished(store: Store, file: Path, again: Callable[[], None]) -> bool:
             return True
         try:
             collect(store, file)
-        except Damaged:
+        except Damaged as damaged:
             if attempt == _AGAIN - 1:
                 raise
+            remove_file(damaged.path)
             again()
     return True
 
