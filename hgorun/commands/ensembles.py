@@ -15,9 +15,10 @@ from hgorun.ensemble.collected import Collected, levels
 from hgorun.ensemble.growing import read_sweep
 from hgorun.ensemble.outcome import outcome_of
 from hgorun.ensemble.reading import is_sweep
+from hgorun.ensemble.refused import refuse_base
 from hgorun.ensemble.store import Changed, Store, remove_file
 from hgorun.ensemble.sweep import Place, carry_out, finished
-from hgorun.errors import ConfigError
+from hgorun.errors import ConfigError, SimulationError
 from hgorun.process import say
 from hgorun.progress import shown as progress
 from hgorun.study.ensembles import ensemble_of
@@ -71,6 +72,7 @@ def simulate_ensemble(run: Run, target: Path, options: Simulate) -> tuple[dict[s
         The statistics as JSON holds them, and whether every observer is ok in every member.
     """
     ensemble, place = ensemble_of(run), Place.of(target)
+    refuse_base(ensemble)
     try:
         store = Store.opened(place.folder, ensemble)
     except Changed:
@@ -83,8 +85,11 @@ def simulate_ensemble(run: Run, target: Path, options: Simulate) -> tuple[dict[s
 
         carry()
         finished(store, place.file, carry)
-    for words in outcome_of(place.file).troubles():
+    outcome = outcome_of(place.file)
+    for words in outcome.troubles():
         say(f"hgorun: {run.name}: {words}")
+    if outcome.nothing:
+        raise SimulationError(f"{run.name}: none of its {outcome.members} members could be carried out")
     found = _divided(read_sweep(place.file), file=str(place.file))
     if options.text:
         print(tables.text([found], pairs=False))

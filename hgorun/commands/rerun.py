@@ -17,6 +17,7 @@ from hgorun.result.result import Result
 from hgorun.result.writing import digests_of
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.simulate import prepare
+from hgorun.simulation.unused import without_places
 
 DIFFERENT = 3
 
@@ -50,7 +51,7 @@ def rerun(options: Rerun) -> int:
 
 def _made_again(before: Result, options: Rerun) -> Result:
     """The run of a file's own configuration, with the numbers of its design."""
-    source = parse(before.config_resolved, f"{options.file}: config_resolved")
+    source = without_places(parse(before.config_resolved, f"{options.file}: config_resolved"))
     experiment = Experiment(source, name=before.name, text=before.config)
     after = run_with_progress(prepare(experiment, before.design), show=options.text)
     observers = {

@@ -17,9 +17,10 @@ from hgorun.ensemble.ensemble import Ensemble
 from hgorun.ensemble.executors import EXECUTORS, Executor, processes, threads
 from hgorun.ensemble.manifest import Manifest
 from hgorun.ensemble.outcome import Outcome, outcome_of
+from hgorun.ensemble.refused import refuse_base
 from hgorun.ensemble.store import Store, remove_file
 from hgorun.ensemble.sweep import SUFFIX, Count, Part, Place, carry_out, finished
-from hgorun.errors import ConfigError
+from hgorun.errors import ConfigError, HgorunError
 from hgorun.process import processors
 from hgorun.progress import shown
 from hgorun.study.sweep_file import load_sweeps
@@ -46,7 +47,9 @@ def _one(options: Sweep, ensemble: Ensemble, place: Place, executor: Executor, j
     """Carry an ensemble out, or collect what is there of it."""
     if options.collect:
         Store.existing(place.folder)  # is refused where nothing is there
-    elif options.fresh:
+    else:
+        refuse_base(ensemble)
+    if options.fresh:
         remove_file(place.file)
     store = Store.opened(place.folder, ensemble, fresh=options.fresh)
     if options.collect:
@@ -165,5 +168,7 @@ def _said(options: Sweep | Merge, found: Sequence[Told]) -> int:
         print(json_text.dumps(records[0] if len(records) == 1 else records, indent=2, allow_nan=False))
     elif not options.quiet:
         print("\n".join(one.text() for one in found))
+    if any(one.outcome is not None and one.outcome.nothing for one in found):
+        return HgorunError.exit_code
     worst = any(one.outcome is not None and one.outcome.status != "ok" for one in found)
     return NOT_OK if options.strict and worst else 0

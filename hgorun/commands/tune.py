@@ -103,6 +103,7 @@ def _draw(found: Sequence[Evidence], path: Path) -> list[Path]:
                 type=block.type if block is not None else "",
                 filter_order=block.r if isinstance(block, FilterOrder) else None,
                 paths=tuple(gain.path for gain in one.task.gains),
+                logarithmic=tuple(gain.logarithmic for gain in one.task.gains),
                 gains=trials.gains[trials.complete],
                 goals=trials.means[trials.complete][:, :count],
                 met=admissible(trials)[trials.complete],

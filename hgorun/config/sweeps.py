@@ -50,6 +50,11 @@ class LinearAxis(Block):
     linear: tuple[Number, Number, Count] = Field(description="[first, last, how many]")
 
     @property
+    def ends(self) -> tuple[float, float]:
+        """The first and the last value."""
+        return self.linear[:2]
+
+    @property
     def count(self) -> int:
         """How many values there are."""
         return self.linear[2]
@@ -61,6 +66,11 @@ class LogAxis(Block):
     log: Annotated[tuple[Number, Number, Count], AfterValidator(_positive)] = Field(
         description="[first, last, how many], with ends above 0"
     )
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """The first and the last value."""
+        return self.log[:2]
 
     @property
     def count(self) -> int:

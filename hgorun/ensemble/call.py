@@ -13,6 +13,7 @@ from hgorun.config.yaml_source import Source
 from hgorun.ensemble.ensemble import Ensemble
 from hgorun.ensemble.executors import Executor
 from hgorun.ensemble.growing import Sweep, read_sweep
+from hgorun.ensemble.refused import refuse_base
 from hgorun.ensemble.store import Store
 from hgorun.ensemble.sweep import SUFFIX, Place, carry_out, finished
 from hgorun.simulation.blocks import plain
@@ -55,7 +56,7 @@ def sweep(
     Raises
     ------
     ConfigError
-        When an axis or what is kept does not fit the experiment.
+        When an axis or what is kept does not fit the experiment, or the experiment itself is refused.
     HgorunError
         When ``output`` holds members of something else, or cannot be written.
 
@@ -71,6 +72,7 @@ def sweep(
     ensemble = Ensemble(name=name, base=experiment, blocks=blocks)
     with source.located():
         ensemble.check()
+    refuse_base(ensemble)
     if output is not None:
         return _at(Place.of(Path(output)), ensemble, fresh, executor)
     with TemporaryDirectory(prefix="hgorun-") as folder:

@@ -5,14 +5,14 @@ Members are numbered. What a member changes follows from its number, so that no 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from math import prod
 
 import numpy as np
 
-from hgorun.config.sweeps import MOST_MEMBERS, Combine, Keep, ListAxis, SweepBlocks, Worst
+from hgorun.config.sweeps import MOST_MEMBERS, Combine, Keep, LinearAxis, ListAxis, LogAxis, SweepBlocks, Worst
 from hgorun.ensemble.members import Members, written_out
 from hgorun.ensemble.values import Column, Floats, Places, Seeds, Values, values_of
 from hgorun.errors import ConfigError, KeyPath, Problem
@@ -115,7 +115,9 @@ class Ensemble:
             Its path is one of the sweep file.
         """
         self._check_sizes()
+        self._check_ends()
         self._check_keep()
+        found: dict[str, str] = {}
         for path, values in self.axes.items():
             place: KeyPath = ("axes", path)
             if isinstance(values, Seeds) and path != "seed":
@@ -124,6 +126,9 @@ class Ensemble:
                 paths = written_out(self.base, path)
             except ConfigError as error:
                 raise Problem(place, error.message) from None
+            for one in paths:
+                _check_apart(one, path, found)
+                found[one] = path
             refused: ConfigError | None = None
             for at in sorted({0, values.size // 2, values.size - 1}):
                 column = values.at(np.array([at]))
@@ -158,6 +163,12 @@ class Ensemble:
             each = ", ".join(f"{path} {size}" for path, size in self._sizes.items())
             raise Problem(("axes",), f"{self.combine} needs axes with the same number of values, found {each}")
 
+    def _check_ends(self) -> None:
+        for path, axis in self.blocks.axes.items() if self.combine != "sobol" else ():
+            if isinstance(axis, LinearAxis | LogAxis) and axis.count == 1 and axis.ends[0] != axis.ends[1]:
+                first, last = axis.ends
+                raise Problem(("axes", path), f"one value cannot be both {first:g} and {last:g}: give 2 or more")
+
     def _check_keep(self) -> None:
         known, kept = all_metrics(), self.keep.trajectories
         for i, name in enumerate(self.keep.metrics or ()):
@@ -175,3 +186,10 @@ class Ensemble:
                     raise Problem((*place, key), f"expected one of {', '.join(names)}; found {value!r}")
         if kept != "none" and (moved := next((p for p in self.axes if p.split(".")[0] == "time"), None)):
             raise Problem(place, f"trajectories need one grid of output, but the axis {moved} may change it")
+
+
+def _check_apart(path: str, axis: str, found: Mapping[str, str]) -> None:
+    """Refuse an axis that changes what another one changes, a part of it, or what it is a part of."""
+    for other, before in found.items():
+        if f"{path}.".startswith(f"{other}.") or f"{other}.".startswith(f"{path}."):
+            raise Problem(("axes", axis), f"it changes {path}, and so does the axis {before}: let one of them do so")

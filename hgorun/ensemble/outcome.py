@@ -40,6 +40,11 @@ class Outcome:
     status: str
     first: tuple[int, str] | None
 
+    @property
+    def nothing(self) -> bool:
+        """Whether no member could be carried out."""
+        return self.failed == self.members
+
     def text(self) -> str:
         """In a line for every observer."""
         lines = [f"{printable(self.name)}: {self.members} members"]

@@ -12,7 +12,8 @@ from hgorun.ensemble.statistics import Statistics
 from hgorun.errors import HgorunError
 from hgorun.figures.ensemble import Cast
 from hgorun.files import write_text
-from hgorun.tables.ensemble import NUMBERS, Compared, short_axis, summary
+from hgorun.tables.axis_names import short_axis
+from hgorun.tables.ensemble import NUMBERS, Compared, summary
 from hgorun.version import __version__
 
 _PAID = ("hf", "settling")
@@ -22,6 +23,10 @@ main { font: 15px/1.5 system-ui, sans-serif; color: #222; max-width: 1300px; mar
 h1 { font-size: 1.6em; margin-bottom: 0.2em; } h2 { font-size: 1.15em; margin: 1.6em 0 0.4em; }
 p.note { color: #666; font-size: 0.9em; }
 """
+# Four significant digits, as tables in a terminal have them; a column is sorted by the numbers themselves.
+_NUMBER = """<%- value == null || isNaN(value) ? "-" : !isFinite(value) ? (value > 0 ? "inf" : "-inf")
+  : value == 0 ? "0" : Math.abs(value) < 1e-4 || Math.abs(value) >= 1e5 ? value.toExponential(3)
+  : Math.abs(value) >= 1e4 ? value.toFixed(0) : value.toPrecision(4) %>"""
 _TEMPLATE = """
 {% block preamble %}<style>{{ style }}</style>{% endblock %}
 {% block contents %}
@@ -191,13 +196,11 @@ def _columns(rows: list[dict[str, Any]]) -> dict[str, list[Any]]:
 
 def _table(columns: dict[str, list[Any]]) -> Any:
     """A table that sorts by the column whose head is clicked."""
-    from bokeh.models import ColumnDataSource, DataTable, ScientificFormatter, TableColumn
+    from bokeh.models import ColumnDataSource, DataTable, HTMLTemplateFormatter, TableColumn
 
     def formatted(values: list[Any]) -> dict[str, Any]:
         if all(isinstance(value, float) for value in values):
-            return {
-                "formatter": ScientificFormatter(precision=4, power_limit_low=-4, power_limit_high=5, nan_format="-")
-            }
+            return {"formatter": HTMLTemplateFormatter(template=_NUMBER)}
         return {}
 
     shown = [TableColumn(field=name, title=name, **formatted(values)) for name, values in columns.items()]

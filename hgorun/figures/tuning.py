@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hgorun.ensemble.fronts import non_dominated
 from hgorun.figures.actors import Actor, texts
 from hgorun.figures.ensemble import axis_label, drawable, limits, scale_axis
 from hgorun.figures.layout import TOP, finished, grid
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 
 _WIDTH, _HEIGHT, _PANEL = 6.0, 3.8, 2.6
+_MINIMUM = "points: tried with all seeds; star: the minimum, on held-out seeds with its 95 % interval"
 _STAR: dict[str, Any] = {"marker": "*", "markersize": 11, "markeredgecolor": "black", "markeredgewidth": 0.6}
 # tried, and no choice
 _MISSED: dict[str, Any] = {
@@ -46,6 +48,8 @@ class Tuned:
         The observer, or what its task is called.
     paths : tuple of str
         Of the gains.
+    logarithmic : tuple of bool
+        Of each gain, whether equal ratios are equally far apart.
     gains : ndarray, shape (C, k)
         Of all candidates that were tried with all seeds.
     goals : ndarray, shape (C, g)
@@ -63,6 +67,7 @@ class Tuned:
     type: str
     filter_order: int | None
     paths: tuple[str, ...]
+    logarithmic: tuple[bool, ...]
     gains: Floats
     goals: Floats
     met: NDArray[np.bool_]
@@ -92,7 +97,9 @@ def tuning(found: Sequence[Tuned], goals: Sequence[str]) -> Figure:
             _limits(axes[0], found)
             axes[0].set_xlabel(goals[0])
             axes[0].set_ylabel(goals[1])
-            title = "dots: tried; lines: fronts on held-out seeds; stars: knees"
+            title = "dots: tried with all seeds; lines: fronts on held-out seeds; stars: knees"
+            if not all(non_dominated(one.front).all() for one in found):
+                title += "; hollow: beaten on held-out seeds"
             return finished(figure, axes, 1, title, grow=True)
         panels = [(i, k) for i, one in enumerate(found) for k in range(len(one.paths))]
         columns = min(len(panels), 3)
@@ -101,18 +108,21 @@ def tuning(found: Sequence[Tuned], goals: Sequence[str]) -> Figure:
         for ax, (i, k) in zip(axes, panels, strict=True):
             _against(ax, found[i], k, look[i])
             ax.set_ylabel(goals[0])
-        return finished(figure, axes, columns, "points: tried; star: the minimum on held-out seeds", grow=True)
+        return finished(figure, axes, columns, _MINIMUM, grow=True)
 
 
 def _front(ax: Axes, one: Tuned, look: Look) -> None:
     tried = drawable(one.goals)
     ax.plot(*tried[~one.met].T, **_MISSED)
     ax.plot(*tried[one.met].T, linestyle="none", marker=".", markersize=2.2, color=look.colour, alpha=0.35, zorder=1.5)
-    front = drawable(one.front)
-    bars: dict[str, Any] = {"elinewidth": 0.7, "capsize": 1.5, "color": look.colour, "zorder": 3}
-    bars |= {"linestyle": look.dashes, "marker": look.marker, "markersize": 3.5, "label": "_"}
-    ax.errorbar(front[:, 0], front[:, 1], xerr=one.half[:, 0], yerr=one.half[:, 1], **bars)
-    ax.plot([], [], color=look.colour, linestyle=look.dashes, marker=look.marker, markersize=3.5, label=look.text)
+    front, best = drawable(one.front), non_dominated(one.front)
+    order = np.flatnonzero(best)[np.argsort(front[best, 0], kind="stable")]
+    marks: dict[str, Any] = {"color": look.colour, "marker": look.marker, "markersize": 3.5, "label": "_"}
+    bars: dict[str, Any] = marks | {"elinewidth": 0.7, "capsize": 1.5, "zorder": 3}
+    for which, line in ((order, {"linestyle": look.dashes}), (~best, {"linestyle": "none", "markerfacecolor": "none"})):
+        x_half, y_half = one.half[which].T
+        ax.errorbar(front[which, 0], front[which, 1], xerr=x_half, yerr=y_half, **bars, **line)
+    ax.plot([], [], **marks | {"linestyle": look.dashes, "label": look.text})
     ax.plot(*front[one.chosen], color=look.colour, linestyle="none", zorder=4, **_STAR)
 
 
@@ -142,12 +152,16 @@ def _against(ax: Axes, one: Tuned, k: int, look: Look) -> None:
             color=look.colour, alpha=0.6, label=look.text)  # fmt: skip
     best = one.front_gains[one.chosen, k], one.front[one.chosen, 0]
     ax.errorbar(best[0], best[1], yerr=one.half[one.chosen, 0], color=look.colour, linestyle="none", zorder=4, **_STAR)
-    scale_axis(ax, "x", one.gains[:, k])
+    if one.logarithmic[k]:
+        ax.set_xscale("log")
     low, high = float(one.gains[:, k].min()), float(one.gains[:, k].max())
-    ax.set_xlim(limits(low, high, logarithmic=ax.get_xscale() == "log", margin=0.03))
-    values = np.append(tried[known], best[1])
-    values = values[np.isfinite(values)]
-    if values.size:
-        scale_axis(ax, "y", values)
-        ax.set_ylim(limits(float(values.min()), float(np.quantile(values, 0.9)), logarithmic=ax.get_yscale() == "log"))
+    ax.set_xlim(limits(low, high, logarithmic=one.logarithmic[k], margin=0.03))
+    values = tried[known]
+    ends = best[1] + one.half[one.chosen, 0] * np.array([-1.0, 0.0, 1.0])
+    ends = ends[np.isfinite(ends)]
+    scale_axis(ax, "y", np.append(values, ends))
+    logarithmic = ax.get_yscale() == "log"
+    seen = np.append(values[values <= np.quantile(values, 0.9)] if values.size else values, ends)
+    if seen.size:
+        ax.set_ylim(limits(float(seen.min()), float(seen.max()), logarithmic=logarithmic))
     ax.set_xlabel(axis_label(one.paths[k]))

@@ -19,6 +19,7 @@ from hgorun.observers.base import OBSERVERS, AnyObserver
 from hgorun.plants.base import PLANTS, Plant
 from hgorun.registry import Registry
 from hgorun.result.data import PLANT, Coordinates
+from hgorun.simulation.unused import refuse_unused, refuse_unused_changes
 from hgorun.symbolic.observability import CanonicalForms
 
 T = TypeVar("T")
@@ -48,6 +49,8 @@ def check(source: Source) -> Checked:
     plant = _plant(blocks, source)
     measurement = validate(Measurement, blocks.measurement, source, ("measurement",))
     observers = {label: observer_of(label, block, source) for label, block in blocks.observers.items()}
+    with source.located():
+        refuse_unused(source, plant, observers)
     return Checked(blocks.model_copy(update=_NOT_OF_A_RUN), plant, measurement, observers)
 
 
@@ -76,7 +79,7 @@ def check_again(source: Source, before: Checked, touched: Collection[KeyPath]) -
     stale = {path[1] for path in touched if path[0] == "observers" and len(path) > 1}
     if ("observers",) in touched:
         stale = set(labels)
-    return Checked(
+    now = Checked(
         blocks,
         _plant(blocks, source) if "plant" in keys else before.plant,
         validate(Measurement, data.get("measurement", {}), source, ("measurement",))
@@ -89,6 +92,9 @@ def check_again(source: Source, before: Checked, touched: Collection[KeyPath]) -
             for label, block in labels.items()
         },
     )
+    with source.located():
+        refuse_unused_changes(touched, now.plant, now.observers)
+    return now
 
 
 # what is resolved by classes of its own, has been applied already, or decides no number of the run

@@ -15,6 +15,7 @@ from hgorun.ensemble.collected import Collected, levels, shown
 from hgorun.ensemble.statistics import Difference, Statistics, Summary, points, statistics
 from hgorun.files import json_value
 from hgorun.result.metrics.base import all_metrics
+from hgorun.tables.axis_names import names_of_points, short_axis
 from hgorun.tables.latex import latex_head
 from hgorun.tables.layout import number, packed, wrapped
 from hgorun.tables.typeset import latex_words, printable
@@ -222,7 +223,7 @@ def _whole(one: Compared, *, pairs: bool) -> list[str]:
     part = one.whole
     for metric in dict.fromkeys(metric for _, metric, _ in part.summaries):
         own = {f"{label} {state}": s for (label, m, state), s in part.summaries.items() if m == metric}
-        columns = [["mean", *(number(s.mean) for s in own.values())], ["±", *(_half(s) for s in own.values())]]
+        columns = [["mean", *(_cell(s.mean) for s in own.values())], ["±", *(_half(s) for s in own.values())]]
         for name in ("sem", "q05", "q25", "median", "q75", "q95"):
             columns.append([name, *(_cell(getattr(s, name)) for s in own.values())])
         for block in packed(list(own), [[column] for column in columns], title=metric):
@@ -255,9 +256,8 @@ def _difference(d: Difference) -> str:
 
 def _by_point(one: Compared) -> list[str]:
     lines: list[str] = []
-    rows = [
-        ", ".join(f"{short_axis(axis, one.by)} = {shown(value)}" for axis, value in p.at.items()) for p in one.points
-    ]
+    above, rows = names_of_points([part.at for part in one.points], one.by)
+    lines += ["", *wrapped(f"rows: {above}")] if above else []
     observers = one.members.observers
     for metric, state in dict.fromkeys((metric, state) for _, metric, state in one.whole.summaries):
         columns = [[label, *(_mean_at(part, label, metric, state) for part in one.points)] for label in observers]
@@ -275,12 +275,6 @@ def _mean_at(part: Statistics, label: str, metric: str, state: str) -> str:
     summary, failed = part.summaries[label, metric, state], part.failed(label)
     mean = "-" if math.isnan(summary.mean) else uncertain(summary.mean, summary.half)
     return f"{mean} ({failed})" if failed else mean
-
-
-def short_axis(axis: str, axes: Sequence[str]) -> str:
-    """The last part of an axis's path, where that tells it from the others."""
-    last = axis.rpartition(".")[2]
-    return last if sum(a.rpartition(".")[2] == last for a in axes) == 1 else axis
 
 
 def latex(found: Sequence[Compared]) -> str:

@@ -24,7 +24,7 @@ def packed(texts: Sequence[str], groups: Sequence[Sequence[Sequence[str]]], *, t
     title : str
         What stands above the rows.
     """
-    labels = [title, *(shortened(printable(text), _LABEL) for text in texts)]
+    labels = [title, *_apart([printable(text) for text in texts])]
     room = _WIDTH - _width(labels)
     blocks: list[list[Sequence[str]]] = [[]]
     for group in groups:
@@ -34,6 +34,16 @@ def packed(texts: Sequence[str], groups: Sequence[Sequence[Sequence[str]]], *, t
                 blocks.append([])
             blocks[-1] += part
     return [aligned(labels, block) for block in blocks]
+
+
+def _apart(texts: Sequence[str]) -> list[str]:
+    """Names of rows, shortened as far as those that differ still do."""
+    limit = _LABEL
+    while True:
+        found = [shortened(text, limit) for text in texts]
+        if len(set(found)) == len(set(texts)) or limit >= max(map(columns, texts)):
+            return found
+        limit += 10
 
 
 def aligned(labels: Sequence[str], block: Sequence[Sequence[str]]) -> list[str]:

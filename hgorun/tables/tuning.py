@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hgorun.files import json_value
-from hgorun.tables.ensemble import short_axis
+from hgorun.tables.axis_names import short_axis
 from hgorun.tables.layout import number, packed, wrapped
 from hgorun.tables.uncertain import uncertain
 

@@ -8,7 +8,7 @@ import re
 from hgorun.tables.layout import number
 
 _DIGITS = 6  # of a number, at most
-_FIXED = (1e-3, 1e6)  # numbers between are written without an exponent
+_FIXED = (1e-4, 1e6)  # numbers between are written without an exponent; below, those without uncertainty have one, too
 
 
 def uncertain(value: float, half: float) -> str:

@@ -65,9 +65,7 @@ class Evidence:
 def evidence(found: Found, threads: int = 1) -> Evidence:
     """Try the points of a front with the held-out seeds."""
     task = found.trials.task
-    places = np.arange(len(found.front))
-    if len(places) > _SHOWN:
-        places = np.unique([*np.linspace(0, len(places) - 1, _SHOWN).round().astype(int), found.chosen])
+    places = _shown(len(found.front), found.chosen)
     front = found.front[places]
     gains = np.vectorize(_written, otypes=[float])(found.trials.gains[front])
     seeds = np.array(task.held_out)
@@ -76,6 +74,16 @@ def evidence(found: Found, threads: int = 1) -> Evidence:
     chosen = int(np.flatnonzero(places == found.chosen)[0])
     confidence = _confidence(held_out[:, :, : len(task.goals)], task)
     return Evidence(task, found, front, gains, held_out, confidence, chosen)
+
+
+def _shown(count: int, chosen: int) -> NDArray[np.int64]:
+    """Which points of a front are tried again: both ends, the chosen one and others between, evenly."""
+    if count <= _SHOWN:
+        return np.arange(count)
+    places = np.linspace(0, count - 1, _SHOWN).round().astype(np.int64)
+    if chosen not in places:
+        places[1 + np.argmin(np.abs(places[1:-1] - chosen))] = chosen
+    return places
 
 
 def _written(value: float) -> float:

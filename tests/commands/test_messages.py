@@ -78,7 +78,7 @@ def test_a_mistake_is_explained(
 def test_a_start_where_the_model_is_not_defined_is_not_called_singular(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    text = RIGHT.replace("output: x1", "output: x2").replace("x1: x2, x2: -k*x1", "x1: -x1, x2: sqrt(x1) - x2")
+    text = RIGHT.replace("output: x1", "output: x2").replace("x1: x2, x2: -k*x1", "x1: -k*x1, x2: sqrt(x1) - x2")
     err = refusal(tmp_path, text.replace("theta: 2", "theta: 2, initial: {x1: -0.8}"), monkeypatch, capsys)
     assert "observability map is not finite at the initial estimate (x1 = -0.8, x2 = 0)" in err
 

@@ -21,6 +21,7 @@ observers:
   FHGO: {type: fhgo1, theta: 2, delta: 3}
 solver: {step: 0.01}
 """
+ESCAPES = "plant: {states: [a, b], dynamics: {a: b, b: b**2}, output: a, initial: {a: 0, b: 10}}"  # at 0.1
 SWEEP = """
 title: Gains and seeds
 base: base.yaml
@@ -132,6 +133,28 @@ def test_members_that_fail_are_said_on_stderr(shell: Shell) -> None:
     assert shell("sweep", "s.yaml", "--strict", "-q")[0] == 3
 
 
+def test_a_base_that_is_refused_is_said_as_of_a_single_run(shell: Shell) -> None:
+    (shell.folder / "base.yaml").write_text(
+        BASE.replace("theta: 3}", "theta: 3}\n  L: {type: lowpass, theta: 2, rho: 5}")
+    )
+    alone = shell("simulate", "base.yaml")
+    assert alone[0] == 2
+    assert alone[2].startswith("hgorun: base.yaml:7: observers.L")
+    assert shell("sweep", "s.yaml") == alone
+    assert not (shell.folder / "results").exists()
+    (shell.folder / "s.yaml").write_text("base: base.yaml\naxes: {observers.L.rho: [0.1, 5]}\n")
+    assert shell("sweep", "s.yaml", "-q")[0] == 0  # one of the members can be carried out
+
+
+def test_a_sweep_all_of_whose_members_fail_has_failed(shell: Shell) -> None:
+    (shell.folder / "base.yaml").write_text(
+        BASE.replace("plant: {type: van_der_pol, initial: {x1: 1, x2: 0.5}}", ESCAPES)
+    )
+    code, out, err = shell("sweep", "s.yaml")
+    assert (code, out.splitlines()[1]) == (1, "  SHGO  12 failed")
+    assert "12 of 12 members failed" in err
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -240,5 +263,5 @@ def test_a_block_that_nobody_has_written_is_refused_by_every_command(shell: Shel
         ["compare", "out/s.sweep"],
         ["merge", "out/s.sweep", "-o", "m"],
     ):
-        code, _, err = shell(*arguments)
+        code, _, err = shell(*text.split())
         assert (code, name in err, "Traceback" in err) == (2, True, False)

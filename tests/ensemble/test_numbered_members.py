@@ -61,6 +61,16 @@ def test_sobol_points_are_evenly_spread_and_do_not_depend_on_each_other() -> Non
         ({"observers.SHGO.thta": [1]}, {}, "axes/observers.SHGO.thta", "unknown key 'thta'. Did you mean `theta`?"),
         ({"observers.SHGO.theta": [-1, 0]}, {}, "axes/observers.SHGO.theta", "expected a number above 0, found -1"),
         ({"observers.*.thta": [1]}, {}, "axes/observers.*.thta", "no observer has the key 'thta'"),
+        (
+            {"observers.*.theta": [1], "observers.SHGO.theta": [2]}, {}, "axes/observers.SHGO.theta",
+            "it changes observers.SHGO.theta, and so does the axis observers.*.theta",
+        ),
+        (
+            {"observers.FHGO.theta": [1], "observers.*.theta": [2]}, {}, "axes/observers.*.theta",
+            "it changes observers.FHGO.theta, and so does the axis observers.FHGO.theta",
+        ),
+        ({"solver.step": {"linear": [0.1, 0.2, 1]}}, {}, "axes/solver.step", "one value cannot be both 0.1 and 0.2"),
+        ({"solver.step": {"log": [0.1, 0.2, 1]}}, {}, "axes/solver.step", "one value cannot be both 0.1 and 0.2"),
         ({"foo": [1]}, {}, "axes/foo", "unknown key 'foo'"),
         ({"seed.x": [1]}, {}, "axes/seed.x", "expected a whole number, found a mapping"),
         ({"solver.step": {"count": 3}}, {}, "axes/solver.step", "count makes seeds"),
@@ -94,3 +104,8 @@ def test_what_no_member_can_be_made_of_is_refused(
 def test_one_value_that_fits_is_enough() -> None:
     ensemble({"observers.SHGO.theta": [-1.0, 2.0]}).check()
     ensemble({THETAS: [2.0]}).check()
+
+
+def test_one_value_that_is_both_ends_and_axes_beside_each_other_are_taken() -> None:
+    ensemble({"solver.step": {"linear": [0.01, 0.01, 1]}, "observers.SHGO.theta": [2], "seed": [0]}).check()
+    ensemble({"observers.SHGO.theta": {"log": [1, 2, 1]}}, combine="sobol").check()

@@ -117,6 +117,28 @@ def test_in_a_real_browser(shell: Shell) -> None:
     assert seen["after"] == ",".join(["x1"] * 8)
 
 
+@pytest.mark.slow
+@pytest.mark.skipif(browser.CHROMIUM is None, reason="there is no Chromium")
+def test_numbers_have_significant_digits(shell: Shell) -> None:
+    """However small they are; what is not known is a dash."""
+    values = 1e-5 * np.array([[1.23456, 1.25], [1.3, 3.0]])[:, :, None]
+    write(shell.folder / "s.sweep.h5", {"seed": range(2)}, {"rmse": values}, observers=["F", "S"], states=["x1"])
+    shell("report", "s.sweep.h5", "-o", "s.html")
+    seen: dict[str, object] = {}
+
+    async def look(page: browser.Page) -> None:
+        await page.until("window.Bokeh !== undefined && Bokeh.documents.length > 0 && Bokeh.documents[0].is_idle")
+        await page.value(_DEEP)
+        seen["cells"] = await page.value("deep('.slick-cell').map(cell => cell.textContent.trim()).join()")
+
+    page = browser.opened(shell.folder / "s.html", look)
+    assert page.complaints == []
+    cells = str(seen["cells"]).split(",")
+    assert "1.267e-5" in cells  # the mean of F
+    assert "3.272e-7" in cells  # its standard error
+    assert "0.0000" not in cells
+
+
 # everything of a kind on the page, inside its components, too
 _DEEP = """
 var deep = (what, root = document) => [...root.querySelectorAll(what)].concat(

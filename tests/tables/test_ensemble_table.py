@@ -6,6 +6,7 @@ import csv as csv_module
 import io
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -45,6 +46,7 @@ def made(seeds: int = 30, *, gap: float = 0.5, lost: int = 0) -> Collected:
         (123456.0, 1234.0, "123500 ± 1200"),
         (-1.5, 0.25, "-1.50 ± 0.25"),
         (0.0, 0.01, "0.000 ± 0.010"),
+        (6.4e-4, 2.2e-5, "0.000640 ± 0.000022"),
         (3e-7, 1.5e-6, "(0.3 ± 1.5)e-06"),
         (1.0, 1e-12, "1.00000 ± 1.0e-12"),
         (2.0, 0.0, "2.000"),
@@ -83,6 +85,32 @@ def test_an_ensemble_divided_by_an_axis() -> None:
     points = as_json(found)["points"]
     assert [p["at"] for p in points] == [{"observers.F.theta": 2.0}, {"observers.F.theta": 4.0}]
     assert [p["observers"]["F"]["failed"] for p in points] == [2, 0]
+
+
+def test_rows_of_axes_that_end_alike_have_names_of_their_own() -> None:
+    members = made()
+    theta = members.axes["observers.F.theta"]
+    axes = {"observers.FHGO.theta": theta, "observers.SHGO.theta": np.tile([5.0, 7.0, 9.0], 20)}
+    shown = text([compared(replace(members, axes=axes), list(axes), ["rmse"])])
+    rows = {line[: line.index("  ")] for line in shown.splitlines() if " = " in line}
+    assert "theta of FHGO = 2, theta of SHGO = 5" in rows
+    assert len(rows) == 6
+
+
+def test_rows_tell_points_apart_however_long_or_near_they_are() -> None:
+    members = made()
+    kind = np.array([f"{'a' * 45}{i % 3}{'b' * 45}" for i in range(60)], dtype=object)
+    near = np.where(members.axes["observers.F.theta"] > 2, 1.00001, 1.00002)
+    axes = {"plant.parameters.a_long_name_of_a_parameter": kind, "plant.parameters.near": near}
+    shown = text([compared(replace(members, axes=axes), list(axes), ["rmse"])])
+    assert "rows: a_long_name_of_a_parameter, near" in shown
+    rows = [line.split("  ")[0] for line in shown.splitlines() if line.startswith("aaa")]
+    assert len(set(rows)) == 6
+
+
+def test_numbers_that_are_not_known_are_dashes() -> None:
+    shown = text([compared(made(lost=60), (), ["rmse"])])
+    assert "nan" not in shown
 
 
 def test_json_has_the_keys_that_were_promised() -> None:

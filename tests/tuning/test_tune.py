@@ -15,8 +15,9 @@ from hgorun import load
 from hgorun.config.tuning import Tune
 from hgorun.ensemble.fronts import non_dominated
 from hgorun.errors import ConfigError, Problem
+from hgorun.figures.tuning import Tuned, tuning
 from hgorun.simulation.experiment import Experiment
-from hgorun.tuning.evidence import Evidence, evidence
+from hgorun.tuning.evidence import Evidence, _shown, evidence
 from hgorun.tuning.search import search
 from hgorun.tuning.task import Task, tasks
 from hgorun.tuning.trials import Trials, measured
@@ -306,3 +307,41 @@ def test_a_base_that_is_missing(shell: Shell) -> None:
     assert "t.yaml:1: base: there is no file missing.yaml" in err
     with pytest.raises(ConfigError):
         load(shell.folder / "missing.yaml")
+
+
+@pytest.mark.parametrize(("count", "chosen"), [(3, 1), (12, 5), (13, 6), (40, 1), (40, 38), (40, 17), (40, 39)])
+def test_at_most_twelve_points_are_tried_again_and_the_chosen_one_is_among_them(count: int, chosen: int) -> None:
+    places = _shown(count, chosen)
+    assert len(places) == min(count, 12)
+    assert {0, count - 1, chosen} <= set(places.tolist())
+    assert np.all(np.diff(places) > 0)
+
+
+def drawn(front: np.ndarray, half: float, *, goals: np.ndarray, logarithmic: bool = True) -> Tuned:
+    """A tuning of one gain, whose candidates are of its front."""
+    gains = np.geomspace(1, 4, len(goals))[:, None]
+    return Tuned(
+        label="F", type="fhgo2", filter_order=1, paths=("observers.F.theta",), logarithmic=(logarithmic,),
+        gains=gains, goals=goals, met=np.ones(len(goals), dtype=bool), front_gains=gains[: len(front)],
+        front=front, half=np.full_like(front, half), chosen=1 if len(front) > 1 else 0,
+    )  # fmt: skip
+
+
+def test_lines_join_what_nothing_beats_on_held_out_seeds() -> None:
+    front = np.array([[1.0, 4.0], [2.0, 2.0], [3.0, 1.0], [4.0, 3.0]])  # the last one is beaten
+    figure = tuning([drawn(front, 0.1, goals=front)], ["a", "b"])
+    joined = [line for line in figure.axes[0].lines if line.get_linestyle() != "None" and np.size(line.get_xdata()) > 1]
+    assert [np.asarray(line.get_xdata()).tolist() for line in joined] == [[1.0, 2.0, 3.0]]
+    hollow = [
+        line for line in figure.axes[0].lines if line.get_markerfacecolor() == "none" and np.size(line.get_xdata())
+    ]
+    assert [np.asarray(line.get_ydata()).tolist() for line in hollow if line.get_marker() != "None"][-1] == [3.0]
+    assert "hollow: beaten" in figure.legends[0].get_title().get_text()
+
+
+@pytest.mark.parametrize("logarithmic", [True, False])
+def test_a_gain_has_the_scale_of_its_range_and_the_minimum_its_whole_interval(logarithmic: bool) -> None:
+    goals = np.array([[2.0], [1.5], [1.0], [1.4]])
+    (ax,) = tuning([drawn(np.array([[1.0]]), 0.4, goals=goals, logarithmic=logarithmic)], ["a"]).axes
+    assert ax.get_xscale() == ("log" if logarithmic else "linear")
+    assert ax.get_ylim()[0] < 0.6

@@ -1,0 +1,43 @@
+"""What no member of an ensemble can be made of: said of the base, before anything runs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from hgorun.ensemble.ensemble import Ensemble
+from hgorun.errors import HgorunError
+from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.preparation import prepare
+
+
+def refuse_base(ensemble: Ensemble) -> None:
+    """Refuse a base that cannot be run, unless some member can, whose axes change what is wrong.
+
+    Of the members only the first, one in the middle and the last are tried.
+
+    Raises
+    ------
+    HgorunError
+        What is wrong with the base, with its place in the file.
+    """
+    refused = _refused(ensemble.base)
+    if refused is not None and all(map(_refused, _some(ensemble))):
+        raise refused
+
+
+def _some(ensemble: Ensemble) -> Iterator[Experiment]:
+    """Some of the members; those that the configuration does not admit are left out."""
+    for number in sorted({0, ensemble.size // 2, ensemble.size - 1}):
+        try:
+            yield ensemble.base.varied(ensemble.members(number, number + 1).of_observers(ensemble.base).changes(0))
+        except HgorunError:
+            continue
+
+
+def _refused(experiment: Experiment) -> HgorunError | None:
+    """Why an experiment cannot be run; None where nothing is known to be wrong."""
+    try:
+        prepare(experiment)
+    except HgorunError as error:
+        return error
+    return None

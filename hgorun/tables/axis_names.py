@@ -1,0 +1,67 @@
+"""What axes of ensembles and points on them are called in tables."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any
+
+from hgorun.ensemble.collected import shown
+
+_LONG = 40  # columns; names of points that are longer have only the values
+_MOST_DIGITS = 17
+
+
+def short_axis(axis: str, axes: Sequence[str]) -> str:
+    """The end of an axis's path, with whose it is where the end alone does not tell it from the others.
+
+    >>> axes = ["observers.F.theta", "observers.S.theta", "measurement.sampling.period"]
+    >>> [short_axis(axis, axes) for axis in axes]
+    ['theta of F', 'theta of S', 'period']
+    """
+    shorter: tuple[Callable[[str], str], ...] = (_end, _whose)
+    for short in shorter:
+        if sum(short(other) == short(axis) for other in axes) == 1:
+            return short(axis)
+    return axis
+
+
+def _end(axis: str) -> str:
+    return axis.rpartition(".")[2]
+
+
+def _whose(axis: str) -> str:
+    _, *owner, end = axis.split(".") if "." in axis else ("", axis)
+    return f"{end} of {'.'.join(owner)}" if owner else end
+
+
+def names_of_values(values: Iterable[Any]) -> dict[Any, str]:
+    """Values of an axis as tables show them, each with so many digits as tell them all apart."""
+    known = list(dict.fromkeys(values))
+    found = [shown(value) for value in known]
+    for digits in range(5, _MOST_DIGITS + 1):
+        if len(set(found)) == len(known):
+            break
+        found = [f"{value:.{digits}g}" if isinstance(value, float) else shown(value) for value in known]
+    return dict(zip(known, found, strict=True))
+
+
+def names_of_points(points: Sequence[Mapping[str, Any]], axes: Sequence[str]) -> tuple[str, list[str]]:
+    """What is said above a table with a row for each point, and what its rows are called.
+
+    Parameters
+    ----------
+    points : sequence of mapping of str to value
+        Values on the axes.
+    axes : sequence of str
+
+    Returns
+    -------
+    (str, list of str)
+        Nothing and ``theta = 2, period = 0.1``, ...; where that is long ``theta, period`` and ``2, 0.1``, ...
+    """
+    values = {axis: names_of_values(point[axis] for point in points) for axis in axes}
+    short = {axis: short_axis(axis, axes) for axis in axes}
+    full = [", ".join(f"{short[axis]} = {values[axis][point[axis]]}" for axis in axes) for point in points]
+    if max(map(len, full), default=0) <= _LONG:
+        return "", full
+    return ", ".join(short.values()), [", ".join(values[axis][point[axis]] for axis in axes) for point in points]
