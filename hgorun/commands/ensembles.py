@@ -16,9 +16,10 @@ from hgorun.ensemble.growing import read_sweep
 from hgorun.ensemble.outcome import outcome_of
 from hgorun.ensemble.reading import is_sweep
 from hgorun.ensemble.refused import refuse_base
-from hgorun.ensemble.store import Changed, Store, remove_file
+from hgorun.ensemble.store import Changed, Store
 from hgorun.ensemble.sweep import Place, carry_out, finished
 from hgorun.errors import ConfigError, SimulationError
+from hgorun.files import remove_file
 from hgorun.process import say
 from hgorun.progress import shown as progress
 from hgorun.study.ensembles import ensemble_of

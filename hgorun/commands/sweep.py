@@ -18,9 +18,10 @@ from hgorun.ensemble.executors import EXECUTORS, Executor, processes, threads
 from hgorun.ensemble.manifest import Manifest
 from hgorun.ensemble.outcome import Outcome, outcome_of
 from hgorun.ensemble.refused import refuse_base
-from hgorun.ensemble.store import Store, remove_file
+from hgorun.ensemble.store import Store
 from hgorun.ensemble.sweep import SUFFIX, Count, Part, Place, carry_out, finished
 from hgorun.errors import ConfigError, HgorunError
+from hgorun.files import remove_file
 from hgorun.process import processors
 from hgorun.progress import shown
 from hgorun.study.sweep_file import load_sweeps

@@ -8,7 +8,6 @@ damaged later is noticed.
 
 from __future__ import annotations
 
-import hashlib
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -20,44 +19,18 @@ from hgorun.ensemble.carried import Carried
 from hgorun.ensemble.ensemble import Ensemble
 from hgorun.ensemble.fingerprint import difference
 from hgorun.ensemble.manifest import MANIFEST, Manifest
+from hgorun.ensemble.stored import Stored, content, digest, together
 from hgorun.errors import ConfigError, HgorunError
-from hgorun.files import remove_leftovers, written_whole
+from hgorun.files import remove_file, remove_leftovers, written_whole
 
 COLLECTED = "collected.json"  # what is known of the file that was collected last
 _BLOCK = re.compile(r"(\d{10})-(\d{10})-([0-9a-f]{16})-([0-9a-f]{32})\.h5")
-_TOGETHER = 64  # blocks, or
-_BYTES = 2**24  # of them, that are read by one process
-
-
-class Damaged(HgorunError):
-    """A block's file does not have the bytes that it was written with.
-
-    Attributes
-    ----------
-    path : Path
-    """
-
-    exit_code = 2
-
-    def __init__(self, path: Path) -> None:
-        super().__init__(f"{path}: the block is damaged; run the sweep again to make it anew")
-        self.path = path
 
 
 class Changed(HgorunError):
     """The folder holds members of something else."""
 
     exit_code = 2
-
-
-@dataclass(frozen=True)
-class Stored:
-    """A block's file: the members from ``start`` to before ``stop``, and the hash of its bytes."""
-
-    start: int
-    stop: int
-    digest: str
-    path: Path
 
 
 @dataclass(frozen=True)
@@ -92,19 +65,22 @@ class Store:
         Raises
         ------
         Changed
-            When it holds members of another configuration, or of another version of the program.
-        ConfigError
-            When its manifest is none.
+            When it holds members of another configuration, or of another version of the program, or its manifest is
+            none.
         """
         manifest = Manifest.of(ensemble)
         if fresh:
             remove(folder)
         for part in (folder, folder / "blocks"):
             remove_leftovers(part)
-        before = Manifest.read(folder) if (folder / MANIFEST).exists() else None
-        if before is not None:
-            cls(folder, before).refuse_changes(manifest, f"; {advice}")
-            before.refuse_members(manifest.members, folder)
+        before = None
+        if (folder / MANIFEST).exists():
+            try:
+                before = Manifest.read(folder)
+                cls(folder, before).refuse_changes(manifest, f"; {advice}")
+                before.refuse_members(manifest.members, folder)
+            except ConfigError as error:
+                raise Changed(f"{error}; {advice}") from None
         if before != manifest:
             manifest.write(folder)
         return cls(folder, manifest)
@@ -199,10 +175,10 @@ class Store:
             When it cannot be written.
         """
         self.refuse_replaced()
-        content = to_bytes(carried, self.manifest.fingerprint)
-        name = f"{carried.start:010d}-{carried.stop:010d}-{self._mark}-{_digest(content)}.h5"
+        data = to_bytes(carried, self.manifest.fingerprint)
+        name = f"{carried.start:010d}-{carried.stop:010d}-{self._mark}-{digest(data)}.h5"
         with written_whole(self.folder / "blocks" / name) as part:
-            part.write_bytes(content)
+            part.write_bytes(data)
 
     def adopt(self, other: Store) -> None:
         """Take over the blocks of another folder of the same ensemble, in place of own ones that are damaged.
@@ -211,14 +187,19 @@ class Store:
         ------
         Damaged
             When one of them does not have the bytes that were written.
+        ConfigError
+            When one of them is no block of this ensemble.
         """
-        for one in other.stored():
-            own = self.folder / "blocks" / one.path.name
-            if own.is_file() and _digest(own.read_bytes()) == one.digest:
-                continue
-            content = _content(one)
-            with written_whole(own) as part:
-                part.write_bytes(content)
+        for several in together(one for one in other.stored() if not self._has(one)):
+            other.read(*several)  # nothing is taken that could not be used
+            for one in several:
+                with written_whole(self.folder / "blocks" / one.path.name) as part:
+                    part.write_bytes(content(one))
+
+    def _has(self, one: Stored) -> bool:
+        """Whether there is the same block, undamaged."""
+        own = self.folder / "blocks" / one.path.name
+        return own.is_file() and digest(own.read_bytes()) == one.digest
 
     def read(self, *several: Stored) -> list[Carried]:
         """The members of blocks.
@@ -232,12 +213,12 @@ class Store:
         """
         mark = self.manifest.fingerprint
         forms = (Form.of(self.ensemble, one.path, mark, one.start, one.stop) for one in several)
-        return from_files([(_content(one), form) for one, form in zip(several, forms, strict=True)])
+        return from_files([(content(one), form) for one, form in zip(several, forms, strict=True)])
 
     def blocks(self) -> Iterator[tuple[Carried, slice]]:
         """The blocks one by one, each with those of its members that no earlier one holds."""
         at, points = 0, None
-        for several in self._batches():
+        for several in together(self._needed()):
             for one, carried in zip(several, self.read(*several), strict=True):
                 if carried.followed is not None:
                     points = points or carried.followed.time.size
@@ -246,42 +227,18 @@ class Store:
                 yield carried, slice(max(at, one.start) - one.start, one.stop - one.start)
                 at = one.stop
 
-    def _batches(self) -> Iterator[list[Stored]]:
-        """Blocks that are needed, as many together as are read by one process."""
-        at, size, waiting = 0, 0, list[Stored]()
+    def _needed(self) -> Iterator[Stored]:
+        """The blocks that hold members which no earlier one holds."""
+        at = 0
         for one in self.stored():
             if one.stop > at:
                 at = one.stop
-                waiting.append(one)
-                size += one.path.stat().st_size if one.path.is_file() else 0
-            if len(waiting) == _TOGETHER or size > _BYTES:
-                yield waiting
-                size, waiting = 0, []
-        if waiting:
-            yield waiting
+                yield one
 
     @property
     def _mark(self) -> str:
         """The fingerprint as names of blocks have it."""
         return self.manifest.fingerprint[:16]
-
-
-def _digest(content: bytes) -> str:
-    """The hash of a block's bytes, as its name has it."""
-    return hashlib.sha256(content).hexdigest()[:32]
-
-
-def _content(one: Stored) -> bytes:
-    """The bytes of a block's file."""
-    try:
-        content = one.path.read_bytes()
-    except FileNotFoundError:
-        raise Damaged(one.path) from None
-    except OSError as error:
-        raise ConfigError(f"the block cannot be read: {error.strerror}", file=str(one.path)) from None
-    if _digest(content) != one.digest:
-        raise Damaged(one.path)
-    return content
 
 
 def remove(folder: Path) -> None:
@@ -296,17 +253,3 @@ def remove(folder: Path) -> None:
     blocks = sorted(path for path in (folder / "blocks").glob("*.h5") if _BLOCK.fullmatch(path.name))
     for path in (*blocks, folder / COLLECTED, folder / MANIFEST):
         remove_file(path)
-
-
-def remove_file(path: Path) -> None:
-    """Remove a file, if it is there.
-
-    Raises
-    ------
-    ConfigError
-        When it cannot be removed, as a folder of this name.
-    """
-    try:
-        path.unlink(missing_ok=True)
-    except OSError as error:
-        raise ConfigError(f"cannot be removed: {error.strerror}", file=str(path)) from None

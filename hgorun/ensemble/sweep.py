@@ -14,8 +14,10 @@ from hgorun.ensemble.cuts import Cuts, Range, most_members
 from hgorun.ensemble.ensemble import Ensemble
 from hgorun.ensemble.executors import Executor, threads
 from hgorun.ensemble.found import FAILED
-from hgorun.ensemble.store import Damaged, Store, remove_file
+from hgorun.ensemble.store import Store
+from hgorun.ensemble.stored import Damaged
 from hgorun.errors import ConfigError
+from hgorun.files import remove_file
 from hgorun.process import processors
 
 SUFFIX = ".sweep"

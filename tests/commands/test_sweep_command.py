@@ -258,10 +258,7 @@ def test_a_block_that_nobody_has_written_is_refused_by_every_command(shell: Shel
     name = f"{block.name.rpartition('-')[0]}-{sha256(b'no block').hexdigest()[:32]}.h5"
     block.rename(block.with_name(name)).write_bytes(b"no block")
     (shell.folder / "out" / "s.sweep.h5").unlink()
-    for arguments in (
-        ["sweep", "s.yaml", "-o", "out"],
-        ["compare", "out/s.sweep"],
-        ["merge", "out/s.sweep", "-o", "m"],
-    ):
+    for text in ("sweep s.yaml -o out", "compare out/s.sweep", "merge out/s.sweep -o m"):
         code, _, err = shell(*text.split())
         assert (code, name in err, "Traceback" in err) == (2, True, False)
+    assert not (shell.folder / "m" / "s.sweep" / "blocks").exists()

@@ -19,7 +19,8 @@ from hgorun.ensemble.block_file import Form, from_bytes, to_bytes
 from hgorun.ensemble.carried import Carried, carry_out
 from hgorun.ensemble.ensemble import Ensemble
 from hgorun.ensemble.recipe import ensemble_of, recipe_of
-from hgorun.ensemble.store import Changed, Damaged, Store
+from hgorun.ensemble.store import Changed, Store
+from hgorun.ensemble.stored import Damaged
 from hgorun.errors import ConfigError, HgorunError
 
 
@@ -213,9 +214,11 @@ def test_beginning_anew_removes_what_is_ours_and_nothing_else(tmp_path: Path) ->
 @pytest.mark.parametrize("text", ["", "[]", "{}", "[" * 100_000, '{"format": "hgorun-sweep-store-2"}'])
 def test_a_manifest_that_is_none_is_refused(tmp_path: Path, text: str) -> None:
     (tmp_path / "manifest.json").write_text(text)
-    for opened in (Store.existing, lambda folder: Store.opened(folder, small())):
-        with pytest.raises(ConfigError, match=r"manifest\.json: not the manifest of a sweep"):
-            opened(tmp_path)
+    words = r"manifest\.json: not the manifest of a sweep"
+    with pytest.raises(ConfigError, match=words):
+        Store.existing(tmp_path)
+    with pytest.raises(Changed, match=f"{words}.*; --fresh starts anew"):
+        Store.opened(tmp_path, small())
     with pytest.raises(ConfigError, match="no folder of a sweep"):
         Store.existing(tmp_path / "nowhere")
 
@@ -245,7 +248,7 @@ def test_a_manifest_is_not_believed(tmp_path: Path, changes: dict[str, Any], wor
     if "recipe" in changes:  # we know it ourselves
         assert Store.opened(folder, small()).ensemble.size == 12
     else:
-        with pytest.raises(ConfigError, match=words):
+        with pytest.raises(Changed, match=f"{words}.*; --fresh starts anew"):
             Store.opened(folder, small())
 
 
