@@ -30,7 +30,7 @@ def test_the_commands_of_the_page_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (file,) = blocks("yaml")
-    (tmp_path / "academic.yaml").write_text(BASE)
+    (tmp_path / "academic.yaml").write_text(BASE)  # what Python loads
     (tmp_path / "gains.yaml").write_text(file.replace("2, 20, 10", "2, 20, 3").replace("count: 20", "count: 3"))
     shell = Shell(tmp_path, monkeypatch, capsys)
     commands = re.findall(r"^    hgorun (.*)$", PAGE, re.MULTILINE)

@@ -193,11 +193,11 @@ def _axes(members: Collected, options: OfEnsembles) -> tuple[str, ...]:
 
 
 def _readable(members: Collected) -> tuple[str, ...]:
-    """All axes that were chosen while they make a readable table, else none."""
+    """All axes that were chosen and not drawn while they make a readable table, else none."""
     count = 1
-    for axis in members.chosen:
+    for axis in members.grid:
         count *= len(levels(members.axes[axis]))
-    return members.chosen if count <= _MOST_POINTS else ()
+    return members.grid if count <= _MOST_POINTS else ()
 
 
 def all_ensembles(sources: Sequence[Path]) -> bool:

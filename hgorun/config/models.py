@@ -10,6 +10,7 @@ from hgorun.config.study import Claim, Figure
 from hgorun.config.tuning import Tune
 from hgorun.config.types import (
     NUMBER_SCHEMA,
+    SEEDS,
     Block,
     Number,
     Positive,
@@ -142,7 +143,7 @@ class ExperimentBlocks(Block):
     measurement: dict[str, Any] = Field(default_factory=dict)
     observers: dict[str, dict[str, Any]]
     solver: Solver = Field(default_factory=Solver)
-    seed: Annotated[int, Field(ge=0, lt=2**63, strict=True)] = 0
+    seed: Annotated[int, Field(ge=0, lt=SEEDS, strict=True)] = 0
     metrics: Metrics = Field(default_factory=Metrics)
     figures: dict[str, Figure] = Field(default_factory=dict)
     claims: tuple[Claim, ...] = Field(default=(), description="sentences and the inequalities that decide them")

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal, TypeAlias
+import math
+import re
+from typing import Annotated, Any, Literal, TypeAlias, TypeVar
 
 from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag, WithJsonSchema
 
@@ -10,21 +12,36 @@ from hgorun.config.expressions import ExpressionError, parse
 from hgorun.config.types import Block, Interval, NonEmpty, NonNegative, Number, describe
 
 MOST_MEMBERS = 10**9
+_WHOLE = re.compile(r"[+-]?[0-9]{1,300}")
+_DEVIATIONS = 40  # from the mean: no draw of a normal distribution is farther away
 
 Count = Annotated[int, Field(ge=1, le=MOST_MEMBERS, strict=True)]
 Value: TypeAlias = bool | int | float | str
+_Ends = TypeVar("_Ends", tuple[float, float, int], tuple[float, float])
 
 
 def _value(value: object) -> Value:
-    """A value of a list: a number or text; text that is an expression of numbers is a number."""
+    """A value of a list: a finite number or text; text that is an expression of numbers is a number."""
     if not isinstance(value, (bool, int, float, str)):
         raise ValueError(f"expected numbers or text, found {describe(value)}")
+    if isinstance(value, (int, float)) and not _is_finite(value):
+        raise ValueError(f"expected finite numbers, found {describe(value)}")
+    if isinstance(value, str) and _WHOLE.fullmatch(value):
+        return int(value)
     if isinstance(value, str) and not value.isidentifier():
         try:
             return parse(value, names=()).number()
         except ExpressionError:
             return value
     return value
+
+
+def _is_finite(value: float) -> bool:
+    """Whether it is a finite number that a float can hold, as not every integer is."""
+    try:
+        return math.isfinite(float(value))
+    except OverflowError:
+        return False
 
 
 class ListAxis(Block):
@@ -41,13 +58,31 @@ class ListAxis(Block):
 def _positive(ends: tuple[float, float, int]) -> tuple[float, float, int]:
     if not min(ends[:2]) > 0:
         raise ValueError(f"a logarithmic axis lies between numbers above 0, found {ends[0]:g} and {ends[1]:g}")
+    ratio = ends[1] / ends[0]
+    if not (math.isfinite(ratio) and ratio > 0):
+        raise ValueError(f"the ratio of {ends[1]:g} to {ends[0]:g} is not a finite number above 0")
     return ends
+
+
+def _near(ends: _Ends) -> _Ends:
+    """Ends whose difference is a number: all values between them follow from it."""
+    if not math.isfinite(ends[1] - ends[0]):
+        raise ValueError(f"the difference of {ends[0]:g} and {ends[1]:g} is not a finite number")
+    return ends
+
+
+def _drawable(normal: tuple[float, float]) -> tuple[float, float]:
+    if not math.isfinite(abs(normal[0]) + _DEVIATIONS * normal[1]):
+        raise ValueError(f"draws with mean {normal[0]:g} and standard deviation {normal[1]:g} are not all finite")
+    return normal
 
 
 class LinearAxis(Block):
     """Evenly spaced values, both ends among them."""
 
-    linear: tuple[Number, Number, Count] = Field(description="[first, last, how many]")
+    linear: Annotated[tuple[Number, Number, Count], AfterValidator(_near)] = Field(
+        description="[first, last, how many]"
+    )
 
     @property
     def ends(self) -> tuple[float, float]:
@@ -81,7 +116,7 @@ class LogAxis(Block):
 class UniformAxis(Block):
     """Values drawn evenly from an interval."""
 
-    uniform: Interval = Field(description="[low, high]")
+    uniform: Annotated[Interval, AfterValidator(_near)] = Field(description="[low, high]")
     draws: Count = Field(description="how many; the first ones are the same, whatever the number")
 
     @property
@@ -93,7 +128,9 @@ class UniformAxis(Block):
 class NormalAxis(Block):
     """Values drawn from a normal distribution."""
 
-    normal: tuple[Number, NonNegative] = Field(description="[mean, standard deviation]")
+    normal: Annotated[tuple[Number, NonNegative], AfterValidator(_drawable)] = Field(
+        description="[mean, standard deviation]"
+    )
     draws: Count = Field(description="how many; the first ones are the same, whatever the number")
 
     @property

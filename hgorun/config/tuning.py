@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Any
 
 from pydantic import BeforeValidator, Field, model_validator
@@ -26,6 +27,9 @@ class Range(Block):
             raise ValueError(f"expected [low, high] with low < high, found [{low:g}, {high:g}]")
         if self.log is not None and not low > 0:
             raise ValueError(f"a logarithmic range needs numbers > 0, found [{low:g}, {high:g}]")
+        wide = high / low if self.log is not None else high - low
+        if not math.isfinite(wide):
+            raise ValueError(f"the range is wider than numbers can tell, found [{low:g}, {high:g}]")
         return self
 
     @property

@@ -21,6 +21,8 @@ from hgorun.config.expressions import ExpressionError, check_name, nearest, pars
 from hgorun.config.grammar import DECIMAL_POINT
 from hgorun.errors import printable
 
+SEEDS = 2**63
+"""How many seeds there are, from 0 on."""
 _COMMA = f"{DECIMAL_POINT[0].upper()}{DECIMAL_POINT[1:]}"
 
 

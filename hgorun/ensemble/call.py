@@ -8,6 +8,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from hgorun.config.sweeps import Combine, SweepBlocks
+from hgorun.config.types import describe
 from hgorun.config.validation import validate
 from hgorun.config.yaml_source import Source
 from hgorun.ensemble.ensemble import Ensemble
@@ -16,6 +17,7 @@ from hgorun.ensemble.growing import Sweep, read_sweep
 from hgorun.ensemble.refused import refuse_base
 from hgorun.ensemble.store import Store
 from hgorun.ensemble.sweep import SUFFIX, Place, carry_out, finished
+from hgorun.errors import ConfigError
 from hgorun.simulation.blocks import plain
 from hgorun.simulation.experiment import Experiment
 
@@ -56,7 +58,8 @@ def sweep(
     Raises
     ------
     ConfigError
-        When an axis or what is kept does not fit the experiment, or the experiment itself is refused.
+        When an axis or what is kept does not fit the experiment, the experiment itself is refused, or an argument is
+        something else than asked for.
     HgorunError
         When ``output`` holds members of something else, or cannot be written.
 
@@ -65,7 +68,8 @@ def sweep(
     >>> found = hgorun.sweep(experiment, {"observers.FHGO.theta": {"log": [2, 20, 10]}, "seed": {"count": 20}})
     >>> found.to_xarray()["rmse"].mean("seed")
     """
-    data = plain({"axes": dict(axes), "combine": combine, "keep": dict(keep or {})})
+    _check(experiment, output, executor)
+    data = plain({"axes": _as_dict(axes), "combine": combine, "keep": _as_dict({} if keep is None else keep)})
     source = Source(data, {})
     blocks = validate(SweepBlocks, data, source, ())
     name = experiment.name if output is None else Path(output).stem.removesuffix(SUFFIX)
@@ -77,6 +81,23 @@ def sweep(
         return _at(Place.of(Path(output)), ensemble, fresh, executor)
     with TemporaryDirectory(prefix="hgorun-") as folder:
         return _at(Place.of(Path(folder) / f"{SUFFIX}.h5"), ensemble, False, executor)
+
+
+def _as_dict(given: object) -> object:
+    """A mapping of any kind as one that can be checked; whatever else it is stays what it is."""
+    return dict(given) if isinstance(given, Mapping) else given
+
+
+def _check(experiment: object, output: object, executor: object) -> None:
+    """Refuse arguments of other kinds, which a notebook without type checks may give."""
+    if not isinstance(experiment, Experiment):
+        what = "; hgorun.load reads one from a file" if isinstance(experiment, (str, Path)) else ""
+        raise ConfigError(f"experiment: expected an Experiment, found {describe(experiment)}{what}")
+    if output is not None and not isinstance(output, (str, Path)):
+        raise ConfigError(f"output: expected the path of a file, found {describe(output)}")
+    if executor is not None and not callable(executor):
+        what = "a function such as hgorun.ensemble.executors.processes(2)"
+        raise ConfigError(f"executor: expected {what}, found {describe(executor)}")
 
 
 def _at(place: Place, ensemble: Ensemble, fresh: bool, executor: Executor | None) -> Sweep:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -57,6 +58,8 @@ class Collected:
         Why a member has failed; empty where it has not.
     units : mapping of str to str
         Of the states, and of ``time``.
+    random : frozenset of str
+        Axes besides the seed whose values are random draws.
     families : mapping of str to (str, int or None)
         Of every observer, where it is known, its type and the order of its filter.
     dimensions : mapping of str to int
@@ -75,6 +78,7 @@ class Collected:
     status: NDArray[np.int8]
     error: NDArray[np.object_]
     units: Mapping[str, str] = field(default_factory=dict)
+    random: frozenset[str] = frozenset()
     families: Mapping[str, tuple[str, int | None]] = field(default_factory=dict)
     dimensions: Mapping[str, int] = field(default_factory=dict)
     planned: int = 0
@@ -118,6 +122,32 @@ class Collected:
                 found.append(axis)
         return tuple(found)
 
+    @property
+    def grid(self) -> tuple[str, ...]:
+        """Those of :attr:`chosen` that are no random draws."""
+        return tuple(axis for axis in self.chosen if axis not in self.random)
+
+    @property
+    def gains(self) -> tuple[str, ...]:
+        """Those of :attr:`grid` that a designer may choose: keys of observers."""
+        return tuple(axis for axis in self.grid if axis.startswith("observers."))
+
+    @property
+    def surroundings(self) -> tuple[str, ...]:
+        """Those of :attr:`grid` that are no choice of the observer's designer."""
+        return tuple(axis for axis in self.grid if not axis.startswith("observers."))
+
+    @cached_property
+    def shared(self) -> tuple[str, ...]:
+        """Random axes, the seed among them, on which several members have the same draw, and others another one."""
+        counts = {axis: len(levels(values)) for axis, values in self.axes.items() if axis in {SEED, *self.random}}
+        return tuple(axis for axis, count in counts.items() if 1 < count < len(self))
+
+    @property
+    def independent(self) -> bool:
+        """Whether the members are independent draws: they differ in nothing that was chosen, and share no draw."""
+        return not self.grid and not self.shared
+
     def axis(self, name: str) -> str:
         """The axis of a name: its path, or the end of it where that tells it from the others.
 
@@ -152,7 +182,8 @@ class Collected:
         )
 
     def at(self, axis: str, value: Any) -> NDArray[np.bool_]:
-        """Which members have a value on an axis; of numbers the digits that tables show have to agree.
+        """Which members have a value on an axis; of numbers that are not whole the digits that tables show have to
+        agree.
 
         Raises
         ------
@@ -161,10 +192,10 @@ class Collected:
         """
         values = self.axes[axis]
         if values.dtype.kind in "iuf":
-            try:
-                value = float(value)
-            except ValueError:
-                raise ConfigError(f"expected a number, found {printable(str(value))!r}", key=axis) from None
+            value = _number(value, axis)
+        if values.dtype.kind in "iu":
+            found = np.array([v == value for v in values.tolist()], dtype=bool)
+        elif values.dtype.kind == "f":
             found = np.isclose(values.astype(float), value, rtol=1e-3, atol=0.0)
             distance = np.abs(values.astype(float) - value)
             found &= distance == np.min(distance, initial=np.inf, where=found)
@@ -174,6 +205,15 @@ class Collected:
             known = ", ".join(shown(v) for v in levels(values)[:20])
             raise ConfigError(f"no member has the value {shown(value)}; there are {known}", key=axis)
         return np.asarray(found)
+
+
+def _number(value: object, axis: str) -> int | float:
+    """A number from text, with all digits of an integer."""
+    text = str(value)
+    for kind in (int, float):
+        with suppress(ValueError):
+            return kind(text)
+    raise ConfigError(f"expected a number, found {printable(text)!r}", key=axis)
 
 
 def _follows(values: NDArray[Any], others: NDArray[Any]) -> bool:

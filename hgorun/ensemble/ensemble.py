@@ -5,7 +5,7 @@ Members are numbered. What a member changes follows from its number, so that no 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import prod
@@ -13,6 +13,7 @@ from math import prod
 import numpy as np
 
 from hgorun.config.sweeps import MOST_MEMBERS, Combine, Keep, LinearAxis, ListAxis, LogAxis, SweepBlocks, Worst
+from hgorun.config.types import SEEDS
 from hgorun.ensemble.members import Members, written_out
 from hgorun.ensemble.values import Column, Floats, Places, Seeds, Values, values_of
 from hgorun.errors import ConfigError, KeyPath, Problem
@@ -120,8 +121,8 @@ class Ensemble:
         found: dict[str, str] = {}
         for path, values in self.axes.items():
             place: KeyPath = ("axes", path)
-            if isinstance(values, Seeds) and path != "seed":
-                raise Problem(place, "count makes seeds, and belongs to the axis seed")
+            if isinstance(values, Seeds):
+                _check_seeds(path, values)
             try:
                 paths = written_out(self.base, path)
             except ConfigError as error:
@@ -129,18 +130,33 @@ class Ensemble:
             for one in paths:
                 _check_apart(one, path, found)
                 found[one] = path
-            refused: ConfigError | None = None
-            for at in sorted({0, values.size // 2, values.size - 1}):
-                column = values.at(np.array([at]))
-                try:
-                    self.base.varied(dict.fromkeys(paths, column.tolist()[0]))
-                    break
-                except ConfigError as error:
-                    refused = refused or error
-            else:
-                assert refused is not None
+            if (refused := self._refused(path, paths)) is not None:
                 key = "" if refused.key in (None, path) else f"{refused.key}: "
                 raise Problem(place, f"{key}{refused.message}")
+
+    def _refused(self, path: str, paths: Sequence[str]) -> ConfigError | None:
+        """Why no value of an axis can be used, or, where whole numbers are asked for, why one that is none cannot."""
+
+        def why(value: object) -> ConfigError | None:
+            try:
+                self.base.varied(dict.fromkeys(paths, value))
+            except ConfigError as error:
+                return error
+            return None
+
+        axis, values = self.blocks.axes[path], self.axes[path]
+        written = axis.values if isinstance(axis, ListAxis) else None  # 1 and 2.5 are 1.0 and 2.5 in a column
+        places = sorted({0, values.size // 2, values.size - 1})
+        tried = [written[at] if written is not None else values.at(np.array([at])).tolist()[0] for at in places]
+        reasons = [why(value) for value in tried]
+        accepted = [value for value, reason in zip(tried, reasons, strict=True) if reason is None]
+        if not accepted:
+            return reasons[0]
+        if written is not None and values.at(np.arange(1)).dtype.kind == "f":
+            whole = [value for value in accepted if type(value) is int]
+            if whole and why(float(whole[0])) is not None:
+                return next(filter(None, map(why, written)), None)
+        return None
 
     @property
     def _sizes(self) -> dict[str, int]:
@@ -186,6 +202,15 @@ class Ensemble:
                     raise Problem((*place, key), f"expected one of {', '.join(names)}; found {value!r}")
         if kept != "none" and (moved := next((p for p in self.axes if p.split(".")[0] == "time"), None)):
             raise Problem(place, f"trajectories need one grid of output, but the axis {moved} may change it")
+
+
+def _check_seeds(path: str, seeds: Seeds) -> None:
+    """Refuse what counts something else, and seeds that are no seeds any more."""
+    if path != "seed":
+        raise Problem(("axes", path), "count makes seeds, and belongs to the axis seed")
+    if seeds.first + seeds.size > SEEDS:
+        what = f"{seeds.size} seeds from {seeds.first} on end above the largest seed, {SEEDS - 1}"
+        raise Problem(("axes", path, "count"), what)
 
 
 def _check_apart(path: str, axis: str, found: Mapping[str, str]) -> None:

@@ -34,7 +34,8 @@ def ingredients(ensemble: Ensemble) -> Ingredients:
     """All that the numbers follow from, as JSON holds it."""
     base = ensemble.base
     noise = chain.from_iterable(items for _, items in noise_blocks(base.measurement))
-    theirs = code_of(metric.measure for metric in all_metrics().values())
+    metrics = all_metrics()
+    theirs = code_of(metrics[name].measure for name in ensemble.metrics)
     theirs |= code_of(map(type, (base.plant_block, *base.observers.values(), *noise)))
     return {
         "version": __version__,
@@ -56,14 +57,22 @@ def difference(before: Ingredients, now: Ingredients) -> str:
     """
     if before["version"] != now["version"]:
         return f"hgorun {before['version']} -> {now['version']}"
-    rooms = sorted(name for name, _, _ in _differences(before["code"], now["code"]))
+    rooms = sorted(_differences(before["code"], now["code"]))
     if rooms:
-        return f"the code of {' and '.join(rooms)} changed"
+        return "; ".join(
+            f"the code of {' and '.join(names)} {what}"
+            for what in ("changed", "was not there", "is gone")
+            if (names := [name for name, old, new in rooms if _what(old, new) == what])
+        )
     parts = [(before[part], now[part]) for part in ("configuration", "sweep")]
     changes = [f"{path}: {old} -> {new}" for old, new in parts for path, old, new in _differences(old, new)]
     changes = changes or [words for old, new in parts for words in _orders(old, new)]
     more = f" and {len(changes) - _SHOWN} more" if len(changes) > _SHOWN else ""
     return "; ".join(changes[:_SHOWN]) + more
+
+
+def _what(old: str, new: str) -> str:
+    return "was not there" if old == _MISSING else "is gone" if new == _MISSING else "changed"
 
 
 def _differences(before: object, now: object) -> Iterator[tuple[str, str, str]]:

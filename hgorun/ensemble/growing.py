@@ -13,6 +13,7 @@ from hgorun.ensemble.ensemble import Ensemble
 from hgorun.ensemble.reading import read
 from hgorun.ensemble.rows import joined, part
 from hgorun.ensemble.store import Store
+from hgorun.ensemble.values import Drawn
 from hgorun.errors import ConfigError, HgorunError
 from hgorun.observers.capabilities import FilterOrder
 from hgorun.result.status import STATUSES
@@ -106,6 +107,7 @@ def _finished(store: Store, max_memory: float) -> Collected:
         status=block.status,
         error=block.error,
         units={name: unit for name, unit in units.items() if unit},
+        random=frozenset(path for path, values in ensemble.axes.items() if isinstance(values, Drawn)),
         families={label: (o.type, o.r if isinstance(o, FilterOrder) else None) for label, o in base.observers.items()},
         dimensions=ensemble.dimensions if members.size == store.size else {},
         planned=store.size,

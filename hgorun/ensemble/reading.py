@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -83,6 +84,7 @@ class _Reader(StoredFile):
             status=status.astype(np.int8),
             error=error,
             units=self.entries("units", lambda _, v: isinstance(v, str), "text") if "units" in self.file.attrs else {},
+            random=self.random_axes(),
             families=self.families(observers),
             dimensions=dict(zip(dimensions, shape, strict=True)),
             planned=size,
@@ -96,6 +98,14 @@ class _Reader(StoredFile):
         own = [self.values(name, size) for name, size in zip(dimensions, shape, strict=True)]
         places = np.indices(shape).reshape(len(shape), -1)
         return {name: values[place] for name, values, place in zip(dimensions, own, places, strict=True)}
+
+    def random_axes(self) -> frozenset[str]:
+        """Axes of random draws, as the sweep is described in the file; none where it is not."""
+        try:
+            axes = json.loads(self.text("sweep"))["axes"] if "sweep" in self.file.attrs else {}
+            return frozenset(path for path, values in axes.items() if isinstance(values, dict) and "draws" in values)
+        except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
+            raise self.error("attribute sweep does not describe a sweep") from None
 
     def labels_of_file(self, attribute: str) -> list[str]:
         """Names in an attribute of the file."""
@@ -117,7 +127,7 @@ class _Reader(StoredFile):
     def values(self, name: str, size: int) -> NDArray[Any]:
         """Numbers or texts."""
         if self.data(name).dtype.kind in "iu":
-            return self.numbers(name, size).astype(np.int64)
+            return self.integers(name, size)
         return self.numbers(name, size) if self.data(name).dtype.kind == "f" else np.array(self.texts(name, size), "O")
 
     def texts(self, name: str, *shape: int) -> list[str]:

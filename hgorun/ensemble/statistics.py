@@ -26,7 +26,7 @@ class Summary:
     n : int
         Members whose status is ok or inaccurate, over which the mean is taken.
     mean, sem : float
-        With the standard error; NaN where there are too few members.
+        With the standard error; NaN where there are too few members, or they are no independent draws. So is ci95.
     ci95 : (float, float)
         Of the mean, by Student's t.
     median, q05, q25, q75, q95 : float
@@ -93,6 +93,9 @@ class Statistics:
     members : int
     counts : mapping of str to mapping of str to int
         Of every observer, how many members have each status that occurs.
+    pooled, shared : tuple of str
+        Axes for which the members are no independent draws, so that there are neither intervals nor p values: those
+        that were chosen and differ, and random ones on which members share a draw.
     summaries : mapping of (str, str, str) to Summary
         By observer, metric and state.
     differences : tuple of Difference
@@ -103,6 +106,13 @@ class Statistics:
     counts: Mapping[str, Mapping[str, int]]
     summaries: Mapping[tuple[str, str, str], Summary]
     differences: tuple[Difference, ...]
+    pooled: tuple[str, ...] = ()
+    shared: tuple[str, ...] = ()
+
+    @property
+    def independent(self) -> bool:
+        """Whether the members are independent draws."""
+        return not self.pooled and not self.shared
 
     def failed(self, observer: str) -> int:
         """How many members have no numbers of an observer."""
@@ -123,10 +133,13 @@ def statistics(members: Collected, metrics: Sequence[str] = (), at: Mapping[str,
     names = tuple(metrics) or tuple(members.metrics)
     summaries = {}
     for metric in names:
-        found = _summaries(members.metrics[metric], members.sound)
+        found = _summaries(members.metrics[metric], members.sound, chance=members.independent)
         for (i, label), (j, state) in product(enumerate(members.observers), enumerate(members.states)):
             summaries[label, metric, state] = found[i][j]
-    return Statistics(dict(at or {}), len(members), members.counts, summaries, tuple(_differences(members, names)))
+    differences = tuple(_differences(members, names))
+    return Statistics(
+        dict(at or {}), len(members), members.counts, summaries, differences, members.grid, members.shared
+    )
 
 
 def points(members: Collected, by: Sequence[str]) -> Iterator[tuple[dict[str, Any], Collected]]:
@@ -246,10 +259,11 @@ def _mean(values: Floats, sound: NDArray[np.bool_]) -> tuple[Floats, Floats, NDA
     return mean, sem, n
 
 
-def _summaries(values: Floats, sound: NDArray[np.bool_]) -> list[list[Summary]]:
-    """For every observer and state; values of shape (N, m, n), sound (N, m)."""
+def _summaries(values: Floats, sound: NDArray[np.bool_], *, chance: bool) -> list[list[Summary]]:
+    """For every observer and state; values of shape (N, m, n), sound (N, m); intervals only of independent draws."""
     with_state = sound[:, :, None]
     mean, sem, n = _mean(values, with_state)
+    sem = sem if chance else np.full_like(sem, np.nan)
     low, high = interval(mean, sem, n)
     spread = dict(zip(QUANTILES, quantiles(values, with_state, QUANTILES.values()), strict=True))
     return [
@@ -271,18 +285,23 @@ def _differences(members: Collected, metrics: Sequence[str]) -> Iterator[Differe
     pairs = list(combinations(range(len(members.observers)), 2))
     for metric, (j, state) in product(metrics, enumerate(members.states)):
         values = members.metrics[metric][:, :, j]
-        tests = [_paired(values[:, a], values[:, b], members.sound[:, a] & members.sound[:, b]) for a, b in pairs]
+        tests = [
+            _paired(values[:, a], values[:, b], members.sound[:, a] & members.sound[:, b], chance=members.independent)
+            for a, b in pairs
+        ]
         for (a, b), (n, mean, ci95, p), adjusted in zip(pairs, tests, holm([p for *_, p in tests]), strict=True):
             yield Difference(members.observers[a], members.observers[b], metric, state, n, mean, ci95, p, adjusted)
 
 
-def _paired(a: Floats, b: Floats, sound: NDArray[np.bool_]) -> tuple[int, float, tuple[float, float], float]:
-    """Number, mean, interval and p of a - b."""
+def _paired(
+    a: Floats, b: Floats, sound: NDArray[np.bool_], *, chance: bool
+) -> tuple[int, float, tuple[float, float], float]:
+    """Number, mean, interval and p of a - b; the latter two only where chance alone tells members apart."""
     from scipy.special import stdtr
 
     with np.errstate(invalid="ignore"):
         found = _mean(a - b, sound)
-    mean, sem, n = float(found[0]), float(found[1]), int(found[2])
+    mean, sem, n = float(found[0]), float(found[1]) if chance else float("nan"), int(found[2])
     low, high = interval(mean, sem, n)
     if not np.isfinite(sem):
         return n, mean, (float(low), float(high)), float("nan")

@@ -119,9 +119,10 @@ def heat_maps(cast: Cast, axes: tuple[str, str], metric: str, state: str) -> lis
 
 
 def trade_off(cast: Cast, metrics: tuple[str, str], state: str) -> Plot:
-    """Two metrics against each other, medians over seeds, with the front of each observer."""
+    """Two metrics against each other, medians over draws, with fronts: among gains, all else equal."""
     members = cast.members
-    parts = list(points(thinned(members, members.chosen, _MOST_POINTS), members.chosen))
+    parts = list(points(thinned(members, members.grid, _MOST_POINTS), members.grid))
+    level = np.array([", ".join(shown(at[axis]) for axis in members.surroundings) for at, _ in parts], dtype=object)
     texts = [", ".join(f"{axis} = {shown(value)}" for axis, value in at.items()) for at, _ in parts]
     found = {}
     for label in cast.looks:
@@ -135,9 +136,11 @@ def trade_off(cast: Cast, metrics: tuple[str, str], state: str) -> Plot:
     )
     for label, look in cast.looks.items():
         pairs = found[label]
-        best = non_dominated(pairs)
-        order = np.argsort(pairs[best, 0], kind="stable")
-        plot.line(*pairs[best][order].T, color=look.colour, line_dash=_dash(look.dashes), legend_label=label)
+        for one in dict.fromkeys(level.tolist()):
+            own = pairs[level == one]
+            best = own[non_dominated(own)]
+            best = best[np.argsort(best[:, 0], kind="stable")]
+            plot.line(*best.T, color=look.colour, line_dash=_dash(look.dashes), legend_label=label)
         source = ColumnDataSource(
             {"x": pairs[:, 0], "y": pairs[:, 1], "where": texts, "observer": [label] * len(texts)}
         )

@@ -119,8 +119,8 @@ def _figures(members: Collected, metrics: Sequence[str]) -> list[tuple[str, str,
         ]
         return Tabs(tabs=panels, sizing_mode="stretch_width")
 
-    note = "Medians, 50 % and 90 % of the members. A click on a name hides an observer."
     for axis in members.chosen:
+        note = f"Medians, 50 % and 90 % of the members{_pooled(members, [axis])}. A click on a name hides an observer."
         found.append(
             (f"Against {axis}", note, tabs({m: [drawing.against(cast, axis, m, s) for s in states] for m in metrics}))
         )
@@ -130,17 +130,30 @@ def _figures(members: Collected, metrics: Sequence[str]) -> list[tuple[str, str,
     if len(members.chosen) == 2:
         axes = (members.chosen[0], members.chosen[1])
         contents = {f"{m} {s}": drawing.heat_maps(cast, axes, m, s) for m in metrics for s in states}
-        found.append(("Maps", "Medians; grey: most members are lost, or there are none.", tabs(contents)))
-    if members.chosen and all(metric in metrics for metric in _PAID):
-        contents = {s: [drawing.trade_off(cast, _PAID, s)] for s in states}
         found.append(
-            ("Settling time against noise amplification", "Medians over seeds; lines: fronts.", tabs(contents))
+            (
+                "Maps",
+                f"Medians{_pooled(members, axes)}; grey: most members are lost, or there are none.",
+                tabs(contents),
+            )
         )
+    if members.gains and all(metric in metrics for metric in _PAID):
+        contents = {s: [drawing.trade_off(cast, _PAID, s)] for s in states}
+        each = ", ".join(short_axis(axis, members.grid) for axis in members.surroundings)
+        note = "Medians over random draws; lines: fronts" + (f", one for each {each}." if each else ".")
+        found.append(("Settling time against noise amplification", note, tabs(contents)))
     if members.trajectories is not None and len(members.trajectories.member) > 1:
         contents = {s: [drawing.along_time(cast, s, error=e) for e in (False, True)] for s in states}
-        note = f"Medians, 50 % and 90 % of the {len(members.trajectories.member)} members that were kept."
+        kept = f"{len(members.trajectories.member)} members that were kept{_pooled(members, [])}"
+        note = f"Medians, 50 % and 90 % of the {kept}."
         found.append(("Along time", note, tabs(contents)))
     return found
+
+
+def _pooled(members: Collected, drawn: Sequence[str]) -> str:
+    """What is said of axes that were chosen, and that a figure shows together."""
+    names = [short_axis(axis, members.grid) for axis in members.grid if axis not in drawn]
+    return f", over all values of {', '.join(names)}" if names else ""
 
 
 def _statistics(found: Compared) -> dict[str, list[Any]]:

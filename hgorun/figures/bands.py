@@ -10,7 +10,7 @@ from hgorun.ensemble.collected import Collected, Floats, Trajectories, levels, s
 from hgorun.ensemble.statistics import QUANTILES, quantiles
 from hgorun.errors import ConfigError
 from hgorun.figures.data import MAX_POINTS, Curve, magnitude_limits, state_limits, thinned
-from hgorun.figures.ensemble import Cast, axis_label, drawable
+from hgorun.figures.ensemble import Cast, axis_label, drawable, pooled_over
 from hgorun.figures.layout import TOP, finished, grid
 from hgorun.figures.looks import Look
 from hgorun.figures.style import TRUTH, styled
@@ -23,11 +23,14 @@ if TYPE_CHECKING:
 _WIDTH, _ROW = 7.2, 1.8
 _WIDE, _NARROW = 0.13, 0.22
 _POINTS = 1_000  # of a band, along time
+_FEWEST = 20  # members whose quantiles are drawn: of fewer there is no 5 %
 _TICKS = 8  # of a scale of colours
 
 
 def bands(members: Collected) -> Figure:
     """Every state on the left, the size of the errors on the right: medians, 50 % and 90 % of the members at each time.
+
+    Of fewer than twenty members each has a line of its own in place of quantiles.
 
     Raises
     ------
@@ -57,9 +60,11 @@ def bands(members: Collected) -> Figure:
             right.set_ylabel(rf"$|{symbol(state, hat=True)} - {symbol(state)}|$" + measured_in)
             for ax in (left, right):
                 _time_axis(ax, members, kept)
-        pooled = ", ".join(axis_label(axis, members.units.get("time", "")) for axis in members.chosen)
-        title = f"medians, 50 % and 90 % of {len(kept.member)} members at each time"
-        title += f", over all values of {pooled}" if pooled else ""
+        count = len(kept.member)
+        title = (
+            f"{count} members, and their median" if count < _FEWEST else f"medians, 50 % and 90 % of {count} members"
+        )
+        title += f" at each time{pooled_over(members, [])}"
         return finished(figure, axes, 2, title, grow=True)
 
 
@@ -85,8 +90,12 @@ def _band(ax: Axes, time: Floats, values: Floats, look: Look) -> Floats:
     """Draw quantiles over the members, (K, Nt); those drawn, with NaN where most members are lost."""
     sound = np.isfinite(values)
     q05, q25, median, q75, q95 = (drawable(q) for q in quantiles(values, sound, QUANTILES.values()))
-    for low, high, alpha in ((q05, q95, _WIDE), (q25, q75, _NARROW)):
-        ax.fill_between(time, low, high, color=look.colour, alpha=alpha, linewidth=0)
+    if len(values) < _FEWEST:
+        for one in values:
+            ax.plot(time, drawable(one), color=look.colour, linewidth=0.6, alpha=0.4, label="_", zorder=2)
+    else:
+        for low, high, alpha in ((q05, q95, _WIDE), (q25, q75, _NARROW)):
+            ax.fill_between(time, low, high, color=look.colour, alpha=alpha, linewidth=0)
     ax.plot(time, median, color=look.colour, linestyle=look.dashes, label=look.text, zorder=3)
     return np.concatenate([q05, median, q95])
 

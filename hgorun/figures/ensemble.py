@@ -117,7 +117,21 @@ def axis_label(axis: str, time: str = "") -> str:
     shown = f"${symbol(name)}$" if name.isascii() and name.replace("_", "").isalnum() else words(name)
     if parts[0] == "observers" and len(parts) > 2 and parts[1] != "*":
         return f"{shown} of {words(parts[1])}"
+    if parts[:2] == ["measurement", "noise"]:
+        return f"{shown} of noise" if name.isascii() and len(name) < 2 else f"{words(name)} of noise"
     return shown
+
+
+def pooled_over(members: Collected, drawn: Sequence[str]) -> str:
+    """What is said of axes that were chosen, and that a figure shows together; nothing where there are none.
+
+    Parameters
+    ----------
+    drawn : sequence of str
+        Axes that the figure tells apart.
+    """
+    names = [axis_label(axis, members.units.get("time", "")) for axis in members.grid if axis not in drawn]
+    return f", over all values of {', '.join(names)}" if names else ""
 
 
 def places(values: NDArray[Any]) -> tuple[Floats, NDArray[np.int64]]:

@@ -31,10 +31,10 @@ def figures_of(members: Collected, metrics: Sequence[str] = ()) -> Iterator[tupl
     ------
     (str, Figure)
         ``boxes`` where members differ in chance alone, ``against-AXIS`` for every axis, ``map-METRIC`` where there
-        are two axes, ``front`` of settling time and noise amplification; ``bands`` and ``family-AXIS`` of the
-        trajectories that were kept. Nothing where there are no observers.
+        are two axes, ``front`` of settling time and noise amplification where gains of observers were chosen; ``bands``
+        and ``family-AXIS`` of the trajectories that were kept. Nothing where there are no observers, or all are lost.
     """
-    if not members.observers:
+    if not members.observers or not members.sound.any():
         return
     chosen = [name for name in metrics or _SHOWN if name in members.metrics] or list(members.metrics)[:2]
     if not members.chosen:
@@ -44,7 +44,7 @@ def figures_of(members: Collected, metrics: Sequence[str] = ()) -> Iterator[tupl
     if len(members.chosen) == 2 and len(members) > 2:
         for name in chosen:
             yield f"map-{name}", heat_map(members, (members.chosen[0], members.chosen[1]), name)
-    if members.chosen and all(name in members.metrics for name in _PAID):
+    if members.gains and all(name in members.metrics for name in _PAID):
         yield "front", front(members, *_PAID)
     if members.trajectories is not None and len(members.trajectories.member) > 1:
         yield "bands", bands(members)

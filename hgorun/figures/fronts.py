@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hgorun.ensemble.collected import Collected, Floats
+from hgorun.ensemble.collected import Collected, Floats, shown
 from hgorun.ensemble.fronts import non_dominated
 from hgorun.ensemble.statistics import points, quantiles, thinned
-from hgorun.figures.ensemble import Cast, drawable, limits, scale_axis
+from hgorun.figures.ensemble import Cast, axis_label, drawable, limits, scale_axis
 from hgorun.figures.layout import TOP, finished, grid
 from hgorun.figures.style import styled
 
@@ -20,13 +21,15 @@ if TYPE_CHECKING:
 
 _ROW = 2.7
 _MOST_POINTS = 3_000
+_MOST_FRONTS = 4  # of an observer
 
 
 def front(members: Collected, x: str, y: str) -> Figure:
     """Two metrics against each other, a panel for each state: the smaller both are the better.
 
-    A point is the median over the members that differ in their seed alone. Those of an observer that no other one of
-    it beats in both metrics are joined.
+    A point is the median over the members that differ in random draws alone, the seed among them. Points of an observer
+    that no other one of it beats in both metrics are joined: among those that differ in gains alone, since noise, plant
+    and sampling are no choices of an observer's designer. There is a line for each value of the latter, or for some.
 
     Parameters
     ----------
@@ -35,7 +38,9 @@ def front(members: Collected, x: str, y: str) -> Figure:
         Metrics, such as noise amplification ``hf`` and convergence time ``settling``.
     """
     cast = Cast(members)
-    chosen = [part for _, part in points(thinned(members, members.chosen, _MOST_POINTS), members.chosen)]
+    parts = list(points(thinned(members, members.grid, _MOST_POINTS), members.grid))
+    level = np.array([_level(at, members.surroundings) for at, _ in parts], dtype=object)
+    joined = _some(list(dict.fromkeys(level.tolist())))
     with styled():
         columns = min(len(cast.states), 3)
         rows = -(-len(cast.states) // columns)
@@ -43,36 +48,60 @@ def front(members: Collected, x: str, y: str) -> Figure:
         for ax, state in zip(axes, cast.states, strict=True):
             found = {}
             for label in cast.looks:
-                pairs = [[_median(Cast(part), metric, label, state) for metric in (x, y)] for part in chosen]
+                pairs = [[_median(Cast(part), metric, label, state) for metric in (x, y)] for _, part in parts]
                 found[label] = drawable(np.array(pairs))
-            _draw(ax, cast, found)
+            _draw(ax, cast, found, [level == one for one in joined])
             ax.set_xlabel(cast.quantity(x, state))
             ax.set_ylabel(cast.quantity(y, state))
-        what = "medians over seeds" if any(len(part) > 1 for part in chosen) else "points: members"
-        return finished(figure, axes, columns, f"{what}; lines: fronts", grow=True)
+        what = "medians over random draws" if any(len(part) > 1 for _, part in parts) else "points: members"
+        return finished(figure, axes, columns, f"{what}; lines: {_fronts(members, joined)}; small: others", grow=True)
+
+
+def _level(at: Mapping[str, Any], axes: Sequence[str]) -> str:
+    """What is no choice, at a point."""
+    return ", ".join(shown(at[axis]) for axis in axes)
+
+
+def _some(levels: list[str]) -> list[str]:
+    """Levels whose fronts are drawn, from the first to the last."""
+    if len(levels) <= _MOST_FRONTS:
+        return levels
+    return [levels[k] for k in np.linspace(0, len(levels) - 1, _MOST_FRONTS).round().astype(int)]
+
+
+def _fronts(members: Collected, joined: Sequence[str]) -> str:
+    """Which fronts are drawn."""
+    if not members.surroundings:
+        return "fronts"
+    names = ", ".join(axis_label(axis, members.units.get("time", "")) for axis in members.surroundings)
+    return f"fronts at {names} = {'; '.join(joined)} (light to dark)"
 
 
 def _median(cast: Cast, metric: str, label: str, state: str) -> float:
     return float(quantiles(*cast.column(metric, label, state), [0.5])[0])
 
 
-def _draw(ax: Axes, cast: Cast, found: dict[str, Floats]) -> None:
+def _draw(ax: Axes, cast: Cast, found: dict[str, Floats], groups: Sequence[NDArray[np.bool_]]) -> None:
+    """The points of each observer, with a front in each group of them."""
     for label, look in cast.looks.items():
         pairs = found[label]
-        pairs = pairs[np.all(np.isfinite(pairs), axis=1)]
-        best = non_dominated(pairs)
-        order = np.argsort(pairs[best, 0], kind="stable")
-        rest = pairs[~best]
-        ax.plot(*rest.T, color=look.colour, linestyle="none", marker=look.marker, markersize=2.6, alpha=0.4)
-        ax.plot(
-            *pairs[best][order].T,
-            color=look.colour,
-            linestyle=look.dashes,
-            marker=look.marker,
-            markersize=4,
-            label=look.text,
-            zorder=3,
-        )
+        rest = np.all(np.isfinite(pairs), axis=1)
+        for k, group in enumerate(groups):
+            best = np.zeros(len(pairs), dtype=bool)
+            best[group] = non_dominated(pairs[group])
+            rest &= ~best
+            order = np.argsort(pairs[best, 0], kind="stable")
+            ax.plot(
+                *pairs[best][order].T,
+                color=look.colour,
+                linestyle=look.dashes,
+                marker=look.marker,
+                markersize=4,
+                alpha=(k + 2) / (len(groups) + 1),
+                label=look.text if k == len(groups) - 1 else "_",
+                zorder=3,
+            )
+        ax.plot(*pairs[rest].T, color=look.colour, linestyle="none", marker=look.marker, markersize=2.6, alpha=0.25)
     everything: NDArray[np.float64] = np.concatenate([*found.values(), np.empty((0, 2))])
     for which, values in zip("xy", everything.T, strict=True):
         known = values[np.isfinite(values)]

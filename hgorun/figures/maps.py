@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from hgorun.ensemble.collected import Collected, Floats, levels
 from hgorun.ensemble.statistics import quantiles
-from hgorun.figures.ensemble import Cast, axis_label, drawable, places
+from hgorun.figures.ensemble import Cast, axis_label, drawable, places, pooled_over
 from hgorun.figures.layout import TOP, finished, grid
 from hgorun.figures.style import styled
 from hgorun.tables.typeset import words
@@ -63,21 +63,26 @@ def heat_map(members: Collected, axes: tuple[str, str], metric: str) -> Figure:
                     ax.set_title(words(label), loc="center")
             bar = figure.colorbar(mesh, ax=row, pad=0.02, aspect=14)
             bar.set_label(cast.quantity(metric, state))
-        return finished(figure, panels, len(labels), _title(members, len(cells[0][0]) * len(cells[1][0])), grow=False)
+        return finished(
+            figure, panels, len(labels), _title(members, axes, len(cells[0][0]) * len(cells[1][0])), grow=False
+        )
 
 
-def _title(members: Collected, cells: int) -> str:
+def _title(members: Collected, axes: tuple[str, str], cells: int) -> str:
+    hatched = "" if members.sound.all() else "; hatched: most are lost"
     if len(members) == cells:
-        return "each cell is a member"
+        return f"each cell is a member{hatched}"
     each = len(members) / cells
-    return f"median of {'about ' if len(members) % cells else ''}{each:.0f} members in each cell"
+    about = "about " if len(members) % cells else ""
+    return f"median of {about}{each:.0f} members in each cell{pooled_over(members, axes)}{hatched}"
 
 
 def _cells(values: NDArray[Any]) -> tuple[list[str], NDArray[np.int64]]:
     """What the places along an axis are called, and whose they are."""
     at, whose = places(values)
     if values.dtype.kind in "iuf":
-        return [f"{v:.3g}" for v in at], whose
+        short = [f"{v:.2g}" for v in at]
+        return short if len(set(short)) == len(short) else [f"{v:.3g}" for v in at], whose
     return [words(str(v), limit=12) for v in levels(values)], whose
 
 
@@ -131,8 +136,18 @@ def _hatched(column: int, row: int) -> Any:
 
 
 def _axis(ax: Axes, which: str, names: list[str], label: str) -> None:
-    every = -(-len(names) // _MOST_LABELS)
-    at = [i + 0.5 for i in range(0, len(names), every)]
-    (ax.set_xticks if which == "x" else ax.set_yticks)(at, names[::every] if label else [])
+    named = _named(len(names))
+    at = [i + 0.5 for i in named]
+    (ax.set_xticks if which == "x" else ax.set_yticks)(at, [names[i] for i in named] if label else [])
     ax.tick_params(axis=which, which="both", length=0)  # type: ignore[arg-type]  # x or y
     (ax.set_xlabel if which == "x" else ax.set_ylabel)(label)
+
+
+def _named(count: int) -> list[int]:
+    """Which of the places along an axis have labels: both ends and others, in equal steps where there are such."""
+    last = count - 1
+    steps = range(max(-(-last // (_MOST_LABELS - 1)), 1), last // 2 + 1)
+    step = next((step for step in steps if last % step == 0), None)
+    if step is not None:
+        return list(range(0, count, step))
+    return sorted(set(np.linspace(0, last, min(count, _MOST_LABELS)).round().astype(int).tolist()))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from hgorun.ensemble.collected import Collected, Floats, levels
 from hgorun.ensemble.statistics import QUANTILES, quantiles
-from hgorun.figures.ensemble import Cast, axis_label, drawable, limits, places, scale_axis
+from hgorun.figures.ensemble import Cast, axis_label, drawable, limits, places, pooled_over, scale_axis
 from hgorun.figures.layout import TOP, finished, grid
 from hgorun.figures.looks import Look
 from hgorun.figures.style import PANEL, styled
@@ -53,7 +53,7 @@ def against(members: Collected, axis: str, metrics: Sequence[str]) -> Figure:
             ax.set_ylabel(cast.quantity(metric, state))
             ax.set_xlabel(axis_label(axis, members.units.get("time", "")))
             _ticks(ax, members, axis, at)
-        title = f"medians, 50 % and 90 % of {_count(members, len(at))}"
+        title = f"medians, 50 % and 90 % of {_count(members, len(at))}{pooled_over(members, [axis])}"
         return finished(figure, axes, columns, title, grow=True)
 
 
@@ -121,7 +121,7 @@ def boxes(members: Collected, metrics: Sequence[str]) -> Figure:
             _scale(ax, drawn)
             ax.set_ylabel(cast.quantity(metric, state))
             _names(ax, cast, metric, state, tall=figure.get_figwidth() / columns)
-        title = f"{len(members)} members: median, 50 % and 90 %"
+        title = f"{len(members)} members: median, box 50 %, whiskers 90 %{pooled_over(members, [])}"
         return finished(figure, axes, columns, title, grow=True)
 
 

@@ -81,6 +81,17 @@ class StoredFile:
 
     def numbers(self, name: str, *shape: int | None) -> np.ndarray:
         """Numbers of a shape, in which None is any length."""
+        return np.asarray(self._checked(name, shape), dtype=float)
+
+    def integers(self, name: str, *shape: int | None) -> np.ndarray:
+        """Integers of a shape, all digits of them, where a float has 53 bits only."""
+        values = self._checked(name, shape)
+        if values.dtype.kind not in "iu" or np.any(values > np.iinfo(np.int64).max):
+            raise self.error(f"{name} holds {values.dtype}, expected integers of 64 bits with a sign")
+        return values.astype(np.int64)
+
+    def _checked(self, name: str, shape: tuple[int | None, ...]) -> np.ndarray:
+        """Numbers as they are stored."""
         data = self.data(name)
         if data.dtype.kind not in "fiu" or data.shape is None:
             raise self.error(f"{name} holds {data.dtype}, expected real numbers")
@@ -98,7 +109,7 @@ class StoredFile:
         stored = data.attrs.get(digests.ATTRIBUTE)
         if stored is not None and stored != digests.of_numbers(values):
             raise self.error(f"{name} is damaged: its numbers do not have the digest that was stored with them")
-        return np.asarray(values, dtype=float)
+        return values
 
     def times(self, name: str) -> np.ndarray:
         values = self.numbers(name, None)

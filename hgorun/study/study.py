@@ -10,6 +10,7 @@ from typing import Any
 
 from hgorun.config.expressions import ExpressionError, parse
 from hgorun.config.study import Claim, Ensemble, Figure, StudyBlocks
+from hgorun.config.types import SEEDS
 from hgorun.config.validation import validate
 from hgorun.config.yaml_source import Place, Source
 from hgorun.errors import ConfigError, Problem
@@ -64,7 +65,7 @@ class Run:
         if self.ensemble.seeds is None:
             return ()
         first = self.base.blocks.seed
-        return tuple(float(first + i) for i in range(self.ensemble.seeds))
+        return tuple(range(first, first + self.ensemble.seeds))
 
     def members(self, start: int = 0) -> Iterator[Experiment]:
         """All members from a number on; a single run is the only member of itself."""
@@ -173,6 +174,7 @@ def study_of(source: Source, name: str, text: str) -> Study:
         runs = {}
         for run, (own, ensemble) in split(source).items():
             block = validate(Ensemble, ensemble, source, ("runs", run))
+            _check_seeds(block, own, source, run)
             assigned = block.vary.set if block.vary is not None else {}
             places = {path: source.where(("runs", run, "vary", "set", path)) for path in assigned}
             runs[run] = Run(run, own, text, block, places)
@@ -187,6 +189,16 @@ def study_of(source: Source, name: str, text: str) -> Study:
             raise ConfigError(f"two claims have the id {claim.id!r}", file=file, line=line, key=f"claims.{i}.id")
         seen.add(claim.id)
     return Study(name, source, blocks.title, blocks.reference, runs, blocks.figures, blocks.claims, sentences)
+
+
+def _check_seeds(ensemble: Ensemble, own: Source, source: Source, run: str) -> None:
+    """Refuse seeds that lie above the largest one."""
+    first = own.data.get("seed", 0)
+    if ensemble.seeds is None or not isinstance(first, int) or first + ensemble.seeds <= SEEDS:
+        return
+    file, line = source.where(("runs", run, "seeds"))
+    what = f"{ensemble.seeds} seeds from {first} on end above the largest seed, {SEEDS - 1}"
+    raise ConfigError(what, file=file, line=line, key=f"runs.{run}.seeds")
 
 
 def places_of(number: int, claim: Claim) -> list[tuple[str | int, ...]]:

@@ -24,10 +24,9 @@ from hgorun.tables.uncertain import latex_uncertain, uncertain
 _MOST_VALUES = 1000  # of an axis, one by one
 _PAGE = 3  # numbers with their uncertainty side by side on a page
 NUMBERS = tuple(f.name for f in fields(Summary) if f.name not in ("n", "ci95"))
-_NOTE = (
-    "±: 95 % interval of the mean, over members that are ok or inaccurate; sem: its standard error; "
-    "q05 to q95: quantiles over all members, in which a lost estimate counts as infinite"
-)
+_INTERVALS = "±: 95 % interval of the mean, over members that are ok or inaccurate; sem: its standard error; "
+_QUANTILES = "q05 to q95: quantiles over all members, in which a lost estimate counts as infinite"
+_NOTE, _POOLED_NOTE = _INTERVALS + _QUANTILES, "mean: over members that are ok or inaccurate; " + _QUANTILES
 _PAIRS = "paired differences of means with their 95 % intervals; *: p < 0.05 after Holm"
 
 
@@ -83,9 +82,11 @@ def as_json(found: Compared) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``{name, file, status, members, planned, axes: {axis: [values]}, observers: {label: {failed, metric: {state:
-        {mean, median, sem, ci95, q05, q25, q75, q95, n}}}}, paired: [{a, b, metric, state, n, mean, ci95, p,
-        p_holm}]}``, and ``points``, each with ``at: {axis: value}`` and the same keys, where the ensemble is divided.
+        ``{name, file, status, members, planned, axes: {axis: [values]}, pooled: [axis], observers: {label: {failed,
+        metric: {state: {mean, median, sem, ci95, q05, q25, q75, q95, n}}}}, paired: [{a, b, metric, state, n, mean,
+        ci95, p, p_holm}]}``, and ``points``, each with ``at: {axis: value}`` and the same keys, where the ensemble is
+        divided.
+        ``pooled`` are the axes for which members are no independent draws; then intervals and p are not known.
         Numbers that are not finite are text, those that are not known null. An axis with more than a thousand values
         is ``{first, last, count}``.
     """
@@ -124,7 +125,7 @@ def _json_of(found: Statistics, members: Collected) -> dict[str, Any]:
         observers[label] = own
     keys = [f.name for f in fields(Difference)]
     paired = [_known({key: getattr(d, key) for key in keys}) for d in found.differences]
-    return {"observers": observers, "paired": paired}
+    return {"pooled": [*found.pooled, *found.shared], "observers": observers, "paired": paired}
 
 
 def _known(values: Mapping[str, Any]) -> dict[str, Any]:
@@ -206,7 +207,23 @@ def summary(one: Compared) -> list[str]:
         others = ", ".join(f"{n} {status}" for status, n in statuses.items() if status != "ok")
         if others:
             lines.append(f"{printable(label)}: {others}")
-    return lines
+    return [*lines, *filter(None, [caution(one)])]
+
+
+def caution(one: Compared) -> str:
+    """Why there are no intervals, and how to get some; nothing where members are independent draws."""
+    pooled = list(dict.fromkeys(axis for part in one.parts for axis in part.pooled))
+    shared = list(dict.fromkeys(axis for part in one.parts for axis in part.shared))
+    if pooled:
+        names = ", ".join(short_axis(axis, list(one.members.axes)) for axis in pooled)
+        why = f"pooled over all values of {names}, which were chosen and not drawn"
+    elif shared:
+        names = ", ".join(short_axis(axis, list(one.members.axes)) for axis in shared)
+        why = f"members share draws of {names}, so they are not independent"
+    else:
+        return ""
+    advice = "compare --by AXIS has a row for each value of an axis, --at AXIS=VALUE only its members"
+    return f"{why}: means without intervals, differences without p; {advice}"
 
 
 def _span(values: Sequence[Any]) -> str:
@@ -223,12 +240,14 @@ def _whole(one: Compared, *, pairs: bool) -> list[str]:
     part = one.whole
     for metric in dict.fromkeys(metric for _, metric, _ in part.summaries):
         own = {f"{label} {state}": s for (label, m, state), s in part.summaries.items() if m == metric}
-        columns = [["mean", *(_cell(s.mean) for s in own.values())], ["±", *(_half(s) for s in own.values())]]
-        for name in ("sem", "q05", "q25", "median", "q75", "q95"):
+        columns = [["mean", *(_cell(s.mean) for s in own.values())]]
+        if part.independent:
+            columns += [["±", *(_half(s) for s in own.values())], ["sem", *(_cell(s.sem) for s in own.values())]]
+        for name in ("q05", "q25", "median", "q75", "q95"):
             columns.append([name, *(_cell(getattr(s, name)) for s in own.values())])
         for block in packed(list(own), [[column] for column in columns], title=metric):
             lines += ["", *block]
-    lines += ["", *wrapped(_NOTE)]
+    lines += ["", *wrapped(_NOTE if part.independent else _POOLED_NOTE)]
     if part.differences and pairs:
         columns_of: dict[tuple[str, str], list[str]] = {}
         rows = list(dict.fromkeys(f"{d.metric} {d.state}" for d in part.differences))
@@ -236,7 +255,7 @@ def _whole(one: Compared, *, pairs: bool) -> list[str]:
             columns_of.setdefault((d.a, d.b), []).append(_difference(d))
         for block in packed(rows, [[[f"{a} - {b}", *cells]] for (a, b), cells in columns_of.items()]):
             lines += ["", *block]
-        lines += ["", *wrapped(_PAIRS)]
+        lines += ["", *wrapped(_PAIRS if part.independent else "differences of means")]
     return lines
 
 
@@ -263,7 +282,8 @@ def _by_point(one: Compared) -> list[str]:
         columns = [[label, *(_mean_at(part, label, metric, state) for part in one.points)] for label in observers]
         for block in packed(rows, [[column] for column in columns], title=f"{metric} {state}"):
             lines += ["", *block]
-    return [*lines, "", *wrapped("mean ± 95 % interval; in brackets the number of members without numbers")]
+    what = "mean ± 95 % interval" if any(part.independent for part in one.parts) else "mean"
+    return [*lines, "", *wrapped(f"{what}; in brackets the number of members without numbers")]
 
 
 def _place(part: Statistics, one: Compared) -> str:

@@ -6,6 +6,8 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
+from hgorun.errors import PluginError
+
 SubjectT = TypeVar("SubjectT")
 
 
@@ -94,9 +96,19 @@ def hold_to(name: str, subject: SubjectT, laws: Sequence[Law[SubjectT]], skip: C
             raise ContractError(name, law.name, broken.found, broken.expected) from broken.__cause__
         except NotApplicable as reason:
             left_out[law.name] = str(reason)
+        except PluginError as error:
+            if error.__cause__ is None:
+                raise ContractError(name, law.name, *returned(error)) from error
+            raise ContractError(name, law.name, str(error), f"no exception, since {law.sentence}") from error
         except Exception as error:
             what = f"{type(error).__name__}: {error}"
             raise ContractError(name, law.name, what, f"no exception, since {law.sentence}") from error
         else:
             kept.append(law.name)
     return Report(name, tuple(kept), left_out)
+
+
+def returned(error: PluginError) -> tuple[str, str]:
+    """(found, expected) of a method that returned something of another type: it raised no exception."""
+    found, _, expected = str(error).rpartition(", expected ")
+    return (found, expected) if found else (expected, "what the base class declares")

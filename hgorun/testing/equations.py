@@ -18,7 +18,7 @@ from hgorun.symbolic.forms import Copy, Form, ModelCopy
 from hgorun.symbolic.parameters import Parameters
 from hgorun.symbolic.states import StateBlock, Symmetric
 from hgorun.symbolic.symbols import Symbols
-from hgorun.testing.contract import Broken
+from hgorun.testing.contract import Broken, returned
 
 OPEN = "only t, the plant's parameters, the observer's states, its design and the innovation"
 
@@ -184,8 +184,9 @@ def told(method: str) -> Iterator[None]:
         yield
     except PluginError as error:
         cause = error.__cause__
-        what = str(error) if cause is None else f"{method}() raised {type(cause).__name__}: {cause}"
-        raise Broken(what, "no exception") from error
+        if cause is None:
+            raise Broken(*returned(error)) from error
+        raise Broken(f"{method}() raised {type(cause).__name__}: {cause}", "no exception") from error
     except (HgorunError, Problem, Broken):
         raise
     except Exception as error:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from hgorun.config.expressions import ExpressionError
 from hgorun.config.tuning import Bound, Range, Tune
+from hgorun.config.types import SEEDS
 from hgorun.ensemble.members import written_out
 from hgorun.errors import ConfigError, KeyPath, Problem
 from hgorun.result.metrics.base import all_metrics
@@ -160,7 +161,10 @@ def _task(experiment: Experiment, tune: Tune, label: str, paths: Sequence[tuple[
             raise Problem(("tune", "gains", key), f"nothing of observer {whose} is minimised or bounded")
     others = {f"observers.{one}": None for one in experiment.observers if one not in named}
     base = experiment.varied(others) if others else experiment
-    first = base.blocks.seed
+    first, count = base.blocks.seed, tune.seeds + tune.held_out
+    if first + count > SEEDS:
+        what = f"{count} seeds from {first} on, those held out among them, end above the largest seed, {SEEDS - 1}"
+        raise Problem(("tune", "seeds"), what)
     return Task(
         label=label or ", ".join(sorted(str(one) for one in named)),
         base=base,

@@ -43,6 +43,12 @@ keep: {metrics: [rmse], trajectories: {worst: 5, by: rmse}}
     assert (found.combine, read(axis("[1]")).keep.trajectories) == ("product", "none")
 
 
+def test_whole_numbers_stay_whole() -> None:
+    found = read(axis('[1, "2", "2*1", 2.0, 1e0]')).axes["a.b"]
+    assert isinstance(found, ListAxis)
+    assert [type(value) for value in found.values] == [int, int, float, float, float]
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -60,6 +66,13 @@ keep: {metrics: [rmse], trajectories: {worst: 5, by: rmse}}
         (axis("3"), "3: axes.a.b: expected [a, b, ...], {linear: [a, b, n]}"),
         (axis("{linear: [1, 2, 2], draws: 4}"), "3: axes.a.b.draws: unknown key 'draws'"),
         (axis("[1, [2]]"), "3: axes.a.b.1: expected numbers or text, found a list"),
+        (axis("[.nan, 2]"), "3: axes.a.b.0: expected finite numbers, found nan"),
+        (axis("[1, -.inf]"), "3: axes.a.b.1: expected finite numbers, found -inf"),
+        (axis("{log: [1e-200, 1e200, 3]}"), "3: axes.a.b.log: the ratio of 1e+200 to 1e-200 is not a finite number"),
+        (axis("{log: [1e200, 1e-200, 3]}"), "3: axes.a.b.log: the ratio of 1e-200 to 1e+200 is not a finite number"),
+        (axis("{linear: [-1e308, 1e308, 3]}"), "3: axes.a.b.linear: the difference of -1e+308 and 1e+308 is not"),
+        (axis("{uniform: [-1e308, 1e308], draws: 3}"), "3: axes.a.b.uniform: the difference of -1e+308 and 1e+308"),
+        (axis("{normal: [1, 1e308], draws: 3}"), "3: axes.a.b.normal: draws with mean 1 and standard deviation 1e+308"),
         (axis("[]"), "3: axes.a.b: expected at least one value, found an empty list"),
         (axis("[1]") + "keep: {trajectories: {worst: 5}}", "4: keep.trajectories.by: this key is missing"),
         (axis("[1]") + "keep: {trajectories: {every: 0}}", "4: keep.trajectories.every: expected a number of at"),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from collected_files import write
@@ -34,8 +36,30 @@ def members(raw: tuple[np.ndarray, np.ndarray], tmp_path_factory: pytest.TempPat
     return read(write(path, axes, {"rmse": raw[0]}, observers=OBSERVERS, states=STATES, status=raw[1]))
 
 
-def test_summaries(raw: tuple[np.ndarray, np.ndarray], members: Collected) -> None:
+@pytest.fixture(scope="module")
+def draws(members: Collected) -> Collected:
+    """The same numbers, as if all members differed in their seeds alone."""
+    return replace(members, axes={"seed": np.arange(2 * SEEDS)})
+
+
+def test_what_was_chosen_is_not_taken_for_chance(members: Collected) -> None:
+    """Neither a grid nor draws that members share make intervals; each value alone does."""
     found = statistics(members)
+    assert (found.pooled, found.independent) == (("theta",), False)
+    assert all(np.isnan([s.sem, *s.ci95]).all() and np.isfinite(s.mean) for s in found.summaries.values())
+    assert all(np.isnan([d.p, d.p_holm, *d.ci95]).all() and not d.significant for d in found.differences)
+    for _, part in points(members, ["theta"]):
+        assert statistics(part).independent
+        assert all(np.isfinite(s.ci95).all() for s in statistics(part).summaries.values())
+    drawn = replace(members, random=frozenset({"theta"}))
+    assert (drawn.grid, drawn.shared) == ((), ("theta", "seed"))
+    own = np.random.default_rng(1).random(2 * SEEDS)
+    apart = replace(members, axes={"theta": own, "seed": np.arange(2 * SEEDS)}, random=frozenset({"theta"}))
+    assert statistics(apart).independent
+
+
+def test_summaries(raw: tuple[np.ndarray, np.ndarray], draws: Collected) -> None:
+    found = statistics(draws)
     values, status = (part.reshape(2 * SEEDS, *part.shape[2:]) for part in raw)
     for i, label in enumerate(OBSERVERS):
         sound = status[:, i] <= INACCURATE
@@ -54,9 +78,9 @@ def test_summaries(raw: tuple[np.ndarray, np.ndarray], members: Collected) -> No
                             "T": {"ok": 79, "diverged": 1}}  # fmt: skip
 
 
-def test_paired_differences(raw: tuple[np.ndarray, np.ndarray], members: Collected) -> None:
+def test_paired_differences(raw: tuple[np.ndarray, np.ndarray], draws: Collected) -> None:
     values, status = (part.reshape(2 * SEEDS, *part.shape[2:]) for part in raw)
-    found = [d for d in statistics(members).differences if d.state == "x2"]
+    found = [d for d in statistics(draws).differences if d.state == "x2"]
     assert [(d.a, d.b) for d in found] == [("F", "S"), ("F", "T"), ("S", "T")]
     raw_p = []
     for d in found:
@@ -75,9 +99,9 @@ def test_paired_differences(raw: tuple[np.ndarray, np.ndarray], members: Collect
     assert [d.p_holm for d in found] == pytest.approx(naive, rel=1e-9)
 
 
-def test_the_same_noise_makes_small_differences_significant(members: Collected) -> None:
+def test_the_same_noise_makes_small_differences_significant(draws: Collected) -> None:
     """The observers differ by a twentieth of what the noise changes from seed to seed."""
-    found = statistics(members)
+    found = statistics(draws)
     first = found.differences[0]
     spread = found.summaries["F", "rmse", "x1"].half
     assert abs(first.mean) < spread

@@ -22,6 +22,7 @@ from hgorun.ensemble.recipe import ensemble_of, recipe_of
 from hgorun.ensemble.store import Changed, Store
 from hgorun.ensemble.stored import Damaged
 from hgorun.errors import ConfigError, HgorunError
+from hgorun.result.metrics.base import METRICS, Metric
 
 
 def carried(start: int, stop: int) -> Carried:
@@ -199,6 +200,17 @@ def test_another_version_or_other_code_is_refused(tmp_path: Path, monkeypatch: p
     monkeypatch.setattr(fingerprint, "own_code", lambda: own | {"engine": "0", "noise": "0"})
     with pytest.raises(Changed, match="the code of engine and noise changed"):
         Store.opened(folder, small())
+
+
+def test_a_metric_that_is_not_kept_is_no_part_of_an_ensemble(tmp_path: Path) -> None:
+    kept, everything = small(), ensemble({"seed": [1, 2]})
+    before = fingerprint.ingredients(everything)
+    Store.opened(tmp_path / "kept.sweep", kept)
+    with METRICS.replaced("mine", Metric(name="mine", meaning="mine", unit="1", measure=lambda e: e.size[-1])):
+        Store.opened(tmp_path / "kept.sweep", kept)
+        now = fingerprint.ingredients(everything)
+    assert fingerprint.difference(before, now) == "the code of module test_sweep_store was not there"
+    assert fingerprint.difference(now, before) == "the code of module test_sweep_store is gone"
 
 
 def test_beginning_anew_removes_what_is_ours_and_nothing_else(tmp_path: Path) -> None:

@@ -63,6 +63,11 @@ def lines(figure: Figure, panel: int, text: str) -> tuple[np.ndarray, np.ndarray
     return np.asarray(line.get_xdata()), np.asarray(line.get_ydata())
 
 
+def caption(figure: Figure) -> str:
+    """What stands above the legend, as one line."""
+    return " ".join(figure.legends[0].get_title().get_text().split())
+
+
 def test_medians_against_an_axis() -> None:
     members = made()
     figure = against(members, THETA, ["hf", "settling"])
@@ -99,12 +104,45 @@ def test_cells_of_a_map_are_medians() -> None:
 
 
 def test_fronts_join_medians_over_seeds() -> None:
-    members = made()
+    members = made().where(made().axes[PERIOD] == PERIODS[0])
     x, y = lines(front(members, "hf", "settling"), 0, "F")
     assert np.all(np.diff(x) > 0)
     assert np.all(np.diff(y) < 0)
-    here = (members.axes[THETA] == THETAS[0]) & (members.axes[PERIOD] == PERIODS[0])
+    here = members.axes[THETA] == THETAS[0]
     assert x[0] == pytest.approx(np.median(members.metrics["hf"][here, 0, 0]), rel=1e-12)
+
+
+def test_fronts_are_drawn_among_gains_alone() -> None:
+    """What is no choice of the designer, such as the period, has a front for each of its values."""
+    members = made(lost=False)
+    figure = front(members, "hf", "settling")
+    colour = family_colour("fhgo2", 2)
+    joined = [
+        line for line in figure.axes[0].lines if line.get_color() == colour and line.get_linestyle() not in ("None", "")
+    ]
+    joined = [line for line in joined if np.size(line.get_xdata())]
+    assert len(joined) == len(PERIODS)
+    for line, period in zip(joined, PERIODS, strict=True):
+        of_period = [(members.axes[PERIOD] == period) & (members.axes[THETA] == theta) for theta in THETAS]
+        allowed = [np.median(members.metrics["hf"][here, 0, 0]) for here in of_period]
+        assert np.isin(np.round(np.asarray(line.get_xdata(), dtype=float), 12), np.round(allowed, 12)).all()
+    assert "fronts at period [h] = 0.1; 0.2; 0.3" in caption(figure)
+    fixed = replace(members, axes={"measurement.noise.0.std": members.axes[THETA], "seed": members.axes["seed"]})
+    assert "front" not in [name for name, _ in figures_of(fixed)]
+
+
+def test_captions_say_over_what_is_pooled() -> None:
+    members = made()
+    assert "over all values of period [h]" in caption(against(members, THETA, ["hf"]))
+    assert "over all values" not in caption(against(members.where(members.axes[PERIOD] == 0.1), THETA, ["hf"]))
+    assert r"over all values of $\theta$ of F, period [h]" in caption(bands(members))
+    assert "box 50 %, whiskers 90 %" in caption(boxes(members, ["hf"]))
+    assert "hatched: most are lost" in caption(heat_map(members, (THETA, PERIOD), "hf"))
+
+
+def test_nothing_is_drawn_where_all_are_lost() -> None:
+    members = made()
+    assert not list(figures_of(replace(members, status=np.full_like(members.status, 2))))
 
 
 def test_boxes_tell_how_many_are_lost() -> None:
@@ -123,6 +161,29 @@ def test_bands_along_time() -> None:
     np.testing.assert_allclose(median, np.median(kept.xhat[:, 0, :, 0], axis=0), rtol=1e-12)
     _, error = lines(figure, 1, "F")
     np.testing.assert_allclose(error, np.median(np.abs(kept.xhat - kept.x[:, None])[:, 0, :, 0], axis=0), rtol=1e-12)
+
+
+def test_few_members_are_lines_and_not_quantiles() -> None:
+    members = made()
+    kept = members.trajectories
+    assert kept is not None
+    few = replace(members, trajectories=replace(kept, member=kept.member[:5], x=kept.x[:5], xhat=kept.xhat[:5]))
+    x, xhat = np.tile(kept.x, (3, 1, 1)), np.tile(kept.xhat, (3, 1, 1, 1))
+    many = replace(members, trajectories=replace(kept, member=np.tile(kept.member, 3), x=x, xhat=xhat))
+    for one, fills in ((many, True), (few, False)):
+        figure = bands(one)
+        assert bool(figure.axes[0].collections) == fills
+        assert ("90 %" in caption(figure)) == fills
+    assert "5 members, and their median" in caption(figure)
+    own = [line for line in figure.axes[0].lines if line.get_color() == family_colour("fhgo2", 2)]
+    assert len(own) == 6
+
+
+def test_a_map_names_both_ends_of_its_axes() -> None:
+    members = made()
+    wide = replace(members, axes={THETA: np.arange(108.0) % 12, PERIOD: np.arange(108.0) // 12})
+    shown = [label.get_text() for label in heat_map(wide, (THETA, PERIOD), "hf").axes[2].get_xticklabels()]
+    assert (shown[0], shown[-1]) == ("0", "11")
 
 
 def test_a_family_has_a_line_for_every_member_that_was_kept() -> None:
@@ -171,4 +232,5 @@ def test_many_values_are_put_into_bins() -> None:
 def test_names_of_axes() -> None:
     assert axis_label("seed") == "seed"
     assert axis_label("observers.*.theta") == "$\\theta$"
+    assert axis_label("measurement.noise.0.std") == "std of noise"
     assert axis_label("plant.parameters.mu_max") == "$\\mu_{\\mathrm{max}}$"

@@ -16,6 +16,11 @@ from hgorun.tables.ensemble import as_json, best, compared, csv, latex, text
 from hgorun.tables.uncertain import latex_uncertain, uncertain
 
 
+def drawn(*, gap: float = 0.5, lost: int = 0) -> Collected:
+    """The same members with seeds alone."""
+    return replace(made(gap=gap, lost=lost), axes={"seed": np.arange(60)})
+
+
 def made(seeds: int = 30, *, gap: float = 0.5, lost: int = 0) -> Collected:
     """Two gains, some seeds; F is better than S by a gap."""
     random = np.random.default_rng(1)
@@ -66,10 +71,10 @@ def test_uncertain_numbers_in_latex() -> None:
 
 
 def test_text_has_every_statistic_and_the_failures() -> None:
-    shown = text([compared(made(lost=3), ())])
+    shown = text([compared(drawn(lost=3), ())])
     head = next(line for line in shown.splitlines() if line.startswith("rmse"))
     assert head.split() == ["rmse", "mean", "±", "sem", "q05", "q25", "median", "q75", "q95"]
-    assert "60 members; observers.F.theta 2, 4; seed 0 to 29 (30 values)" in shown
+    assert "60 members; seed 0 to 59 (60 values)" in shown
     assert "F: 3 diverged" in shown
     assert "F - S" in shown
     assert all(len(line) <= 100 for line in shown.splitlines())
@@ -113,6 +118,20 @@ def test_numbers_that_are_not_known_are_dashes() -> None:
     assert "nan" not in shown
 
 
+def test_members_that_are_pooled_have_no_intervals_and_the_table_says_why() -> None:
+    found = compared(made(), (), ["rmse"])
+    shown = " ".join(text([found]).split())
+    assert "pooled over all values of theta, which were chosen and not drawn" in shown
+    assert "--by AXIS" in shown
+    assert not any(sign in shown for sign in ("±", "*", "95 %"))
+    assert r"\pm" not in latex([found])
+    assert as_json(found)["pooled"] == ["observers.F.theta", "seed"]
+    assert as_json(found)["paired"][0]["p_holm"] is None
+    divided = text([compared(made(), ["observers.F.theta"], ["rmse"])])
+    assert "pooled" not in divided
+    assert "±" in divided
+
+
 def test_json_has_the_keys_that_were_promised() -> None:
     found = json.loads(json.dumps(as_json(compared(made(lost=1), (), file="m.sweep.h5")), allow_nan=False))
     assert (found["name"], found["members"], found["file"]) == ("made", 60, "m.sweep.h5")
@@ -139,7 +158,7 @@ def test_csv_has_all_digits() -> None:
 
 
 def test_bold_is_what_is_significantly_best() -> None:
-    clear, chance, failing = (compared(one, ()) for one in (made(gap=0.5), made(gap=0.0), made(lost=1)))
+    clear, chance, failing = (compared(one, ()) for one in (drawn(gap=0.5), drawn(gap=0.0), drawn(lost=1)))
     assert best(clear.whole, "rmse", "x1") == "F"
     assert best(chance.whole, "rmse", "x1") is None
     assert best(failing.whole, "rmse", "x1") is None  # who drops out looks better than he is

@@ -71,6 +71,11 @@ class InfiniteRate(StandardObserver):
         return float("inf")
 
 
+class DesignOfTheWrongType(StandardObserver):
+    def design(self, form: CanonicalForm) -> dict[str, np.ndarray]:
+        return 3  # type: ignore[return-value]  # it is refused
+
+
 class WrongCopy(StandardObserver):
     """Without the declared correction, which would show it first."""
 
@@ -285,6 +290,7 @@ class KeyWithoutAWord(StandardObserver):
         (UnknownRole, "states", "the roles ['integrator']; expected roles among ['filter', 'gain', 'signal']"),
         (CompiledNumber, "numbers are arguments", "equations that read self.theta, a number; expected k.theta"),
         (RaisingDesign, "takes a plant", "found design() raised IndexError: list index out of range; expected no"),
+        (DesignOfTheWrongType, "takes a plant", "design returned int 3; expected Mapping[str, ndarray]"),
         (FloatState, "takes a plant", "found states(): w is a float; expected an array"),
         (ForgetfulDesign, "repeatable", "the same design every time"),
         (StateFromInfinity, "states", "w starting at [inf]; expected a finite number, vector or matrix"),

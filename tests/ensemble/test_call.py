@@ -1,0 +1,43 @@
+"""Ensembles from Python: what is no argument is refused in a sentence."""
+
+from __future__ import annotations
+
+from types import MappingProxyType
+from typing import Any
+
+import pytest
+from ensembles import base
+
+import hgorun
+from hgorun.errors import HgorunError
+
+AXES = {"seed": [1]}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"axes": None}, "axes: this key has no value"),
+        ({"axes": [1]}, "axes: expected a mapping, found a list"),
+        ({"axes": "a"}, "axes: expected a mapping, found 'a'"),
+        ({"axes": {1: [1]}}, "expected text, found 1"),
+        ({"axes": {"seed": 3}}, "seed: expected [a, b, ...]"),
+        ({"keep": "all"}, "keep: expected a mapping with keys metrics, trajectories; found 'all'"),
+        ({"keep": []}, "keep: expected a mapping with keys metrics, trajectories; found a list"),
+        ({"combine": 3}, "combine: expected 'product', 'zip' or 'sobol', found 3"),
+        ({"executor": "threads"}, "executor: expected a function such as"),
+        ({"output": 3}, "output: expected the path of a file, found 3"),
+        ({"experiment": "vdp.yaml"}, "experiment: expected an Experiment, found 'vdp.yaml'; hgorun.load reads one"),
+        ({"experiment": None}, "experiment: expected an Experiment, found nothing"),
+    ],
+)
+def test_arguments_of_other_kinds(arguments: dict[str, Any], message: str) -> None:
+    given: dict[str, Any] = {"experiment": base(), "axes": AXES} | arguments
+    with pytest.raises(HgorunError) as caught:
+        hgorun.sweep(**given)
+    assert message in str(caught.value)
+
+
+def test_mappings_need_not_be_dictionaries() -> None:
+    keep = MappingProxyType({"metrics": ["rmse"]})
+    assert list(hgorun.sweep(base(), MappingProxyType(AXES), keep).metrics) == ["rmse"]
