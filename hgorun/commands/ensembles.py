@@ -26,6 +26,7 @@ from hgorun.study.ensembles import ensemble_of
 from hgorun.study.study import Run
 from hgorun.tables import ensemble as tables
 from hgorun.tables.ensemble import Compared, compared
+from hgorun.tables.ensemble_latex import latex
 
 _MOST_POINTS = 40  # that a table has without being asked for
 _TOGETHER = "none"
@@ -137,7 +138,7 @@ def draw(found: Compared, options: Compare) -> list[Path]:
 
 def _style(options: Compare) -> Style:
     """The table asked for, once it is sure that the options fit each other."""
-    styles: dict[str, Style] = {"text": tables.text, "csv": tables.csv, "latex": tables.latex}
+    styles: dict[str, Style] = {"text": tables.text, "csv": tables.csv, "latex": latex}
     if options.format not in styles:
         raise ConfigError(f"--format: expected one of {', '.join(styles)}, found {options.format!r}")
     refused = {

@@ -23,5 +23,6 @@ def refuse_other_kinds(output: Path | None, suffixes: Collection[str]) -> None:
     if suffix in suffixes or (suffix not in known and not output.is_file()):
         return
     kinds = f"a file {', '.join(sorted(suffixes))} or a folder" if suffixes else "a folder"
-    tables = "; a table is printed with compare --format csv" if suffix in {".csv", ".txt", ".tex"} else ""
+    form = {".csv": " --format csv", ".tex": " --format latex", ".txt": ""}.get(suffix)
+    tables = "" if form is None else f"; hgorun compare{form} prints a table, which > FILE writes"
     raise ConfigError(f"--output: expected {kinds}, found {output}{tables}")

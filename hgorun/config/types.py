@@ -51,7 +51,9 @@ class Block(BaseModel):
                 known = cls._keys()
                 raise PydanticCustomError(
                     "unknown_key",
-                    "unknown key {name}.{hint} Known here: {keys}",
+                    "{name} stands at the top of a file, and is no key of a single run"
+                    if key in cls.read_before
+                    else "unknown key {name}.{hint} Known here: {keys}",
                     {
                         "key": key,
                         "name": repr(key),

@@ -93,7 +93,7 @@ def _check(experiment: object, output: object, executor: object) -> None:
     if not isinstance(experiment, Experiment):
         what = "; hgorun.load reads one from a file" if isinstance(experiment, (str, Path)) else ""
         raise ConfigError(f"experiment: expected an Experiment, found {describe(experiment)}{what}")
-    if output is not None and not isinstance(output, (str, Path)):
+    if output is not None and (not isinstance(output, (str, Path)) or not Path(output).name):
         raise ConfigError(f"output: expected the path of a file, found {describe(output)}")
     if executor is not None and not callable(executor):
         what = "a function such as hgorun.ensemble.executors.processes(2)"

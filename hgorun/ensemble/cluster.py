@@ -13,7 +13,7 @@ from hgorun.ensemble.carried import Carried, carry_out
 from hgorun.ensemble.cuts import Cuts
 from hgorun.ensemble.executors import Executor, Flow
 from hgorun.ensemble.fingerprint import own_code
-from hgorun.errors import HgorunError, SimulationError
+from hgorun.errors import ConfigError, HgorunError, SimulationError
 from hgorun.process import processors
 from hgorun.version import __version__
 
@@ -109,5 +109,7 @@ def _client(scheduler: str | None, jobs: int | None) -> tuple[Client, Any]:
         ), distributed
     try:
         return distributed.Client(scheduler, timeout=_WAIT, set_as_default=False), distributed
-    except (OSError, ValueError) as error:
+    except ValueError as error:
+        raise ConfigError(f"--scheduler {scheduler}: not an address such as tcp://host:8786: {error}") from error
+    except OSError as error:
         raise HgorunError(f"--scheduler {scheduler}: {error}") from error

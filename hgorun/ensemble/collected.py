@@ -200,7 +200,7 @@ class Collected:
             distance = np.abs(values.astype(float) - value)
             found &= distance == np.min(distance, initial=np.inf, where=found)
         else:
-            found = np.array([str(v) == str(value) for v in values], dtype=bool)
+            found = np.array([as_text(v) == as_text(value) for v in values], dtype=bool)
         if not found.any():
             known = ", ".join(shown(v) for v in levels(values)[:20])
             raise ConfigError(f"no member has the value {shown(value)}; there are {known}", key=axis)
@@ -237,6 +237,11 @@ def levels(values: NDArray[Any]) -> list[Any]:
 def shown(value: Any) -> str:
     """A value of an axis as tables and figures show it."""
     return f"{value:.4g}" if isinstance(value, float) else printable(str(value))
+
+
+def as_text(value: object) -> str:
+    """A value of an axis that is not among numbers alone, as files and tables have it."""
+    return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def _of_members(kept: Trajectories | None, members: NDArray[np.bool_]) -> Trajectories | None:

@@ -102,7 +102,9 @@ class Ensemble:
         sequence = Sobol(len(self.axes), scramble=False, bits=_BITS)
         if start:
             sequence.fast_forward(start)
-        points = (sequence.random(stop - start) * 2.0**_BITS).astype(np.int64)
+        first = min(1, stop - start)  # else scipy warns of every number of points that is no power of two
+        points = np.concatenate([sequence.random(first), sequence.random(stop - start - first)])
+        points = (points * 2.0**_BITS).astype(np.int64)
         for path, column in zip(self.axes, points.T, strict=True):
             shift = int(generator(self.base.blocks.seed, "sobol", path).integers(2**_BITS))
             yield ((column ^ shift) + 0.5) * 2.0**-_BITS

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hgorun.ensemble.collected import Collected, Trajectories
+from hgorun.ensemble.collected import Collected, Trajectories, as_text
 from hgorun.ensemble.ensemble import Ensemble
 from hgorun.ensemble.reading import read
 from hgorun.ensemble.rows import joined, part
@@ -118,7 +118,12 @@ def _finished(store: Store, max_memory: float) -> Collected:
 def _axes(ensemble: Ensemble, numbers: list[np.ndarray]) -> dict[str, np.ndarray]:
     """The values on every axis of members whose numbers come in pieces without gaps."""
     pieces = [ensemble.values(int(one[0]), int(one[-1]) + 1) for one in numbers]
-    return {path: np.concatenate([piece[path] for piece in pieces]) for path in ensemble.axes}
+    return {path: _as_collected(np.concatenate([piece[path] for piece in pieces])) for path in ensemble.axes}
+
+
+def _as_collected(values: np.ndarray) -> np.ndarray:
+    """Values as a collected file holds them, where those that are not all numbers are texts."""
+    return np.array([as_text(value) for value in values.tolist()], "O") if values.dtype.kind == "O" else values
 
 
 def _kept(found: list[Trajectories], members: np.ndarray) -> Trajectories | None:

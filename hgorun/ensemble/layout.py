@@ -12,7 +12,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from hgorun.ensemble.collected import Trajectories
+from hgorun.ensemble.collected import Trajectories, as_text
 from hgorun.ensemble.rows import rectangles
 from hgorun.result import digests
 
@@ -46,7 +46,7 @@ class Column:
         values : ndarray, shape (members, ...)
         """
         if self.data.dtype.kind == "O":
-            texts = [text if isinstance(text, str) else _shown(text) for text in values.ravel().tolist()]
+            texts = [as_text(value) for value in values.ravel().tolist()]
             self._digest.update(("\n" * self._begun + "\n".join(texts)).encode())  # as digests.of_names has it
             self._begun = True
             if not any(texts):  # what is not written is empty
@@ -160,8 +160,3 @@ class Group:
 def _kind(dtype: np.dtype[Any]) -> Any:
     """The type of a data set: netCDF knows no truth values, and texts of any length are objects here."""
     return _TEXT if dtype.kind in "Ob" else dtype.newbyteorder("<")
-
-
-def _shown(value: object) -> str:
-    """A value of an axis that is neither text nor among numbers alone."""
-    return str(value).lower() if isinstance(value, bool) else str(value)

@@ -175,6 +175,8 @@ def axis_name(axis: str, time: str = "") -> str:
     parts = axis.split(".")
     if parts[-1] in TIMES:
         return parts[-1] + _in_brackets(time)
+    if parts[:2] == ["measurement", "noise"]:
+        return f"{parts[-1]} of noise"
     whose = f" of {parts[1]}" if parts[0] == "observers" and len(parts) > 2 and parts[1] != "*" else ""
     return parts[-1] + whose
 

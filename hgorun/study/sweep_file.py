@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 from hgorun.config.expressions import nearest
@@ -14,7 +15,7 @@ from hgorun.errors import ConfigError
 from hgorun.simulation.experiment import Experiment
 from hgorun.study.ensembles import ensemble_of
 from hgorun.study.loading import load
-from hgorun.study.study import study_of
+from hgorun.study.study import Run, study_of
 
 _OF_A_CONFIGURATION = ("extends", "plant", "observers", "time")
 
@@ -79,20 +80,44 @@ def _base(blocks: SweepFile, source: Source, path: Path) -> Experiment:
     if isinstance(blocks.base, str):
         target = path.parent / blocks.base
         try:
+            text, inner = read_source(target)
+            if isinstance(inner.data, dict) and "runs" in inner.data:
+                return _run(study_of(inner, target.stem, text).runs, blocks.run, source)
             return load(target, run=blocks.run)
         except ConfigError as error:
             if error.line is None:
                 raise ConfigError(f"{target}: {error.message}", file=file, line=line, key="base") from error
             raise
+    try:
+        return _written_here(blocks, source, path)
+    except ConfigError as error:
+        if error.key is None or error.file != file or error.key == "run":
+            raise
+        raise ConfigError(error.message, file=file, line=error.line, key=f"base.{error.key}") from error
+
+
+def _written_here(blocks: SweepFile, source: Source, path: Path) -> Experiment:
+    """The base, where it is part of the sweep file."""
     inner = extended(source.below(("base",)), path)
     if "runs" not in inner.data:
         if blocks.run is not None:
             raise _wrong(source, "the base has no runs")
         return Experiment(inner, name=path.stem)
-    runs = study_of(inner, path.stem, "").runs
-    if blocks.run is None or blocks.run not in runs:
-        raise _wrong(source, f"expected one of {', '.join(runs)}.{nearest(blocks.run or '', runs)}")
-    return runs[blocks.run].experiment
+    return _run(study_of(inner, path.stem, "").runs, blocks.run, source)
+
+
+def _run(runs: Mapping[str, Run], name: str | None, source: Source) -> Experiment:
+    """The run of a base that the key ``run`` names."""
+    known = [one for one, run in runs.items() if run.single]
+    if name in known:
+        return runs[name].base
+    asked = f"the base has the single runs {', '.join(known)}: name one" if known else "the base has no single run"
+    if name is None:
+        raise _wrong(source, asked)
+    if name in runs:
+        kind = runs[name].ensemble.kind
+        raise _wrong(source, f"the run {name!r} is an ensemble itself, by {kind}; members vary a single run: {asked}")
+    raise _wrong(source, f"no run is called {name!r}.{nearest(name, known)} {asked.capitalize()}")
 
 
 def _wrong(source: Source, message: str) -> ConfigError:

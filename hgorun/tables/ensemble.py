@@ -1,4 +1,4 @@
-"""Statistics of ensembles as text, JSON, CSV and LaTeX."""
+"""Statistics of ensembles as text, JSON and CSV."""
 
 from __future__ import annotations
 
@@ -16,13 +16,11 @@ from hgorun.ensemble.statistics import Difference, Statistics, Summary, points, 
 from hgorun.files import json_value
 from hgorun.result.metrics.base import all_metrics
 from hgorun.tables.axis_names import names_of_points, short_axis
-from hgorun.tables.latex import latex_head
 from hgorun.tables.layout import number, packed, wrapped
-from hgorun.tables.typeset import latex_words, printable
-from hgorun.tables.uncertain import latex_uncertain, uncertain
+from hgorun.tables.typeset import printable
+from hgorun.tables.uncertain import uncertain
 
 _MOST_VALUES = 1000  # of an axis, one by one
-_PAGE = 3  # numbers with their uncertainty side by side on a page
 NUMBERS = tuple(f.name for f in fields(Summary) if f.name not in ("n", "ci95"))
 _INTERVALS = "±: 95 % interval of the mean, over members that are ok or inaccurate; sem: its standard error; "
 _QUANTILES = "q05 to q95: quantiles over all members, in which a lost estimate counts as infinite"
@@ -286,55 +284,10 @@ def _by_point(one: Compared) -> list[str]:
     return [*lines, "", *wrapped(f"{what}; in brackets the number of members without numbers")]
 
 
-def _place(part: Statistics, one: Compared) -> str:
-    """A point's values on the axes by which the ensemble is divided."""
-    return ", ".join(f"{short_axis(axis, one.by)} = {shown(value)}" for axis, value in part.at.items())
-
-
 def _mean_at(part: Statistics, label: str, metric: str, state: str) -> str:
     summary, failed = part.summaries[label, metric, state], part.failed(label)
     mean = "-" if math.isnan(summary.mean) else uncertain(summary.mean, summary.half)
     return f"{mean} ({failed})" if failed else mean
-
-
-def latex(found: Sequence[Compared]) -> str:
-    r"""A ``tabular`` for each ensemble, for a document that loads the package booktabs.
-
-    Cells are mean ± half the 95 % interval. The best mean of a column is bold only if it differs from that of every
-    other observer (paired test, Holm-adjusted p < 0.05) and no other observer has fewer failures.
-    """
-    return "\n".join(_tabular(one) for one in found)
-
-
-def _tabular(one: Compared) -> str:
-    states, observers = one.members.states, one.members.observers
-    metrics = list(dict.fromkeys(metric for _, metric, _ in one.whole.summaries))
-    at_once = max(_PAGE // max(len(states), 1), 1)
-    blocks = [metrics[i : i + at_once] for i in range(0, len(metrics), at_once)] or [[]]
-    width = len(blocks[0]) * len(states)
-    lines = [rf"\begin{{tabular}}{{l{'r' * width}}}", r"\toprule"]
-    for block in blocks:
-        padding = [""] * (width - len(block) * len(states))
-        lines += [*([r"\midrule"] if block is not blocks[0] else []), *latex_head(block, states, padding)]
-        for part in one.parts:
-            if part.at:
-                lines.append(rf"\multicolumn{{{width + 1}}}{{l}}{{{latex_words(_place(part, one))}}} \\")
-            for label in observers:
-                cells = [_latex_cell(part, label, metric, state) for metric in block for state in states]
-                lines.append(" & ".join([latex_words(label), *cells, *padding]) + r" \\")
-    lost = [
-        latex_words(f"{label}: {one.whole.failed(label)} of {one.whole.members} without numbers")
-        for label in observers
-        if one.whole.failed(label)
-    ]
-    if lost:
-        lines += [r"\midrule", rf"\multicolumn{{{width + 1}}}{{l}}{{{'; '.join(lost)}}} \\"]
-    return "\n".join([*lines, r"\bottomrule", r"\end{tabular}"]) + "\n"
-
-
-def _latex_cell(part: Statistics, label: str, metric: str, state: str) -> str:
-    summary = part.summaries[label, metric, state]
-    return latex_uncertain(summary.mean, summary.half, bold=best(part, metric, state) == label)
 
 
 def distance(value: float, ideal: float) -> float:

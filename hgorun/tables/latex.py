@@ -48,18 +48,33 @@ def latex(results: Sequence[Result], metrics: Sequence[str] | None = None) -> st
     return "\n".join([*lines, r"\bottomrule", r"\end{tabular}"]) + "\n"
 
 
-def latex_head(metrics: Sequence[str], states: Sequence[str], padding: Sequence[str]) -> list[str]:
-    """The lines above the rows: metrics, and below each of them the states; then so many empty columns."""
+def latex_head(
+    metrics: Sequence[str], states: Sequence[str], padding: Sequence[str], units: Sequence[str] = ()
+) -> list[str]:
+    """The lines above the rows: metrics, below each of them the states, and the units if any; then empty columns."""
     n = len(states)
     if not metrics:
         return [r"\midrule"]
     above = [rf"\multicolumn{{{n}}}{{c}}{{{latex_words(metric)}}}" for metric in metrics]
     rules = [rf"\cmidrule(lr){{{2 + i * n}-{1 + (i + 1) * n}}}" for i in range(len(metrics))]
     below = [f"${symbol(state)}$" for _ in metrics for state in states]
+    measured = [f"{{[}}{_latex_unit(unit)}]" if unit else "" for unit in units]
+    last = [" & ".join(["", *measured, *padding]) + r" \\"] if any(measured) else []
     return [
         " & ".join(["", *above, *padding]) + r" \\", " ".join(rules),
-        " & ".join(["", *below, *padding]) + r" \\", r"\midrule",
+        " & ".join(["", *below, *padding]) + r" \\", *last, r"\midrule",
     ]  # fmt: skip
+
+
+def _latex_unit(unit: str) -> str:
+    """A unit with its powers raised."""
+    parts = re.split(r"\^\{?([-+]?[0-9.]+)\}?", unit)
+    return "".join(f"$^{{{part}}}$" if i % 2 else latex_words(part) for i, part in enumerate(parts))
+
+
+def latex_number(text: str) -> str:
+    """A number as it is printed, its power of ten as mathematics."""
+    return re.sub(r"e([-+])0*(\d+)", lambda m: rf" \times 10^{{{m[1].strip('+')}{m[2]}}}", text)
 
 
 def _best(metric: str, values: Sequence[float | None]) -> str | None:
@@ -77,5 +92,5 @@ def _latex_number(value: float | None, best: str | None) -> str:
         return "--"
     if math.isinf(value):
         return r"$\infty$" if value > 0 else r"$-\infty$"
-    shown = re.sub(r"e([-+])0*(\d+)", lambda m: rf" \times 10^{{{m[1].strip('+')}{m[2]}}}", number(value))
+    shown = latex_number(number(value))
     return rf"$\mathbf{{{shown}}}$" if number(value) == best else f"${shown}$"

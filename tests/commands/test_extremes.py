@@ -208,6 +208,7 @@ def test_a_plant_that_diverges_is_named(
         (("simulate", "c.yaml", "-o", "out.csv"), "compare --format csv"),
         (("simulate", "c.yaml", "-o", "out.png"), "expected a file .h5, .hdf5, .nc or a folder, found out.png"),
         (("compare", "c.yaml", "-o", "out.csv"), "compare --format csv"),
+        (("compare", "c.yaml", "-o", "out.tex"), "compare --format latex"),
         (("compare", "c.yaml", "-o", "c.yaml"), "expected a file .pdf, .png or a folder"),
         (("analyze", "c.yaml", "-o", "out.json"), "--output"),
         (("figures", "c.yaml", "-o", "out.pdf"), "--output: expected a folder"),

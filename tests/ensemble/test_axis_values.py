@@ -72,3 +72,20 @@ def test_seeds_keep_all_their_digits(tmp_path: Path) -> None:
     path.write_text(f"{VAN_DER_POL}seed: {2**53 + 1}\nruns: {{many: {{seeds: 3}}}}\n")
     members = hgorun.load_study(path).runs["many"].members()
     assert [one.blocks.seed for one in members] == [2**53 + 1, 2**53 + 2, 2**53 + 3]
+
+
+def test_any_number_of_spread_points_can_be_asked_for() -> None:
+    axes = {"observers.SHGO.theta": {"log": [2, 20, 7]}, "seed": {"count": 7}}
+    spread = ensemble(axes, combine="sobol")
+    thetas = spread.values(0, 7)["observers.SHGO.theta"]  # warnings are errors
+    pieces = [spread.values(start, stop)["observers.SHGO.theta"] for start, stop in ((0, 1), (1, 4), (4, 7))]
+    assert np.concatenate(pieces).tolist() == thetas.tolist()
+
+
+def test_truth_values_are_the_same_words_in_file_and_folder(tmp_path: Path) -> None:
+    (tmp_path / "a.yaml").write_text(VAN_DER_POL)
+    output, path = tmp_path / "a.sweep.h5", "observers.S.theta"
+    hgorun.sweep(hgorun.load(tmp_path / "a.yaml"), {path: [2.5, True]}, output=output)
+    for found in (hgorun.read_sweep(output), hgorun.read_sweep(output.with_suffix(""))):
+        assert found.axes[path].tolist() == ["2.5", "true"]
+        assert found.at(path, True).tolist() == found.at(path, "true").tolist() == [False, True]

@@ -27,6 +27,7 @@ AXES = {"seed": [1]}
         ({"combine": 3}, "combine: expected 'product', 'zip' or 'sobol', found 3"),
         ({"executor": "threads"}, "executor: expected a function such as"),
         ({"output": 3}, "output: expected the path of a file, found 3"),
+        ({"output": ""}, "output: expected the path of a file, found ''"),
         ({"experiment": "vdp.yaml"}, "experiment: expected an Experiment, found 'vdp.yaml'; hgorun.load reads one"),
         ({"experiment": None}, "experiment: expected an Experiment, found nothing"),
     ],

@@ -21,7 +21,7 @@ from hgorun.ensemble.fingerprint import own_code
 from hgorun.ensemble.recipe import recipe_of
 from hgorun.ensemble.store import Store
 from hgorun.ensemble.sweep import Count, Place, carry_out, sweep_to
-from hgorun.errors import HgorunError, SimulationError
+from hgorun.errors import ConfigError, HgorunError, SimulationError
 from hgorun.version import __version__
 
 distributed = pytest.importorskip("distributed", reason="dask.distributed is not installed: pip install 'hgorun[dask]'")
@@ -93,6 +93,12 @@ def test_a_scheduler_that_is_not_there_is_one_line(tmp_path: Path, monkeypatch: 
     store = Store.opened(tmp_path / "a.sweep", small())
     with pytest.raises(HgorunError, match=r"--scheduler tcp://127\.0\.0\.1:9: "):
         carry_out(store, dask("tcp://127.0.0.1:9"))
+
+
+def test_what_is_no_address_is_wrong_input(tmp_path: Path) -> None:
+    store = Store.opened(tmp_path / "a.sweep", small())
+    with pytest.raises(ConfigError, match="--scheduler foo: not an address such as"):
+        carry_out(store, dask("foo"))
 
 
 def test_without_the_package_the_extra_is_named(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

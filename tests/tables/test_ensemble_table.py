@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 from hgorun.ensemble.collected import Collected
-from hgorun.tables.ensemble import as_json, best, compared, csv, latex, text
+from hgorun.tables.ensemble import as_json, best, compared, csv, text
+from hgorun.tables.ensemble_latex import latex
 from hgorun.tables.uncertain import latex_uncertain, uncertain
 
 
@@ -165,6 +166,19 @@ def test_bold_is_what_is_significantly_best() -> None:
     assert latex([clear]).count(r"\mathbf") == 4
     assert r"\mathbf" not in latex([chance])
     assert "F: 1 of 60 without numbers" in latex([failing])
+
+
+def test_latex_has_units_members_and_mathematics() -> None:
+    members = replace(made(), units={"x1": "g/L^2", "time": "h"})
+    table = latex([compared(members, ["observers.F.theta"], ["rmse"])])
+    assert r" & {[}g/L$^{2}$] &  \\" in table
+    assert r"$\theta$ $= 2$" in table
+    assert r"mean $\pm$ 95 \% interval of 30 members (seed)" in table
+    both = {"observers.F.theta": members.axes["observers.F.theta"], "observers.S.theta": np.tile([1e-7, 2e-7], 30)}
+    table = latex([compared(replace(members, axes=both), list(both), ["rmse"])])
+    assert r"$\theta$ of F $= 2$, $\theta$ of S $= 1 \times 10^{-7}$" in table
+    kinds = {"observers.F.type": np.array(["fhgo_2", "shgo"] * 30, dtype=object)}
+    assert r"$\mathrm{type}$ = fhgo\_2" in latex([compared(replace(members, axes=kinds), list(kinds), ["rmse"])])
 
 
 def test_latex_rows_have_one_width() -> None:

@@ -238,6 +238,21 @@ def test_one_goal_is_drawn_against_each_gain(shell: Shell) -> None:
     assert (shell.folder / "results" / "c.tune.png").stat().st_size > 10_000
 
 
+@pytest.mark.parametrize("gain", ["log: [1e-300, 1e300]", "linear: [-1e308, 1e308]"])
+def test_a_range_that_overflows_is_refused(shell: Shell, gain: str) -> None:
+    (shell.folder / "c.yaml").write_text(CONFIG + TUNE.replace("log: [0.5, 10]", gain))
+    code, _, err = shell("tune", "c.yaml")
+    assert code == 2
+    assert "the range is wider than numbers can tell" in err
+
+
+def test_seeds_of_a_tuning_end_at_the_largest_one(shell: Shell) -> None:
+    (shell.folder / "c.yaml").write_text(f"seed: {2**63 - 2}\n{CONFIG}{TUNE}")
+    code, _, err = shell("tune", "c.yaml")
+    assert code == 2
+    assert "end above the largest seed" in err
+
+
 def test_a_file_of_its_own(shell: Shell) -> None:
     folder = shell.folder / "own"
     folder.mkdir()

@@ -1,0 +1,94 @@
+"""Statistics of ensembles as LaTeX."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+from hgorun.ensemble.collected import Collected
+from hgorun.ensemble.statistics import Statistics
+from hgorun.result.metrics.base import all_metrics
+from hgorun.tables.axis_names import names_of_values, short_axis
+from hgorun.tables.ensemble import Compared, best
+from hgorun.tables.latex import latex_head, latex_number
+from hgorun.tables.typeset import latex_words, symbol
+from hgorun.tables.uncertain import latex_uncertain
+
+_PAGE = 3  # numbers with their uncertainty side by side on a page
+
+
+def latex(found: Sequence[Compared]) -> str:
+    r"""A ``tabular`` for each ensemble, for a document that loads the package booktabs.
+
+    Cells are mean ± half the 95 % interval; the last line says of how many members. The best mean of a column is bold
+    only if it differs from that of every other observer (paired test, Holm-adjusted p < 0.05) and no other observer has
+    fewer failures.
+    """
+    return "\n".join(_tabular(one) for one in found)
+
+
+def _tabular(one: Compared) -> str:
+    states, observers = one.members.states, one.members.observers
+    metrics = list(dict.fromkeys(metric for _, metric, _ in one.whole.summaries))
+    at_once = max(_PAGE // max(len(states), 1), 1)
+    blocks = [metrics[i : i + at_once] for i in range(0, len(metrics), at_once)] or [[]]
+    width = len(blocks[0]) * len(states)
+    places = _places(one)
+    lines = [rf"\begin{{tabular}}{{l{'r' * width}}}", r"\toprule"]
+    for block in blocks:
+        padding = [""] * (width - len(block) * len(states))
+        units = [_unit(one.members, metric, state) for metric in block for state in states]
+        lines += [*([r"\midrule"] if block is not blocks[0] else []), *latex_head(block, states, padding, units)]
+        for part, place in zip(one.parts, places, strict=True):
+            if place:
+                lines.append(rf"\multicolumn{{{width + 1}}}{{l}}{{{place}}} \\")
+            for label in observers:
+                cells = [_cell(part, label, metric, state) for metric in block for state in states]
+                lines.append(" & ".join([latex_words(label), *cells, *padding]) + r" \\")
+    notes = [_members(one)] if observers else []
+    notes += [
+        f"{label}: {one.whole.failed(label)} of {one.whole.members} without numbers"
+        for label in observers
+        if one.whole.failed(label)
+    ]
+    if notes:
+        text = "; ".join(map(latex_words, notes)).replace("±", r"$\pm$")
+        lines += [r"\midrule", rf"\multicolumn{{{width + 1}}}{{l}}{{{text}}} \\"]
+    return "\n".join([*lines, r"\bottomrule", r"\end{tabular}"]) + "\n"
+
+
+def _places(one: Compared) -> list[str]:
+    """The values of each part on the axes by which the ensemble is divided, as mathematics where they are numbers."""
+    names = {axis: names_of_values(part.at[axis] for part in one.points) for axis in one.by}
+    return [
+        ", ".join(_equation(short_axis(axis, one.by), names[axis][value], value) for axis, value in part.at.items())
+        for part in one.parts
+    ]
+
+
+def _equation(name: str, text: str, value: object) -> str:
+    """A name and its value; the name may end with whose it is."""
+    what, of, whose = name.partition(" of ")
+    left = f"${symbol(what)}$" if re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", what) else latex_words(what)
+    left += latex_words(of + whose)
+    return f"{left} $= {latex_number(text)}$" if isinstance(value, int | float) else f"{left} = {latex_words(text)}"
+
+
+def _unit(members: Collected, metric: str, state: str) -> str:
+    known = all_metrics().get(metric)
+    return members.units.get({"state": state, "time": "time"}.get(known.unit if known else "", ""), "")
+
+
+def _members(one: Compared) -> str:
+    """Of how many members a cell is, and what stands beside its mean."""
+    counts = sorted({part.members for part in one.parts})
+    each = f"{counts[0]}" if len(counts) == 1 else f"{counts[0]} to {counts[-1]}"
+    honest = all(part.independent for part in one.parts)
+    differ = [axis for axis in one.members.axes if axis not in one.by]
+    over = f" ({', '.join(short_axis(axis, differ) for axis in differ)})" if differ else ""
+    return f"mean {'± 95 % interval ' if honest else ''}of {each} member{'s' * (counts[-1] > 1)}{over}"
+
+
+def _cell(part: Statistics, label: str, metric: str, state: str) -> str:
+    summary = part.summaries[label, metric, state]
+    return latex_uncertain(summary.mean, summary.half, bold=best(part, metric, state) == label)
