@@ -109,15 +109,15 @@ def _written_here(blocks: SweepFile, source: Source, path: Path) -> Experiment:
 def _run(runs: Mapping[str, Run], name: str | None, source: Source) -> Experiment:
     """The run of a base that the key ``run`` names."""
     known = [one for one, run in runs.items() if run.single]
-    if name in known:
+    if name is not None and name in known:
         return runs[name].base
-    asked = f"the base has the single runs {', '.join(known)}: name one" if known else "the base has no single run"
-    if name is None:
-        raise _wrong(source, asked)
-    if name in runs:
+    if not known:
+        raise _wrong(source, "all runs of the base are ensembles themselves; members vary a single run")
+    asked = f"expected one of {', '.join(known)}."
+    if name is not None and name in runs:
         kind = runs[name].ensemble.kind
         raise _wrong(source, f"the run {name!r} is an ensemble itself, by {kind}; members vary a single run: {asked}")
-    raise _wrong(source, f"no run is called {name!r}.{nearest(name, known)} {asked.capitalize()}")
+    raise _wrong(source, f"{asked}{nearest(name or '', known)}")
 
 
 def _wrong(source: Source, message: str) -> ConfigError:

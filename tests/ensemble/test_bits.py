@@ -116,7 +116,7 @@ def test_members_whose_plant_or_estimate_is_lost(step: float | None, root: bool)
     """Plants that diverge or are undefined, estimates that leave, and those that come back."""
     rate = "-sqrt(x1 + 0.5) - x2" if root else "-x1 + a*x2**3"
     base = experiment(
-        inline({"x1": "x2", "x2": rate}, "x1", parameters={"a": 1.0}),
+        inline({"x1": "x2", "x2": rate}, "x1", parameters={} if root else {"a": 1.0}),
         {"S": {"type": "shgo", "theta": 5}},
         end=2.0,
         step=step,

@@ -33,8 +33,8 @@ def refused(path: Path, text: str) -> str:
 @pytest.mark.parametrize(
     ("run", "message"),
     [
-        ("", "run: the base has the single runs one: name one"),
-        ("run: on\n", "run: no run is called 'on'. Did you mean `one`? The base has the single runs one: name one"),
+        ("", "run: expected one of one."),
+        ("run: on\n", "run: expected one of one. Did you mean `one`?"),
         ("run: seeds\n", "run: the run 'seeds' is an ensemble itself, by seeds; members vary a single run"),
         ("run: gains\n", "run: the run 'gains' is an ensemble itself, by vary; members vary a single run"),
     ],
