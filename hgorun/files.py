@@ -16,7 +16,7 @@ from zlib import crc32
 
 import numpy as np
 
-from hgorun.errors import HgorunError
+from hgorun.errors import ConfigError, HgorunError
 from hgorun.process import unfinished
 
 # Temporary files are called .NAME-MACHINE-PID-RANDOM.part: who finds one whose process is gone may remove it. Of the
@@ -75,6 +75,20 @@ def write_text(path: Path, text: str) -> None:
     """Write a text file, whole or not at all."""
     with written_whole(path) as part:
         part.write_text(text, encoding="utf-8")
+
+
+def remove_file(path: Path) -> None:
+    """Remove a file, if it is there.
+
+    Raises
+    ------
+    ConfigError
+        When it cannot be removed, as a folder of this name.
+    """
+    try:
+        path.unlink(missing_ok=True)
+    except OSError as error:
+        raise ConfigError(f"cannot be removed: {error.strerror}", file=str(path)) from None
 
 
 def remove_leftovers(folder: Path) -> None:

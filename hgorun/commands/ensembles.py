@@ -19,6 +19,7 @@ from hgorun.ensemble.refused import refuse_base
 from hgorun.ensemble.store import Changed, Store
 from hgorun.ensemble.sweep import Place, carry_out, finished
 from hgorun.errors import ConfigError, SimulationError
+from hgorun.files import remove_file
 from hgorun.process import say
 from hgorun.progress import shown as progress
 from hgorun.study.ensembles import ensemble_of
@@ -77,7 +78,7 @@ def simulate_ensemble(run: Run, target: Path, options: Simulate) -> tuple[dict[s
     try:
         store = Store.opened(place.folder, ensemble)
     except Changed:
-        place.file.unlink(missing_ok=True)
+        remove_file(place.file)
         store = Store.opened(place.folder, ensemble, fresh=True)
     with progress(ensemble.size, run.name, "members", show=options.text) as bar:
 

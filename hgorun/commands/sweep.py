@@ -15,12 +15,13 @@ from hgorun.commands.run import require_file
 from hgorun.ensemble.collecting import collect
 from hgorun.ensemble.ensemble import Ensemble
 from hgorun.ensemble.executors import EXECUTORS, Executor, processes, threads
-from hgorun.ensemble.fingerprint import ingredients
+from hgorun.ensemble.manifest import Manifest
 from hgorun.ensemble.outcome import Outcome, outcome_of
 from hgorun.ensemble.refused import refuse_base
 from hgorun.ensemble.store import Store
 from hgorun.ensemble.sweep import SUFFIX, Count, Part, Place, carry_out, finished
 from hgorun.errors import ConfigError, HgorunError
+from hgorun.files import remove_file
 from hgorun.process import processors
 from hgorun.progress import shown
 from hgorun.study.sweep_file import load_sweeps
@@ -50,7 +51,7 @@ def _one(options: Sweep, ensemble: Ensemble, place: Place, executor: Executor, j
     else:
         refuse_base(ensemble)
     if options.fresh:
-        place.file.unlink(missing_ok=True)
+        remove_file(place.file)
     store = Store.opened(place.folder, ensemble, fresh=options.fresh)
     if options.collect:
         collect(store, place.file)
@@ -74,10 +75,10 @@ def merge(options: Merge) -> int:
     stores = [Store.existing(folder) for folder in options.folders]
     ensemble = stores[0].ensemble
     place = _place(options, ensemble.name)
-    made_of = ingredients(ensemble)
+    manifest = Manifest.of(ensemble)
     for one in stores:
-        one.refuse_changes(made_of)
-    store = Store.opened(place.folder, ensemble)
+        one.refuse_changes(manifest)
+    store = Store.opened(place.folder, ensemble, advice="choose another --output")
     for one in stores:
         store.adopt(one)
     collect(store, place.file)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json as json_text
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +27,8 @@ from hgorun.tuning.storing import save
 from hgorun.tuning.task import Task, is_plain
 from hgorun.tuning.trials import Trials
 from hgorun.tuning.written import with_numbers
+
+_END = 0.01  # of a range: what is nearer to an end of it is at the end
 
 
 def tune(options: Tune) -> int:
@@ -67,13 +69,24 @@ def _tuned(task: Task, name: str, options: Tune) -> Evidence:
 
 
 def _warn(one: Evidence, name: str) -> None:
-    """Limits that the seeds of the search have met, and the held-out ones do not, are reported on stderr."""
+    """Gains at an end of their range, and limits that the held-out seeds do not meet, are reported on stderr."""
+    for words in _at_an_end(one):
+        say(f"hgorun: {name}: {words}: better values may lie beyond it")
     mean, half = (part[one.chosen] for part in one.mean(held_out=True))
     for k, limit in enumerate(one.task.limits, start=len(one.task.goals)):
         if limit.excess(mean[k]) > 0:
             wanted = f"{'below' if limit.below else 'above'} {limit.bound:g}"
             found = uncertain(float(mean[k]), float(half[k]))
             say(f"hgorun: {name}: on held-out seeds {limit.text} is {found}, not {wanted}")
+
+
+def _at_an_end(one: Evidence) -> Iterator[str]:
+    """Which of the gains chosen are at an end of their range, where better ones may lie beyond it."""
+    for gain, value in zip(one.task.gains, one.gains[one.chosen].tolist(), strict=True):
+        low, high = gain.at(np.array([_END, 1 - _END]))
+        if not low < value < high:
+            end = "lower" if value <= low else "upper"
+            yield f"{gain.path} = {value:g} is at the {end} end of its range [{gain.low:g}, {gain.high:g}]"
 
 
 def _write(found: Sequence[Evidence], asked: Asked, options: Tune) -> list[str]:

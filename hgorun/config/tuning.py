@@ -41,27 +41,39 @@ class Range(Block):
 def _texts(value: Any) -> Any:
     """Quantities as texts; inside brackets YAML cuts ``hf(F, x2)`` at its comma, which is mended here."""
     given = (value,) if isinstance(value, str) else value
-    if not isinstance(given, (list, tuple)) or not all(isinstance(part, str) for part in given):
+    if not isinstance(given, (list, tuple)):
         raise ValueError(f"expected a quantity such as hf(FHGO, x2), or a list of two, found {describe(value)}")
     found: list[str] = []
     for part in given:
-        if found and found[-1].count("(") > found[-1].count(")"):
+        if found and _is_open(found[-1]):
             found[-1] += f", {part}"
-        else:
+        elif isinstance(part, str):
             found.append(part)
+        else:
+            raise ValueError(f"expected quantities such as hf(FHGO, x2), found {describe(part)}")
     return tuple(found)
 
 
-def _whole(value: Any) -> Any:
-    """A bound whose quantity YAML has cut at a comma, as keys without a value."""
-    if not isinstance(value, dict) or not isinstance(value.get("value"), str):
-        return value
-    text, rest = value["value"], dict(value)
-    for key, part in value.items():
-        if part is None and text.count("(") > text.count(")"):
+def _is_open(text: str) -> bool:
+    """Whether a bracket is not closed."""
+    return text.count("(") > text.count(")")
+
+
+def _mended(block: Any, name: str) -> Any:
+    """A block in braces, where YAML has cut a quantity at its commas: the rest of it are keys without a value."""
+    if not isinstance(block, dict) or not isinstance(block.get(name), str):
+        return block
+    text, rest = block[name], dict(block)
+    for key, part in block.items():
+        if part is None and _is_open(text):
             text += f", {key}"
             del rest[key]
-    return rest | {"value": text}
+    return rest | {name: text}
+
+
+def _whole(value: Any) -> Any:
+    """A bound, its quantity mended."""
+    return _mended(value, "value")
 
 
 class Bound(Block):
@@ -99,6 +111,11 @@ class Tune(Block):
     budget: Annotated[int, Field(ge=20, le=10_000_000, strict=True)] = Field(
         default=2000, description="runs that the search of each observer may take"
     )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _goal(cls, value: Any) -> Any:
+        return _mended(value, "minimise")
 
     @model_validator(mode="after")
     def _some(self) -> Tune:

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
+from hgorun.config.paths import entries
 from hgorun.config.types import Block, describe
 from hgorun.config.yaml_source import Source
 from hgorun.errors import ConfigError, KeyPath
 
 _B = TypeVar("_B", bound=Block)
 
+_NOTHING = object()
 _OUR_OWN = frozenset({"unknown_key", "no_value", "not_a_mapping", "unknown_type"})  # with messages of ours
 _EXPECTED = {
     "bool_parsing": "true or false",
@@ -56,12 +58,22 @@ def _explained(error: ValidationError, source: Source, path: KeyPath, model: typ
 def _known_path(source: Source, path: KeyPath, location: KeyPath) -> KeyPath:
     """The part of pydantic's location that is in the file: names of union members are not."""
     for i, part in enumerate(location):
-        if (*path, part) in source.positions or (
+        if _is_there(source.data, (*path, part)) or (
             # a missing key is not in the file
             i == len(location) - 1 and isinstance(part, str) and part.isidentifier()
         ):
             path = (*path, part)
     return path
+
+
+def _is_there(data: Any, path: KeyPath) -> bool:
+    """Whether a path leads somewhere."""
+    for key in path:
+        part = dict(entries(data)).get(key, _NOTHING)
+        if part is _NOTHING:
+            return False
+        data = part
+    return True
 
 
 def _sentence(item: ErrorDetails) -> str:
@@ -74,6 +86,8 @@ def _sentence(item: ErrorDetails) -> str:
         return str(item["ctx"]["error"])
     if kind in _OUR_OWN:
         return item["msg"]
+    if kind == "too_long" and isinstance(found, (list, tuple)):
+        return f"expected a list of at most {item['ctx']['max_length']}, found a list of {len(found)}"
     expected = _EXPECTED.get(kind, "another value").format_map(item.get("ctx", {}))
     return f"expected {expected}, found {describe(found)}{_hint(kind, found)}"
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import heapq
 import json
 from collections.abc import Iterator
+from hashlib import file_digest, sha256
 from pathlib import Path
 from typing import Any
 
@@ -25,10 +26,10 @@ from hgorun.ensemble.layout import MEMBER, Column, Layout
 from hgorun.ensemble.reading import FORMAT
 from hgorun.ensemble.recipe import written
 from hgorun.ensemble.rows import batches, part
-from hgorun.ensemble.store import Store
+from hgorun.ensemble.store import COLLECTED, Store
 from hgorun.ensemble.trajectories import chosen, follow
 from hgorun.errors import HgorunError
-from hgorun.files import json_value, written_whole
+from hgorun.files import json_value, write_text, written_whole
 from hgorun.observers.capabilities import FilterOrder
 from hgorun.result.metrics.base import all_metrics
 from hgorun.result.sink import Sink
@@ -44,7 +45,7 @@ def collect(store: Store, path: Path) -> Path:
     Raises
     ------
     HgorunError
-        When members are missing, a block is damaged, or the file cannot be written.
+        When members are missing, a block is damaged, the file cannot be written, or the folder has been begun anew.
     """
     missing = store.missing()
     if missing:
@@ -58,16 +59,27 @@ def collect(store: Store, path: Path) -> Path:
             _write(store, file)
         if sink.failed is not None:
             raise sink.failed
+        store.refuse_replaced()
+        known = _known(store, new)
+    write_text(store.folder / COLLECTED, json.dumps(known, indent=1))
     return path
 
 
 def is_collected(store: Store, path: Path) -> bool:
-    """Whether the file of an ensemble has been written, and holds the members of this store."""
+    """Whether the file of an ensemble has the bytes that were collected last, with the titles and texts of today."""
     try:
-        with h5py.File(path, "r") as file:
-            return bool(file.attrs.get("fingerprint") == store.manifest["fingerprint"])
-    except OSError:
+        known = json.loads((store.folder / COLLECTED).read_text(encoding="utf-8"))
+        return bool(known == _known(store, path))
+    except (OSError, ValueError, RecursionError):
         return False
+
+
+def _known(store: Store, path: Path) -> dict[str, str]:
+    """What tells a collected file from any other one."""
+    with path.open("rb") as file:
+        content = file_digest(file, "sha256").hexdigest()
+    said = sha256(store.recipe.encode()).hexdigest()
+    return {"fingerprint": store.manifest.fingerprint, "recipe": said, "sha256": content}
 
 
 def _write(store: Store, file: h5py.File) -> None:
@@ -112,7 +124,7 @@ def _attributes(store: Store) -> dict[str, Any]:
         "config": ensemble.text.encode(errors="replace").decode(),
         "config_resolved": base.resolved_text,
         "seed": base.blocks.seed,
-        "fingerprint": store.manifest["fingerprint"],
+        "fingerprint": store.manifest.fingerprint,
         "hgorun_version": __version__,
         "units": json.dumps({name: unit for name, unit in units.items() if unit}),
     }

@@ -12,6 +12,7 @@ from math import prod
 
 import numpy as np
 
+from hgorun.config.expressions import nearest
 from hgorun.config.sweeps import MOST_MEMBERS, Combine, Keep, LinearAxis, ListAxis, LogAxis, SweepBlocks, Worst
 from hgorun.config.types import SEEDS
 from hgorun.ensemble.members import Members, written_out
@@ -130,11 +131,21 @@ class Ensemble:
             except ConfigError as error:
                 raise Problem(place, error.message) from None
             for one in paths:
+                self._check_observer(one, path)
                 _check_apart(one, path, found)
                 found[one] = path
             if (refused := self._refused(path, paths)) is not None:
                 key = "" if refused.key in (None, path) else f"{refused.key}: "
                 raise Problem(place, f"{key}{refused.message}")
+
+    def _check_observer(self, path: str, axis: str) -> None:
+        """Refuse a key of an observer that there is not."""
+        first, _, rest = path.partition(".")
+        label, _, key = rest.partition(".")
+        if first == "observers" and key and label not in self.base.observers:
+            known = tuple(self.base.observers)
+            message = f"no observer is called {label!r}.{nearest(label, known)} Known: {', '.join(known) or 'none'}"
+            raise Problem(("axes", axis), message)
 
     def _refused(self, path: str, paths: Sequence[str]) -> ConfigError | None:
         """Why no value of an axis can be used, or, where whole numbers are asked for, why one that is none cannot."""
@@ -191,7 +202,8 @@ class Ensemble:
         known, kept = all_metrics(), self.keep.trajectories
         for i, name in enumerate(self.keep.metrics or ()):
             if name not in known:
-                raise Problem(("keep", "metrics", i), f"no metric is called {name!r}; known: {', '.join(known)}")
+                near, all_names = nearest(name, known), ", ".join(known)
+                raise Problem(("keep", "metrics", i), f"no metric is called {name!r}.{near} Known: {all_names}")
         place: KeyPath = ("keep", "trajectories")
         if isinstance(kept, Worst):
             for key, names in (

@@ -9,6 +9,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from hgorun.config.expressions import nearest
 from hgorun.errors import ConfigError
 from hgorun.simulation.experiment import Experiment
 
@@ -94,7 +95,8 @@ def written_out(base: Experiment, path: str) -> list[str]:
     key = keys[2] if len(keys) > 2 else ""
     labels = [label for label, observer in base.observers.items() if key in type(observer).model_fields]
     if not labels:
-        raise ConfigError(f"no observer has the key {key!r}", key=path)
+        known = dict.fromkeys(name for observer in base.observers.values() for name in type(observer).model_fields)
+        raise ConfigError(f"no observer has the key {key!r}.{nearest(key, known)}".removesuffix("."), key=path)
     return [".".join(("observers", label, *keys[2:])) for label in labels]
 
 

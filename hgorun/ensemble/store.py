@@ -1,35 +1,30 @@
 """The folder in which an ensemble is carried out: a manifest, and a file for every block of members.
 
-Nothing in it ever changes. A block's file is written whole and then takes its name, which says which members it holds
-and what the hash of its bytes is. So whatever is interrupted, and whoever else writes into the folder, what has a name
-is finished, and what was damaged later is noticed.
+No block ever changes. Its file is written whole and then takes its name, which says which members it holds, the
+fingerprint of what they follow from, and the hash of its bytes. So whatever is interrupted, and whoever else writes
+into the folder, what has a name is finished; what belongs to another configuration is never taken, and what was
+damaged later is noticed.
 """
 
 from __future__ import annotations
 
-import hashlib
-import json
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
-from hgorun.ensemble.carried import Carried, from_bytes, to_bytes
+from hgorun.ensemble.block_file import Form, from_files, to_bytes
+from hgorun.ensemble.carried import Carried
 from hgorun.ensemble.ensemble import Ensemble
-from hgorun.ensemble.fingerprint import Ingredients, difference, fingerprint, ingredients
-from hgorun.ensemble.recipe import ensemble_of, recipe_of
+from hgorun.ensemble.fingerprint import difference
+from hgorun.ensemble.manifest import MANIFEST, Manifest
+from hgorun.ensemble.stored import Stored, content, digest, together
 from hgorun.errors import ConfigError, HgorunError
-from hgorun.files import remove_leftovers, write_text, written_whole
+from hgorun.files import remove_file, remove_leftovers, written_whole
 
-MANIFEST = "manifest.json"
-_FORMAT = "hgorun-sweep-store-1"
-_BLOCK = re.compile(r"(\d{10})-(\d{10})-([0-9a-f]{32})\.h5")
-
-
-class Damaged(HgorunError):
-    """A block's file does not have the bytes that it was written with; it has been removed."""
+COLLECTED = "collected.json"  # what is known of the file that was collected last
+_BLOCK = re.compile(r"(\d{10})-(\d{10})-([0-9a-f]{16})-([0-9a-f]{32})\.h5")
 
 
 class Changed(HgorunError):
@@ -39,59 +34,55 @@ class Changed(HgorunError):
 
 
 @dataclass(frozen=True)
-class Stored:
-    """A block's file: the members from ``start`` to before ``stop``."""
-
-    start: int
-    stop: int
-    path: Path
-
-
-@dataclass(frozen=True)
 class Store:
     """The folder of an ensemble.
 
     Attributes
     ----------
     folder : Path
-    manifest : dict
+    manifest : Manifest
         What its numbers follow from, and the text from which any process makes its members.
     """
 
     folder: Path
-    manifest: dict[str, Any]
+    manifest: Manifest
 
     @classmethod
-    def opened(cls, folder: Path, ensemble: Ensemble, *, fresh: bool = False) -> Store:
+    def opened(
+        cls, folder: Path, ensemble: Ensemble, *, fresh: bool = False, advice: str = "--fresh starts anew"
+    ) -> Store:
         """The folder for an ensemble, made where there is none.
+
+        Titles and comments of the configuration may change: the manifest then takes the new ones.
 
         Parameters
         ----------
         fresh : bool
             Begin anew, whatever it holds.
+        advice : str
+            What to do where it holds members of something else.
 
         Raises
         ------
         Changed
-            When it holds members of another configuration, or of another version of the program.
+            When it holds members of another configuration, or of another version of the program, or its manifest is
+            none.
         """
-        made_of = ingredients(ensemble)
+        manifest = Manifest.of(ensemble)
         if fresh:
             remove(folder)
         for part in (folder, folder / "blocks"):
             remove_leftovers(part)
+        before = None
         if (folder / MANIFEST).exists():
-            store = cls.existing(folder)
-            store.refuse_changes(made_of, "; --fresh starts anew")
-            return store
-        manifest = {
-            "format": _FORMAT,
-            "fingerprint": fingerprint(made_of),
-            "members": ensemble.size,
-            "made_of": made_of,
-            "recipe": recipe_of(ensemble),
-        }
-        write_text(folder / MANIFEST, json.dumps(manifest, indent=1))
+            try:
+                before = Manifest.read(folder)
+                cls(folder, before).refuse_changes(manifest, f"; {advice}")
+                before.refuse_members(manifest.members, folder)
+            except ConfigError as error:
+                raise Changed(f"{error}; {advice}") from None
+        if before != manifest:
+            manifest.write(folder)
         return cls(folder, manifest)
 
     @classmethod
@@ -101,56 +92,66 @@ class Store:
         Raises
         ------
         ConfigError
-            When there is none, or its manifest cannot be read.
+            When there is none, or its manifest cannot be used.
         """
-        path = folder / MANIFEST
-        try:
-            manifest = json.loads(path.read_text(encoding="utf-8"))
-            known = manifest["format"] == _FORMAT and isinstance(manifest["recipe"], str)
-            known = known and isinstance(manifest["made_of"], dict) and isinstance(manifest["members"], int)
-        except FileNotFoundError:
-            raise ConfigError(f"no folder of a sweep: {MANIFEST} is missing", file=str(folder)) from None
-        except (OSError, ValueError, KeyError, TypeError) as error:
-            raise ConfigError(f"not the manifest of a sweep: {error}", file=str(path)) from None
-        if not known:
-            raise ConfigError("not the manifest of a sweep that this version can continue", file=str(path))
-        return cls(folder, manifest)
+        store = cls(folder, Manifest.read(folder))
+        _ = store.ensemble  # is refused here, if it is
+        return store
 
-    def refuse_changes(self, made_of: Ingredients, advice: str = "") -> None:
-        """Refuse to be continued with other ingredients, or to be put together with members made of them.
+    def refuse_changes(self, now: Manifest, advice: str = "") -> None:
+        """Refuse to be continued as something else, or to be put together with members of it.
 
         Raises
         ------
         Changed
             With what differs.
         """
-        changed = difference(self.manifest["made_of"], made_of)
-        if changed is not None:
+        if self.manifest.fingerprint != now.fingerprint:
+            changed = difference(self.manifest.made_of, now.made_of)
             raise Changed(f"{self.folder}: holds members of something else: {changed}{advice}")
+
+    def refuse_replaced(self) -> None:
+        """Refuse to go on where another command has begun the folder anew, as something else."""
+        try:
+            now = Manifest.read(self.folder)
+        except ConfigError:
+            return  # it is being written; what is ours is known by its fingerprint
+        if now.fingerprint != self.manifest.fingerprint:
+            raise Changed(f"{self.folder}: another command has begun it anew with something else")
 
     @property
     def recipe(self) -> str:
         """The text that the ensemble is made from."""
-        return str(self.manifest["recipe"])
+        return self.manifest.recipe
 
     @cached_property
     def ensemble(self) -> Ensemble:
         """The ensemble."""
-        return ensemble_of(self.recipe)
+        return self.manifest.ensemble(self.folder)
 
     @property
     def size(self) -> int:
         """How many members there are."""
-        return int(self.manifest["members"])
+        return self.manifest.members
 
     def stored(self) -> list[Stored]:
-        """The blocks that are finished, by their first members; some may share members."""
+        """The blocks that are finished, by their first members; some may share members.
+
+        Raises
+        ------
+        ConfigError
+            For a block of members that there are not.
+        """
         found = []
         blocks = self.folder / "blocks"
         for path in blocks.iterdir() if blocks.is_dir() else ():
-            if match := _BLOCK.fullmatch(path.name):
-                found.append(Stored(int(match[1]), int(match[2]), path))
-        return sorted(found, key=lambda one: (one.start, -one.stop))
+            match = _BLOCK.fullmatch(path.name)
+            if match and match[3] == self._mark:
+                start, stop = int(match[1]), int(match[2])
+                if not start < stop <= self.size:
+                    raise ConfigError(f"not a block of this sweep, which has {self.size} members", file=str(path))
+                found.append(Stored(start, stop, match[4], path))
+        return sorted(found, key=lambda one: (one.start, -one.stop, one.digest))
 
     def missing(self, start: int = 0, stop: int | None = None) -> list[tuple[int, int]]:
         """Ranges of members that are not there, among those from ``start`` to before ``stop``."""
@@ -168,57 +169,87 @@ class Store:
 
         Raises
         ------
+        Changed
+            When another command has begun the folder anew, as something else.
         HgorunError
             When it cannot be written.
         """
-        content = to_bytes(carried)
-        name = f"{carried.start:010d}-{carried.stop:010d}-{hashlib.sha256(content).hexdigest()[:32]}.h5"
+        self.refuse_replaced()
+        data = to_bytes(carried, self.manifest.fingerprint)
+        name = f"{carried.start:010d}-{carried.stop:010d}-{self._mark}-{digest(data)}.h5"
         with written_whole(self.folder / "blocks" / name) as part:
-            part.write_bytes(content)
+            part.write_bytes(data)
 
     def adopt(self, other: Store) -> None:
-        """Take over the blocks of another folder of the same ensemble.
+        """Take over the blocks of another folder of the same ensemble, in place of own ones that are damaged.
 
         Raises
         ------
         Damaged
             When one of them does not have the bytes that were written.
+        ConfigError
+            When one of them is no block of this ensemble.
         """
-        own = {one.path.name for one in self.stored()}
-        for one in other.stored():
-            if one.path.name not in own:
-                content = other.content(one)
+        for several in together(one for one in other.stored() if not self._has(one)):
+            other.read(*several)  # nothing is taken that could not be used
+            for one in several:
                 with written_whole(self.folder / "blocks" / one.path.name) as part:
-                    part.write_bytes(content)
+                    part.write_bytes(content(one))
 
-    def content(self, one: Stored) -> bytes:
-        """The bytes of a block's file; see :meth:`read`."""
-        content = one.path.read_bytes()
-        if hashlib.sha256(content).hexdigest()[:32] != one.path.stem.rpartition("-")[2]:
-            one.path.unlink(missing_ok=True)
-            raise Damaged(f"{one.path}: damaged, and removed; run the sweep again to make it anew")
-        return content
+    def _has(self, one: Stored) -> bool:
+        """Whether there is the same block, undamaged."""
+        own = self.folder / "blocks" / one.path.name
+        return own.is_file() and digest(own.read_bytes()) == one.digest
 
-    def read(self, one: Stored) -> Carried:
-        """The members of a block.
+    def read(self, *several: Stored) -> list[Carried]:
+        """The members of blocks.
 
         Raises
         ------
         Damaged
-            When its bytes are not those that were written.
+            When the bytes of one are not those that were written.
+        ConfigError
+            When one of them, though it has these bytes, is no block of this sweep.
         """
-        return from_bytes(self.content(one))
+        mark = self.manifest.fingerprint
+        forms = (Form.of(self.ensemble, one.path, mark, one.start, one.stop) for one in several)
+        return from_files([(content(one), form) for one, form in zip(several, forms, strict=True)])
 
     def blocks(self) -> Iterator[tuple[Carried, slice]]:
         """The blocks one by one, each with those of its members that no earlier one holds."""
+        at, points = 0, None
+        for several in together(self._needed()):
+            for one, carried in zip(several, self.read(*several), strict=True):
+                if carried.followed is not None:
+                    points = points or carried.followed.time.size
+                    if carried.followed.time.size != points:
+                        raise ConfigError("its trajectories have other times than those before", file=str(one.path))
+                yield carried, slice(max(at, one.start) - one.start, one.stop - one.start)
+                at = one.stop
+
+    def _needed(self) -> Iterator[Stored]:
+        """The blocks that hold members which no earlier one holds."""
         at = 0
         for one in self.stored():
             if one.stop > at:
-                yield self.read(one), slice(max(at, one.start) - one.start, one.stop - one.start)
                 at = one.stop
+                yield one
+
+    @property
+    def _mark(self) -> str:
+        """The fingerprint as names of blocks have it."""
+        return self.manifest.fingerprint[:16]
 
 
 def remove(folder: Path) -> None:
-    """Remove what a store has put into its folder, and nothing else."""
-    for path in [folder / MANIFEST, *(p for p in (folder / "blocks").glob("*.h5") if _BLOCK.fullmatch(p.name))]:
-        path.unlink(missing_ok=True)
+    """Remove what a store has put into its folder, and nothing else: its manifest last, without which nobody would know
+    what the blocks are.
+
+    Raises
+    ------
+    ConfigError
+        When something cannot be removed.
+    """
+    blocks = sorted(path for path in (folder / "blocks").glob("*.h5") if _BLOCK.fullmatch(path.name))
+    for path in (*blocks, folder / COLLECTED, folder / MANIFEST):
+        remove_file(path)

@@ -14,8 +14,10 @@ from hgorun.ensemble.cuts import Cuts, Range, most_members
 from hgorun.ensemble.ensemble import Ensemble
 from hgorun.ensemble.executors import Executor, threads
 from hgorun.ensemble.found import FAILED
-from hgorun.ensemble.store import Damaged, Store
+from hgorun.ensemble.store import Store
+from hgorun.ensemble.stored import Damaged
 from hgorun.errors import ConfigError
+from hgorun.files import remove_file
 from hgorun.process import processors
 
 SUFFIX = ".sweep"
@@ -157,9 +159,10 @@ def finished(store: Store, file: Path, again: Callable[[], None]) -> bool:
             return True
         try:
             collect(store, file)
-        except Damaged:
+        except Damaged as damaged:
             if attempt == _AGAIN - 1:
                 raise
+            remove_file(damaged.path)
             again()
     return True
 

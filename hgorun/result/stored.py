@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Mapping
+from io import BytesIO
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -25,14 +26,15 @@ _SECONDS = 60.0  # that reading may take: a GiB takes two
 def opened(path: Path, budget: int, work: Callable[[h5py.File], T]) -> T:
     """What a function finds in a file, in a process of its own."""
     try:
-        return guarded(lambda: _found(path, budget, work), seconds=_SECONDS, memory=4 * budget + 2**28)
+        return guarded(lambda: found(path, path, budget, work), seconds=_SECONDS, memory=4 * budget + 2**28)
     except Failed as error:
         raise ConfigError(f"not an intact file of hgorun: {error}", file=str(path)) from None
 
 
-def _found(path: Path, budget: int, work: Callable[[h5py.File], T]) -> T:
+def found(source: Path | BytesIO, path: Path, budget: int, work: Callable[[h5py.File], T]) -> T:
+    """What a function finds in a file, or in the bytes of one, whose path is for messages."""
     try:
-        with h5py.File(path, "r") as file:
+        with h5py.File(source, "r") as file:
             return work(file)
     except BlockingIOError:
         raise ConfigError("another program has it open for writing", file=str(path)) from None

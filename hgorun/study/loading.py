@@ -72,6 +72,8 @@ def _read(path: str | Path, overrides: Sequence[str], seed: int | None) -> tuple
     text, source = read_source(path, overrides, seed=seed)
     if isinstance(source.data, dict) and "base" in source.data and "axes" in source.data:
         raise ConfigError("this is a sweep file; hgorun sweep carries it out", file=str(path))
+    if isinstance(source.data, dict) and "base" in source.data and "tune" in source.data:
+        raise ConfigError("this asks for the gains of another file; hgorun tune finds them", file=str(path))
     return text, source
 
 

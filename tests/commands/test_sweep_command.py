@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+from hashlib import sha256
 from pathlib import Path
 
 import pytest
 from shell import Shell
 
 import hgorun
+from hgorun.ensemble.fingerprint import fingerprint
 
 BASE = """
 time: {end: 0.5, output_step: 0.1}
@@ -97,9 +99,13 @@ def test_folders_of_different_sweeps_are_not_merged(shell: Shell) -> None:
     assert (code, out) == (2, "")
     assert "two/s.sweep: holds members of something else: axes.observers.SHGO.theta.log.1: 30.0 -> 20.0" in err
     assert "--fresh" not in err
+    code, _, err = shell("merge", "two/s.sweep", "-o", "one")
+    assert (code, "choose another --output" in err, "--fresh" in err) == (2, True, False)
     assert shell("merge", "nowhere")[0] == 2
     manifest = shell.folder / "two" / "s.sweep" / "manifest.json"
-    manifest.write_text(manifest.read_text().replace(f'"version": "{hgorun.__version__}"', '"version": "0.0.1"'))
+    said = json.loads(manifest.read_text())
+    said["made_of"]["version"] = "0.0.1"
+    manifest.write_text(json.dumps(said | {"fingerprint": fingerprint(said["made_of"])}))
     code, _, err = shell("merge", "two/s.sweep", "-o", "both")
     assert (code, f"hgorun 0.0.1 -> {hgorun.__version__}" in err) == (2, True)
     assert not (shell.folder / "both").exists()
@@ -238,3 +244,21 @@ def test_ensembles_of_a_study_are_sweeps(shell: Shell) -> None:
     assert (code, "y.h5 is one file, but there are 2 ensembles" in err) == (2, True)
     code, _, err = shell("sweep", "study.yaml", "--run", "one")
     assert (code, "no run with seeds or vary is called 'one'; known: random, gains" in err) == (2, True)
+
+
+def test_beginning_anew_names_a_folder_that_is_in_the_way(shell: Shell) -> None:
+    (shell.folder / "out" / "s.sweep.h5").mkdir(parents=True)
+    code, _, err = shell("sweep", "s.yaml", "-o", "out", "--fresh")
+    assert (code, "s.sweep.h5: cannot be removed: " in err) == (2, True)
+
+
+def test_a_block_that_nobody_has_written_is_refused_by_every_command(shell: Shell) -> None:
+    shell("sweep", "s.yaml", "-o", "out", "-q")
+    block = next((shell.folder / "out" / "s.sweep" / "blocks").iterdir())
+    name = f"{block.name.rpartition('-')[0]}-{sha256(b'no block').hexdigest()[:32]}.h5"
+    block.rename(block.with_name(name)).write_bytes(b"no block")
+    (shell.folder / "out" / "s.sweep.h5").unlink()
+    for text in ("sweep s.yaml -o out", "compare out/s.sweep", "merge out/s.sweep -o m"):
+        code, _, err = shell(*text.split())
+        assert (code, name in err, "Traceback" in err) == (2, True, False)
+    assert not (shell.folder / "m" / "s.sweep" / "blocks").exists()

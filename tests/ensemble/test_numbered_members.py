@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from ensembles import ensemble
 
-from hgorun.errors import Problem
+from hgorun.ensemble.recipe import ensemble_of, recipe_of
+from hgorun.errors import ConfigError, Problem
 
 THETAS = "observers.*.theta"
 
@@ -57,7 +58,13 @@ def test_sobol_points_are_evenly_spread_and_do_not_depend_on_each_other() -> Non
 @pytest.mark.parametrize(
     ("axes", "more", "place", "words"),
     [
-        ({"observers.G.theta": [1]}, {}, "axes/observers.G.theta", "type is missing"),
+        ({"observers.G.theta": [1]}, {}, "axes/observers.G.theta", "no observer is called 'G'. Known: SHGO"),
+        (
+            {"observers.SGHO.theta": [1]}, {}, "axes/observers.SGHO.theta",
+            "no observer is called 'SGHO'. Did you mean `SHGO`? Known: SHGO, FHGO",
+        ),
+        ({"observers.*.thetta": [1]}, {}, "axes/observers.*.thetta", "the key 'thetta'. Did you mean `theta`?"),
+        ({"seed": [1]}, {"keep": {"metrics": ["rms"]}}, "keep/metrics/0", "'rms'. Did you mean `rmse`? Known: rmse"),
         ({"observers.SHGO.thta": [1]}, {}, "axes/observers.SHGO.thta", "unknown key 'thta'. Did you mean `theta`?"),
         ({"observers.SHGO.theta": [-1, 0]}, {}, "axes/observers.SHGO.theta", "expected a number above 0, found -1"),
         ({"observers.*.thta": [1]}, {}, "axes/observers.*.thta", "no observer has the key 'thta'"),
@@ -99,6 +106,12 @@ def test_what_no_member_can_be_made_of_is_refused(
         ensemble(axes, **more).check()
     assert "/".join(map(str, caught.value.path)) == place
     assert words in str(caught.value)
+
+
+def test_a_wrong_value_of_a_member_is_told_at_its_key() -> None:
+    made = ensemble_of(recipe_of(ensemble({"measurement.sampling.period": ["0.02s", 0.1]})))
+    with pytest.raises(ConfigError, match=r"^measurement\.sampling\.period: `0\.02s`: a number has no unit here"):
+        made.base.varied(made.members(0, 1).changes(0))
 
 
 def test_one_value_that_fits_is_enough() -> None:

@@ -8,8 +8,9 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures.process import BrokenProcessPool
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -204,6 +205,46 @@ def test_damaged_blocks_are_made_anew(tmp_path: Path) -> None:
     assert finished(store, place.file, lambda: pytest.fail("nothing is missing"))
     place.file.write_bytes(whole[:1000])
     assert not is_collected(store, place.file)
+
+
+def _flipped(path: Path) -> None:
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 1
+    path.write_bytes(bytes(content))
+
+
+def _zeros(path: Path) -> None:
+    with h5py.File(path, "r+") as file:
+        file["rmse"][...] = 0
+
+
+def _no_status(path: Path) -> None:
+    with h5py.File(path, "r+") as file:
+        del file["status"]
+
+
+def _wrong_status(path: Path) -> None:
+    with h5py.File(path, "r+") as file:
+        file["status"][...] = 99
+
+
+@pytest.mark.parametrize("damage", [_flipped, _zeros, _no_status, _wrong_status])
+def test_a_damaged_collected_file_is_collected_again(tmp_path: Path, damage: Callable[[Path], None]) -> None:
+    place = Place.of(tmp_path / "a.h5")
+    sweep_to(small(), place)
+    whole = place.file.read_bytes()
+    damage(place.file)
+    sweep_to(small(), place)
+    assert place.file.read_bytes() == whole
+
+
+def test_another_title_is_collected_without_carrying_anything_out(tmp_path: Path) -> None:
+    place, of = Place.of(tmp_path / "a.h5"), small()
+    blocks = [one.path.name for one in sweep_to(replace(of, title="before"), place).stored()]
+    store = Store.opened(place.folder, replace(of, title="after"))
+    assert [one.path.name for one in store.stored()] == blocks
+    assert finished(store, place.file, lambda: pytest.fail("nothing is missing"))
+    assert read(place.file).title == "after"
 
 
 def test_a_full_disk_leaves_no_half_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

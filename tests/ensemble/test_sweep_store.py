@@ -4,17 +4,23 @@ from __future__ import annotations
 
 import json
 import os
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from ensembles import base, ensemble, small
+from examples import VAN_DER_POL, experiment
 
+import hgorun
 from hgorun.ensemble import fingerprint, store
-from hgorun.ensemble.carried import Carried, carry_out, from_bytes, to_bytes
+from hgorun.ensemble.block_file import Form, from_bytes, to_bytes
+from hgorun.ensemble.carried import Carried, carry_out
+from hgorun.ensemble.ensemble import Ensemble
 from hgorun.ensemble.recipe import ensemble_of, recipe_of
-from hgorun.ensemble.store import Changed, Damaged, Store
+from hgorun.ensemble.store import Changed, Store
+from hgorun.ensemble.stored import Damaged
 from hgorun.errors import ConfigError, HgorunError
 from hgorun.result.metrics.base import METRICS, Metric
 
@@ -24,11 +30,12 @@ def carried(start: int, stop: int) -> Carried:
 
 
 def test_a_block_is_read_as_it_was_written() -> None:
-    one = carry_out(recipe_of(small(trajectories={"every": 2})), 1, 6)
-    content = to_bytes(one)
-    again = from_bytes(content)
+    of = small(trajectories={"every": 2})
+    one = carry_out(recipe_of(of), 1, 6)
+    content = to_bytes(one, "f" * 64)
+    again = from_bytes(content, Form.of(of, Path("a.h5"), "f" * 64, 1, 6))
     assert (again.start, again.stop) == (1, 6)
-    assert to_bytes(again) == content
+    assert to_bytes(again, "f" * 64) == content
     assert again.block.observers == ("SHGO", "FHGO")
     for name in ("status", "reason", "error", "method", "evaluations"):
         assert getattr(again.block, name).tolist() == getattr(one.block, name).tolist()
@@ -68,16 +75,30 @@ def test_equal_members_are_equal_files(tmp_path: Path) -> None:
     assert len(names[0]) == 1
 
 
-def test_a_damaged_block_is_removed_and_said(tmp_path: Path) -> None:
+def test_a_damaged_block_is_said_and_left_by_who_reads_it(tmp_path: Path) -> None:
     found = Store.opened(tmp_path / "a.sweep", small())
     found.write(carried(0, 3))
     (one,) = found.stored()
     content = bytearray(one.path.read_bytes())
     content[len(content) // 2] ^= 1
     one.path.write_bytes(bytes(content))
-    with pytest.raises(Damaged, match="damaged, and removed"):
+    with pytest.raises(Damaged, match="the block is damaged; run the sweep again") as caught:
         found.read(one)
-    assert found.missing() == [(0, 12)]
+    assert (caught.value.path, caught.value.exit_code) == (one.path, 2)
+    with pytest.raises(Damaged):
+        hgorun.read_sweep(found.folder)
+    with pytest.raises(Damaged):
+        Store.opened(tmp_path / "b.sweep", small()).adopt(found)
+    assert one.path.exists()
+
+
+def test_what_is_merged_takes_the_place_of_own_damaged_blocks(tmp_path: Path) -> None:
+    ours, theirs = (Store.opened(tmp_path / name, small()) for name in ("a.sweep", "b.sweep"))
+    for one in (ours, theirs):
+        one.write(carried(0, 3))
+    ours.stored()[0].path.write_bytes(b"damaged")
+    ours.adopt(theirs)
+    assert ours.stored()[0].path.read_bytes() == theirs.stored()[0].path.read_bytes()
 
 
 def test_another_configuration_is_refused_with_the_difference(tmp_path: Path) -> None:
@@ -95,6 +116,77 @@ def test_another_configuration_is_refused_with_the_difference(tmp_path: Path) ->
     with pytest.raises(Changed, match=r"keep.trajectories: \"none\" -> \"all\""):
         Store.opened(folder, small(trajectories="all"))
     assert Store.opened(folder, other, fresh=True).missing() == [(0, 12)]
+
+
+def test_a_change_far_inside_a_long_text_is_seen_and_shown(tmp_path: Path) -> None:
+    def of(damping: str) -> Ensemble:
+        long = " + ".join(f"0*sin({0.1 * k + 0.1:.1f}*t)" for k in range(20))
+        dynamics = {"x1": "x2", "x2": f"-x1 + {long} - {damping}*x2"}
+        plant = {"states": ["x1", "x2"], "dynamics": dynamics, "output": "x1", "initial": {"x1": 1, "x2": 0}}
+        return ensemble({"observers.S.theta": [3, 4]}, experiment(plant, {"S": {"type": "shgo", "theta": 3}}))
+
+    Store.opened(tmp_path, of("0.1"))
+    with pytest.raises(Changed, match=r"dynamics.x2: \.\.\..*0\.1\*x2.* -> \.\.\..*7\.0\*x2"):
+        Store.opened(tmp_path, of("7.0"))
+
+
+def test_the_order_of_axes_and_observers_belongs_to_what_members_are(tmp_path: Path) -> None:
+    axes = {"observers.*.theta": [2, 3], "seed": {"count": 3}}
+    Store.opened(tmp_path / "a", ensemble(axes))
+    with pytest.raises(Changed, match=r"axes: the order observers\.\*\.theta, seed -> seed, observers\.\*\.theta"):
+        Store.opened(tmp_path / "a", ensemble(dict(reversed(axes.items()))))
+    both = {"S": {"type": "shgo", "theta": 3}, "F": {"type": "fhgo1", "theta": 2, "delta": 3}}
+    ours, theirs = (
+        ensemble({"seed": {"count": 2}}, experiment(VAN_DER_POL, observers))
+        for observers in (both, dict(reversed(both.items())))
+    )
+    Store.opened(tmp_path / "b", ours)
+    with pytest.raises(Changed, match="observers: the order S, F -> F, S"):
+        Store.opened(tmp_path / "b", theirs)
+
+
+def test_blocks_of_something_else_are_never_taken(tmp_path: Path) -> None:
+    folder = tmp_path / "a.sweep"
+    other = ensemble(
+        {"observers.*.theta": {"log": [2, 20, 4]}, "seed": {"count": 3}},
+        base().varied({"observers.FHGO.delta": 4}),
+        keep={"metrics": ["rmse", "peak"]},
+    )
+    old = Store.opened(folder, other)
+    old.write(carry_out(recipe_of(other), 0, 12))
+    (folder / "manifest.json").unlink()  # as --fresh does before it is killed
+    ours = Store.opened(folder, small())
+    assert ours.missing() == [(0, 12)]
+    with pytest.raises(Changed, match="another command has begun it anew"):
+        old.write(carry_out(recipe_of(other), 0, 3))
+    (block,) = old.stored()
+    renamed = block.path.with_name(
+        block.path.name.replace(old.manifest.fingerprint[:16], ours.manifest.fingerprint[:16])
+    )
+    block.path.rename(renamed)
+    with pytest.raises(ConfigError, match=f"{renamed.name}: .*it has the fingerprint of another one"):
+        ours.read(*ours.stored())
+
+
+def test_blocks_are_removed_before_the_manifest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    found = Store.opened(tmp_path / "a.sweep", small())
+    found.write(carried(0, 3))
+    removed: list[str] = []
+    unlink = Path.unlink
+
+    def watched(path: Path, missing_ok: bool = False) -> None:
+        removed.append(path.suffix)
+        unlink(path, missing_ok=missing_ok)
+
+    monkeypatch.setattr(Path, "unlink", watched)
+    store.remove(found.folder)
+    assert removed == [".h5", ".json", ".json"]
+
+
+def test_what_cannot_be_removed_is_named(tmp_path: Path) -> None:
+    (tmp_path / "manifest.json").mkdir()
+    with pytest.raises(ConfigError, match=r"manifest\.json: cannot be removed: Is a directory"):
+        Store.opened(tmp_path, small(), fresh=True)
 
 
 def test_another_version_or_other_code_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -131,13 +223,45 @@ def test_beginning_anew_removes_what_is_ours_and_nothing_else(tmp_path: Path) ->
     assert left == [os.path.join("blocks", "other.h5"), "notes.txt"]
 
 
-@pytest.mark.parametrize("text", ["", "[]", "{}", '{"format": "x", "recipe": "", "made_of": {}, "members": 1}'])
+@pytest.mark.parametrize("text", ["", "[]", "{}", "[" * 100_000, '{"format": "hgorun-sweep-store-2"}'])
 def test_a_manifest_that_is_none_is_refused(tmp_path: Path, text: str) -> None:
     (tmp_path / "manifest.json").write_text(text)
-    with pytest.raises(ConfigError, match="not the manifest of a sweep"):
+    words = r"manifest\.json: not the manifest of a sweep"
+    with pytest.raises(ConfigError, match=words):
         Store.existing(tmp_path)
+    with pytest.raises(Changed, match=f"{words}.*; --fresh starts anew"):
+        Store.opened(tmp_path, small())
     with pytest.raises(ConfigError, match="no folder of a sweep"):
         Store.existing(tmp_path / "nowhere")
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"members": 5}, "5 members, but its axes give 12"),
+        ({"members": -5}, "-5 members, but its axes give 12"),
+        ({"members": True}, "members is missing or of another type"),
+        ({"fingerprint": None}, "fingerprint is missing"),
+        ({"fingerprint": "0" * 64}, "its fingerprint is not that of what it says"),
+        ({"made_of": {}}, "made_of must have version, code"),
+        ({"made_of": {"version": "0", "code": 3, "configuration": {}, "sweep": {}}}, "made_of must have version, code"),
+        ({"recipe": "{}"}, "recipe: its recipe makes no ensemble"),
+        ({"recipe": "nonsense"}, "recipe: its recipe makes no ensemble"),
+    ],
+)
+def test_a_manifest_is_not_believed(tmp_path: Path, changes: dict[str, Any], words: str) -> None:
+    folder = tmp_path / "a.sweep"
+    Store.opened(folder, small())
+    said = json.loads((folder / "manifest.json").read_text())
+    (folder / "manifest.json").write_text(json.dumps(said | changes))
+    with pytest.raises(ConfigError, match=words) as caught:
+        Store.existing(folder)
+    assert "manifest.json" in str(caught.value)
+    if "recipe" in changes:  # we know it ourselves
+        assert Store.opened(folder, small()).ensemble.size == 12
+    else:
+        with pytest.raises(Changed, match=f"{words}.*; --fresh starts anew"):
+            Store.opened(folder, small())
 
 
 def test_a_full_disk_leaves_what_is_finished(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -158,7 +282,7 @@ def test_a_full_disk_leaves_what_is_finished(tmp_path: Path, monkeypatch: pytest
 def test_the_manifest_says_what_numbers_follow_from(tmp_path: Path) -> None:
     found = Store.opened(tmp_path / "a.sweep", small())
     said = json.loads((found.folder / "manifest.json").read_text())
-    assert said == found.manifest
+    assert said == {"format": "hgorun-sweep-store-2", **asdict(found.manifest)}
     assert said["made_of"]["configuration"]["observers"]["SHGO"]["theta"] == 3
     assert {"engine", "simulation", "ensemble"} <= said["made_of"]["code"].keys()
     assert Store.existing(found.folder).ensemble.size == 12

@@ -171,6 +171,7 @@ def test_what_does_not_fit_is_refused(experiment: Experiment, change: dict[str, 
         ({"gains": {THETA: {"log": [0, 1]}}}, "a logarithmic range needs numbers > 0"),
         ({"gains": {THETA: {"linear": [2, 1]}}}, "expected \\[low, high\\] with low < high"),
         ({"minimise": 3}, "expected a quantity"),
+        ({"minimise": [3]}, "expected quantities such as .*, found 3"),
         ({"minimise": ["a(F, x)", "b(F, x)", "c(F, x)"]}, "at most 2"),
         ({"subject": [{"value": "sup(F, x)"}]}, "exactly one of below and above"),
         ({"subject": ["sup(F, x)"]}, "expected a mapping"),
@@ -187,6 +188,9 @@ def test_yaml_may_cut_quantities_at_their_commas() -> None:
     cut = block(minimise=["hf(F", "x2)", "settling(F", "x2)"], subject=[{"value": "peak(F", "x2)": None, "below": 3}])
     assert cut.minimise == ("hf(F, x2)", "settling(F, x2)")
     assert cut.subject[0].value == "peak(F, x2)"
+    assert block(minimise=["rmse(F", "x2", 0, "5)"]).minimise == ("rmse(F, x2, 0, 5)",)
+    whole = {"gains": {THETA: {"log": [1, 2]}}, "minimise": "rmse(F", "x2)": None}
+    assert Tune.model_validate(whole).minimise == ("rmse(F, x2)",)
 
 
 TUNE = """\
@@ -238,6 +242,15 @@ def test_one_goal_is_drawn_against_each_gain(shell: Shell) -> None:
     assert (shell.folder / "results" / "c.tune.png").stat().st_size > 10_000
 
 
+def test_a_gain_at_an_end_of_its_range_is_said(shell: Shell) -> None:
+    one = TUNE.replace("[hf(SHGO, x2), settling(SHGO, x2)]", "hf(SHGO, x2)").replace("log: [0.5, 10]", "log: [5, 10]")
+    (shell.folder / "c.yaml").write_text(CONFIG + one)
+    code, _, err = shell("tune", "c.yaml", "--no-plots", "-q")
+    assert code == 0
+    assert "hgorun: c: observers.SHGO.theta = 5" in err
+    assert "is at the lower end of its range [5, 10]: better values may lie beyond it" in err
+
+
 @pytest.mark.parametrize("gain", ["log: [1e-300, 1e300]", "linear: [-1e308, 1e308]"])
 def test_a_range_that_overflows_is_refused(shell: Shell, gain: str) -> None:
     (shell.folder / "c.yaml").write_text(CONFIG + TUNE.replace("log: [0.5, 10]", gain))
@@ -281,6 +294,13 @@ def test_a_run_of_several(shell: Shell) -> None:
     assert shell("tune", "c.yaml", "--run", "fast", "-q", "--no-plots")[0] == 0
     tuned_file = shell.folder / "results" / "c.tuned.yaml"
     assert load(tuned_file, run="fast").observers["SHGO"].theta != 2  # type: ignore[attr-defined]  # of this family
+
+
+def test_simulate_names_the_command_that_a_file_of_its_own_is_for(shell: Shell) -> None:
+    (shell.folder / "t.yaml").write_text(f"base: c.yaml\n{TUNE}")
+    assert shell("simulate", "t.yaml")[::2] == (
+        2, "hgorun: t.yaml: this asks for the gains of another file; hgorun tune finds them\n",
+    )  # fmt: skip
 
 
 def test_without_the_key_nothing_is_tuned(shell: Shell) -> None:
