@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterator
+from importlib.machinery import PathFinder
 from pathlib import Path
 from typing import TypeGuard
 
@@ -162,6 +163,14 @@ def _is_class(thing: object) -> TypeGuard[type]:
     return isinstance(thing, type)
 
 
+@pytest.fixture
+def only_folders(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Packages are found in folders alone: libraries that other tests have imported may bring finders of their own."""
+    others = [finder for finder in sys.meta_path if not hasattr(finder, "find_distributions") or finder is PathFinder]
+    monkeypatch.setattr(sys, "meta_path", others)
+
+
+@pytest.mark.usefixtures("only_folders")
 def test_packages_are_asked_only_where_one_names_the_group(
     tools: Registry[Tool], entry_point: Callable[[str, str, str, str], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -181,6 +190,7 @@ def test_packages_are_asked_only_where_one_names_the_group(
     assert asked == ["test.tools"]
 
 
+@pytest.mark.usefixtures("only_folders")
 @pytest.mark.parametrize("kind", ["archive", "egg"])
 def test_packages_that_cannot_be_looked_into_are_asked(kind: str, tmp_path: Path) -> None:
     from hgorun.registry import _may_be_in

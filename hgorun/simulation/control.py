@@ -28,7 +28,7 @@ from hgorun.simulation.measured import Measured
 from hgorun.simulation.passes import Again, Pass, integrate
 from hgorun.simulation.preparation import with_events
 from hgorun.simulation.prepared import PreparedRun
-from hgorun.simulation.search import Budget, Finished, Progress, Search
+from hgorun.simulation.search import Attempt, Budget, Finished, Progress, Search
 from hgorun.simulation.why_diverged import why_diverged
 
 _AGAIN, _ADVANCE = 4, 1e-6  # times that a search is repeated whatever comes; of the run, a later feature then
@@ -106,6 +106,20 @@ def controlled(run: PreparedRun, progress: Progress = None) -> Controlled:
     )
 
 
+def _lost_sooner(found: Attempt | None, before: Attempt, slack: float) -> bool:
+    """Whether an observer is lost that was not before, or clearly sooner."""
+    lost = {} if found is None else found.finished.verdicts
+    earlier = before.finished.verdicts
+    return any(_when(verdict) < _when(earlier.get(label)) - slack for label, verdict in lost.items())
+
+
+def _when(verdict: Verdict | None) -> float:
+    """When an observer is lost; never, where nothing says so."""
+    if verdict is None:
+        return np.inf
+    return -np.inf if verdict.at is None else verdict.at
+
+
 def _search(search: Search, run: PreparedRun, *, fixed: bool = True) -> None:
     """Search for the steps of a run, which may have other events than before; ``fixed``: fixed ones, too."""
     search.run = search.budget.run = run
@@ -119,7 +133,8 @@ def _followed(search: Search) -> dict[str, Verdict]:
     """Repeat a search where its steps may have passed over something; what is said where they still may.
 
     The times at which a trajectory passes what is narrow in a state become events. What follows the first of them
-    changes with it, so that others are met at other times. Jumps are left to steps that errors control.
+    changes with it, so that others are met at other times. Jumps are left to steps that errors control. An observer
+    that is lost sooner with these events is not given up for it: it may be the steps between them that fail.
     """
     known, before, rounds = np.zeros(0), -np.inf, 0
     while search.best is not None and search.enough():
@@ -134,7 +149,7 @@ def _followed(search: Search) -> dict[str, Verdict]:
             return _passed(search.run, found)
         rounds, known, before = rounds + 1, times, max(before, first)
         _search(search, with_events(search.run, known), fixed=not auto)
-        if not search.enough():
+        if not search.enough() or _lost_sooner(search.best, kept, _ADVANCE * search.run.span):
             search.best = kept
             return _passed(search.run, found)
     return {}
