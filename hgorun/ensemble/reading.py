@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,7 @@ from numpy.typing import NDArray
 from hgorun.ensemble.collected import Collected, Trajectories
 from hgorun.errors import ConfigError, printable
 from hgorun.result.status import STATUSES
-from hgorun.result.stored import LARGEST, NAMED, StoredFile, opened
+from hgorun.result.stored import LARGEST, NAMED, StoredFile, file_at, opened
 
 FORMAT = "hgorun-sweep-1"
 
@@ -46,9 +45,7 @@ def read(path: str | Path, *, max_memory: float = LARGEST) -> Collected:
     ConfigError
         When the file is missing, not one of an ensemble, damaged, or larger than allowed.
     """
-    path = Path(path)
-    if not os.path.isfile(path):
-        raise ConfigError("not a regular file" if os.path.exists(path) else "no such file", file=str(path))
+    path = file_at(path)
     budget = int(max_memory)
     return opened(path, budget, lambda file: _Reader(file, path, budget).collected())
 

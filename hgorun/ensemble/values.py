@@ -71,8 +71,8 @@ class Listed(Values):
 
 
 @dataclass(frozen=True)
-class Linear(Values):
-    """From first to last in equal steps."""
+class _Range(Values):
+    """From first to last, in steps that a kind of its own makes equal."""
 
     first: float
     last: float
@@ -83,24 +83,21 @@ class Linear(Values):
 
     def spread(self, u: Floats, places: Places) -> Column:
         return self._between(u)
+
+    @abstractmethod
+    def _between(self, t: Floats) -> Floats:
+        """From first, at 0, to last, at 1."""
+
+
+class Linear(_Range):
+    """From first to last in equal steps."""
 
     def _between(self, t: Floats) -> Floats:
         return np.where(t == 1, self.last, self.first + (self.last - self.first) * t)
 
 
-@dataclass(frozen=True)
-class Logarithmic(Values):
+class Logarithmic(_Range):
     """From first to last in equal ratios."""
-
-    first: float
-    last: float
-    size: int
-
-    def at(self, places: Places) -> Column:
-        return self._between(places / max(self.size - 1, 1))
-
-    def spread(self, u: Floats, places: Places) -> Column:
-        return self._between(u)
 
     def _between(self, t: Floats) -> Floats:
         return np.where(t == 1, self.last, self.first * apply("pow", np.full_like(t, self.last / self.first), t))

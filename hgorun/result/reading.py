@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +14,7 @@ from hgorun.result import digests
 from hgorun.result.data import MAPS, Coordinates, DesignNumbers, Integration, Measurements, ObserverResult
 from hgorun.result.result import Result
 from hgorun.result.status import OK, STATUSES, Verdict
-from hgorun.result.stored import LARGEST, NAMED, StoredFile, is_finite, is_number, opened
+from hgorun.result.stored import LARGEST, NAMED, StoredFile, file_at, is_finite, is_number, opened
 from hgorun.result.writing import FORMAT
 
 _LONGEST = 1e100  # a window
@@ -38,9 +37,7 @@ def read(path: str | Path, *, max_memory: float = LARGEST) -> Result:
     ConfigError
         When the file is missing, no result of hgorun, damaged, or larger than allowed.
     """
-    path = Path(path)
-    if not os.path.isfile(path):
-        raise ConfigError("not a regular file" if os.path.exists(path) else "no such file", file=str(path))
+    path = file_at(path)
     if path.suffix.lower() in {".yaml", ".yml"}:
         raise ConfigError("this is a configuration, not a result file; hgorun simulate makes one of it", file=str(path))
     budget = int(max_memory)

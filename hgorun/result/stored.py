@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 from collections.abc import Callable, Mapping
 from io import BytesIO
 from pathlib import Path
@@ -21,6 +22,18 @@ T = TypeVar("T")
 LARGEST = 2**30  # bytes that the numbers may take; compressed or sparse data sets could claim any size
 NAMED = 1_000  # characters of a label
 _SECONDS = 60.0  # that reading may take: a GiB takes two
+
+
+def file_at(path: str | Path) -> Path:
+    """A path behind which a file stands; a pipe or a device would be read for ever.
+
+    Raises
+    ------
+    ConfigError
+    """
+    if not os.path.isfile(path):
+        raise ConfigError("not a regular file" if os.path.exists(path) else "no such file", file=str(path))
+    return Path(path)
 
 
 def opened(path: Path, budget: int, work: Callable[[h5py.File], T]) -> T:

@@ -78,12 +78,12 @@ def build_plan(
         A plan of many events may be given part by part, so that its tables need not fit into memory.
     """
     key = schedule, system, Same(grid), always_slope, longest, uneven, None if inputs is None else Same(inputs)
+    tabulated = partial(_Tabulated, schedule, channels, grid, system, always_slope, longest, uneven, inputs)
     following = None
     if in_parts and schedule.events.size > 2 * _PART_EVENTS and not system.remembers:
-        tables, following = _parts(schedule, channels, grid, system, always_slope, longest, uneven, inputs)
+        tables, following = tabulated().in_parts()
     else:
-        build = partial(_build, schedule, channels, grid, system, always_slope, longest, uneven, inputs)
-        tables = _TABLES.get(key, build)
+        tables = _TABLES.get(key, lambda: tabulated().whole())
     changes = [channel.held_changes[1] for channel in channels]
     recorded = [] if inputs is None else [inputs.values(channels)]
     measured = [channel.gain_and_bias for channel in channels]
@@ -108,45 +108,7 @@ _KEPT = 500_000  # actions and segments of tables that are kept in memory
 _TABLES: Memo[Tables] = Memo(16, lambda tables: len(tables.segments.actions) + len(tables.segments.counts) < _KEPT)
 
 
-def _build(
-    schedule: Schedule,
-    channels: Sequence[Channel],
-    grid: np.ndarray,
-    system: HybridSystem,
-    always_slope: bool,
-    longest: float,
-    uneven: float | None,
-    inputs: RecordedInputs | None,
-) -> Tables:
-    of = _Tabulated(schedule, channels, grid, system, always_slope, longest, uneven, inputs)
-    return Tables(of.segments(0, schedule.events.size), of.actions.slots, of.actions.intervals)
-
-
 _PART_EVENTS = 1 << 15  # of a part: its tables stay in the processor's cache
-
-
-def _parts(
-    schedule: Schedule,
-    channels: Sequence[Channel],
-    grid: np.ndarray,
-    system: HybridSystem,
-    always_slope: bool,
-    longest: float,
-    uneven: float | None,
-    inputs: RecordedInputs | None,
-) -> tuple[Tables, Following]:
-    """The first events of a run, and the others part by part."""
-    of = _Tabulated(schedule, channels, grid, system, always_slope, longest, uneven, inputs)
-    count = schedule.events.size
-    first = of.segments(0, _PART_EVENTS)
-    steps = of.steps - int(np.sum(first.counts[:, 2] - first.counts[:, 1]))
-
-    def rest() -> Iterator[Segments]:
-        for start in range(_PART_EVENTS, count, _PART_EVENTS):
-            yield of.segments(start, min(start + _PART_EVENTS, count))
-
-    following = Following(rest, steps, steps + count - _PART_EVENTS, float(schedule.events[-1]))
-    return Tables(first, of.actions.slots, of.actions.intervals), following
 
 
 class _Tabulated:
@@ -169,6 +131,23 @@ class _Tabulated:
         steps = steps_between(schedule, longest)
         total = int(np.sum(steps if uneven is None else uneven_steps(steps, uneven)))
         self.steps, self.piece = total, steps_of_a_piece(total)
+
+    def whole(self) -> Tables:
+        """All of a run."""
+        return Tables(self.segments(0, self.schedule.events.size), self.actions.slots, self.actions.intervals)
+
+    def in_parts(self) -> tuple[Tables, Following]:
+        """The first events of a run, and the others part by part."""
+        count = self.schedule.events.size
+        first = self.segments(0, _PART_EVENTS)
+        steps = self.steps - int(np.sum(first.counts[:, 2] - first.counts[:, 1]))
+
+        def rest() -> Iterator[Segments]:
+            for start in range(_PART_EVENTS, count, _PART_EVENTS):
+                yield self.segments(start, min(start + _PART_EVENTS, count))
+
+        following = Following(rest, steps, steps + count - _PART_EVENTS, float(self.schedule.events[-1]))
+        return Tables(first, self.actions.slots, self.actions.intervals), following
 
     def segments(self, first: int, stop: int) -> Segments:
         """From event ``first`` on, with what happens at the events before ``stop``.
