@@ -29,7 +29,7 @@ from hgorun.ensemble.rows import batches, part
 from hgorun.ensemble.store import COLLECTED, Store
 from hgorun.ensemble.trajectories import chosen, follow
 from hgorun.errors import HgorunError
-from hgorun.files import json_value, write_text, written_whole
+from hgorun.files import json_value, remove_leftovers, write_text, written_whole
 from hgorun.observers.capabilities import FilterOrder
 from hgorun.result.metrics.base import all_metrics
 from hgorun.result.sink import Sink
@@ -54,6 +54,7 @@ def collect(store: Store, path: Path) -> Path:
             f"{store.folder}: {count} of {store.size} members are missing, the first is {missing[0][0]}: "
             "run the sweep again, or merge the folders of all its parts"
         )
+    remove_leftovers(path.parent)
     with written_whole(path) as new, Sink(new) as sink:
         with h5py.File(sink, "w", track_order=True) as file:
             _write(store, file)

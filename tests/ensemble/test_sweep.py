@@ -33,7 +33,7 @@ from hgorun.ensemble.store import Store
 from hgorun.ensemble.sweep import Count, Part, Place, finished, sweep_to
 from hgorun.ensemble.sweep import carry_out as carry_out_all
 from hgorun.errors import ConfigError, HgorunError, SimulationError
-from hgorun.files import _alive
+from hgorun.files import _MACHINE, _alive
 from hgorun.result import digests
 from hgorun.result.sink import Sink
 
@@ -403,6 +403,17 @@ def test_kills_at_any_moment_leave_the_same_file(tmp_path: Path, executor: str) 
         assert (tmp_path / f"{i}" / "s.sweep.h5").read_bytes() == whole
         left = [p.name for p in (tmp_path / f"{i}").rglob("*") if p.suffix == ".part"]
         assert left == []
+
+
+def test_what_a_killed_process_has_left_of_the_file_goes(tmp_path: Path) -> None:
+    place = Place.of(tmp_path / "a.h5")
+    process = subprocess.Popen([sys.executable, "-c", ""])
+    process.wait()
+    left = tmp_path / f".a.h5-{_MACHINE}-{process.pid}-x.part"
+    left.touch()
+    sweep_to(small(), place)
+    assert place.file.is_file()
+    assert not left.exists()
 
 
 def test_every_data_set_has_its_digest(tmp_path: Path) -> None:

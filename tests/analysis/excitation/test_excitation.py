@@ -167,7 +167,7 @@ def misprint(link: str) -> dict[str, Any]:
             "x3": "-0.1*x3 + tanh(x1*x2) + 5*sin(0.5*pi*t)",
         },
         "output": "x1",
-        "parameters": {"k": 0},
+        "parameters": {"k": 0} if "k*" in link else {},
         "initial": {"x1": 1, "x2": 1, "x3": 1},
     }
 
