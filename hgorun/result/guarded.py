@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import faulthandler
+import gc
 import os
 import pickle
 import select
@@ -81,6 +82,7 @@ def _received(out: int, deadline: float) -> bytes:
 def _serve(work: Callable[[], object], into: int, seconds: float, memory: int) -> NoReturn:
     """In the child: carry the work out within the limits, send what comes of it, and end."""
     try:
+        gc.disable()  # what is finalised here may wait for threads of the parent, which are not in the child
         faulthandler.disable()
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, 2)  # messages of HDF5 and malloc are meant for programmers

@@ -1,9 +1,8 @@
-"""Any plant as it is, with the Jacobians that a linearisation along the estimate asks for."""
+"""Any plant as it is, nothing asked of its structure."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import cached_property
 
 import casadi as ca
 import numpy as np
@@ -14,21 +13,9 @@ from hgorun.symbolic.plant import PlantModel
 
 @dataclass(frozen=True)
 class SmoothForm:
-    """A plant in its own coordinates, nothing asked of its structure."""
+    """A plant in its own coordinates."""
 
     plant: PlantModel
-
-    @property
-    def n(self) -> int:
-        """Number of states."""
-        return self.plant.n
-
-    @cached_property
-    def slopes(self) -> ca.Function:
-        """(t, x, u, p) -> F = df/dx, shape (n, n), and H = dh/dx, shape (q, n)."""
-        model = self.plant
-        F, H = (ca.densify(ca.jacobian(of, model.x)) for of in (model.dynamics, model.output))
-        return ca.Function("slopes", [model.t, model.x, model.u, model.p], [F, H])
 
     def saturable(self, canonical: bool) -> tuple[str, ...]:
         return self.plant.states
@@ -49,7 +36,7 @@ class SmoothForm:
 
 @dataclass(frozen=True)
 class SmoothCopy:
-    """f, h, F and H at the (saturated) estimate, without the disturbance."""
+    """f at the (saturated) estimate and h, without the disturbance."""
 
     form: SmoothForm
     t: ca.SX
@@ -60,14 +47,6 @@ class SmoothCopy:
     def copy(self, xhat: ca.SX) -> ca.SX:
         """The plant's vector field."""
         return self.form.plant.f(self.t, self._saturated(xhat), self.u, self.p)
-
-    def F(self, xhat: ca.SX) -> ca.SX:
-        """df/dx, shape (n, n)."""
-        return self.form.slopes(self.t, self._saturated(xhat), self.u, self.p)[0]
-
-    def H(self, xhat: ca.SX) -> ca.SX:
-        """dh/dx, shape (q, n)."""
-        return self.form.slopes(self.t, self._saturated(xhat), self.u, self.p)[1]
 
     def output(self, xhat: ca.SX) -> ca.SX:
         """h(xhat)."""
