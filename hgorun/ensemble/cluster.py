@@ -108,8 +108,18 @@ def _client(scheduler: str | None, jobs: int | None) -> tuple[Client, Any]:
             n_workers=workers, threads_per_worker=1, dashboard_address=None, set_as_default=False
         ), distributed
     try:
+        _require_address(scheduler)
         return distributed.Client(scheduler, timeout=_WAIT, set_as_default=False), distributed
     except ValueError as error:
         raise ConfigError(f"--scheduler {scheduler}: not an address such as tcp://host:8786: {error}") from error
     except OSError as error:
         raise HgorunError(f"--scheduler {scheduler}: {error}") from error
+
+
+def _require_address(scheduler: str) -> None:
+    """ValueError where no scheduler can be; a client that finds out itself leaves a thread behind that waits for it."""
+    from distributed.comm.addressing import parse_address, parse_host_port
+
+    kind, where = parse_address(scheduler)
+    if kind != "inproc":
+        parse_host_port(where)
