@@ -126,6 +126,8 @@ def build_system(
     plant: PlantNumbers,
     signals: Mapping[tuple[int, int], Signal],
     variants: Sequence[Variant],
+    *,
+    innovations: bool = False,
 ) -> HybridSystem:
     """Put truths and observers together.
 
@@ -144,6 +146,8 @@ def build_system(
         The continuous outputs.
     variants : sequence of Variant
         The combinations of availabilities that occur.
+    innovations : bool
+        Whether every observer's innovation is kept of every sample that arrives.
     """
     has_alpha = has_past(variants)
     several = len(groups) > 1
@@ -185,6 +189,7 @@ def build_system(
         channels=compiled("channels", channels),
         channel_slopes=compiled("trace", slopes, dz),
         jumps=tuple((a, b, compiled("jump", new)) for part in parts for a, b, new in part.jumps()),
+        innovations=innovations,
     )
 
 

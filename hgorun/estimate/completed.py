@@ -1,0 +1,135 @@
+"""A configuration with data as a whole one: what the data decide is filled in."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from hgorun.config.overrides import replaced
+from hgorun.config.yaml_source import Source
+from hgorun.data.recording import Recording
+from hgorun.errors import Problem
+from hgorun.simulation.experiment import Experiment
+
+_OF_NOISE = ("noise", "mode")  # what a measurement block says beside data: when samples come is in these
+
+
+def completed(source: Source, recording: Recording, name: str, text: str) -> Experiment:
+    """The experiment that the observers run in.
+
+    The span of the data is that of the run, unless ``time`` says otherwise, and the output step is their median gap.
+    When samples come is decided by the data; the measurement block is asked for the noise alone. Where an
+    observer has no ``initial``, the states that are measured start from the first sample of each.
+
+    Parameters
+    ----------
+    source : Source
+        The configuration, its ``data`` included.
+    recording : Recording
+    name, text : str
+        As of :class:`~hgorun.simulation.experiment.Experiment`.
+
+    Raises
+    ------
+    ConfigError
+    """
+    given: Mapping[str, Any] = source.data
+    if any(not isinstance(given.get(key) or {}, dict) for key in ("time", "plant", "measurement")):
+        return Experiment(_with(source, {}), name=name, text=text)  # which says what is wrong
+    if "plant" not in given:
+        return Experiment(_with(source, {}), name=name, text=text)
+    changes: dict[str, Any] = {"time": _time(given.get("time") or {}, recording)}
+    changes["measurement"] = _measurement(given.get("measurement") or {}, recording)
+    whole = _with(source, changes)
+    plant = dict(given.get("plant") or {})
+    inputs = {**(plant.get("inputs") or {}), **dict.fromkeys(recording.inputs, "0")}
+    start = _with(whole, {"plant.inputs": inputs} if inputs else {})
+    states = _states(start)
+    whole = _with(start, {"plant.initial": {state: 0.0 for state in states} | dict(plant.get("initial") or {})})
+    experiment = Experiment(whole, name=name, text=text)
+    with experiment.located():
+        _check_names(experiment, recording)
+    first = first_values(experiment, recording)
+    changes = {}
+    for label, observer in experiment.observers.items():
+        if not observer.initial and first:
+            changes[f"observers.{label}.initial"] = first
+    if not plant.get("initial") and first:
+        changes["plant.initial"] = {state: first.get(state, 0.0) for state in states}
+    return Experiment(_with(whole, changes), name=name, text=text) if changes else experiment
+
+
+def _with(source: Source, changes: Mapping[str, Any]) -> Source:
+    """The configuration with other values, and without its data, which are no part of an experiment."""
+    for path, value in changes.items():
+        source, _ = replaced(source, path, value)
+    return replaced(source, "data", None)[0]
+
+
+def _time(given: Mapping[str, Any], recording: Recording) -> dict[str, Any]:
+    start, end = recording.span
+    found: dict[str, Any] = {"start": start, "end": end, "unit": recording.origin.unit} | dict(given)
+    if "output_step" not in found:
+        gap = recording.median_gap
+        span = float(found["end"]) - float(found["start"]) if _numbers(found) else end - start
+        found["output_step"] = float(min(gap, span)) if np.isfinite(gap) else span
+    return found
+
+
+def _numbers(time: Mapping[str, Any]) -> bool:
+    return all(isinstance(time[key], (int, float)) for key in ("start", "end"))
+
+
+def _measurement(given: Mapping[str, Any], recording: Recording) -> dict[str, Any]:
+    """The noise of the block, and every output sampled about as often as it was recorded."""
+    found = {key: given[key] for key in _OF_NOISE if key in given}
+    outputs: dict[str, Any] = {}
+    of_outputs = given.get("outputs") or {}
+    for name in [*recording.outputs, *(name for name in of_outputs if name not in recording.outputs)]:
+        block = of_outputs.get(name) or {}
+        outputs[name] = {key: block[key] for key in _OF_NOISE if key in block}
+        signal = recording.outputs.get(name)
+        if signal is not None:
+            outputs[name]["sampling"] = {"period": _period(signal.taken)}
+            if signal.std is not None and "noise" not in outputs[name]:
+                outputs[name]["noise"] = [{"type": "gaussian", "std": signal.std}]
+    return {**found, "outputs": outputs}
+
+
+def _period(taken: np.ndarray) -> float:
+    """About how far apart samples are; any number for a single one."""
+    gaps = np.diff(taken)
+    return float(np.median(gaps[gaps > 0])) if np.any(gaps > 0) else 1.0
+
+
+def _states(source: Source) -> tuple[str, ...]:
+    """The states of the plant, whose initial values need not be there yet."""
+    from hgorun.simulation.blocks import plant_of
+
+    return plant_of(source).state_names
+
+
+def _check_names(experiment: Experiment, recording: Recording) -> None:
+    """What is recorded has to be something of the plant."""
+    model = experiment.plant.model
+    for name in recording.reference:
+        if name not in {*model.states, *model.outputs}:
+            known = ", ".join(dict.fromkeys((*model.states, *model.outputs)))
+            raise Problem(("data", "reference", name), f"neither a state nor an output; there are {known}")
+    missing = [name for name in model.outputs if name not in recording.outputs]
+    if missing:
+        raise Problem(("data", "outputs"), f"the output {missing[0]} of the plant is not among them")
+
+
+def first_values(experiment: Experiment, recording: Recording) -> dict[str, float]:
+    """By state the first sample of an output that measures it, not before the start of the run."""
+    found = {}
+    start = experiment.blocks.time.start
+    for output, state in experiment.plant.model.measures.items():
+        signal = recording.outputs[output]
+        inside = np.flatnonzero(signal.taken >= start)
+        if inside.size and state not in found:
+            found[state] = float(signal.values[inside[0]])
+    return found
