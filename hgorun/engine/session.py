@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from hgorun.engine.layout import DONE
-from hgorun.engine.memory import Memory, Raw, Start
+from hgorun.engine.memory import Raw, Start
 from hgorun.engine.plan import Floats, Plan
 from hgorun.engine.program import Program
 from hgorun.errors import SimulationError

@@ -36,11 +36,11 @@ def completed(source: Source, recording: Recording, name: str, text: str) -> Exp
     ConfigError
     """
     given: Mapping[str, Any] = source.data
-    if any(not isinstance(given.get(key) or {}, dict) for key in ("time", "plant", "measurement")):
-        return Experiment(_with(source, {}), name=name, text=text)  # which says what is wrong
-    if "plant" not in given:
-        return Experiment(_with(source, {}), name=name, text=text)
-    changes: dict[str, Any] = {"time": _time(given.get("time") or {}, recording)}
+    changes: dict[str, Any] = {}
+    if isinstance(given.get("time") or {}, dict):
+        changes["time"] = _time(given.get("time") or {}, recording)
+    if not (given.get("plant") and all(isinstance(given.get(key) or {}, dict) for key in ("plant", "measurement"))):
+        return Experiment(_with(source, changes), name=name, text=text)  # which says what is wrong
     changes["measurement"] = _measurement(given.get("measurement") or {}, recording)
     whole = _with(source, changes)
     plant = dict(given.get("plant") or {})
@@ -62,10 +62,10 @@ def completed(source: Source, recording: Recording, name: str, text: str) -> Exp
 
 
 def _with(source: Source, changes: Mapping[str, Any]) -> Source:
-    """The configuration with other values, and without its data, which are no part of an experiment."""
+    """The configuration with other values."""
     for path, value in changes.items():
         source, _ = replaced(source, path, value)
-    return replaced(source, "data", None)[0]
+    return source
 
 
 def _time(given: Mapping[str, Any], recording: Recording) -> dict[str, Any]:
