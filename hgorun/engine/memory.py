@@ -197,6 +197,11 @@ class Memory:
             self.arrays[name] = np.ascontiguousarray(array)
             self[name] = address_of(self.arrays[name])
 
+    def set_actions(self, actions: Integers) -> None:
+        """What happens at the events of the segments that are carried out next."""
+        self.arrays["actions"] = actions
+        self["actions"] = address_of(actions)
+
     def keep_initial(self) -> None:
         """The channels before the start are those at the start."""
         self.arrays["initial"][:] = self.arrays["channels"]

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
+from hgorun.engine.layout import HybridSystem
 from hgorun.engine.memory import Raw
 from hgorun.engine.methods import METHODS
 from hgorun.engine.session import Session, with_stops
@@ -14,7 +16,7 @@ from hgorun.estimate.gate import RunningDeviation
 from hgorun.estimate.prepared import PreparedEstimate
 from hgorun.estimate.samples import stated
 from hgorun.measurement.schedule import nearest_event
-from hgorun.simulation.observer_block import ObserverBlock
+from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.steps import part_of_difference, steps_between
 from hgorun.symbolic.evaluate import Floats
 
@@ -84,7 +86,7 @@ def one_pass(
     used = np.repeat(taken[:, None], len(prepared.run.observers), axis=1)
     if not prepared.gated:
         return prepared.program().run(plan, start, progress=progress), used
-    gate = Gate(prepared)
+    gate = Gate(prepared.experiment, [one.gate for one in prepared.samples])
     watched = list(_watched(prepared))
     events = prepared.run.schedule.events
     slots_at: dict[int, list[tuple[int, int]]] = {}
@@ -100,7 +102,7 @@ def one_pass(
         for output, slot in slots_at[event]:
             for j in gate.outliers(output, session.innovations[slot]):
                 used[slot, j] = False
-                leave_out(prepared, session, output, j, z, w)
+                leave_out(prepared.run.structure.system, session, output, j, z, w)
     return session.finish(), used
 
 
@@ -114,14 +116,20 @@ def _watched(prepared: PreparedEstimate) -> Iterator[tuple[int, int, int]]:
 
 
 class Gate:
-    """Which samples are outliers to which observers, one sample after the other."""
+    """Which samples are outliers to which observers, one sample after the other.
 
-    def __init__(self, prepared: PreparedEstimate) -> None:
-        self._model = prepared.run.plant.model
-        self._limits = [one.gate for one in prepared.samples]
-        known = stated(prepared.experiment)
+    Parameters
+    ----------
+    experiment : Experiment
+    limits : sequence of float or None
+        Of every output the standard deviations beyond which a sample is an outlier.
+    """
+
+    def __init__(self, experiment: Experiment, limits: Sequence[float | None]) -> None:
+        self._model, self._limits = experiment.plant.model, limits
+        known = stated(experiment)
         self.deviations = [
-            [RunningDeviation(known.get(one.output, 0.0)) for _ in prepared.run.observers] for one in prepared.samples
+            [RunningDeviation(known.get(output, 0.0)) for _ in experiment.observers] for output in self._model.outputs
         ]
 
     def outliers(self, output: int, innovations: Floats) -> list[int]:
@@ -135,25 +143,40 @@ class Gate:
         return found
 
 
-def leave_out(prepared: PreparedEstimate, session: Session, output: int, j: int, z: Floats, w: Floats) -> None:
+class Running(Protocol):
+    """A run that can be looked at between events."""
+
+    @property
+    def z(self) -> Floats:
+        """All states."""
+        ...
+
+    @property
+    def w(self) -> Floats:
+        """What is held."""
+        ...
+
+
+def leave_out(system: HybridSystem, live: Running, output: int, j: int, z: Floats, w: Floats) -> None:
     """Let an observer go on as if a sample that has just arrived had not.
 
     Its innovation stays what it was; what it has jumped to is taken back.
 
     Parameters
     ----------
+    j : int
+        The observer's number.
     z, w : ndarray
         The states, and what was held, before the sample arrived.
     """
-    system, block = prepared.run.structure.system, prepared.run.observers[j]
     layout = system.held
     place, y = layout.s(output, j), layout.output(output)
     if system.has_alpha:
         alpha = system.alpha[output][j]
         before = w[place] + z[alpha] - w[y]
-        session.w[place] = before + session.w[y] - session.z[alpha]
-    own = slice(block.start, block.stop)
-    session.z[own] = z[own]
+        live.w[place] = before + live.w[y] - live.z[alpha]
+    start, stop, _ = system.blocks[j]
+    live.z[start:stop] = z[start:stop]
 
 
 def _error(prepared: PreparedEstimate, grid: Floats, raw: Raw, beside: Raw, step: float) -> Floats:
@@ -179,8 +202,3 @@ def estimates(prepared: PreparedEstimate, grid: Floats, raw: Raw) -> list[Floats
     rows = raw.rows[:, :, 0]
     stacked = structure.estimates_along(grid, prepared.run.numbers.p, rows, prepared.held(grid))
     return [stacked.of(j) for j in range(len(prepared.run.observers))]
-
-
-def observer_of(prepared: PreparedEstimate, label: str) -> ObserverBlock:
-    """By its label."""
-    return next(b for b in prepared.run.observers if b.label == label)

@@ -10,7 +10,9 @@ import numpy as np
 from hgorun.config.overrides import replaced
 from hgorun.config.yaml_source import Source
 from hgorun.data.recording import Recording
-from hgorun.errors import Problem
+from hgorun.errors import ConfigError, Problem
+from hgorun.plants.base import units_of
+from hgorun.simulation.blocks import plant_of
 from hgorun.simulation.experiment import Experiment
 
 _OF_NOISE = ("noise", "mode")  # what a measurement block says beside data: when samples come is in these
@@ -42,12 +44,7 @@ def completed(source: Source, recording: Recording, name: str, text: str) -> Exp
     if not (given.get("plant") and all(isinstance(given.get(key) or {}, dict) for key in ("plant", "measurement"))):
         return Experiment(_with(source, changes), name=name, text=text)  # which says what is wrong
     changes["measurement"] = _measurement(given.get("measurement") or {}, recording)
-    whole = _with(source, changes)
-    plant = dict(given.get("plant") or {})
-    inputs = {**(plant.get("inputs") or {}), **dict.fromkeys(recording.inputs, "0")}
-    start = _with(whole, {"plant.inputs": inputs} if inputs else {})
-    states = _states(start)
-    whole = _with(start, {"plant.initial": {state: 0.0 for state in states} | dict(plant.get("initial") or {})})
+    whole, states = _with_plant(_with(source, changes), tuple(recording.inputs))
     experiment = Experiment(whole, name=name, text=text)
     with experiment.located():
         _check_names(experiment, recording)
@@ -56,9 +53,58 @@ def completed(source: Source, recording: Recording, name: str, text: str) -> Exp
     for label, observer in experiment.observers.items():
         if not observer.initial and first:
             changes[f"observers.{label}.initial"] = first
-    if not plant.get("initial") and first:
+    if not given["plant"].get("initial") and first:
         changes["plant.initial"] = {state: first.get(state, 0.0) for state in states}
     return Experiment(_with(whole, changes), name=name, text=text) if changes else experiment
+
+
+def streamed(source: Source, inputs: tuple[str, ...], deviations: Mapping[str, float], name: str) -> Experiment:
+    """The experiment that the observers of a stream run in.
+
+    Parameters
+    ----------
+    source : Source
+        The configuration.
+    inputs : tuple of str
+        Those that come with the stream.
+    deviations : mapping of str to float
+        Standard deviation of the outputs' noise, where the data say so.
+
+    Raises
+    ------
+    ConfigError
+        Also where neither ``time`` nor ``solver.step`` says how long a step may be.
+    """
+    given: Mapping[str, Any] = source.data if isinstance(source.data, dict) else {}
+    changes: dict[str, Any] = {}
+    if "time" not in given:
+        solver = given.get("solver")
+        if not isinstance(solver, dict) or not isinstance(solver.get("step"), (int, float)):
+            raise ConfigError("a stream without end needs solver.step", file=source.where(())[0] or None, key="solver")
+        changes["time"] = {"end": 1.0, "output_step": 1.0}
+    elif isinstance(given["time"], dict):
+        start = given["time"].get("start", 0.0)
+        if isinstance(start, (int, float)):
+            changes["time"] = {"end": start + 1.0, "output_step": 1.0} | given["time"]
+    if not isinstance(given.get("plant"), dict) or not isinstance(given.get("measurement") or {}, dict):
+        return Experiment(_with(source, changes), name=name)  # which says what is wrong
+    measurement = dict(given.get("measurement") or {})
+    outputs = dict(measurement.get("outputs") or {})
+    for output, std in deviations.items():
+        outputs[output] = {"noise": [{"type": "gaussian", "std": std}]} | dict(outputs.get(output) or {})
+    if outputs:
+        changes["measurement"] = {**measurement, "outputs": outputs}
+    return Experiment(_with_plant(_with(source, changes), inputs)[0], name=name)
+
+
+def _with_plant(source: Source, inputs: tuple[str, ...]) -> tuple[Source, tuple[str, ...]]:
+    """The configuration with all that a plant's block needs where nothing is simulated; and its states."""
+    plant = source.data["plant"]
+    expressions = {**(plant.get("inputs") or {}), **dict.fromkeys(inputs, "0")}
+    whole = _with(source, {"plant.inputs": expressions} if expressions else {})
+    states = plant_of(whole).state_names
+    initial = dict.fromkeys(states, 0.0) | dict(plant.get("initial") or {})
+    return _with(whole, {"plant.initial": initial}), states
 
 
 def _with(source: Source, changes: Mapping[str, Any]) -> Source:
@@ -104,11 +150,10 @@ def _period(taken: np.ndarray) -> float:
     return float(np.median(gaps[gaps > 0])) if np.any(gaps > 0) else 1.0
 
 
-def _states(source: Source) -> tuple[str, ...]:
-    """The states of the plant, whose initial values need not be there yet."""
-    from hgorun.simulation.blocks import plant_of
-
-    return plant_of(source).state_names
+def plant_units(source: Source) -> dict[str, str]:
+    """Units of the plant's states and outputs; nothing where its block is wrong, which is said later."""
+    block = source.data.get("plant")
+    return units_of(plant_of(source)) if isinstance(block, dict) else {}
 
 
 def _check_names(experiment: Experiment, recording: Recording) -> None:
