@@ -38,7 +38,9 @@ def chain(n: int, phi: str = "0", start: float | Sequence[float] = 0.5) -> Block
     return {"type": "integrator_chain", "n": n, "phi": phi, "initial": dict(zip(states(n), values, strict=True))}
 
 
-def inline(dynamics: Mapping[str, str], output: str | Sequence[str], start: float = 0.5, **more: Any) -> Block:
+def inline(
+    dynamics: Mapping[str, str], output: str | Sequence[str] | Mapping[str, str], start: float = 0.5, **more: Any
+) -> Block:
     """A plant written out; its states are those of the dynamics, all of one start unless ``initial`` is given."""
     initial = dict.fromkeys(dynamics, start)
     return {"states": list(dynamics), "dynamics": dict(dynamics), "output": output, "initial": initial, **more}

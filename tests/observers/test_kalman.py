@@ -321,7 +321,7 @@ def test_a_battery_that_no_observer_of_chains_takes() -> None:
 def test_members_of_a_sweep_have_the_design_of_their_own_noise(tmp_path: Path) -> None:
     base = experiment(OSCILLATOR, {"K": {"type": "ekf", "theta": 2}}, step=0.01, measurement=GAUSSIAN)
     axes = {"measurement.noise.0.std": [0.1, 0.2, 0.4], "seed": [1, 2]}
-    with hgorun.sweep(base, axes, output=tmp_path / "swept.h5") as swept:
-        rmse = swept.to_xarray()["rmse"].values
+    swept = hgorun.sweep(base, axes, output=tmp_path / "swept.h5")
+    rmse = swept.to_xarray()["rmse"].values
     alone = hgorun.simulate(base.varied({"measurement.noise.0.std": 0.4}, seed=2)).observers["K"]
     assert np.array_equal(np.ravel(rmse[-1, -1]), alone.metrics["rmse"])
