@@ -3,8 +3,8 @@
 The estimate of a state is lost when at the end of the run it is still a million times further from the truth than the
 state is large, or than the estimate was at the start. Where that is no more than rounding (a state that rests at zero,
 an output with noise) the error must also be a thousand times what it is in the quietest tenth of the run. Of a state
-that rests at zero and is estimated so at the start, nothing tells the size but the errors: a million times the quietest,
-and larger than in the first tenth, since errors that fade end in rounding, which may be far above their smallest. An
+that rests at zero and is estimated so at the start, only the errors tell the size: a million times the quietest, and
+larger than in the first tenth, since errors that fade end in rounding, which may be far above their smallest. An
 estimate that peaks and comes back is not lost.
 """
 
