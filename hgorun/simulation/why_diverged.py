@@ -38,9 +38,9 @@ def why_diverged(run: PreparedRun, raw: Raw, j: int, again: Again) -> str | None
 def singular(run: PreparedRun, raw: Raw, j: int, again: Again) -> str | None:
     """When J, through whose inverse a constant gain corrects, became singular: its determinant changed its sign.
 
-    Where the estimate is lost before its own determinant shows that, that of the true state does, or what becomes of the
-    determinant between the last point of the grid and the loss: infinite corrections may hold an estimate where J is
-    singular, and no step brings it across.
+    Where the estimate is lost before its own determinant shows that, that of the true state does, or what becomes of
+    the determinant between the last point of the grid and the loss: infinite corrections may hold an estimate where J
+    is singular, and no step brings it across.
     """
     block = run.observers[j]
     form = block.form
