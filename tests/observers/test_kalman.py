@@ -68,7 +68,7 @@ def test_density_of_the_noise_is_that_of_the_measurement() -> None:
     held: Block = {"noise": [{"type": "gaussian", "std": 0.3, "hold": 0.02}]}
     sampled: Block = {"noise": [{"type": "uniform", "low": -0.3, "high": 0.3}], "sampling": {"period": 0.05}}
     for measurement, R in ((held, 0.09 * 0.02), (sampled, 0.03 * 0.05)):
-        blocks = {
+        blocks: dict[str, Block] = {
             "own": {"type": "kalman_bucy", "Q": {"x2": 1}},
             "given": {"type": "kalman_bucy", "Q": {"x2": 1}, "R": R},
         }
