@@ -132,15 +132,12 @@ class Estimator:
         numbers = numbers_of(structure, plant, experiment, designs)
         self._structure, self._p = structure, numbers.p
         self._labels = [b.label for b in numbers.observers]
-        self._jumps = [
-            number
-            for number, (start, _, _) in enumerate(structure.system.jumps)
-            if any(b.start == start for b in numbers.observers)
-        ]
+        corrections = structure.system.corrections
+        self._corrections = list(corrections)
+        self._steps = [number for number in range(len(structure.system.jumps)) if number not in corrections]
         jumping = [b for b in numbers.observers if isinstance(b.observer, SampledObserver)]
         if jumping and len(model.outputs) > 1:
             raise Problem(("observers", jumping[0].label), "of a stream it can follow a single output")
-        self._by_steps = bool(jumping)
         start = Start(numbers.z0[model.n :][:, None], numbers.p[:, None], (_LARGEST, 0.0))
         program = structure.program(experiment.blocks.solver.given_method)
         slots = len(model.outputs) * (_LATE + 1)
@@ -301,17 +298,13 @@ class Estimator:
             return
         for _, slot, value, _ in event.samples:
             live.samples[slot] = value
-        jumps = self._jumps if event.samples else []
-        if self._by_steps:
-            if np.isnan(self._last_sample):
-                jumps = []
-            else:
-                live.w[layout.interval] = event.t - self._last_sample
-            if event.samples:
-                self._last_sample = event.t
+        jumps = self._jumps(event)
         gated = self._gate is not None and any(self._gated[i] and used for i, _, _, used in event.samples)
         z, w = (live.z.copy(), live.w.copy()) if gated else (live.z, live.w)
+        fresh = [layout.fresh(i) for i, _, _, used in event.samples if used and layout.flags]
+        live.w[fresh] = 1.0
         live.happen(self._actions(event, jumps), self._regime[tuple(self._heard)])
+        live.w[fresh] = 0.0
         for i, slot, _, used in event.samples:
             if used:
                 self._heard[i] = True
@@ -320,9 +313,21 @@ class Estimator:
                     for j in self._gate.outliers(i, live.innovations[slot]):
                         leave_out(self._structure.system, live, i, j, z, w)
 
+    def _jumps(self, event: _Event) -> list[int]:
+        """What jumps at an event: corrections whenever something arrives, steps from the second sample on."""
+        if not any(used for _, _, _, used in event.samples):
+            return []
+        found = list(self._corrections)
+        if self._steps:
+            if not np.isnan(self._last_sample):
+                self._live.w[self._structure.system.held.interval] = event.t - self._last_sample
+                found = self._steps + found
+            self._last_sample = event.t
+        return found
+
     def _actions(self, event: _Event, jumps: list[int]) -> Integers:
         """Rows of the engine's action table, in their order; kept, since few of them differ."""
-        key = (event.take, tuple((i, slot, used) for i, slot, _, used in event.samples), bool(jumps))
+        key = (event.take, tuple((i, slot, used) for i, slot, _, used in event.samples), tuple(jumps))
         if key not in self._rows:
             rows = [(TAKE, i, slot, 0, 0) for i, slot in event.take]
             rows += [(ARRIVE if used else RECORD, i, slot, 0, 0) for i, slot, _, used in event.samples]

@@ -17,7 +17,7 @@ from hgorun.errors import Problem
 from hgorun.estimate.samples import Sampled, all_sampled, channel, recorded_inputs
 from hgorun.measurement.schedule import build_schedule
 from hgorun.simulation.actions import RecordedInputs
-from hgorun.simulation.checks import check_jumps, check_start
+from hgorun.simulation.checks import check_corrections, check_jumps, check_start
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.plant_alone import plant_kinks
 from hgorun.simulation.preparation import check_limit, nominal_step, numbers_of
@@ -174,6 +174,7 @@ def prepare_estimate(experiment: Experiment, recording: Recorded) -> PreparedEst
             reach=0.0,
         )
         check_jumps(run)
+        check_corrections(run)
         check_start(run)
     return PreparedEstimate(run=run, samples=samples, inputs=inputs)
 
