@@ -26,7 +26,7 @@ FLOORS: list[set[str]] = [
     {"measurement"},
     {"result"},
     {"simulation"},
-    {"analysis", "ensemble", "testing"},
+    {"analysis", "ensemble", "export", "testing"},
     {"tables"},
     {"figures"},
     {"explore", "study"},

@@ -49,6 +49,11 @@ class Real:
         text += "F" if self.single else ""
         return f"({text})" if text.startswith("-") else text
 
+    @property
+    def largest(self) -> str:
+        """What is larger is lost, or no measurement."""
+        return self.number(1e37 if self.single else 1e300)
+
     def function(self, name: str) -> str:
         """A function of libm."""
         return f"{name}f" if self.single else name
@@ -66,14 +71,17 @@ class Writer:
         Of names outside of the functions.
     places : sequence of (str, int)
         What the entries of w are: arrays and places in them.
+    state : str
+        What the array z is called.
     """
 
     operations: Operations
     real: Real
     prefix: str
     places: Sequence[tuple[str, int]]
+    state: str = "z"
 
-    def statements(self, outputs: Mapping[int, list[str]], *, clock: bool = False) -> list[str]:
+    def statements(self, outputs: Mapping[int, list[str]], *, clock: bool = False, cast: str = "") -> list[str]:
         """The statements that assign steps to targets.
 
         Parameters
@@ -82,6 +90,8 @@ class Writer:
             For each step the targets.
         clock : bool
             Whether these compute what depends on time alone; elsewhere that stands in ``tau``.
+        cast : str
+            What makes the targets' type of the values, where that is another.
         """
         known = {} if clock else {k: f"tau[{i}]" for i, k in enumerate(self.operations.clocked)}
         order, uses = self._order(outputs, known)
@@ -100,7 +110,8 @@ class Writer:
                 expression = f"v{k}"
             text[k] = expression
         for k, targets in outputs.items():
-            lines += [f"{target} = {_bare(self._value(k, text))};" for target in targets]
+            value = self._value(k, text)
+            lines += [f"{target} = {f'{cast}({_bare(value)})' if cast else _bare(value)};" for target in targets]
         return lines
 
     def _order(self, outputs: Mapping[int, list[str]], known: Mapping[int, str]) -> tuple[list[int], Counter[int]]:
@@ -121,7 +132,7 @@ class Writer:
         vector, entry = step.place
         if vector == 0:
             return "t"
-        name, place = ("z", entry) if vector == 2 else self.places[entry]
+        name, place = (self.state, entry) if vector == 2 else self.places[entry]
         return f"{name}[{place}]"
 
     def _value(self, k: int, text: Mapping[int, str]) -> str:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 from hgorun.export.c_code import Real, Writer
 from hgorun.export.observer import Exported
 from hgorun.export.operations import Operations
 
+_SHORT = 60  # statements
 _ORDER = ("tau", "u", "du", "e", "z", "dz")
 
 
@@ -52,15 +53,19 @@ class Function:
         """A call; ``others``: what is given in place of an array of the same name."""
         return f"{self.name}({', '.join([*(others.get(name, name) for name in self.arrays), target])});"
 
-    def text(self) -> list[str]:
-        """Its lines."""
-        real = self.writer.real.name
+    def lines(self, state: str, target: str) -> list[str]:
+        """What it computes, from an array of this name into one of that name."""
         targets: dict[int, list[str]] = {}
         for i, k in enumerate(self.operations.outputs[self.output]):
-            targets.setdefault(k, []).append(f"out[{i}]")
+            targets.setdefault(k, []).append(f"{target}[{i}]")
+        return replace(self.writer, state=state).statements(targets)
+
+    def text(self) -> list[str]:
+        """All of it in C."""
+        real = self.writer.real.name
         parameters = [*(f"const {real} {name}[]" for name in self.arrays), f"{real} out[]"]
-        body = self.writer.statements(targets)
-        return [f"static void {self.name}({', '.join(parameters)})", "{", *(f"    {line}" for line in body), "}", ""]
+        body = (f"    {line}" for line in self.lines("z", "out"))
+        return [f"static void {self.name}({', '.join(parameters)})", "{", *body, "}", ""]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -94,7 +99,9 @@ class Functions:
         if not self.needs_guess:
             del found["guess"]
         if observer.jump is not None:
-            found["jump"] = Function(f"{self.prefix}eq_jump", observer.jump, "jump", self.writer(observer.jump, self._held))
+            found["jump"] = Function(
+                f"{self.prefix}eq_jump", observer.jump, "jump", self.writer(observer.jump, self._held)
+            )
         return found
 
     @property
@@ -104,6 +111,32 @@ class Functions:
         undelayed = any(o.continuous and o.delay is None for o in observer.outputs)
         unremembered = any(o.sampled and not o.remembered for o in observer.outputs)
         return observer.flows and (undelayed or unremembered)
+
+    @property
+    def timed(self) -> bool:
+        """Whether some equation depends on time itself."""
+        return bool(self.observer.equations.clocked)
+
+    def clock_at(self, time: str) -> list[str]:
+        """Lines that compute what depends on time alone, if there is something."""
+        if not self.timed:
+            return []
+        size = len(self.observer.equations.clocked)
+        return [f"    {self.real.name} tau[{size}];", f"    {self.prefix}clock({time}, tau);"]
+
+    def told_at(self, time: str, *, slopes: bool = False) -> list[str]:
+        """Lines that fill u, and du, with the inputs at a time, if they are told."""
+        m = len(self.observer.inputs)
+        if not m:
+            return []
+        arrays = ["u", "du"] if slopes else ["u"]
+        lines = [f"    {self.real.name} {name}[{m}];" for name in arrays]
+        return [*lines, f"    {self.prefix}inputs(s, {time}, u{', du' if slopes else ', NULL'});"]
+
+    def read_now(self, function: Function) -> list[str]:
+        """Lines that fill what a function reads beside the state, at the present time."""
+        found = self.clock_at("s->t") if "tau" in function.arrays else []
+        return [*found, *(self.told_at("s->t") if "u" in function.arrays else [])]
 
     @property
     def _held(self) -> list[tuple[str, int]]:
@@ -122,18 +155,27 @@ class Functions:
         """What depends on time alone, as a function that fills ``tau``; nothing where there is none of it."""
         if not operations.clocked:
             return []
-        writer, real = self.writer(operations, places), self.real
+        # in double, whatever else is float: a clock needs its digits
+        writer, real = Writer(operations, Real(), self.prefix, places), self.real
         targets = {k: [f"tau[{i}]"] for i, k in enumerate(operations.clocked)}
-        first = ["const float t = (float)time;"] if real.single else ["const double t = time;"]
-        body = first + writer.statements(targets, clock=True)
-        return [f"static void {name}(double time, {real.name} tau[])", "{", *(f"    {line}" for line in body), "}", ""]
+        body = writer.statements(targets, clock=True, cast="(float)" if real.single else "")
+        return [f"static void {name}(double t, {real.name} tau[])", "{", *(f"    {line}" for line in body), "}", ""]
+
+    @cached_property
+    def written_out(self) -> bool:
+        """Whether the right-hand side is so short that it stands wherever it is evaluated: no call, no array."""
+        if not self.observer.flows:
+            return False
+        found = [f for name, f in self.all.items() if name in ("rate", "guess")]
+        return sum(len(f.lines("z", "out")) for f in found) <= _SHORT
 
     def text(self) -> list[str]:
-        """All of them in C."""
+        """Those that are called."""
         observer = self.observer
         lines = self._clock(observer.equations, f"{self.prefix}clock", observer.places)
         if observer.jump is not None:
             lines += self._clock(observer.jump, f"{self.prefix}jump_clock", self._held)
-        for function in self.all.values():
-            lines += function.text()
+        for name, function in self.all.items():
+            if not (name == "rate" and self.written_out):
+                lines += function.text()
         return lines

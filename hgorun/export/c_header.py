@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from hgorun.export.c_code import Real
 from hgorun.export.c_source import Source
 from hgorun.export.observer import Exported
 from hgorun.version import __version__
@@ -46,9 +45,8 @@ def costs(source: Source) -> Mapping[str, Cost]:
     """What a step, a sample and an estimate cost at most."""
     observer, functions = source.observer, source.functions.all
     equations, size, q = observer.equations, observer.size, len(observer.outputs)
-    clocked = {k for k in equations.clocked}
     of_time = [k for name in equations.outputs for k in equations.needed(name) if equations.steps[k].clocked]
-    clock = Cost(**equations.count(sorted(set(of_time)))) if clocked else Cost()
+    clock = Cost(**equations.count(sorted(set(of_time)))) if source.timed else Cost()
 
     def evaluated(name: str) -> Cost:
         function = functions.get(name)
@@ -58,6 +56,12 @@ def costs(source: Source) -> Mapping[str, Cost]:
         return Cost(**ops.count([k for k in ops.needed(name) if not ops.steps[k].clocked]))
 
     told = Cost(plain=4).times(len(observer.inputs))
+
+    def whole(name: str) -> Cost:
+        """With the functions of time and the inputs that it reads."""
+        arrays = functions[name].arrays if name in functions else ()
+        return evaluated(name) + (clock if "tau" in arrays else Cost()) + (told if "u" in arrays else Cost())
+
     found: dict[str, Cost] = {}
     if observer.flows:
         periodic = Cost(plain=3, divisions=1, functions=1).times(sum(o.period is not None for o in observer.outputs))
@@ -71,7 +75,7 @@ def costs(source: Source) -> Mapping[str, Cost]:
         if observer.remembered:
             step += slope + (evaluated("past") + evaluated("past_rate") + told).times(2)
         found["step"] = step
-    sample = evaluated("guess") + Cost(plain=4).times(q) + told + clock
+    sample = whole("guess") + Cost(plain=4).times(q)
     if observer.remembered:
         rebased = 2 * observer.pieces
         sample += Cost(plain=rebased + 110, divisions=1).times(len(observer.remembered))
@@ -79,7 +83,7 @@ def costs(source: Source) -> Mapping[str, Cost]:
         of_jump = observer.jump.needed("jump")
         sample += Cost(**observer.jump.count(of_jump))
     found["sample"] = sample
-    found["estimate"] = evaluated("estimate") + told + clock
+    found["estimate"] = whole("estimate")
     return found
 
 
@@ -89,18 +93,85 @@ def max_steps(observer: Exported) -> int:
     return max(_SMALLEST, 1 << (needed - 1).bit_length())
 
 
-def bytes_of(observer: Exported, real: Real) -> int:
-    """About the size of the observer's memory."""
-    r, q, pieces = 4 if real.single else 8, len(observer.outputs), observer.pieces
-    line = 16 + 3 * r + (4 if real.single else 0)
-    piece = 16 + 4 * r * len(observer.remembered)
-    return int(32 + observer.size * r + q * (2 * r + 12) + line * (q + len(observer.inputs)) + pieces * piece)
+@dataclass(frozen=True)
+class Member:
+    """A member of the structure that holds all of an observer.
+
+    Attributes
+    ----------
+    type, name : str
+    size, align : int
+        Bytes of one entry, and what its address is a multiple of.
+    count : int
+        0: no array.
+    meaning : str
+    """
+
+    type: str
+    name: str
+    size: int
+    align: int
+    count: int = 0
+    meaning: str = ""
+
+    def __str__(self) -> str:
+        array = f"[{self.count}]" if self.count else ""
+        return f"    {self.type} {self.name}{array};" + (f" /* {self.meaning} */" if self.meaning else "")
+
+
+def members(source: Source) -> list[Member]:
+    """All that an observer knows."""
+    observer, p, real = source.observer, source.prefix, source.real.name
+    q, m, late, r = (
+        len(observer.outputs),
+        len(observer.inputs),
+        len(observer.remembered),
+        4 if source.real.single else 8,
+    )
+
+    def reals(name: str, count: int, meaning: str = "") -> Member:
+        return Member(real, name, r, r, count, meaning)
+
+    line = _padded(16 + 3 * r)
+    found = [Member("double", "t", 8, 8, meaning="now"), reals("z", observer.size, _plain(_layout(observer)))]
+    if observer.sampled:
+        found += [reals("y", q, "the last samples, and when they were taken"), Member("double", "taken", 8, 8, q)]
+        found += [reals("s", q, "C xhat - alpha at that time")] if observer.flows else []
+    if observer.flows:
+        found += [Member("uint32_t", "mode", 4, 4, q)]
+    if observer.continuous:
+        found += [Member(f"{p}line", "line", line, 8, q)]
+    if observer.inputs:
+        found += [Member(f"{p}line", "input", line, 8, m)]
+    if observer.jump is not None:
+        found += [Member("double", "sampled", 8, 8, meaning="the time of the last sample, if there was one")]
+        found += [Member("uint32_t", "samples", 4, 4)]
+        found += [reals("before", m)] if m else []
+    if observer.pieces:
+        found += [Member("uint32_t", "pieces", 4, 4), Member("uint32_t", "newest", 4, 4), reals("first", late)]
+        found += [Member(f"{p}piece", "past", _padded(16 + 4 * r * late), 8, observer.pieces)]
+    return found
+
+
+def _padded(size: int) -> int:
+    return -(-size // 8) * 8
+
+
+def bytes_of(source: Source) -> int:
+    """The size of the observer's memory, where a double lies at multiples of 8 bytes."""
+    at = 0
+    for member in members(source):
+        at = -(-at // member.align) * member.align + member.size * max(member.count, 1)
+    return _padded(at)
 
 
 def top(source: Source) -> str:
     """The comment that both files begin with."""
     observer = source.observer
-    text = [f"Observer {observer.label} ({observer.design.observer.type}) of {observer.run}, by hgorun {__version__}.", ""]
+    text = [
+        f"Observer {observer.label} ({observer.design.observer.type}) of {observer.run}, by hgorun {__version__}.",
+        "",
+    ]
     text += _described(source)
     return "/*\n" + "\n".join(f" * {_plain(line)}".rstrip() for line in text) + "\n */\n"
 
@@ -112,8 +183,7 @@ def _plain(text: str) -> str:
 
 
 def _described(source: Source) -> Iterator[str]:
-    observer, real = source.observer, source.real
-    found = costs(source)
+    observer, found = source.observer, costs(source)
     clock = f"; t = 0 is {observer.origin:g} on the clock of the configuration" if observer.origin else ""
     yield f"Times are in {observer.unit}, counted from the start{clock}."
     if observer.flows:
@@ -125,7 +195,7 @@ def _described(source: Source) -> Iterator[str]:
     yield "At most, in operations (all loops have bounds, nothing is allocated, no recursion):"
     for name, cost in found.items():
         yield f"  {name + ':':<9} {cost}"
-    yield f"Memory: about {bytes_of(observer, real)} bytes, in one structure without pointers: memcpy keeps and restores it."
+    yield f"Memory: {bytes_of(source)} bytes, in one structure without pointers: memcpy keeps and restores it."
 
 
 def header(source: Source) -> str:
@@ -136,7 +206,9 @@ def header(source: Source) -> str:
     lines += [f"#define {u}STATES {len(observer.states)}U /* {_plain(', '.join(observer.states))} */"]
     lines += [f"#define {u}OUTPUTS {len(observer.outputs)}U"]
     for i, output in enumerate(observer.outputs):
-        lines.append(f"#define {u}OUTPUT_{output.name.upper()} {1 << i}U /* {_how(output.sampled, output.continuous)} */")
+        lines.append(
+            f"#define {u}OUTPUT_{output.name.upper()} {1 << i}U /* {_how(output.sampled, output.continuous)} */"
+        )
     lines.append(f"#define {u}ALL {(1 << len(observer.outputs)) - 1}U")
     if observer.inputs:
         lines.append(f"#define {u}INPUTS {len(observer.inputs)}U /* {_plain(', '.join(observer.inputs))} */")
@@ -148,7 +220,13 @@ def header(source: Source) -> str:
     for number, (name, meaning) in enumerate(_STATUS.items()):
         lines.append(f"#define {u}{name} {number}U /* {meaning} */")
     if observer.flows:
-        lines += ["", "/* what an output is */", f"#define {u}SILENT 0U", f"#define {u}HELD 1U", f"#define {u}CONTINUOUS 2U"]
+        lines += [
+            "",
+            "/* what an output is */",
+            f"#define {u}SILENT 0U",
+            f"#define {u}HELD 1U",
+            f"#define {u}CONTINUOUS 2U",
+        ]
     lines += ["", *_types(source), *_prototypes(source, real, p)]
     lines += ["#ifdef __cplusplus", "}", "#endif", "", "#endif", ""]
     return "\n".join(lines)
@@ -169,40 +247,18 @@ def _how(sampled: bool, continuous: bool) -> str:
 
 
 def _types(source: Source) -> Iterator[str]:
-    observer, p, u, real = source.observer, source.prefix, source.upper, source.real.name
+    observer, p, real = source.observer, source.prefix, source.real.name
     if observer.continuous or observer.inputs:
         yield f"typedef struct {{\n    double since;\n    double until;\n    {real} level;\n    {real} slope;"
         yield f"    {real} last;\n}} {p}line;\n"
     if observer.pieces:
         size = len(observer.remembered)
-        yield f"typedef struct {{\n    double from;\n    double to;"
+        yield "typedef struct {\n    double from;\n    double to;"
         yield from (f"    {real} {name}[{size}];" for name in ("s0", "r0", "s1", "r1"))
         yield f"}} {p}piece;\n"
-    q = len(observer.outputs)
     yield "/* all that the observer knows: to be copied whole, not to be written to */"
     yield "typedef struct {"
-    yield "    double t; /* now */"
-    yield f"    {real} z[{observer.size}]; /* {_plain(_layout(observer))} */"
-    if observer.sampled:
-        yield f"    {real} y[{q}]; /* last samples, and when they were taken */"
-        yield f"    double taken[{q}];"
-        if observer.flows:
-            yield f"    {real} s[{q}]; /* C xhat - alpha at that time */"
-    if observer.flows:
-        yield f"    uint32_t mode[{q}];"
-    if observer.continuous:
-        yield f"    {p}line line[{q}];"
-    if observer.inputs:
-        yield f"    {p}line input[{len(observer.inputs)}];"
-    if observer.jump is not None:
-        yield "    double sampled; /* the time of the last sample, if there was one */"
-        yield "    uint32_t samples;"
-        if observer.inputs:
-            yield f"    {real} before[{len(observer.inputs)}];"
-    if observer.pieces:
-        yield "    uint32_t pieces;\n    uint32_t newest;"
-        yield f"    {real} first[{len(observer.remembered)}];"
-        yield f"    {p}piece past[{u}HISTORY];"
+    yield from map(str, members(source))
     yield f"}} {p}observer;\n"
 
 

@@ -50,7 +50,11 @@ def exported(run: PreparedRun, wanted: Wanted | None = None) -> list[Exported]:
     wanted = Wanted() if wanted is None else wanted
     labels = _labels(run, wanted.labels)
     with run.experiment.located():
-        how = _how(run) if any(isinstance(run.experiment.observers[name], ContinuousObserver) for name in labels) else None
+        how = (
+            _how(run)
+            if any(isinstance(run.experiment.observers[name], ContinuousObserver) for name in labels)
+            else None
+        )
         return [_exported(run, label, how, wanted) for label in labels]
 
 
@@ -95,7 +99,9 @@ def _how(run: PreparedRun) -> Pass:
 
     found = controlled(run).integration
     if found.step is None or found.method is None:
-        raise Problem(("solver", "step"), f"no fixed step was accurate enough for this run, so there is none; {_ADVICE}")
+        raise Problem(
+            ("solver", "step"), f"no fixed step was accurate enough for this run, so there is none; {_ADVICE}"
+        )
     return Pass(method=found.method, step=found.step)  # type: ignore[arg-type]  # one of the methods
 
 

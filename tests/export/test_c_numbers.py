@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import pytest
 from examples import Block
 from exported_c import Compiled, driven, follow, load_all
 
