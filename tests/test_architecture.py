@@ -25,10 +25,11 @@ FLOORS: list[set[str]] = [
     {"plants", "observers", "noise", "engine"},
     {"measurement"},
     {"result"},
+    {"data"},
     {"simulation"},
-    {"analysis", "ensemble", "export", "testing"},
+    {"analysis", "ensemble", "testing"},
     {"tables"},
-    {"figures"},
+    {"export", "figures"},
     {"explore", "study"},
     {"reproduce", "tuning"},
     {"hgorun"},  # __init__.py, what `import hgorun` offers

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from hgorun.export.c_source import Source
+from hgorun.export.names import identifier
 from hgorun.export.observer import Exported
 from hgorun.version import __version__
 
@@ -206,9 +207,8 @@ def header(source: Source) -> str:
     lines += [f"#define {u}STATES {len(observer.states)}U /* {_plain(', '.join(observer.states))} */"]
     lines += [f"#define {u}OUTPUTS {len(observer.outputs)}U"]
     for i, output in enumerate(observer.outputs):
-        lines.append(
-            f"#define {u}OUTPUT_{output.name.upper()} {1 << i}U /* {_how(output.sampled, output.continuous)} */"
-        )
+        name, how = identifier(output.name).upper(), _how(output.sampled, output.continuous)
+        lines.append(f"#define {u}OUTPUT_{name} {1 << i}U /* {how} */")
     lines.append(f"#define {u}ALL {(1 << len(observer.outputs)) - 1}U")
     if observer.inputs:
         lines.append(f"#define {u}INPUTS {len(observer.inputs)}U /* {_plain(', '.join(observer.inputs))} */")
@@ -289,5 +289,7 @@ def _prototypes(source: Source, real: str, p: str) -> Iterator[str]:
         yield "/* What the inputs are: as for measure. Zero until they are told. */"
         yield f"uint32_t {p}input({p}observer *s, double t, const {real} u[]);\n"
     if observer.flows:
-        yield f"/* Nothing is known of these outputs until they are told again. */\nvoid {p}silence({p}observer *s, uint32_t which);\n"
-    yield f"/* The estimate now, in the coordinates of the plant. */\nvoid {p}estimate(const {p}observer *s, {real} xhat[]);\n"
+        yield "/* Nothing is known of these outputs until they are told again. */"
+        yield f"void {p}silence({p}observer *s, uint32_t which);\n"
+    yield "/* The estimate now, in the coordinates of the plant. */"
+    yield f"void {p}estimate(const {p}observer *s, {real} xhat[]);\n"

@@ -17,6 +17,7 @@ from hgorun.simulation.checks import longest_step
 from hgorun.simulation.passes import Pass, as_given, plan_of
 from hgorun.simulation.prepared import PreparedRun
 
+_OUTPUTS = 32
 _ADVICE = "give a fixed one, as in solver: {method: rk4, step: 0.01}"
 
 
@@ -66,6 +67,8 @@ def _labels(run: PreparedRun, chosen: Iterable[str]) -> list[str]:
     labels = [label for label in known if not chosen or label in chosen]
     if not labels:
         raise ConfigError("there is no observer to export")
+    if len(run.plant.model.outputs) > _OUTPUTS:
+        raise ConfigError(f"an exported observer has at most {_OUTPUTS} outputs, a bit for each")
     taken: dict[str, str] = {}
     for label in labels:
         other = taken.setdefault(identifier(label).lower(), label)

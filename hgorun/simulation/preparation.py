@@ -139,6 +139,9 @@ def _mean_squares(experiment: Experiment, step: float) -> np.ndarray | None:
     return alone.mean_squares()
 
 
+_SHORTER = 1e-9  # adaptive steps may be so many times shorter than the nominal one
+
+
 def with_events(run: PreparedRun, times: np.ndarray) -> PreparedRun:
     """The same run with more times at which a step ends."""
     return replace(run, schedule=schedule_of(run.experiment, run.channels, run.step, times))
@@ -156,8 +159,9 @@ def schedule_of(
     if more is not None:
         looked_at = np.concatenate([looked_at, more])
     timings, changes = tuple(channel.timing for channel in channels), (kinks.tobytes(), looked_at.tobytes())
-    key: Hashable = timings, time, experiment.origin, changes, step  # delays depend on the clock
-    return _SCHEDULES.get(key, lambda: build_schedule(channels, time, kinks, step, looked_at))
+    short = _SHORTER * step if experiment.adaptive else step
+    key: Hashable = timings, time, experiment.origin, changes, short  # delays depend on the clock
+    return _SCHEDULES.get(key, lambda: build_schedule(channels, time, kinks, short, looked_at))
 
 
 def _extremes(experiment: Experiment, channels: list[Channel]) -> np.ndarray:

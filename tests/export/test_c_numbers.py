@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
 from examples import Block
 from exported_c import Compiled, driven, follow, load_all
 
@@ -30,12 +31,12 @@ def run_of(name: str) -> PreparedRun:
     return prepare(experiment)
 
 
+@pytest.mark.slow
 def test_every_family(tmp_path: Path) -> None:
     runs = {name: run_of(name) for name in OBSERVERS.names()}
     observers = [exported(run)[0] for run in runs.values()]
-    compiled = load_all(tmp_path, observers)
+    compiled = load_all(tmp_path, observers, "-O1", "-march=native")
     worst = {name: difference(run, compiled[identifier(name)], name) for name, run in runs.items()}
-    print(worst)
     assert max(worst.values()) <= 1e-12, worst
 
 
