@@ -16,8 +16,10 @@ from hgorun.errors import ConfigError
 from hgorun.measurement.availability import Stretch, resolve
 from hgorun.measurement.blocks import Measurement
 from hgorun.measurement.noise import deviations
+from hgorun.measurement.sensors import sensors_of
 from hgorun.memo import Memo, Same
 from hgorun.observers.base import AnyObserver
+from hgorun.observers.capabilities import NoiseInformed
 from hgorun.plants.base import Plant
 from hgorun.plants.build import BuiltPlant, build_plant
 from hgorun.result.data import Coordinates
@@ -26,13 +28,14 @@ from hgorun.simulation.forms import coordinates_of, form_of
 from hgorun.simulation.grid import grid_of, metric_step
 from hgorun.simulation.observer_block import Design
 from hgorun.symbolic.forms import Form
+from hgorun.symbolic.sensors import Sensor
 
 # what the runs of a family share, and by which their schedules are known again
 _STRETCHES: Memo[list[list[Stretch]]] = Memo(16)
 
 _ONLY_A_FILE = "only a file can extend another one; see hgorun.load"
 _OF_FORMS = {"_forms", "forms", "coordinates"}  # what follows from the forms of the plant
-_KEPT = ("name", "text", "source", "_checked", "_noise", "_chosen")  # in a copy; all else follows from these
+_KEPT = ("name", "text", "source", "_checked", "_noise", "_chosen", "_known")  # in a copy; all else follows from these
 
 
 class Experiment:
@@ -131,7 +134,7 @@ class Experiment:
         for path, value in changes.items():
             source, _ = replaced(source, path, plain(value))
         with source.located():
-            observer = observer_of(label, source.data["observers"][label], source)
+            observer = self._informed(observer_of(label, source.data["observers"][label], source))
             form, origin = form_of(self.plant, label, observer, self._noise, self._taken().get(label))
             return Design.of(label, observer, form, origin)
 
@@ -228,10 +231,28 @@ class Experiment:
 
     def _design(self, label: str) -> Design:
         known = self.__dict__.setdefault("_designed", {}).get(label)
-        observer, (form, origin) = self.observers[label], self._forms[label]
-        if known is not None and known.observer is observer and known.form is form:
+        observer, (form, origin) = self._informed(self.observers[label]), self._forms[label]
+        if known is not None and _same(known.observer, observer) and known.form is form:
             return cast(Design, known)
         return Design.of(label, observer, form, origin)
+
+    def _informed(self, observer: AnyObserver) -> AnyObserver:
+        """An observer's block with what it asks of the rest of the configuration."""
+        if not isinstance(observer, NoiseInformed):
+            return observer
+        return observer.informed(sensors_of(self.stretches) if self._known is None else self._known)
+
+    @cached_property
+    def _known(self) -> tuple[Sensor, ...] | None:
+        """The sensors that the observers are designed for, where they are not this experiment's own."""
+        return None
+
+    def informed_by(self, other: Experiment) -> Experiment:
+        """The same, but with observers that are designed for the noise of another experiment's sensors."""
+        new = object.__new__(type(self))
+        new.__dict__ |= {key: value for key, value in self.__dict__.items() if key in _KEPT}
+        new._known = sensors_of(other.stretches) if other._known is None else other._known
+        return new
 
     @cached_property
     def stretches(self) -> list[list[Stretch]]:
@@ -287,6 +308,11 @@ class Experiment:
     def resolved_later(self) -> Callable[[], str]:
         """What makes :attr:`resolved_text`, which takes longer than a run."""
         return partial(_resolved_text, self._checked, self.coordinates)
+
+
+def _same(one: AnyObserver, other: AnyObserver) -> bool:
+    """Whether two blocks are one, or of one content where a new one is made each time."""
+    return one is other or (isinstance(one, NoiseInformed) and one == other)
 
 
 def _resolved_text(checked: Checked, coordinates: Mapping[str, Coordinates]) -> str:

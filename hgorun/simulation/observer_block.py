@@ -12,7 +12,7 @@ import numpy as np
 
 from hgorun.errors import PluginError, Problem, called
 from hgorun.memo import Same
-from hgorun.observers.base import AnyObserver, ContinuousObserver, Sample, SampledObserver
+from hgorun.observers.base import AnyObserver, Arrival, ContinuousObserver, CorrectedObserver, Sample, SampledObserver
 from hgorun.symbolic.forms import ChosenChains, Copy, Form, ModelCopy
 from hgorun.symbolic.parameters import Parameters, flat
 from hgorun.symbolic.states import StateBlock, Symmetric
@@ -284,6 +284,15 @@ class ObserverBlock:
         with called("observer", self.observer.type, "jump"):
             after = self.observer.jump(plant, before, s, sample, self.k)
             values = vars(s) | self._fitting(after, "jump", "value")
+        return ca.vertcat(*[block.flat(values[name]) for name, block in self.states.items()])
+
+    def corrected(self, t: ca.SX, u: ca.SX, p: ca.SX, z: ca.SX, arrival: Arrival) -> ca.SX:
+        """What the block becomes when samples of some outputs arrive."""
+        s = self.symbols(z)
+        assert isinstance(self.observer, CorrectedObserver)
+        with called("observer", self.observer.type, "correct"):
+            after = self.observer.correct(self.copy(t, u, p), s, arrival, self.k)
+            values = vars(s) | self._fitting(after, "correct", "value")
         return ca.vertcat(*[block.flat(values[name]) for name, block in self.states.items()])
 
     def copy(self, t: ca.SX, u: ca.SX, p: ca.SX) -> Copy:

@@ -199,7 +199,7 @@ def nominal_step(experiment: Experiment) -> float:
     """
     if experiment.given_step is not None:
         return experiment.given_step
-    rates = [rate_of(label, observer, experiment.forms[label]) for label, observer in experiment.observers.items()]
+    rates = [rate_of(label, design.observer, design.form) for label, design in experiment.designs.items()]
     rates += plant_rates(experiment.plant, experiment.time, experiment.plant.initial, experiment.plant.everything)
     return step_for(experiment, max((rate for rate in rates if np.isfinite(rate)), default=0.0))
 
