@@ -23,7 +23,7 @@ from hgorun.simulation.preparation import prepare
 from hgorun.simulation.prepared import PreparedRun
 
 OK, OLD, NOT_FINITE, BAD_TIME, TOO_FAR, INCOMPLETE = range(6)
-ANGLE = inline({"a": "b", "b": "-sin(a) - 0.1*b"}, {"phi": {"value": "a", "period": "2*pi"}}, 3.0)  # type: ignore[arg-type]
+ANGLE = inline({"a": "b", "b": "-sin(a) - 0.1*b"}, "a", 3.0) | {"output": {"phi": {"value": "a", "period": "2*pi"}}}
 DRIVEN = inline({"a": "b", "b": "-sin(a) - 0.1*b + u"}, "a", inputs={"u": "where(t < 2.05, 0.3, -0.2)"})
 CHAIN = chain(2, "-x1", 1.0)
 TWO = inline({"a": "b", "b": "-a + c", "c": "d", "d": "-c - a*b"}, ["a", "c"])
