@@ -14,7 +14,7 @@ import numpy as np
 from hgorun.export.c_files import c_files
 from hgorun.export.observer import Exported
 from hgorun.measurement.schedule import nearest_event
-from hgorun.observers.base import SampledObserver
+from hgorun.observers.base import CorrectedObserver, SampledObserver
 from hgorun.simulation.passes import as_given, carry_out, plan_of
 from hgorun.simulation.prepared import PreparedRun
 
@@ -129,13 +129,13 @@ def driven(run: PreparedRun) -> Driven:
 def follow(run: PreparedRun, found: Driven, observer: Compiled) -> Iterator[np.ndarray]:
     """The estimates of a compiled observer that is told the same, after each event."""
     q = len(observer.observer.outputs)
-    jumps = isinstance(observer.observer.design.observer, SampledObserver)
+    jumps = isinstance(observer.observer.design.observer, (SampledObserver, CorrectedObserver))
     for t, samples in zip(found.events, found.samples, strict=True):
         status = observer.predict(float(t))
         assert status == 0, status
         if jumps and samples:
             last = {i: y for i, _, y, used in samples if used}
-            assert observer.update(float(t), [last[i] for i in range(q)], (1 << q) - 1) == 0
+            assert observer.update(float(t), [last.get(i, 0.0) for i in range(q)], sum(1 << i for i in last)) == 0
         for i, taken, y, used in [] if jumps else samples:
             status = observer.update(taken, [y] * q, 1 << i)
             assert status == (0 if used else 1), (status, t, taken)

@@ -110,7 +110,7 @@ class Functions:
         observer = self.observer
         undelayed = any(o.continuous and o.delay is None for o in observer.outputs)
         unremembered = any(o.sampled and not o.remembered for o in observer.outputs)
-        return observer.flows and (undelayed or unremembered)
+        return observer.compares and (undelayed or unremembered)
 
     @property
     def timed(self) -> bool:
@@ -146,6 +146,8 @@ class Functions:
         for i in range(held.outputs):
             places[held.previous(i)], places[held.output(i)] = ("previous", i), ("y", i)
             places[held.noise(i)] = places[held.s(i, 0)] = ("nothing", i)
+            if held.flags:
+                places[held.fresh(i)] = ("fresh", i)
         for i in range(len(observer.inputs)):
             value, _, _, before = held.input(i)
             places[value], places[before] = ("u", i), ("before", i)

@@ -137,14 +137,14 @@ def members(source: Source) -> list[Member]:
     found = [Member("double", "t", 8, 8, meaning="now"), reals("z", observer.size, _plain(_layout(observer)))]
     if observer.sampled:
         found += [reals("y", q, "the last samples, and when they were taken"), Member("double", "taken", 8, 8, q)]
-        found += [reals("s", q, "C xhat - alpha at that time")] if observer.flows else []
-    if observer.flows:
+        found += [reals("s", q, "C xhat - alpha at that time")] if observer.compares else []
+    if observer.compares:
         found += [Member("uint32_t", "mode", 4, 4, q)]
     if observer.continuous:
         found += [Member(f"{p}line", "line", line, 8, q)]
     if observer.inputs:
         found += [Member(f"{p}line", "input", line, 8, m)]
-    if observer.jump is not None:
+    if observer.jump is not None and not observer.corrected:
         found += [Member("double", "sampled", 8, 8, meaning="the time of the last sample, if there was one")]
         found += [Member("uint32_t", "samples", 4, 4)]
         found += [reals("before", m)] if m else []
@@ -273,7 +273,7 @@ def _prototypes(source: Source, real: str, p: str) -> Iterator[str]:
     yield f"/* Go on to time t. */\nuint32_t {p}predict({p}observer *s, double t);\n"
     if observer.sampled:
         late = "it may be earlier than now" if observer.remembered else "now; a later one counts as now"
-        whole = "" if observer.jump is None else " All outputs at once."
+        whole = " All outputs at once." if observer.jump is not None and not observer.corrected else ""
         yield (
             f"/* Samples that arrive now. taken: the time they were measured, {late}.\n"
             f" * y: one value an output; which: a bit for each output that has one (ALL for all).{whole} */"
@@ -288,7 +288,7 @@ def _prototypes(source: Source, real: str, p: str) -> Iterator[str]:
     if observer.inputs:
         yield "/* What the inputs are: as for measure. Zero until they are told. */"
         yield f"uint32_t {p}input({p}observer *s, double t, const {real} u[]);\n"
-    if observer.flows:
+    if observer.compares:
         yield "/* Nothing is known of these outputs until they are told again. */"
         yield f"void {p}silence({p}observer *s, uint32_t which);\n"
     yield "/* The estimate now, in the coordinates of the plant. */"

@@ -48,16 +48,17 @@ class Samples:
         yield f"    uint32_t status = {u}OK;"
         functions = self.functions.all
         compared = [i for i, o in enumerate(observer.outputs) if o.sampled and not o.remembered]
-        if observer.flows and compared:
+        if observer.compares and compared:
             guess = functions["guess"]
             yield f"    {real.name} guess[{len(observer.outputs)}];"
             yield from self.functions.read_now(guess)
             yield ""
             yield f"    {guess.call('guess', z='s->z')}"
-        if observer.jump is not None:
+        if observer.jump is not None and not observer.corrected:
             yield f"    if ((which & {everything}U) != {everything}U) {{"
             yield f"        status = {u}INCOMPLETE;"
             yield "    }"
+        if observer.jump is not None:
             yield f"    if (!(taken >= s->t) && (status == {u}OK)) {{"
             yield f"        status = {u}OLD;"
             yield "    }"
@@ -69,7 +70,9 @@ class Samples:
                 yield f"    if (((which & {1 << i}U) != 0U) && !({real.function('fabs')}(y[{i}]) <= {real.largest})) {{"
                 yield f"        status = {u}NOT_FINITE;"
                 yield "    }"
-        if observer.jump is not None:
+        if observer.corrected:
+            yield from self._corrected()
+        elif observer.jump is not None:
             yield from self._jumped()
         else:
             for i, output in enumerate(observer.outputs):
@@ -104,9 +107,45 @@ class Samples:
         yield "        }"
         yield "    }"
 
+    def _corrected(self) -> Iterator[str]:
+        """Samples of some outputs that correct the observer together."""
+        observer, u, real = self.observer, self.upper, self.real
+        assert observer.jump is not None
+        jump, q, m = self.functions.all["jump"], len(observer.outputs), len(observer.inputs)
+        yield f"    if ((status == {u}OK) && (which != 0U)) {{"
+        yield f"        {real.name} fresh[{q}];"
+        yield f"        {real.name} after[{observer.size}];"
+        yield from self._of_jump(m if "u" in jump.arrays else 0)
+        yield f"        for (i = 0U; i < {q}U; ++i) {{"
+        yield f"            fresh[i] = {real.number(0.0)};"
+        yield "            if ((which & ((uint32_t)1U << i)) != 0U) {"
+        yield f"                fresh[i] = {real.number(1.0)};"
+        yield "                s->y[i] = y[i];"
+        yield "                s->taken[i] = taken;"
+        yield "            }"
+        yield "        }"
+        yield f"        {jump.call('after', z='s->z', y='s->y')}"
+        yield f"        for (i = 0U; i < {observer.size}U; ++i) {{"
+        yield "            s->z[i] = after[i];"
+        yield "        }"
+        yield "        (void)fresh;"
+        yield "    }"
+
+    def _of_jump(self, inputs: int) -> Iterator[str]:
+        """What a jump reads beside the state and the samples: declarations, then what fills them."""
+        observer, p, real = self.observer, self.prefix, self.real.name
+        clocked = 0 if observer.jump is None else len(observer.jump.clocked)
+        yield from (f"        {real} {name}[{count}];" for name, count in (("tau", clocked), ("u", inputs)) if count)
+        yield "        uint32_t i;"
+        yield ""
+        if clocked:
+            yield f"        {p}jump_clock(s->t, tau);"
+        if inputs:
+            yield f"        {p}inputs(s, s->t, u, NULL);"
+
     def _jumped(self) -> Iterator[str]:
         """A sample of all outputs at which the observer jumps."""
-        observer, p, u, real = self.observer, self.prefix, self.upper, self.real
+        observer, u, real = self.observer, self.upper, self.real
         assert observer.jump is not None
         jump, q, m = self.functions.all["jump"], len(observer.outputs), len(observer.inputs)
         yield f"    if (status == {u}OK) {{"
@@ -117,21 +156,12 @@ class Samples:
             if real.single
             else ("        const double interval[1] = {s->t - s->sampled};")
         )
-        if observer.jump.clocked:
-            yield f"        {real.name} tau[{len(observer.jump.clocked)}];"
-        if m:
-            yield f"        {real.name} u[{m}];"
-        yield "        uint32_t i;"
-        yield ""
-        if observer.jump.clocked:
-            yield f"        {p}jump_clock(s->t, tau);"
-        if m:
-            yield f"        {p}inputs(s, s->t, u, NULL);"
+        yield from self._of_jump(m)
         yield f"        for (i = 0U; i < {q}U; ++i) {{"
         yield "            previous[i] = s->y[i];"
         yield "            s->y[i] = y[i];"
         yield "            s->taken[i] = taken;"
-        if observer.flows:
+        if observer.compares:
             yield f"            s->mode[i] = {u}HELD;"
         if observer.alpha is not None:
             yield f"            s->s[i] = (guess[i] - s->z[{observer.alpha}U + i]) + s->z[{observer.alpha}U + i];"

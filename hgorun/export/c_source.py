@@ -67,7 +67,7 @@ class Source:
             yield from Samples(observer, self.functions).measure()
         if observer.inputs:
             yield self._filled(_INPUT)
-        if observer.flows:
+        if observer.compares:
             yield self._filled(_SILENCE)
         yield from self._estimate()
 
@@ -97,23 +97,23 @@ class Source:
         yield "        s->z[i] = start[i];"
         yield "    }"
         yield f"    for (i = 0U; i < {len(observer.outputs)}U; ++i) {{"
-        if observer.flows:
+        if observer.compares:
             yield f"        s->mode[i] = {self.upper}SILENT;"
         if observer.sampled:
             yield f"        s->y[i] = {zero};"
             yield "        s->taken[i] = 0.0;"
-            if observer.flows:
+            if observer.compares:
                 yield f"        s->s[i] = {zero};"
         if observer.continuous:
             yield f"        {self.prefix}hold(&s->line[i], 0.0, {zero});"
         yield "    }"
-        if observer.jump is not None:
+        if observer.jump is not None and not observer.corrected:
             yield "    s->samples = 0U;"
             yield "    s->sampled = 0.0;"
         if observer.inputs:
             yield f"    for (i = 0U; i < {len(observer.inputs)}U; ++i) {{"
             yield f"        {self.prefix}hold(&s->input[i], 0.0, {zero});"
-            if observer.jump is not None:
+            if observer.jump is not None and not observer.corrected:
                 yield f"        s->before[i] = {zero};"
             yield "    }"
         if observer.remembered:

@@ -16,7 +16,7 @@ from hgorun.export.names import identifier
 from hgorun.export.operations import Operations, operations
 from hgorun.measurement.availability import Stretch
 from hgorun.measurement.variants import HELD
-from hgorun.observers.base import ContinuousObserver, SampledObserver
+from hgorun.observers.base import AnyObserver, ContinuousObserver, CorrectedObserver, SampledObserver
 from hgorun.plants.build import BuiltPlant
 from hgorun.simulation.observer_block import Design, ObserverBlock
 from hgorun.simulation.system import Group, build_system
@@ -131,6 +131,16 @@ class Exported:
         return isinstance(self.block.observer, ContinuousObserver)
 
     @property
+    def compares(self) -> bool:
+        """Whether it is driven by the one innovation between samples."""
+        return _compares(self.block.observer)
+
+    @property
+    def corrected(self) -> bool:
+        """Whether it jumps at samples of any of its outputs; others that jump need all outputs at once."""
+        return isinstance(self.block.observer, CorrectedObserver)
+
+    @property
     def inputs(self) -> tuple[str, ...]:
         """The inputs that are told to it."""
         return self.plant.model.inputs if self.inputs_given else ()
@@ -205,7 +215,7 @@ def equations_of(
     design: Design, plant: BuiltPlant, outputs: Sequence[Output], origin: float, *, inputs_given: bool
 ) -> Equations:
     """The operations of an observer by itself, with the numbers of its design and of the plant in them."""
-    has_alpha = isinstance(design.observer, ContinuousObserver) and any(o.sampled or o.delay for o in outputs)
+    has_alpha = _compares(design.observer) and any(o.sampled or o.delay for o in outputs)
     t, parameters, model = plant.model.t, Parameters(), plant.model
     count = model.p.numel()
     symbols = PlantNumbers(
@@ -235,8 +245,8 @@ def equations_of(
             results["delay"] = ca.vertcat(*[parse(text, names=("t",)).symbol(clock) for text in delays])
     flow = _operations("equations", [t, p, z, w], results, values)
     jump, held = None, Held(q, 1, m)
-    if isinstance(design.observer, SampledObserver):
-        truth = Recording(plant.symbolic, inputs_given)
+    if isinstance(design.observer, (SampledObserver, CorrectedObserver)):
+        truth = Recording(plant.symbolic, tuple(range(m)))
         variants = [((HELD, 0),) * q] if has_alpha else []
         system = build_system([Group(truth, 0, (block,))], t, p, symbols, {}, variants)
         ((_, _, function),) = system.jumps
@@ -247,6 +257,11 @@ def equations_of(
             still[slope] = still[since] = 0  # inputs are told as they are at the sample
         jump = _operations("jump", [t, p, z, w], {"jump": function(t, p, z, still)}, values)
     return Equations(block, flow, jump, held)
+
+
+def _compares(observer: AnyObserver) -> bool:
+    """Whether an observer is driven by the one innovation between samples."""
+    return isinstance(observer, ContinuousObserver) and not isinstance(observer, CorrectedObserver)
 
 
 def _operations(name: str, arguments: list[ca.SX], results: dict[str, ca.SX], values: np.ndarray) -> Operations:

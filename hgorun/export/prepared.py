@@ -12,7 +12,7 @@ from hgorun.engine.methods import METHODS, Method
 from hgorun.errors import ConfigError, Problem
 from hgorun.export.names import identifier
 from hgorun.export.observer import Equations, Exported, Output, equations_of, outputs_of
-from hgorun.observers.base import ContinuousObserver
+from hgorun.observers.base import ContinuousObserver, CorrectedObserver
 from hgorun.simulation.checks import longest_step
 from hgorun.simulation.passes import Pass, as_given, plan_of
 from hgorun.simulation.prepared import PreparedRun
@@ -113,7 +113,8 @@ def _exported(run: PreparedRun, label: str, how: Pass | None, wanted: Wanted) ->
     design = experiment.designs[label]
     path = "observers", label
     flows = isinstance(design.observer, ContinuousObserver)
-    lateness = [max(_lateness(run, i), wanted.late if flows else 0.0) for i in range(len(plant.model.outputs))]
+    compares = flows and not isinstance(design.observer, CorrectedObserver)
+    lateness = [max(_lateness(run, i), wanted.late if compares else 0.0) for i in range(len(plant.model.outputs))]
     try:
         outputs = outputs_of(experiment.stretches, plant, [late > 0 for late in lateness])
     except ValueError as error:

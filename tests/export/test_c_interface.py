@@ -43,6 +43,11 @@ RUNS = {
         {"type": "shgo_riccati", "theta": 2},
         {"outputs": {"a": {"sampling": {"period": 0.1}}, "c": {"sampling": {"period": 0.17}, "delay": 0.05}}},
     ),
+    "corrected": run_of(
+        TWO,
+        {"type": "ekf", "Q": {"a": 0.1, "d": 0.2}, "initial": {"b": 1}},
+        {"noise": NOISE, "outputs": {"a": {"sampling": {"period": 0.1}}, "c": {"sampling": {"period": 0.17}}}},
+    ),
     "phases": run_of(
         CHAIN,
         {"type": "shgo", "theta": 2},

@@ -36,7 +36,10 @@ def run_of(delay: str, noise: list[Block], period: float | None = None) -> Prepa
 
 def recorded(run: PreparedRun, values: np.ndarray | None, inputs: RecordedInputs | None = None) -> np.ndarray:
     """The estimates at the run's events, of the engine: outputs are the values, held; (events, observers n)."""
-    truth, designs = Recording(run.plant.symbolic, inputs is not None), list(run.experiment.designs.values())
+    truth, designs = (
+        Recording(run.plant.symbolic, () if inputs is None else (0,)),
+        list(run.experiment.designs.values()),
+    )
     structure = structure_of([truth], [designs], run.experiment.stretches, run.schedule.variants, run.plant.everything)
     samples = None if run.channels[0].stretches[0].continuous else [np.asarray(values)]
     plan = build_plan(
