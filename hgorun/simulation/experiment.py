@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
 from functools import cached_property, partial
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from hgorun.errors import ConfigError
 from hgorun.measurement.availability import Stretch, resolve
 from hgorun.measurement.blocks import Measurement
 from hgorun.measurement.noise import deviations
-from hgorun.memo import Memo, Same
+from hgorun.memo import Memo, same
 from hgorun.observers.base import AnyObserver
 from hgorun.plants.base import Plant
 from hgorun.plants.build import BuiltPlant, build_plant
@@ -29,6 +29,7 @@ from hgorun.symbolic.forms import Form
 
 # what the runs of a family share, and by which their schedules are known again
 _STRETCHES: Memo[list[list[Stretch]]] = Memo(16)
+_DESIGNS: Memo[Design] = Memo(256)
 
 _ONLY_A_FILE = "only a file can extend another one; see hgorun.load"
 _OF_FORMS = {"_forms", "forms", "coordinates"}  # what follows from the forms of the plant
@@ -146,18 +147,18 @@ class Experiment:
     def _forget(self, before: Checked) -> None:
         """Leave out what has been derived from parts that are no longer the same."""
         now, known = self._checked, self.__dict__
-        known["_designed"] = known.get("_designed", {}) | known.get("designs", {})
         formed = known.get("_formed", {}) | known.get("_forms", {})
         same = {label for label, observer in now.observers.items() if observer is before.observers.get(label)}
         known["_formed"] = {label: forms for label, forms in formed.items() if label in same}
         stale = {"designs"}
-        if now.plant is not before.plant or now.blocks.time.start != before.blocks.time.start:
+        time, metrics = now.blocks.time is not before.blocks.time, now.blocks.metrics is not before.blocks.metrics
+        if now.plant is not before.plant or (time and now.blocks.time.start != before.blocks.time.start):
             stale |= {"plant", "_formed", *_OF_FORMS, "stretches", "grid"}
         if now.observers is not before.observers:
             stale |= _OF_FORMS if now.observers.keys() == before.observers.keys() else {*_OF_FORMS, "grid"}
-        if now.measurement is not before.measurement or now.blocks.time != before.blocks.time:
+        if now.measurement is not before.measurement or time:
             stale |= {"stretches"}
-        if now.blocks.time != before.blocks.time or now.blocks.metrics != before.blocks.metrics:
+        if time or metrics:
             stale |= {"grid"}
         for name in stale:
             known.pop(name, None)
@@ -227,11 +228,9 @@ class Experiment:
             return {label: self._design(label) for label in self.observers}
 
     def _design(self, label: str) -> Design:
-        known = self.__dict__.setdefault("_designed", {}).get(label)
         observer, (form, origin) = self.observers[label], self._forms[label]
-        if known is not None and known.observer is observer and known.form is form:
-            return cast(Design, known)
-        return Design.of(label, observer, form, origin)
+        key = label, same(observer), same(form), same(origin)
+        return _DESIGNS.get(key, lambda: Design.of(label, observer, form, origin))
 
     @cached_property
     def stretches(self) -> list[list[Stretch]]:
@@ -239,7 +238,7 @@ class Experiment:
         outputs, time = self.plant.model.outputs, self.blocks.time
         with self.located():
             return _STRETCHES.get(
-                (Same(self.measurement), outputs, time), lambda: resolve(self.measurement, outputs, time)
+                (same(self.measurement), outputs, time), lambda: resolve(self.measurement, outputs, time)
             )
 
     @property

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import cast
 
@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from hgorun.errors import PluginError, Problem, called
-from hgorun.memo import Same
+from hgorun.memo import same
 from hgorun.observers.base import AnyObserver, ContinuousObserver, Sample, SampledObserver
 from hgorun.symbolic.forms import ChosenChains, Copy, Form, ModelCopy
 from hgorun.symbolic.parameters import Parameters, flat
@@ -40,6 +40,7 @@ class Design:
     origin: Form
     gains: Mapping[str, np.ndarray]
     defaults: dict[str, np.ndarray | Symmetric]
+    _last: dict[str, object] = field(default_factory=dict)
 
     @classmethod
     def of(cls, label: str, observer: AnyObserver, form: Form, origin: Form | None = None) -> Design:
@@ -81,31 +82,44 @@ class Design:
             When ``initial`` or ``internal`` does not fit.
         """
         key = parameters.tobytes(), has_alpha
-        known = self.__dict__.setdefault("_initial", {})
-        if key not in known:
-            known[key] = self._initial_values(parameters, has_alpha)
-        return cast(np.ndarray, known[key])
+        if self._last.get("of") != key:  # the runs of a family often have the same parameters
+            try:
+                xhat = self.form.start(self._estimate, parameters, self.observer.coordinates == "canonical")
+            except ValueError as error:
+                at = "" if self.observer.initial else "; that is where estimates start by default: give initial"
+                raise self._fail("initial", f"{error}{at}") from error
+            own = self._own_alpha if has_alpha else self._own
+            self._last.update(of=key, values=np.concatenate([np.ravel(xhat), own]))
+        return cast(np.ndarray, self._last["values"])
 
-    def _initial_values(self, parameters: np.ndarray, has_alpha: bool) -> np.ndarray:
-        observer = self.observer
-        x = np.array([observer.initial.get(s, 0.0) for s in self.form.plant.states])
-        defaults = self.defaults | ({"alpha": np.zeros(len(self.form.plant.outputs))} if has_alpha else {})
+    @cached_property
+    def _estimate(self) -> np.ndarray:
+        """The initial estimate in the plant's coordinates."""
+        return np.array([self.observer.initial.get(s, 0.0) for s in self.form.plant.states])
+
+    @cached_property
+    def _own(self) -> np.ndarray:
+        """Initial values of the observer's own states."""
+        return self._own_values({})
+
+    @cached_property
+    def _own_alpha(self) -> np.ndarray:
+        """The same with alpha behind them."""
+        return self._own_values({"alpha": np.zeros(len(self.form.plant.outputs))})
+
+    def _own_values(self, more: dict[str, np.ndarray]) -> np.ndarray:
+        defaults = {name: value for name, value in (self.defaults | more).items() if name != "xhat"}
         places = {name: StateBlock.of(0, value) for name, value in defaults.items()}
         values = {n: v.values if isinstance(v, Symmetric) else v for n, v in defaults.items()}
-        try:
-            values["xhat"] = self.form.start(x, parameters, observer.coordinates == "canonical")
-        except ValueError as error:
-            at = "" if observer.initial else "; that is where estimates start by default: give initial"
-            raise self._fail("initial", f"{error}{at}") from error
-        for name, given in observer.internal.items():
-            if name not in values or name == "xhat":
-                known = ", ".join(n for n in values if n != "xhat") or "none"
+        for name, given in self.observer.internal.items():
+            if name not in values:
+                known = ", ".join(values) or "none"
                 raise self._fail("internal", f"unknown internal state {name!r}; this observer has: {known}")
             try:
                 values[name] = places[name].initial(given, values[name])
             except ValueError as error:
                 raise self._fail("internal", f"{name}: {error}") from error
-        return np.concatenate([places[name].numbers(np.asarray(v)) for name, v in values.items()])
+        return np.concatenate([np.zeros(0), *(places[name].numbers(np.asarray(v)) for name, v in values.items())])
 
     def _fail(self, key: str, message: str) -> Problem:
         return Problem(("observers", self.label, key), message)
@@ -120,7 +134,7 @@ class Design:
         )
         observer = self.observer
         own = self.label, type(observer), observer.coordinates, tuple(observer.saturation)
-        return own, Same(self.origin), gains, states
+        return own, same(self.origin), gains, states
 
     @cached_property
     def numbers(self) -> np.ndarray:
