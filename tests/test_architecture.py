@@ -25,6 +25,7 @@ FLOORS: list[set[str]] = [
     {"plants", "observers", "noise", "engine"},
     {"measurement"},
     {"result"},
+    {"data"},
     {"simulation"},
     {"analysis", "ensemble", "testing"},
     {"tables"},

@@ -6,8 +6,9 @@ With an absolute tolerance given, |error| <= atol + rtol max(|z|, |z_new|). With
 
 where the rounding is that of the terms which z' is the sum of: an error of its size is not made smaller by a shorter
 step. A state that has been zero so far and rises like a power of t has a relative error that does not depend on
-the step; there a very short first step is made whatever the error. Everything scales with each state's unit: powers
-of two change no bit.
+the step; there a very short first step is made whatever the error. Such a state may be too small for double precision
+at first, like t^40 where t = 1e-10, and its digits are lost where numbers become subnormal: errors below 1e-301 are
+allowed to all states. Everything else scales with each state's unit: powers of two change no bit.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from hgorun.engine.layout import WORD, Held
 from hgorun.engine.stepper import Stepper
 from hgorun.native.ir import hexadecimal
 
+_TINY = 2.0**-1000  # below it digits are lost
 SMALL = 1e-6  # of the largest |z| so far: what a state has to be known to when it is smaller
 _NUDGE = 2.0**-26  # relative changes of z and w that show the size of the terms in z'
 # of a segment, and of t: below the time scale of what is resolved there, and above that at which states which are
@@ -28,6 +30,7 @@ def tolerances(s: Stepper) -> list[str]:
     f = s.f
     rtol, atol, small = (f.splat(f.word("%ctx", WORD[name], "double")) for name in ("rtol", "atol", "small"))
     sizes = f.word("%ctx", WORD["size"], "ptr")
+    atol = f.add(atol, f.constant(_TINY))
     found = []
     for i in range(s.size):
         scale = f.mul(small, f.load(f.at(sizes, i * f.lanes), f.real))

@@ -29,10 +29,10 @@ from hgorun.ensemble.rows import batches, part
 from hgorun.ensemble.store import COLLECTED, Store
 from hgorun.ensemble.trajectories import chosen, follow
 from hgorun.errors import HgorunError
-from hgorun.files import json_value, remove_leftovers, write_text, written_whole
+from hgorun.files import json_value, remove_leftovers, write_text
 from hgorun.observers.capabilities import FilterOrder
 from hgorun.result.metrics.base import all_metrics
-from hgorun.result.sink import Sink
+from hgorun.result.sink import hdf5_written_whole
 from hgorun.result.status import STATUSES
 from hgorun.version import __version__
 
@@ -55,14 +55,10 @@ def collect(store: Store, path: Path) -> Path:
             "run the sweep again, or merge the folders of all its parts"
         )
     remove_leftovers(path.parent)
-    with written_whole(path) as new, Sink(new) as sink:
-        with h5py.File(sink, "w", track_order=True) as file:
-            _write(store, file)
-        if sink.failed is not None:
-            raise sink.failed
+    with hdf5_written_whole(path) as file:
+        _write(store, file)
         store.refuse_replaced()
-        known = _known(store, new)
-    write_text(store.folder / COLLECTED, json.dumps(known, indent=1))
+    write_text(store.folder / COLLECTED, json.dumps(_known(store, path), indent=1))
     return path
 
 

@@ -138,9 +138,9 @@ class Family:
         if run.experiment.given_step is not None:
             return np.full(len(self.members), run.step)
         rates = [self._plant_rates()]
-        for label, observer in run.experiment.observers.items():
+        for label, design in run.experiment.designs.items():
             gains = self._gains.get(label)
-            known = rate_of(label, observer, run.forms[label]) if gains is None else gains.rate[gains.kind]
+            known = rate_of(label, design.observer, design.form) if gains is None else gains.rate[gains.kind]
             rates.append(np.broadcast_to(known, rates[0].shape))
         fastest = np.max([np.where(np.isfinite(rate), rate, 0.0) for rate in rates], axis=0)
         each, which = np.unique(fastest, return_inverse=True)

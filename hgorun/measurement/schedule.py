@@ -52,7 +52,7 @@ def build_schedule(
     extremes : ndarray, optional
         Where they are smooth, but should be looked at.
     step : float
-        Nominal step: events much closer than it are one.
+        Events much closer to each other than such a step are one.
     """
     rounding = 4 * max(s.spacing for c in channels for s in c.stretches)
     tolerance = max(_SHORT * step, rounding)

@@ -3,8 +3,14 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+import h5py
+
+from hgorun.files import written_whole
 
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
@@ -33,3 +39,23 @@ class Sink(io.FileIO):
         except OSError as error:
             self.failed = error
             return size or 0
+
+
+@contextmanager
+def hdf5_written_whole(path: Path, libver: tuple[str, str] | None = None) -> Iterator[h5py.File]:
+    """An HDF5 file that is written whole or not at all.
+
+    Raises
+    ------
+    HgorunError
+        When the file cannot be written, whatever HDF5 has said of it: it may read again what has not been written.
+    """
+    with written_whole(path) as part, Sink(part) as sink:
+        try:
+            with h5py.File(sink, "w", track_order=True, libver=libver) as file:
+                yield file
+        except Exception:
+            if sink.failed is None:
+                raise
+        if sink.failed is not None:
+            raise sink.failed

@@ -16,11 +16,10 @@ from typing import Any
 import h5py
 import numpy as np
 
-from hgorun.files import written_whole
 from hgorun.result import digests
 from hgorun.result.data import PLANT, DesignNumbers, ObserverResult, ResultData
 from hgorun.result.metrics.base import all_metrics
-from hgorun.result.sink import Sink
+from hgorun.result.sink import hdf5_written_whole
 from hgorun.result.status import OK, Verdict
 
 FORMAT = "hgorun-result-1"
@@ -46,11 +45,8 @@ def save(result: ResultData, path: Path) -> Path:
     HgorunError
         When the file cannot be written.
     """
-    with written_whole(path) as part, Sink(part) as sink:
-        with h5py.File(sink, "w", track_order=True, libver=_form(result)) as file:
-            _write(result, file)
-        if sink.failed is not None:
-            raise sink.failed
+    with hdf5_written_whole(path, _form(result)) as file:
+        _write(result, file)
     return path
 
 

@@ -126,6 +126,18 @@ def resolved(checked: Checked, coordinates: Mapping[str, Coordinates]) -> dict[s
     return values
 
 
+def resolved_text(checked: Checked, coordinates: Mapping[str, Coordinates]) -> str:
+    """What :func:`resolved` gives, as YAML."""
+    return as_yaml(resolved(checked, coordinates))
+
+
+def as_yaml(values: dict[str, Any]) -> str:
+    """Plain values as YAML, their keys in the order given."""
+    import yaml
+
+    return yaml.safe_dump(values, sort_keys=False, allow_unicode=True)
+
+
 def plain(value: Any) -> Any:
     """Values as YAML can write them: complex numbers as text, tuples and arrays as lists, numbers as Python's."""
     if isinstance(value, (np.generic, np.ndarray)):

@@ -8,7 +8,7 @@ from hgorun.engine.memory import history_bytes, history_pieces
 from hgorun.errors import Problem
 from hgorun.measurement.channels import continuous_delays
 from hgorun.measurement.signals import delay_range
-from hgorun.observers.base import SampledObserver, SampleSchedule
+from hgorun.observers.base import CorrectedObserver, SampledObserver, SampleSchedule
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.steps import steps_between
 from hgorun.symbolic.evaluate import roughly_at
@@ -28,6 +28,7 @@ def check_run(run: PreparedRun) -> None:
     check_steps(run, run.step, adaptive=run.adaptive)
     _check_clock(run)
     _check_jumps(run)
+    _check_corrections(run)
     _check_start(run)
     for channel in run.channels:
         _ = channel.gain_and_bias  # noise that is not a number at some sample is reported before any run starts
@@ -127,6 +128,18 @@ def _check_jumps(run: PreparedRun) -> None:
         if np.any(samples.taken < samples.arrival):
             raise Problem(stepped[0], "this takes samples without delay")
     _check_schedules(run, np.diff(first.arrival[first.used]))
+
+
+def _check_corrections(run: PreparedRun) -> None:
+    """What is corrected at samples needs all outputs sampled, and in time."""
+    for b in run.observers:
+        if isinstance(b.observer, CorrectedObserver):
+            for channel in run.channels:
+                if any(s.continuous for s in channel.stretches):
+                    message = f"this needs sampled outputs, but {channel.name} is continuous"
+                    raise Problem(("observers", b.label), message)
+                if np.any(channel.samples.taken < channel.samples.arrival):
+                    raise Problem(("observers", b.label), "this takes samples without delay")
 
 
 def _check_schedules(run: PreparedRun, intervals: np.ndarray) -> None:

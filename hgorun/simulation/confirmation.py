@@ -61,8 +61,8 @@ def confirmed(run: PreparedRun, raw: Raw, again: Again) -> tuple[Raw, dict[str, 
         if verdict.status == "diverged" and np.isfinite(at):
             verdict = replace(verdict, at=at)  # there its numbers end
         if verdict.status == "diverged" and verdict.reason is None and j not in enough:
-            verdict = replace(verdict, reason=why_diverged(run, free, j))
-        said[j] = _inaccurate(run, free, j, verdict, enough[j]) if j in enough else verdict
+            verdict = replace(verdict, reason=why_diverged(run, free, j, again))
+        said[j] = _inaccurate(run, free, j, verdict, enough[j], again) if j in enough else verdict
     raw = _with_blocks(run, raw, free, back)
     raw = _ended(run, raw, {j: verdict for j, verdict in said.items() if verdict.lost or j in enough})
     return raw, {run.observers[j].label: verdict for j, verdict in said.items() if verdict != OK}
@@ -202,11 +202,11 @@ def _longest(run: PreparedRun) -> float:
     return min(run.step, run.longest_gap)
 
 
-def _inaccurate(run: PreparedRun, free: Raw, j: int, verdict: Verdict, shorter: int) -> Verdict:
+def _inaccurate(run: PreparedRun, free: Raw, j: int, verdict: Verdict, shorter: int, again: Again) -> Verdict:
     step = _longest(run)
     what = "diverges" if verdict.status == "diverged" else "is undefined"
     reason = f"{what} with steps of {step:.3g}, but not with shorter ones: give a step of at most {step / shorter:.3g}"
-    cause = singular(run, free, run.observers[j])
+    cause = singular(run, free, j, again)
     return Verdict("inaccurate", verdict.at, reason if cause is None else f"{reason}; {cause}")
 
 

@@ -186,12 +186,12 @@ def _lost(run: PreparedRun, found: Finished, progress: Progress) -> dict[str, Ve
     if not found.verdicts or run.solver.divergence is not None:
         return found.verdicts
     raw = integrate(run, found.how, progress)
-    again = None if found.how.tolerance else Again(run, found.how, progress)
-    _, verdicts = ended(run, raw, again)
+    again = Again(run, found.how, progress)
+    _, verdicts = ended(run, raw, None if found.how.tolerance else again)
     for j, block in enumerate(run.observers):
         verdict = verdicts.get(block.label)
         if verdict is not None and verdict.status == "diverged" and verdict.reason is None:
-            verdicts[block.label] = replace(verdict, reason=why_diverged(run, raw, j))
+            verdicts[block.label] = replace(verdict, reason=why_diverged(run, raw, j, again))
     return verdicts
 
 

@@ -21,8 +21,8 @@ from hgorun.observers.capabilities import Switching
 from hgorun.plants.build import BuiltPlant, SymbolicPlant
 from hgorun.result.data import DesignNumbers
 from hgorun.simulation.checks import check_run
+from hgorun.simulation.design import Design
 from hgorun.simulation.experiment import Experiment
-from hgorun.simulation.observer_block import Design
 from hgorun.simulation.plant_alone import PlantRun, plant_extremes, plant_kinks, plant_remarks, plant_unknown
 from hgorun.simulation.prepared import Numbers, PreparedRun
 from hgorun.simulation.structure import Structure, parameter_values, structure_of
@@ -139,6 +139,9 @@ def _mean_squares(experiment: Experiment, step: float) -> np.ndarray | None:
     return alone.mean_squares()
 
 
+_SHORTER = 1e-9  # adaptive steps may be so many times shorter than the nominal one
+
+
 def with_events(run: PreparedRun, times: np.ndarray) -> PreparedRun:
     """The same run with more times at which a step ends."""
     return replace(run, schedule=schedule_of(run.experiment, run.channels, run.step, times))
@@ -156,8 +159,9 @@ def schedule_of(
     if more is not None:
         looked_at = np.concatenate([looked_at, more])
     timings, changes = tuple(channel.timing for channel in channels), (kinks.tobytes(), looked_at.tobytes())
-    key: Hashable = timings, time, experiment.origin, changes, step  # delays depend on the clock
-    return _SCHEDULES.get(key, lambda: build_schedule(channels, time, kinks, step, looked_at))
+    short = _SHORTER * step if experiment.adaptive else step
+    key: Hashable = timings, time, experiment.origin, changes, short  # delays depend on the clock
+    return _SCHEDULES.get(key, lambda: build_schedule(channels, time, kinks, short, looked_at))
 
 
 def _extremes(experiment: Experiment, channels: list[Channel]) -> np.ndarray:
@@ -195,7 +199,7 @@ def nominal_step(experiment: Experiment) -> float:
     """
     if experiment.given_step is not None:
         return experiment.given_step
-    rates = [rate_of(label, observer, experiment.forms[label]) for label, observer in experiment.observers.items()]
+    rates = [rate_of(label, design.observer, design.form) for label, design in experiment.designs.items()]
     rates += plant_rates(experiment.plant, experiment.time, experiment.plant.initial, experiment.plant.everything)
     return step_for(experiment, max((rate for rate in rates if np.isfinite(rate)), default=0.0))
 

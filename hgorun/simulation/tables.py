@@ -26,13 +26,13 @@ class Tables:
     segments : Segments
     slots : int
         Samples on their way, over all outputs.
-    intervals : ndarray
-        The times between samples, for what jumps at them.
+    values : ndarray
+        What is set beside noise and recorded inputs.
     """
 
     segments: Segments
     slots: int
-    intervals: np.ndarray
+    values: np.ndarray
 
 
 def build_plan(
@@ -97,7 +97,7 @@ def build_plan(
         slots=tables.slots,
         gain=np.concatenate([np.zeros(0), *(gain for gain, _ in measured)]),
         bias=np.concatenate([np.zeros(0), *(bias for _, bias in measured)]),
-        holds=np.concatenate([np.zeros(0), *changes, tables.intervals, *recorded]),
+        holds=np.concatenate([np.zeros(0), *changes, tables.values, *recorded]),
         reach=reach,
         origin=origin,
         following=following,
@@ -134,7 +134,7 @@ class _Tabulated:
 
     def whole(self) -> Tables:
         """All of a run."""
-        return Tables(self.segments(0, self.schedule.events.size), self.actions.slots, self.actions.intervals)
+        return Tables(self.segments(0, self.schedule.events.size), self.actions.slots, self.actions.values)
 
     def in_parts(self) -> tuple[Tables, Following]:
         """The first events of a run, and the others part by part."""
@@ -147,7 +147,7 @@ class _Tabulated:
                 yield self.segments(start, min(start + _PART_EVENTS, count))
 
         following = Following(rest, steps, steps + count - _PART_EVENTS, float(self.schedule.events[-1]))
-        return Tables(first, self.actions.slots, self.actions.intervals), following
+        return Tables(first, self.actions.slots, self.actions.values), following
 
     def segments(self, first: int, stop: int) -> Segments:
         """From event ``first`` on, with what happens at the events before ``stop``.

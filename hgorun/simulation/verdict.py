@@ -2,8 +2,10 @@
 
 The estimate of a state is lost when at the end of the run it is still a million times further from the truth than the
 state is large, or than the estimate was at the start. Where that is no more than rounding (a state that rests at zero,
-an output with noise) the error must also be a thousand times what it is in the quietest tenth of the run. An estimate
-that peaks and comes back is not lost.
+an output with noise) the error must also be a thousand times what it is in the quietest tenth of the run. Of a state
+that rests at zero and is estimated so at the start, only the errors tell the size: a million times the quietest, and
+larger than in the first tenth, since errors that fade end in rounding, which may be far above their smallest. An
+estimate that peaks and comes back is not lost.
 """
 
 from __future__ import annotations
@@ -89,7 +91,9 @@ def _bounds(x: Floats, gap: Floats) -> Floats:
     first = np.where(np.isfinite(gap[0]), gap[0], 0.0)
     size = np.maximum(np.max(np.abs(x), axis=0), first)
     quiet = np.array([_quiet(column) for column in gap.T])
-    bounds = np.maximum(_FAR * np.where(size > 0, size, quiet), _GROWN * quiet)
+    begun = np.max(np.where(np.isfinite(gap), gap, 0.0)[: max(len(gap) // 10, 1)], axis=0)
+    resting = np.maximum(_FAR * quiet, begun)  # of a state that rests at zero
+    bounds = np.maximum(np.where(size > 0, _FAR * size, resting), _GROWN * quiet)
     return np.where(bounds > 0, bounds, np.inf)  # of a state and an error that are zero nothing can be said
 
 

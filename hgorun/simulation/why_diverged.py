@@ -2,57 +2,108 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import casadi as ca
 import numpy as np
 
 from hgorun.engine.memory import Raw
+from hgorun.engine.plan import Plan
 from hgorun.observers.base import ContinuousObserver
 from hgorun.observers.capabilities import SlidingMode
+from hgorun.simulation.loss import Again
 from hgorun.simulation.observer_block import ObserverBlock
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.symbolic.evaluate import Floats, at, evaluate
 from hgorun.symbolic.forms import ChosenChains
 
 _GROWS = 1e-6  # of the fastest rate: a smaller one may be rounding of zero
+_HALVINGS = 40  # of the time between the last point of the grid and a loss
+_NEARLY, _EXPLODED = 1e-3, 1e3  # of the determinant at the start; times the size of the states
 
 
-def why_diverged(run: PreparedRun, raw: Raw, j: int) -> str | None:
+def why_diverged(run: PreparedRun, raw: Raw, j: int, again: Again) -> str | None:
     """The reason in words; None where it is neither of those that are looked for.
 
     Parameters
     ----------
     raw : Raw
         A run in which the observer was followed until its numbers overflowed.
+    again : Again
+        That run once more.
     """
-    block = run.observers[j]
-    return _unstable_gain(run, raw, block) or singular(run, raw, block)
+    return _unstable_gain(run, raw, run.observers[j]) or singular(run, raw, j, again)
 
 
-def singular(run: PreparedRun, raw: Raw, block: ObserverBlock) -> str | None:
+def singular(run: PreparedRun, raw: Raw, j: int, again: Again) -> str | None:
     """When J, through whose inverse a constant gain corrects, became singular: its determinant changed its sign.
 
-    Where the estimate is lost before its own determinant shows that, that of the true state does.
+    Where the estimate is lost before its own determinant shows that, that of the true state does, or what becomes of
+    the determinant between the last point of the grid and the loss: infinite corrections may hold an estimate where J
+    is singular, and no step brings it across.
     """
+    block = run.observers[j]
     form = block.form
     if not isinstance(form, ChosenChains) or block.canonical or form.map == "chain":
         return None
     if sum(form.chains) != form.plant.n:  # corrected by least squares
         return None
-    xhat = block.states["xhat"]
-    rows = raw.rows[:, xhat.start : xhat.start + xhat.size, 0]
-    rows = rows[np.all(np.isfinite(rows), axis=1)]
-    truth = raw.rows[: len(rows) + 1, : form.plant.n, 0]
     x, p = form.plant.x, form.plant.p
     determinant = ca.Function("det", [x, p], [ca.det(form.jacobian)])
-    for states in (rows, truth):
-        values = evaluate(determinant, states, run.plant.parameters)[0].ravel()
-        with np.errstate(invalid="ignore"):
-            changed = np.flatnonzero(np.sign(values) != np.sign(values[0]))
-        if changed.size:
-            k = int(changed[0])
-            when = np.interp(0.0, *_rising(values[k - 1 : k + 1], run.grid[k - 1 : k + 1]))
-            return f"J became singular at t = {run.origin + float(when):.6g}"
-    return None
+
+    def along(states: Floats) -> Floats:
+        return evaluate(determinant, states, run.plant.parameters)[0].ravel()
+
+    estimate = _finite(_estimate(block, raw))
+    truth = raw.rows[: len(estimate) + 1, : form.plant.n, 0]
+    for states in (estimate, truth):
+        when = _sign_changes(run.grid, along(states))
+        if when is not None:
+            return _singular_at(run, when)
+    lost = float(raw.diverged[j, 0])
+    if not (np.isfinite(lost) and 0 < len(estimate) < len(run.grid)):
+        return None
+    last = float(run.grid[len(estimate) - 1])
+    times = np.unique(np.append(last, lost - (lost - last) * 2.0 ** -np.arange(_HALVINGS)))
+    closer = _finite(_estimate(block, again.integrate(_with_grid(again.plan(), times))))
+    values = np.concatenate([along(estimate[:1]), along(closer)])
+    when = _sign_changes(np.append(times[0], times), values)
+    if when is not None:
+        return _singular_at(run, when)
+    far = np.max(np.abs(closer)) > _EXPLODED * max(np.max(np.abs(estimate[:1])), np.max(np.abs(truth)))
+    return None if far or abs(values[-1]) > _NEARLY * abs(values[0]) else _singular_at(run, lost)
+
+
+def _estimate(block: ObserverBlock, raw: Raw) -> Floats:
+    """The rows of its estimate, shape (N, n)."""
+    xhat = block.states["xhat"]
+    return raw.rows[:, xhat.start : xhat.start + xhat.size, 0]
+
+
+def _finite(rows: Floats) -> Floats:
+    """The rows that are numbers."""
+    return rows[np.all(np.isfinite(rows), axis=1)]
+
+
+def _with_grid(plan: Plan, times: Floats) -> Plan:
+    """A plan with other output times, which may lie anywhere in its steps."""
+    counts = plan.counts.copy()
+    counts[:, 6] = 1
+    return replace(plan, grid=times, counts=counts)
+
+
+def _sign_changes(times: Floats, values: Floats) -> float | None:
+    """When values change their sign for the first time, as far as a straight line tells."""
+    with np.errstate(invalid="ignore"):
+        changed = np.flatnonzero(np.sign(values) != np.sign(values[0]))
+    if not changed.size:
+        return None
+    k = int(changed[0])
+    return float(np.interp(0.0, *_rising(values[k - 1 : k + 1], times[k - 1 : k + 1])))
+
+
+def _singular_at(run: PreparedRun, when: float) -> str:
+    return f"J became singular at t = {run.origin + when:.6g}"
 
 
 def _rising(values: Floats, times: Floats) -> tuple[Floats, Floats]:

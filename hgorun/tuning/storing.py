@@ -8,8 +8,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from hgorun.files import written_whole
-from hgorun.result.sink import Sink
+from hgorun.result.sink import hdf5_written_whole
 from hgorun.tuning.evidence import Evidence
 from hgorun.version import __version__
 
@@ -30,16 +29,13 @@ def save(found: Sequence[Evidence], path: Path, *, name: str, config: str) -> Pa
     HgorunError
         When the file cannot be written.
     """
-    with written_whole(path) as part, Sink(part) as sink:
-        with h5py.File(sink, "w", track_order=True) as file:
-            file.attrs["format"] = FORMAT
-            file.attrs["name"] = name
-            file.attrs["config"] = config
-            file.attrs["hgorun_version"] = __version__
-            for one in found:
-                _write(file.create_group(one.task.label, track_order=True), one)
-        if sink.failed is not None:
-            raise sink.failed
+    with hdf5_written_whole(path) as file:
+        file.attrs["format"] = FORMAT
+        file.attrs["name"] = name
+        file.attrs["config"] = config
+        file.attrs["hgorun_version"] = __version__
+        for one in found:
+            _write(file.create_group(one.task.label, track_order=True), one)
     return path
 
 

@@ -34,8 +34,7 @@ from hgorun.ensemble.sweep import Count, Part, Place, finished, sweep_to
 from hgorun.ensemble.sweep import carry_out as carry_out_all
 from hgorun.errors import ConfigError, HgorunError, SimulationError
 from hgorun.files import _MACHINE, _alive
-from hgorun.result import digests
-from hgorun.result.sink import Sink
+from hgorun.result import digests, sink
 
 
 def undisturbed(folder: Path, of: Ensemble) -> bytes:
@@ -252,13 +251,13 @@ def test_a_full_disk_leaves_no_half_file(tmp_path: Path, monkeypatch: pytest.Mon
     store = Store.opened(tmp_path / "a.sweep", of)
     carry_out_all(store)
 
-    class Full(Sink):
+    class Full(sink.Sink):
         def write(self, data: Any) -> int:
             self.failed = OSError(28, "No space left on device")
             return memoryview(data).nbytes
 
     with monkeypatch.context() as patch:
-        patch.setattr(collecting, "Sink", Full)
+        patch.setattr(sink, "Sink", Full)
         with pytest.raises(HgorunError, match=r"a\.h5: cannot be written: No space left on device"):
             collect(store, tmp_path / "a.h5")
     assert not (tmp_path / "a.h5").exists()

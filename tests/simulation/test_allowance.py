@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -88,3 +89,39 @@ def test_a_state_at_zero_that_moves_at_once_in_a_long_run(method: str, start: fl
         "solver": {"method": method, "rtol": 1e-8},
     }
     np.testing.assert_allclose(run(tmp_path, config).x[1:, 0], 1, rtol=1e-5 if start else 1e-7)
+
+
+@pytest.mark.parametrize("kink", [1e-9, 1e-6])
+@pytest.mark.parametrize("method", METHODS)
+def test_states_that_rise_from_below_the_smallest_numbers(method: str, kink: float, tmp_path: Path) -> None:
+    """The first of twenty states in a row is t^20/20! at first, which is nothing after the first step."""
+    states = [f"x{i}" for i in range(20)]
+    dynamics = dict(zip(states, [*states[1:], f"where(t >= {kink}, 1, 2)"], strict=True))
+    config = {
+        "time": {"end": 10, "output_step": 1},
+        "plant": {"states": states, "dynamics": dynamics, "output": "x0", "initial": dict.fromkeys(states, 0)},
+        "observers": {},
+        "solver": {"method": method, "rtol": 1e-8},
+    }
+    result = run(tmp_path, config)
+    np.testing.assert_allclose(result.x[1:, 0], result.time[1:] ** 20 / math.factorial(20), rtol=1e-4)
+
+
+@pytest.mark.parametrize("jump", [1e-12, 1e-9])
+@pytest.mark.parametrize("method", METHODS)
+def test_a_jump_just_after_the_start(method: str, jump: float, tmp_path: Path) -> None:
+    """States at zero do not move before it, and no step begins on one side of it and is evaluated on the other."""
+    config = {
+        "time": {"end": 1, "output_step": 0.1},
+        "plant": {
+            "states": ["x1", "x2"],
+            "dynamics": {"x1": "x2", "x2": f"where(t >= {jump}, cos(t), 0)"},
+            "output": "x1",
+            "initial": {"x1": 0, "x2": 0},
+        },
+        "measurement": {"sampling": {"times": [jump, 2 * jump, 0.5]}},
+        "observers": {},
+        "solver": {"method": method, "rtol": 1e-10},
+    }
+    result = run(tmp_path, config)
+    np.testing.assert_allclose(result.x, np.stack([1 - np.cos(result.time), np.sin(result.time)], 1), atol=1e-8)

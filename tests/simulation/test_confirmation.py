@@ -44,6 +44,14 @@ def test_rounding_of_a_state_at_rest_is_no_size() -> None:
     assert left_for_good(x, x + rows(0 * T, 1e-6 * np.exp(5 * T))) is not None
 
 
+def test_errors_that_fade_end_in_rounding() -> None:
+    """Of a state at rest: far above the smallest of them, and far below those at the start."""
+    faded = 1e-9 * T * np.exp(-50 * T)
+    faded[-3:] = 1e-28
+    assert left_for_good(rows(0 * T), rows(faded)) is None
+    assert left_for_good(rows(0 * T), rows(1e-28 * T * np.exp(20 * T))) is not None
+
+
 def test_what_is_not_a_number_is_beyond_every_bound() -> None:
     x = rows(np.cos(T))
     xhat = x + 0.1

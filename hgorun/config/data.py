@@ -1,0 +1,185 @@
+"""The block ``data`` of a configuration: which columns of which files are the measurements."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
+
+from hgorun.config.types import Block, Interval, Name, NonEmpty, Number, Positive, describe
+
+_TEXT_OR_BLOCK = "the name of a column, or a mapping with column and more"
+
+
+class Csv(Block):
+    """How a text file is written; what is left out is found from the file."""
+
+    separator: Annotated[str, Field(min_length=1, max_length=1)] | None = Field(
+        default=None, description="between columns (default: the one of , ; tab | that the header has)"
+    )
+    decimal: Literal[".", ","] | None = Field(default=None, description="decimal point or comma (default: found)")
+    encoding: Literal["utf-8", "utf-16", "latin-1"] | None = Field(
+        default=None, description="default: by the mark at the beginning, else utf-8"
+    )
+    comment: Annotated[str, Field(min_length=1, max_length=1)] = Field(
+        default="#", description="lines that begin with it are passed over"
+    )
+    skip: Annotated[int, Field(ge=0, le=1000, strict=True)] = Field(default=0, description="lines above the header")
+    units_row: Annotated[bool, Field(strict=True)] | None = Field(
+        default=None, description="whether a row of units follows the header (default: found)"
+    )
+    missing: tuple[str, ...] = Field(
+        default=(), description="texts that stand for a missing value, beside empty, NaN, NA, N/A, null and none"
+    )
+
+
+class Faults(Block):
+    """What is done about faults in the data. Whatever it is, it is reported with its lines."""
+
+    repeated: Literal["refuse", "first", "last", "mean", "keep"] | None = Field(
+        default=None, description="a time stamp that has come before (default: refuse)"
+    )
+    backwards: Literal["refuse", "sort", "drop"] | None = Field(
+        default=None, description="time stamps that run backwards (default: refuse; late samples are sorted)"
+    )
+    gaps: Literal["report", "refuse"] | None = Field(
+        default=None, description="time stamps that jump ahead: more than 20 median steps (default: report)"
+    )
+    filled: Literal["refuse", "report", "drop"] | None = Field(
+        default=None,
+        description="values filled in by interpolation, exactly on a line; drop keeps the ends of the lines "
+        "(default: refuse)",
+    )
+    stuck: Literal["report", "refuse", "drop"] | None = Field(
+        default=None, description="stretches of a constant value; drop keeps the first (default: report)"
+    )
+    slips: Literal["refuse", "report"] | None = Field(
+        default=None, description="values that change by a factor such as 1000 from one sample on (default: refuse)"
+    )
+    implausible: Literal["drop", "refuse"] | None = Field(
+        default=None, description="values outside of plausible (default: drop)"
+    )
+    missing: Literal["drop", "refuse"] | None = Field(
+        default=None, description="values that are missing or NaN (default: drop)"
+    )
+
+    def over(self, other: Faults) -> Faults:
+        """These, and where nothing is said those of another block."""
+        return other.model_copy(update={key: value for key, value in self if value is not None})
+
+
+def _column(value: Any) -> Any:
+    """A column may be given by its name alone."""
+    if isinstance(value, str):
+        return {"column": value}
+    if not isinstance(value, (dict, Block)):
+        raise ValueError(f"expected {_TEXT_OR_BLOCK}, found {describe(value)}")
+    return value
+
+
+class Clock(Block):
+    """The column with the time stamps."""
+
+    column: str = Field(description="its name in the file")
+    unit: str | None = Field(
+        default=None, description="of numbers: ns, us, ms, s, min, h, d (default: the unit of time.unit; unix: s)"
+    )
+    format: str | None = Field(
+        default=None,
+        description="iso, unix, excel, or a pattern such as %d.%m.%Y %H:%M:%S (default: numbers, or iso where the "
+        "column holds such text)",
+    )
+
+    @model_validator(mode="after")
+    def _known(self) -> Clock:
+        if self.format is not None and "%" not in self.format and self.format not in ("iso", "unix", "excel"):
+            raise ValueError(f"format is iso, unix, excel or a pattern with %Y, found {describe(self.format)}")
+        if self.unit is not None and self.format is not None and self.format != "unix":
+            raise ValueError(f"format {self.format} has no unit")
+        return self
+
+
+ClockKey = Annotated[
+    Clock, BeforeValidator(_column), WithJsonSchema({"anyOf": [{"type": "string"}, {"$ref": "#/$defs/Clock"}]})
+]
+
+
+class Quality(Block):
+    """A column that says which values are good."""
+
+    column: str
+    good: Annotated[tuple[Number | str, ...], NonEmpty] = Field(description="what it holds beside good values")
+
+
+class Column(Block):
+    """Where a quantity stands, and on which clock."""
+
+    column: str = Field(description="its name in the file; in HDF5 its path")
+    file: str | None = Field(default=None, description="default: data.file")
+    time: ClockKey | None = Field(default=None, description="its time stamps (default: data.time)")
+    unit: str | None = Field(default=None, description="of the column, where it is not that of the model: converted")
+    csv: Csv | None = Field(default=None, description="default: data.csv")
+    faults: Faults = Field(default_factory=Faults, description="what is done about faults (default: data.faults)")
+
+
+class Measured(Column):
+    """A measured quantity."""
+
+    available: ClockKey | None = Field(
+        default=None, description="the column that says when each value was known (default: when it was taken)"
+    )
+    plausible: Interval | None = Field(default=None, description="[low, high]: values outside are not used")
+    gate: Positive | None = Field(
+        default=None, description="standard deviations of the innovation beyond which a sample is not used"
+    )
+    quality: Quality | None = Field(default=None, description="{column, good: [...]}: other values are not used")
+    std: Positive | None = Field(default=None, description="standard deviation of its noise, in the model's unit")
+
+
+class Recorded(Column):
+    """A recorded input."""
+
+    hold: Literal["zero", "linear"] = Field(default="zero", description="what it is between its values")
+
+
+MeasuredKey = Annotated[
+    Measured, BeforeValidator(_column), WithJsonSchema({"anyOf": [{"type": "string"}, {"$ref": "#/$defs/Measured"}]})
+]
+RecordedKey = Annotated[
+    Recorded, BeforeValidator(_column), WithJsonSchema({"anyOf": [{"type": "string"}, {"$ref": "#/$defs/Recorded"}]})
+]
+
+
+def _files(value: Any) -> Any:
+    return (value,) if isinstance(value, str) else value
+
+
+class Data(Block):
+    """Measurements from files, in place of a simulated plant."""
+
+    file: Annotated[
+        tuple[str, ...],
+        BeforeValidator(_files),
+        WithJsonSchema({"anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}}]}),
+    ] = Field(
+        default=(),
+        description="CSV, Parquet, HDF5 or netCDF, relative to this file; several: parts of one log, in their order",
+    )
+    time: ClockKey | None = Field(default=None, description="the column with the time stamps")
+    origin: str | Number | None = Field(
+        default=None, description="the stamp that is time 0, for stamps that are dates (default: the first one)"
+    )
+    outputs: dict[Name, MeasuredKey] = Field(description="the plant's outputs")
+    inputs: dict[Name, RecordedKey] = Field(default_factory=dict, description="inputs of the plant")
+    reference: dict[Name, MeasuredKey] = Field(
+        default_factory=dict, description="states or outputs that estimates are compared with, never used"
+    )
+    max_memory: Positive = Field(default=2.0**31, description="bytes allowed for the values read (default 2 GiB)")
+    csv: Csv = Field(default_factory=Csv, description="how text files are written")
+    faults: Faults = Field(default_factory=Faults, description="what is done about faults in the data")
+
+    @model_validator(mode="after")
+    def _something(self) -> Data:
+        if not self.outputs:
+            raise ValueError("expected at least one output")
+        return self

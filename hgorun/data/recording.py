@@ -1,0 +1,184 @@
+"""What was measured, as arrays: one clock for every signal, and the line of every value."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+Hold = Literal["zero", "linear"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Signal:
+    """The samples of one quantity, sorted by the time they were taken, then by when they were available.
+
+    Attributes
+    ----------
+    name : str
+    unit : str
+        Of the values; empty where it is not known.
+    taken, available : ndarray, shape (n,)
+        The time it was measured, and the time it was known; the same array where samples are not late.
+    values : ndarray, shape (n,)
+        Finite.
+    lines : ndarray of integers, shape (n,)
+        Where in the file each sample stands, from 1 on: its line, or its row where the file has no lines.
+    source : Path
+    column : str
+        What it is called there.
+    std : float, optional
+        Standard deviation of the noise, where it was stated.
+    plausible : tuple of float, optional
+        Between what the values may lie; those outside are not among them unless that was asked for.
+    gate : float, optional
+        Standard deviations of the innovation beyond which a sample is not used.
+    """
+
+    name: str
+    unit: str
+    taken: np.ndarray
+    available: np.ndarray
+    values: np.ndarray
+    lines: np.ndarray
+    source: Path
+    column: str
+    std: float | None = None
+    plausible: tuple[float, float] | None = None
+    gate: float | None = None
+
+    def __repr__(self) -> str:
+        return f"<Signal {self.name!r}: {self.values.size} samples from {self.source.name}>"
+
+    @property
+    def late(self) -> bool:
+        """Whether some samples were known only after they had been taken."""
+        return self.available is not self.taken and bool(np.any(self.available > self.taken))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class InputSignal:
+    """An input of the plant as it was recorded.
+
+    Attributes
+    ----------
+    name, unit : str
+    times, values : ndarray, shape (n,)
+        Times increase.
+    hold : {"zero", "linear"}
+        What it is between them: the last value, or a straight line.
+    lines : ndarray of integers, shape (n,)
+    source : Path
+    """
+
+    name: str
+    unit: str
+    times: np.ndarray
+    values: np.ndarray
+    hold: Hold
+    lines: np.ndarray
+    source: Path
+
+    def __repr__(self) -> str:
+        return f"<InputSignal {self.name!r}: {self.values.size} values from {self.source.name}>"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Note:
+    """Something found in the data and handled as told, or reported only.
+
+    Attributes
+    ----------
+    kind : str
+        ``missing``, ``implausible``, ``quality``, ``repeated``, ``backwards``, ``gaps``, ``filled``, ``stuck``,
+        ``slips``, ``units``, ``clock``, ``late``, ``format``.
+    signal : str
+        The signal it is about; empty where it is about a file.
+    file : str
+    line : int
+        The first line concerned; 0 where it is about no line.
+    count : int
+        How many samples are concerned.
+    message : str
+        A sentence without place.
+    """
+
+    kind: str
+    signal: str
+    file: str
+    line: int = 0
+    count: int = 0
+    message: str
+
+    def __str__(self) -> str:
+        place = f"{self.file}:{self.line}" if self.line else self.file
+        return ": ".join(part for part in (place, self.signal, self.message) if part)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Origin:
+    """What the times of a recording are counted from.
+
+    Numbers in a time column stay on their own clock, only in the unit of the run. Absolute stamps are counted from the
+    first of them, or from the origin that was stated.
+
+    Attributes
+    ----------
+    unit : str
+        Of all times.
+    epoch : numpy.datetime64, optional
+        The absolute time (to the nanosecond) at time 0, where the files have absolute stamps: in UTC if ``zone`` says
+        so, else on the clock of whoever wrote them.
+    zone : str
+        ``UTC``, or empty.
+    """
+
+    unit: str
+    epoch: np.datetime64 | None = None
+    zone: str = ""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Recording:
+    """All that was measured, in the units of the model.
+
+    Attributes
+    ----------
+    outputs : mapping of str to Signal
+        By the plant's outputs.
+    inputs : mapping of str to InputSignal
+    reference : mapping of str to Signal
+        Compared with, never used; by the plant's states or outputs.
+    notes : tuple of Note
+        What was found in the data, each with its first line.
+    origin : Origin
+    """
+
+    outputs: Mapping[str, Signal]
+    inputs: Mapping[str, InputSignal] = field(default_factory=dict)
+    reference: Mapping[str, Signal] = field(default_factory=dict)
+    notes: tuple[Note, ...] = ()
+    origin: Origin
+
+    def __repr__(self) -> str:
+        return f"<Recording: {', '.join(map(repr, [*self.outputs.values(), *self.inputs.values()]))}>"
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """From the first sample of an output to the last event of one: taken, or available where that is later."""
+        ends = list(self._ends())
+        return min(start for start, _ in ends), max(end for _, end in ends)
+
+    def _ends(self) -> Iterator[tuple[float, float]]:
+        for signal in self.outputs.values():
+            yield float(signal.taken[0]), float(max(signal.taken[-1], signal.available.max()))
+
+    @property
+    def median_gap(self) -> float:
+        """The median of the steps between samples, of the output that has the shortest."""
+        steps = (np.diff(signal.taken) for signal in self.outputs.values())
+        medians = [float(np.median(step[step > 0])) for step in steps if np.any(step > 0)]
+        return min(medians, default=float("nan"))
