@@ -76,7 +76,7 @@ def check_again(source: Source, before: Checked, touched: Collection[KeyPath]) -
     else:
         known = _NOT_OF_A_RUN.keys() - keys  # checked before, and no part of a run
         parts = {key: part for key, part in data.items() if key not in known}
-        parts |= {key: getattr(before.blocks, key) for key in _OWN_BLOCKS - keys if key in parts}
+        parts |= {key: getattr(before.blocks, key) for key in _OWN_BLOCKS - keys}
         blocks = validate(ExperimentBlocks, parts, source, ()).model_copy(update=_NOT_OF_A_RUN)
     stale = {path[1] for path in touched if path[0] == "observers" and len(path) > 1}
     if ("observers",) in touched:
