@@ -15,14 +15,11 @@ from hgorun.ensemble.collected import Collected, levels
 from hgorun.ensemble.growing import read_sweep
 from hgorun.ensemble.outcome import outcome_of
 from hgorun.ensemble.reading import is_sweep
-from hgorun.ensemble.refused import refuse_base
-from hgorun.ensemble.store import Changed, Store
-from hgorun.ensemble.sweep import Place, carry_out, finished
+from hgorun.ensemble.sweep import Place
 from hgorun.errors import ConfigError, SimulationError
-from hgorun.files import remove_file
 from hgorun.process import say
 from hgorun.progress import shown as progress
-from hgorun.study.ensembles import ensemble_of
+from hgorun.study.ensembles import carried_out, ensemble_of
 from hgorun.study.study import Run
 from hgorun.tables import ensemble as tables
 from hgorun.tables.ensemble import Compared, compared
@@ -74,19 +71,8 @@ def simulate_ensemble(run: Run, target: Path, options: Simulate) -> tuple[dict[s
         The statistics as JSON holds them, and whether every observer is ok in every member.
     """
     ensemble, place = ensemble_of(run), Place.of(target)
-    refuse_base(ensemble)
-    try:
-        store = Store.opened(place.folder, ensemble)
-    except Changed:
-        remove_file(place.file)
-        store = Store.opened(place.folder, ensemble, fresh=True)
     with progress(ensemble.size, run.name, "members", show=options.text) as bar:
-
-        def carry() -> None:
-            carry_out(store, told=lambda count: bar.update(count.done, failed=count.failed))
-
-        carry()
-        finished(store, place.file, carry)
+        carried_out(ensemble, place, lambda count: bar.update(count.done, failed=count.failed))
     outcome = outcome_of(place.file)
     for words in outcome.troubles():
         say(f"hgorun: {run.name}: {words}")

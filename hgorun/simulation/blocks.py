@@ -46,7 +46,7 @@ def check(source: Source) -> Checked:
         For the first thing wrong: file, line, key, what was found and what would be right.
     """
     blocks = validate(ExperimentBlocks, source.data, source, ())
-    plant = _plant(blocks, source)
+    plant = plant_of(source)
     measurement = validate(Measurement, blocks.measurement, source, ("measurement",))
     observers = {label: observer_of(label, block, source) for label, block in blocks.observers.items()}
     with source.located():
@@ -83,7 +83,7 @@ def check_again(source: Source, before: Checked, touched: Collection[KeyPath]) -
         stale = set(labels)
     now = Checked(
         blocks,
-        _plant(blocks, source) if "plant" in keys else before.plant,
+        plant_of(source) if "plant" in keys else before.plant,
         validate(Measurement, data.get("measurement", {}), source, ("measurement",))
         if "measurement" in keys
         else before.measurement,
@@ -151,8 +151,14 @@ def plain(value: Any) -> Any:
     return value
 
 
-def _plant(blocks: ExperimentBlocks, source: Source) -> Plant:
-    block = blocks.plant
+def plant_of(source: Source) -> Plant:
+    """The plant's block, checked by its class.
+
+    Raises
+    ------
+    ConfigError
+    """
+    block = source.data["plant"]
     if "type" not in block or block["type"] == "inline":
         if "states" not in block and "dynamics" not in block:
             file, line = source.where(("plant",))
