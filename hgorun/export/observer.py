@@ -18,7 +18,8 @@ from hgorun.measurement.availability import Stretch
 from hgorun.measurement.variants import HELD
 from hgorun.observers.base import AnyObserver, ContinuousObserver, CorrectedObserver, SampledObserver
 from hgorun.plants.build import BuiltPlant
-from hgorun.simulation.observer_block import Design, ObserverBlock
+from hgorun.simulation.design import Design
+from hgorun.simulation.observer_block import ObserverBlock
 from hgorun.simulation.system import Group, build_system
 from hgorun.simulation.truth import PlantNumbers, Recording
 from hgorun.symbolic.clock import on_the_clock
