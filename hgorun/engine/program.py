@@ -211,8 +211,9 @@ class Program:
         memory = self.memory(plan, start, tolerance)
         chunk = 1 if tolerance or progress else _FIRST  # adaptive segments may be long
         passed, tries = 0, 0
-        for segments in plan.parts():
-            memory.take(segments)
+        for part, segments in enumerate(plan.parts()):
+            if part:  # it has the first
+                memory.take(segments)
             work = (segments.counts[:, 2] - segments.counts[:, 1] + 1).cumsum()  # steps, and what happens before
             stop, done = 0, 0
             while stop < work.size:

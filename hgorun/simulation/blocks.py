@@ -56,6 +56,7 @@ def check(source: Source) -> Checked:
 
 _NOT_OF_A_RUN: dict[str, Any] = {"figures": {}, "claims": (), "tune": None}
 _PARTS = {"plant", "measurement", "observers"}  # each has a class of its own
+_OWN_BLOCKS = {"time", "solver", "metrics"}  # what is a block already is not checked again
 
 
 def check_again(source: Source, before: Checked, touched: Collection[KeyPath]) -> Checked:
@@ -74,8 +75,9 @@ def check_again(source: Source, before: Checked, touched: Collection[KeyPath]) -
         blocks = before.blocks.model_copy(update={key: data.get(key, {}) for key in _PARTS})
     else:
         known = _NOT_OF_A_RUN.keys() - keys  # checked before, and no part of a run
-        blocks = validate(ExperimentBlocks, {key: part for key, part in data.items() if key not in known}, source, ())
-        blocks = blocks.model_copy(update=_NOT_OF_A_RUN)
+        parts = {key: part for key, part in data.items() if key not in known}
+        parts |= {key: getattr(before.blocks, key) for key in _OWN_BLOCKS - keys}
+        blocks = validate(ExperimentBlocks, parts, source, ()).model_copy(update=_NOT_OF_A_RUN)
     stale = {path[1] for path in touched if path[0] == "observers" and len(path) > 1}
     if ("observers",) in touched:
         stale = set(labels)
@@ -122,6 +124,18 @@ def resolved(checked: Checked, coordinates: Mapping[str, Coordinates]) -> dict[s
         if not taken:
             del block["map"], block["chains"]
     return values
+
+
+def resolved_text(checked: Checked, coordinates: Mapping[str, Coordinates]) -> str:
+    """What :func:`resolved` gives, as YAML."""
+    return as_yaml(resolved(checked, coordinates))
+
+
+def as_yaml(values: dict[str, Any]) -> str:
+    """Plain values as YAML, their keys in the order given."""
+    import yaml
+
+    return yaml.safe_dump(values, sort_keys=False, allow_unicode=True)
 
 
 def plain(value: Any) -> Any:

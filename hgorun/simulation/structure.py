@@ -23,7 +23,8 @@ from hgorun.measurement.variants import Variant
 from hgorun.memo import Memo
 from hgorun.observers.base import AnyObserver
 from hgorun.result.estimated import Estimated, columns_of
-from hgorun.simulation.observer_block import Design, ObserverBlock
+from hgorun.simulation.design import Design
+from hgorun.simulation.observer_block import ObserverBlock
 from hgorun.simulation.system import Group, build_system, has_past
 from hgorun.simulation.truth import PlantNumbers, Truth
 from hgorun.symbolic.evaluate import Floats, evaluate

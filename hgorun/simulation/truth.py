@@ -9,7 +9,7 @@ from typing import Protocol
 import casadi as ca
 
 from hgorun.engine.layout import Held
-from hgorun.memo import Same
+from hgorun.memo import same
 from hgorun.plants.build import SymbolicPlant
 
 
@@ -106,7 +106,7 @@ class SimulatedPlant:
 
     @property
     def structure(self) -> Hashable:
-        return type(self), Same(self.plant), self.stepped
+        return type(self), same(self.plant), self.stepped
 
     def place(self, t: ca.SX, x: ca.SX, p: PlantNumbers, w: ca.SX, held: Held) -> Placed:
         model = self.plant.model
@@ -144,7 +144,7 @@ class Recording:
 
     @property
     def structure(self) -> Hashable:
-        return type(self), Same(self.plant), self.recorded
+        return type(self), same(self.plant), self.recorded
 
     def place(self, t: ca.SX, x: ca.SX, p: PlantNumbers, w: ca.SX, held: Held) -> Placed:
         u, before = map(ca.SX, _inputs_of_time(self.plant, t, p, w[held.interval]))
