@@ -27,7 +27,7 @@ FLOORS: list[set[str]] = [
     {"result"},
     {"data"},
     {"simulation"},
-    {"analysis", "ensemble", "testing"},
+    {"analysis", "ensemble", "estimate", "testing"},
     {"tables"},
     {"figures"},
     {"explore", "study"},

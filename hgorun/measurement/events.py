@@ -117,11 +117,11 @@ class Kinks:
         """
         pieces, span = self.pieces, _Span(self.pieces, values, start, end, limit)
         key = self, values[pieces.deciding].tobytes(), start, end, limit
-        crossings = _CROSSINGS.get(key, span.crossings)
-        return _FOUND.get((*key, values[pieces.shown].tobytes()), lambda: span.irregular(crossings))
+        places = _PLACES.get(key, lambda: span.places(span.crossings()))
+        return _FOUND.get((*key, values[pieces.shown].tobytes()), lambda: span.irregular(places))
 
 
-_CROSSINGS: Memo[list[Found]] = Memo(32)
+_PLACES: Memo[_Places] = Memo(32)
 _FOUND: Memo[Irregular] = Memo(32)
 
 
@@ -228,6 +228,27 @@ def too_many(error: TooMany, what: str, memory: float) -> str:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
+class _Places:
+    """What the crossings of a span say, whatever the values are.
+
+    Attributes
+    ----------
+    times, poles : ndarray
+        Of all crossings, and of those where a value may have none.
+    lost : tuple of (float, float)
+        Where there may be more of them.
+    edges, watched : ndarray
+        The ends of the pieces, and the times at which values are looked at.
+    """
+
+    times: Floats
+    poles: Floats
+    lost: tuple[tuple[float, float], ...]
+    edges: Floats
+    watched: Floats
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class _Span:
     """Expressions in pieces, in a span of time."""
 
@@ -247,12 +268,20 @@ class _Span:
             found.append(self._crossings(kink, _union(found[k] for k in kink.inside)))
         return found
 
-    def irregular(self, crossings: list[Found]) -> Irregular:
-        """All that is irregular, from what :meth:`crossings` has found."""
+    def places(self, crossings: list[Found]) -> _Places:
+        """Where to look, from what :meth:`crossings` has found."""
         times = _union(crossings)
         lost = tuple(sorted({span for found in crossings for span in found.lost}))
         poles = _union(found for found, kink in zip(crossings, self.pieces.kinks, strict=True) if kink.singular)
-        return Irregular(times, lost, self._infinite(times, poles))
+        edges = self._edges(times)
+        margin = _MARGIN * np.spacing(np.maximum(np.abs(edges), 1e-12 * (self.end - self.start)))
+        low, high = edges[:-1] + margin[:-1], edges[1:] - margin[1:]
+        watched = np.column_stack([low, 0.5 * (low + high), high])[high > low].ravel()
+        return _Places(times, self._edges(poles)[1:-1], lost, edges, watched)
+
+    def irregular(self, places: _Places) -> Irregular:
+        """All that is irregular."""
+        return Irregular(places.times, places.lost, self._infinite(places))
 
     def _edges(self, times: Floats) -> Floats:
         inner = times[(times > self.start) & (times < self.end)]
@@ -268,17 +297,13 @@ class _Span:
         search = Search(kink.argument, self.p, states, kink.levels, kink.touches, self.limit)
         return search.between(low, high)
 
-    def _infinite(self, times: Floats, poles: Floats) -> float | None:
+    def _infinite(self, places: _Places) -> float | None:
         """The first time at which a watched value is not finite, or grows beyond all bounds near one of the poles."""
         if not self.pieces.watched.numel_out(0):
             return None
-        edges = self._edges(times)
-        margin = _MARGIN * np.spacing(np.maximum(np.abs(edges), 1e-12 * (self.end - self.start)))
-        low, high = edges[:-1] + margin[:-1], edges[1:] - margin[1:]
-        places = np.column_stack([low, 0.5 * (low + high), high])[high > low].ravel()
-        bad = places[~np.all(np.isfinite(self._watched(places)), axis=1)]
+        bad = places.watched[~np.isfinite(self._watched(places.watched)).all(axis=1)]
         found = [float(bad[0])] if bad.size else []
-        return min([*found, *self._poles(self._edges(poles)[1:-1], edges)], default=None)
+        return min([*found, *self._poles(places.poles, places.edges)], default=None)
 
     def _poles(self, candidates: Floats, edges: Floats) -> list[float]:
         """Those of the candidates near which a watched value is much larger than elsewhere on its piece."""
@@ -314,7 +339,7 @@ def repeated(events: Floats, delay: str, start: float, end: float, origin: float
     span = _Span(pieces, nothing, start, end, np.inf)
     crossings = span.crossings(listed(distinct(events), reached=False))
     times = crossings[-1].times
-    return Irregular(times[times > start], span.irregular(crossings).lost)
+    return Irregular(times[times > start], span.places(crossings).lost)
 
 
 @lru_cache(maxsize=64)

@@ -9,7 +9,7 @@ import numpy as np
 
 from hgorun.engine.methods import METHODS
 from hgorun.errors import SimulationError
-from hgorun.memo import Memo, Same
+from hgorun.memo import Memo, same
 from hgorun.result.data import PLANT
 from hgorun.simulation.passes import Pass, carry_out, fixed_steps, plan_of
 from hgorun.simulation.prepared import PreparedRun
@@ -60,7 +60,7 @@ def may_jump(run: PreparedRun) -> bool:
 
 
 def _features_of(run: PreparedRun) -> dict[str, tuple[Feature, ...]]:
-    return _FEATURES.get(Same(run.structure), lambda: _features(run.structure))
+    return _FEATURES.get(same(run.structure), lambda: _features(run.structure))
 
 
 def may_miss(run: PreparedRun, p: Floats, grid: Floats, rows: Floats) -> np.ndarray:
