@@ -12,7 +12,7 @@ from hgorun.result.run_names import run_names
 from hgorun.tables.typeset import words
 
 if TYPE_CHECKING:
-    from hgorun.figures.members import MembersData
+    from hgorun.figures.followed import MembersData
 
 
 @dataclass(frozen=True)

@@ -12,9 +12,10 @@ from hgorun.config.study import Figure as FigureBlock
 from hgorun.config.study import Inset, Panel
 from hgorun.errors import ConfigError, printable
 from hgorun.figures.actors import Actor, Simulated, cast, cast_ensembles, texts
+from hgorun.figures.followed import MembersData
 from hgorun.figures.layout import TOP, finished, grid, time_axis
 from hgorun.figures.looks import Look, looks
-from hgorun.figures.members import MembersData, draw_members
+from hgorun.figures.members import draw_members
 from hgorun.figures.names import check, names_of
 from hgorun.figures.panels import draw_error, draw_magnitude, draw_output, draw_state, moving_window
 from hgorun.figures.scaling import ScalingData, draw_scaling

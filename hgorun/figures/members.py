@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from hgorun.config.study import Panel
-from hgorun.ensemble.collected import Collected, Floats, Trajectories
+from hgorun.ensemble.collected import Floats
 from hgorun.figures.bands import POINTS, band, truth_of
 from hgorun.figures.data import Curve, error_limits, magnitude_limits, state_limits, thinned
 from hgorun.figures.ensemble import drawable
+from hgorun.figures.followed import MembersData
 from hgorun.figures.looks import Look
 from hgorun.figures.style import TRUTH
 from hgorun.tables.typeset import symbol, unit
@@ -25,52 +24,6 @@ _MOST_NAMED = 8  # values that the legend names; of more the first and the last
 _MOST_CLEAR = 20  # members whose lines are told apart
 _COLOURS = "viridis"
 _DARKEST, _LIGHTEST = 0.0, 0.85  # of the colours: the lightest are not seen on white
-
-
-@dataclass(frozen=True)
-class Family:
-    """What decides the look of an observer."""
-
-    type: str
-    filter_order: int | None
-
-
-@dataclass(frozen=True, eq=False)
-class MembersData:
-    """What a panel of an ensemble's trajectories shows.
-
-    Attributes
-    ----------
-    run, kind : str
-        The run, and what its members differ in: ``seeds``, ``vary``, ``seeds and vary``.
-    members : Collected
-    name : str
-        What is varied; nothing without ``vary``.
-    values : ndarray, shape (N,)
-        What every member has of it.
-    """
-
-    run: str
-    kind: str
-    members: Collected
-    name: str
-    values: Floats
-
-    @property
-    def observers(self) -> dict[str, Family]:
-        """All observers, by their labels."""
-        return {label: Family(*self.members.families[label]) for label in self.members.observers}
-
-    @property
-    def kept(self) -> Trajectories:
-        """Trajectories of all members, or of some."""
-        assert self.members.trajectories is not None
-        return self.members.trajectories
-
-    @cached_property
-    def span(self) -> tuple[float, float]:
-        """From the first to the last point."""
-        return float(self.kept.time[0]), float(self.kept.time[-1])
 
 
 def draw_members(

@@ -14,7 +14,7 @@ from hgorun.result.data import ResultData
 from hgorun.result.run_names import run_names
 
 if TYPE_CHECKING:
-    from hgorun.figures.members import MembersData
+    from hgorun.figures.followed import MembersData
     from hgorun.figures.scaling import ScalingData
 
 

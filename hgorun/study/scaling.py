@@ -13,7 +13,7 @@ from hgorun.analysis.noise.prediction import has_noise, without_noise
 from hgorun.analysis.reasons import NoValue, Outcome, outcome
 from hgorun.ensemble.collected import Collected, Floats
 from hgorun.ensemble.statistics import quantiles
-from hgorun.figures.members import MembersData
+from hgorun.figures.followed import MembersData
 from hgorun.figures.scaling import ScaledObserver, ScalingData
 from hgorun.observers.capabilities import FilterOrder
 from hgorun.result.metrics.base import all_metrics

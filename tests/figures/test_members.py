@@ -10,7 +10,7 @@ import pytest
 from hgorun.config.study import Figure
 from hgorun.ensemble.collected import Collected, Trajectories
 from hgorun.figures.drawing import draw
-from hgorun.figures.members import MembersData
+from hgorun.figures.followed import MembersData
 
 TIME = np.linspace(0.0, 10.0, 101)
 LABELS = ("S", "F")
