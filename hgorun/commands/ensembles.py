@@ -21,8 +21,9 @@ from hgorun.process import say
 from hgorun.progress import shown as progress
 from hgorun.study.ensembles import carried_out, ensemble_of
 from hgorun.study.study import Run
-from hgorun.tables.ensemble import Compared, compared, text
-from hgorun.tables.ensemble_data import as_json, csv
+from hgorun.tables import ensemble as tables
+from hgorun.tables import ensemble_data as plain_tables
+from hgorun.tables.ensemble import Compared, compared
 from hgorun.tables.ensemble_latex import latex
 
 _MOST_POINTS = 40  # that a table has without being asked for
@@ -44,7 +45,7 @@ def compare_ensembles(options: Compare) -> int:
     style = _style(options)
     found = [_compared(read_sweep(path), options, str(path)) for path in options.sources]
     if options.json:
-        objects = [as_json(one) for one in found]
+        objects = [plain_tables.as_json(one) for one in found]
         print(json_text.dumps(objects[0] if len(objects) == 1 else objects, indent=2, allow_nan=False))
     elif not options.quiet:
         print(style(found))
@@ -80,9 +81,9 @@ def simulate_ensemble(run: Run, target: Path, options: Simulate) -> tuple[dict[s
         raise SimulationError(f"{run.name}: none of its {outcome.members} members could be carried out")
     found = _divided(read_sweep(place.file), file=str(place.file))
     if options.text:
-        print(text([found], pairs=False))
+        print(tables.text([found], pairs=False))
         print(f"written: {place.file}")
-    return as_json(found), found.members.all_ok
+    return plain_tables.as_json(found), found.members.all_ok
 
 
 def report(options: Report) -> int:
@@ -124,7 +125,7 @@ def draw(found: Compared, options: Compare) -> list[Path]:
 
 def _style(options: Compare) -> Style:
     """The table asked for, once it is sure that the options fit each other."""
-    styles: dict[str, Style] = {"text": text, "csv": csv, "latex": latex}
+    styles: dict[str, Style] = {"text": tables.text, "csv": plain_tables.csv, "latex": latex}
     if options.format not in styles:
         raise ConfigError(f"--format: expected one of {', '.join(styles)}, found {options.format!r}")
     refused = {
