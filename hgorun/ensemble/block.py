@@ -19,7 +19,7 @@ from hgorun.ensemble.lot import Lot, Numbers, settings_of, times_of
 from hgorun.ensemble.members import Members
 from hgorun.ensemble.suspects import Suspects, together
 from hgorun.errors import ConfigError, HgorunError, Problem, SimulationError
-from hgorun.memo import Memo, Same
+from hgorun.memo import Memo, same
 from hgorun.result.metrics.base import all_metrics
 from hgorun.result.result import Result
 from hgorun.simulation.experiment import Experiment
@@ -297,7 +297,7 @@ def _family(base: Experiment, members: Members) -> Family:
     """
     others = Axes.of(base, members).others
     common = {path: value for path, value in members.changes(0).items() if path in others}
-    own, run = _BASES.get((Same(base), repr(common)), lambda: _prepared_base(base, common))
+    own, run = _BASES.get((same(base), repr(common)), lambda: _prepared_base(base, common))
     if own.coordinates != base.coordinates:  # members take those of the base where they can
         raise Differs
     rest = Members({path: column for path, column in members.columns.items() if path not in others}, len(members))
