@@ -11,7 +11,7 @@ CONTEXT = (
     "p", "c", "z", "w", "channels", "spans", "counts", "actions", "grid", "rows", "slots", "gain", "bias",
     "measured", "holds", "alpha", "blocks", "diverged", "lost", "largest", "ring", "initial", "hints", "error", "size",
     "own", "row", "ring_count", "ring_mask", "bound_offset", "bound_factor", "t_start", "rtol", "atol", "small",
-    "max_step", "step", "now", "budget", "segment", "paused", "hopeless",
+    "max_step", "step", "now", "budget", "segment", "paused", "hopeless", "innovations",
 )  # fmt: skip
 WORD = {name: index for index, name in enumerate(CONTEXT)}
 
@@ -132,6 +132,8 @@ class HybridSystem:
         Which of the jumps are made whenever a sample of any output arrives; the others from the second sample on.
     channel_slopes : casadi.Function
         The channels, then their time derivatives, from (t, p, z, z'); used where something is delayed.
+    innovations : bool
+        Whether every observer's innovation is kept of every sample that arrives.
     """
 
     states: int
@@ -145,6 +147,7 @@ class HybridSystem:
     channel_slopes: ca.Function
     jumps: tuple[tuple[int, int, ca.Function], ...] = ()
     corrections: tuple[int, ...] = ()
+    innovations: bool = False
 
     @property
     def outputs(self) -> int:

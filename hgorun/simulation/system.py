@@ -142,6 +142,8 @@ def build_system(
     plant: PlantNumbers,
     signals: Mapping[tuple[int, int], Signal],
     variants: Sequence[Variant],
+    *,
+    innovations: bool = False,
 ) -> HybridSystem:
     """Put truths and observers together.
 
@@ -160,6 +162,8 @@ def build_system(
         The continuous outputs.
     variants : sequence of Variant
         The combinations of availabilities that occur.
+    innovations : bool
+        Whether every observer's innovation is kept of every sample that arrives.
     """
     has_alpha = has_past(variants)
     several = len(groups) > 1
@@ -205,6 +209,7 @@ def build_system(
         channel_slopes=compiled("trace", slopes, dz),
         jumps=(*jumps, *corrections),
         corrections=tuple(range(len(jumps), len(jumps) + len(corrections))),
+        innovations=innovations,
     )
 
 

@@ -12,7 +12,7 @@ from hgorun.engine.layout import HybridSystem
 from hgorun.engine.plan import Following, Plan, Segments
 from hgorun.measurement.channels import Channel
 from hgorun.measurement.schedule import Schedule
-from hgorun.memo import Memo, Same
+from hgorun.memo import Memo, same
 from hgorun.simulation.actions import Actions, RecordedInputs
 from hgorun.simulation.steps import count_steps, in_pieces, steps_between, steps_of_a_piece, uneven_steps, unevenly
 
@@ -77,7 +77,7 @@ def build_plan(
     in_parts : bool
         A plan of many events may be given part by part, so that its tables need not fit into memory.
     """
-    key = schedule, system, Same(grid), always_slope, longest, uneven, None if inputs is None else Same(inputs)
+    key = schedule, system, same(grid), always_slope, longest, uneven, None if inputs is None else same(inputs)
     tabulated = partial(_Tabulated, schedule, channels, grid, system, always_slope, longest, uneven, inputs)
     following = None
     if in_parts and schedule.events.size > 2 * _PART_EVENTS and not system.remembers:
