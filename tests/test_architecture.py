@@ -29,7 +29,7 @@ FLOORS: list[set[str]] = [
     {"simulation"},
     {"analysis", "ensemble", "estimate", "testing"},
     {"tables"},
-    {"figures"},
+    {"export", "figures"},
     {"explore", "study"},
     {"reproduce", "tuning"},
     {"hgorun"},  # __init__.py, what `import hgorun` offers
