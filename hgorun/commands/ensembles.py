@@ -22,6 +22,7 @@ from hgorun.progress import shown as progress
 from hgorun.study.ensembles import carried_out, ensemble_of
 from hgorun.study.study import Run
 from hgorun.tables import ensemble as tables
+from hgorun.tables import ensemble_data as plain_tables
 from hgorun.tables.ensemble import Compared, compared
 from hgorun.tables.ensemble_latex import latex
 
@@ -44,7 +45,7 @@ def compare_ensembles(options: Compare) -> int:
     style = _style(options)
     found = [_compared(read_sweep(path), options, str(path)) for path in options.sources]
     if options.json:
-        objects = [tables.as_json(one) for one in found]
+        objects = [plain_tables.as_json(one) for one in found]
         print(json_text.dumps(objects[0] if len(objects) == 1 else objects, indent=2, allow_nan=False))
     elif not options.quiet:
         print(style(found))
@@ -82,7 +83,7 @@ def simulate_ensemble(run: Run, target: Path, options: Simulate) -> tuple[dict[s
     if options.text:
         print(tables.text([found], pairs=False))
         print(f"written: {place.file}")
-    return tables.as_json(found), found.members.all_ok
+    return plain_tables.as_json(found), found.members.all_ok
 
 
 def report(options: Report) -> int:
@@ -124,7 +125,7 @@ def draw(found: Compared, options: Compare) -> list[Path]:
 
 def _style(options: Compare) -> Style:
     """The table asked for, once it is sure that the options fit each other."""
-    styles: dict[str, Style] = {"text": tables.text, "csv": tables.csv, "latex": latex}
+    styles: dict[str, Style] = {"text": tables.text, "csv": plain_tables.csv, "latex": latex}
     if options.format not in styles:
         raise ConfigError(f"--format: expected one of {', '.join(styles)}, found {options.format!r}")
     refused = {
