@@ -213,14 +213,14 @@ class Export(Configured):
     """Write the observers of a configuration in another language, to results/NAME/.
 
     As C: one file and a header for each observer, without libraries but libm and without allocation, with the method
-    and the step of the run.
+    and the step of the run. As LaTeX: its equations with the numbers in them.
     """
 
     config: Annotated[Path, typer.Argument(metavar="CONFIG", help="A YAML configuration.")]
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="Folder to write to (default: results/NAME).")
     ] = None
-    lang: Annotated[str, typer.Option("--lang", metavar="LANGUAGE", help="c.")] = "c"
+    lang: Annotated[str, typer.Option("--lang", metavar="LANGUAGE", help="c or latex.")] = "c"
     observers: Annotated[
         list[str], typer.Option("--observer", metavar="LABEL", help="Only this observer; repeatable.")
     ] = field(default_factory=list)
