@@ -17,6 +17,7 @@ PACKAGE = Path(__file__).parent
 # Rooms or files of the package. How a configuration is read is left out of all of them: what is read, with its
 # defaults, is hashed itself.
 RUN = (
+    "config/data.py",
     "config/evaluation.py",
     "config/expressions.py",
     "config/grammar.py",
@@ -39,7 +40,7 @@ RUN = (
 )
 ENSEMBLE = ("config/sweeps.py", "ensemble")
 FIGURE = ("ensemble/collected.py", "ensemble/fronts.py", "ensemble/statistics.py", "figures", "tables/typeset.py")
-QUANTITY = ("study/measured.py", "study/quantities.py")
+QUANTITY = (*ENSEMBLE, "study/ensembles.py", "study/measured.py", "study/sentences.py")
 SCALING = ("study/scaling.py",)
 THEORY = ("analysis", "study/theory.py")
 

@@ -16,6 +16,7 @@ from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import prepare
 
 Block = dict[str, Any]  # what stands below a key of the YAML file
+Outputs = str | Sequence[str] | Mapping[str, str]
 
 VAN_DER_POL: Block = {"type": "van_der_pol", "initial": {"x1": 1, "x2": 0.5}}
 ACADEMIC: Block = {"type": "academic", "initial": {"x1": 1, "x2": 1, "x3": 1}}
@@ -38,7 +39,7 @@ def chain(n: int, phi: str = "0", start: float | Sequence[float] = 0.5) -> Block
     return {"type": "integrator_chain", "n": n, "phi": phi, "initial": dict(zip(states(n), values, strict=True))}
 
 
-def inline(dynamics: Mapping[str, str], output: str | Sequence[str], start: float = 0.5, **more: Any) -> Block:
+def inline(dynamics: Mapping[str, str], output: Outputs, start: float = 0.5, **more: Any) -> Block:
     """A plant written out; its states are those of the dynamics, all of one start unless ``initial`` is given."""
     initial = dict.fromkeys(dynamics, start)
     return {"states": list(dynamics), "dynamics": dict(dynamics), "output": output, "initial": initial, **more}

@@ -11,7 +11,7 @@ CONTEXT = (
     "p", "c", "z", "w", "channels", "spans", "counts", "actions", "grid", "rows", "slots", "gain", "bias",
     "measured", "holds", "alpha", "blocks", "diverged", "lost", "largest", "ring", "initial", "hints", "error", "size",
     "own", "row", "ring_count", "ring_mask", "bound_offset", "bound_factor", "t_start", "rtol", "atol", "small",
-    "max_step", "step", "now", "budget", "segment", "paused", "hopeless",
+    "max_step", "step", "now", "budget", "segment", "paused", "hopeless", "innovations",
 )  # fmt: skip
 WORD = {name: index for index, name in enumerate(CONTEXT)}
 
@@ -33,12 +33,14 @@ class Held:
 
     For each output the held part of its noise, the sample before, the output as held or delayed, and each
     observer's s = C xhat - alpha as held or delayed; for each recorded input its value, its slope, the time from
-    which they hold, and its value at the sample before; last the time between the last two samples.
+    which they hold, and its value at the sample before; where something is corrected by some outputs at a time
+    (``flags``), for each output whether a sample arrives just now; last the time between the last two samples.
     """
 
     outputs: int
     observers: int
     inputs: int = 0
+    flags: bool = False
 
     PREVIOUS, OUTPUT, S = 1, 2, 3  # places of an output's numbers; its noise comes first
 
@@ -50,7 +52,7 @@ class Held:
     @property
     def size(self) -> int:
         """Numbers in w."""
-        return self.outputs * self.width + 4 * self.inputs + 1
+        return self.outputs * self.width + 4 * self.inputs + self.flags * self.outputs + 1
 
     def noise(self, output: int) -> int:
         """Held noise of an output."""
@@ -72,6 +74,10 @@ class Held:
         """A recorded input: value, slope, since when, and the value at the sample before."""
         first = self.outputs * self.width + 4 * number
         return first, first + 1, first + 2, first + 3
+
+    def fresh(self, output: int) -> int:
+        """Whether a sample of an output arrives just now."""
+        return self.outputs * self.width + 4 * self.inputs + output
 
     @property
     def interval(self) -> int:
@@ -121,9 +127,13 @@ class HybridSystem:
         The channels from (t, p, z, w).
     jumps : tuple of (start, stop, casadi.Function)
         What z[start:stop] becomes, from (t, p, z, w), when a sample arrives: the plant's where it is stepped,
-        then those of the discrete-time observers.
+        then those of the discrete-time observers and of those that are corrected.
+    corrections : tuple of int
+        Which of the jumps are made whenever a sample of any output arrives; the others from the second sample on.
     channel_slopes : casadi.Function
         The channels, then their time derivatives, from (t, p, z, z'); used where something is delayed.
+    innovations : bool
+        Whether every observer's innovation is kept of every sample that arrives.
     """
 
     states: int
@@ -136,6 +146,8 @@ class HybridSystem:
     channels: ca.Function
     channel_slopes: ca.Function
     jumps: tuple[tuple[int, int, ca.Function], ...] = ()
+    corrections: tuple[int, ...] = ()
+    innovations: bool = False
 
     @property
     def outputs(self) -> int:

@@ -20,7 +20,7 @@ from hgorun.ensemble.lot import Lot, Numbers, times_of
 from hgorun.ensemble.members import Members
 from hgorun.errors import HgorunError, Problem
 from hgorun.measurement.channels import Channel
-from hgorun.memo import Memo, Same
+from hgorun.memo import Memo, same
 from hgorun.simulation.checks import check_run
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.preparation import (
@@ -71,7 +71,7 @@ class Family:
             Where a member that has been prepared in full has other numbers.
         """
         steps = self.steps
-        known = _CHECKED.get((Same(self.run), tuple(self.members.columns)), dict)
+        known = _CHECKED.get((same(self.run), tuple(self.members.columns)), dict)
         for i in self._samples(known):
             try:
                 full = prepare(self.base.varied(self.members.changes(i)))
@@ -138,9 +138,9 @@ class Family:
         if run.experiment.given_step is not None:
             return np.full(len(self.members), run.step)
         rates = [self._plant_rates()]
-        for label, observer in run.experiment.observers.items():
+        for label, design in run.experiment.designs.items():
             gains = self._gains.get(label)
-            known = rate_of(label, observer, run.forms[label]) if gains is None else gains.rate[gains.kind]
+            known = rate_of(label, design.observer, design.form) if gains is None else gains.rate[gains.kind]
             rates.append(np.broadcast_to(known, rates[0].shape))
         fastest = np.max([np.where(np.isfinite(rate), rate, 0.0) for rate in rates], axis=0)
         each, which = np.unique(fastest, return_inverse=True)

@@ -20,8 +20,19 @@ def refuse_base(ensemble: Ensemble) -> None:
     HgorunError
         What is wrong with the base, with its place in the file.
     """
-    refused = _refused(ensemble.base)
-    if refused is not None and all(map(_refused, _some(ensemble))):
+    refuse(ensemble.base, _some(ensemble))
+
+
+def refuse(base: Experiment, varied: Iterator[Experiment]) -> None:
+    """Refuse an experiment that cannot be run, unless some variation of it can.
+
+    Raises
+    ------
+    HgorunError
+        What is wrong with it, with its place in the file.
+    """
+    refused = _refused(base)
+    if refused is not None and all(map(_refused, varied)):
         raise refused
 
 
@@ -41,3 +52,18 @@ def _refused(experiment: Experiment) -> HgorunError | None:
     except HgorunError as error:
         return error
     return None
+
+
+def told_where(ensemble: Ensemble, number: int, error: str) -> str:
+    """The recorded error of a member with its place in the file, where the base of the ensemble knows it.
+
+    What is recorded has none, so that it does not depend on who has carried the member out.
+    """
+    base = ensemble.base
+    changes = ensemble.members(number, number + 1).of_observers(base).changes(0)
+    try:
+        prepare(base.varied(changes))
+    except HgorunError as found:
+        return str(found)
+    file, line = base.source.where(("plant",))
+    return f"{file}:{line}: {error}" if file is not None and error.startswith("plant: ") else error

@@ -7,7 +7,8 @@ What an observer does is the base class that it derives from:
 
 - :class:`ContinuousObserver`: differential equations, between samples driven by the one innovation;
 - :class:`SampledObserver`: difference equations, it jumps at the samples and holds in between;
-- :class:`HybridObserver`: both, a flow between the samples and a jump at each.
+- :class:`HybridObserver`: both, a flow between the samples and a jump at each;
+- :class:`CorrectedObserver`: a flow, and a correction at each arrival, whichever outputs it brings.
 
 What else theory may ask of it is in :mod:`hgorun.observers.capabilities`.
 """
@@ -79,6 +80,22 @@ class Sample:
 
 
 @dataclass(frozen=True)
+class Arrival:
+    """Samples that arrive together, of some of the outputs.
+
+    Attributes
+    ----------
+    y : casadi.SX, shape (q,)
+        The newest sample of every output.
+    fresh : casadi.SX, shape (q,)
+        1 for the outputs whose sample arrives now, 0 for the others.
+    """
+
+    y: ca.SX
+    fresh: ca.SX
+
+
+@dataclass(frozen=True)
 class SampleSchedule:
     """When an observer that jumps will be called.
 
@@ -115,9 +132,10 @@ class PeriodLimit(NamedTuple):
 class Observer(Plugin, Generic[FormT, CopyT]):
     """Base of all observers; its fields are the keys that every observer block has.
 
-    Derive from :class:`ContinuousObserver`, :class:`SampledObserver` or :class:`HybridObserver`. The type
-    parameters are the class of plants that the observer is for and the copy of the plant that its equations
-    get; left out, they are those of :func:`~hgorun.symbolic.observability.canonical_form`.
+    Derive from :class:`ContinuousObserver`, :class:`SampledObserver`, :class:`HybridObserver` or
+    :class:`CorrectedObserver`. The type parameters are the class of plants that the observer is for and the copy
+    of the plant that its equations get; left out, they are those of
+    :func:`~hgorun.symbolic.observability.canonical_form`.
     """
 
     kind: ClassVar[str] = "observer"
@@ -260,6 +278,29 @@ class HybridObserver(ContinuousObserver[FormT, CopyT], SampledObserver[FormT, Co
     observer that corrects at the samples alone leaves it out. As for :class:`SampledObserver`, every output
     must be sampled, all at the same times and without delay.
     """
+
+
+class CorrectedObserver(ContinuousObserver[FormT, CopyT]):
+    """Base of the observers that follow a flow and are corrected whenever samples arrive.
+
+    Every output must be sampled; at which times, and of which outputs samples are missing, does not matter. The flow
+    leaves the innovation out.
+    """
+
+    @abstractmethod
+    def correct(self, plant: CopyT, s: Symbols, arrival: Arrival, k: Symbols) -> Mapping[str, ca.SX]:
+        """What the states become when samples arrive; those left out stay.
+
+        Parameters
+        ----------
+        plant : the form's copy of the plant
+            With the inputs at this time.
+        s : Symbols
+            The states before.
+        arrival : Arrival
+        k : Symbols
+            The numbers of :meth:`~Observer.design`.
+        """
 
 
 # Any observer, where its class of plants does not matter.

@@ -10,10 +10,15 @@ own.
 
 from __future__ import annotations
 
+from abc import abstractmethod
+from collections.abc import Sequence
+from typing import Self
+
 import numpy as np
 from pydantic import Field
 
 from hgorun.config.types import Block, Positive
+from hgorun.symbolic.sensors import Sensor
 
 
 class HighGain(Block):
@@ -73,3 +78,11 @@ class Switching(Block):
     def switches(self) -> bool:
         """Whether it does with the keys that are given."""
         return True
+
+
+class NoiseInformed(Block):
+    """The design depends on the noise of the sensors, which stands in another block of the configuration."""
+
+    @abstractmethod
+    def informed(self, sensors: Sequence[Sensor]) -> Self:
+        """The block with what is known of the sensors, in the order of the outputs; asked for before the design."""

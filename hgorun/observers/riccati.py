@@ -87,10 +87,17 @@ class RiccatiGain(HighGain, ContinuousObserver[TriangularForm, TriangularCopy]):
             )
         for name, default in defaults.items():
             if isinstance(default, Symmetric) and name in self.internal:
-                _require_positive_definite(name, self.internal[name], default)
+                require_positive_definite(name, self.internal[name], default)
 
 
-def _require_positive_definite(name: str, given: object, default: Symmetric) -> None:
+def require_positive_definite(name: str, given: object, default: Symmetric) -> None:
+    """Refuse an initial matrix that is not positive definite.
+
+    Raises
+    ------
+    Problem
+        Its path starts at ``internal``.
+    """
     try:
         matrix = StateBlock.of(0, default).initial(given, default.values)
     except ValueError as error:

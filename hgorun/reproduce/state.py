@@ -20,7 +20,6 @@ from hgorun.code import FIGURE, QUANTITY, RUN, SCALING, THEORY, code, code_of
 from hgorun.files import write_text
 from hgorun.measurement.blocks import noise_blocks
 from hgorun.result.metrics.base import all_metrics
-from hgorun.study.quantities import Quantity
 from hgorun.study.study import Run, Study
 from hgorun.version import __version__
 
@@ -60,17 +59,14 @@ def of_run(run: Run) -> Ingredients:
     return _code(RUN) | _runs([run])
 
 
-def of_members(run: Run) -> Ingredients:
-    """Of the numbers measured on the members of an ensemble."""
-    return _code(RUN, QUANTITY) | _runs([run])
-
-
 def of_figure(study: Study, name: str) -> Ingredients:
     """Of a figure: its block, its runs, and the code that draws it."""
     figure = study.figures[name]
     runs = [study.runs[run] for run in study.runs_of(name)]
     groups = [RUN, FIGURE]
     scalings = [panel.scaling for panel in figure.panels if panel.scaling is not None]
+    if study.followed(name):
+        groups.append(QUANTITY)
     if scalings:
         groups += [QUANTITY, SCALING]
     if any(scaling.theory for scaling in scalings):
@@ -115,7 +111,7 @@ class State:
     Attributes
     ----------
     folder : Path
-        Holds ``state.json``, a result file a run, and a file of numbers an ensemble.
+        Holds ``state.json``, a result file a run, and what sweeps have an ensemble.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -155,24 +151,6 @@ class State:
         """Record what was made, whole or not at all."""
         self.data[kind][name] = {"made_of": dict(made_of), **entry}
         write_text(self.folder / "state.json", json.dumps(self.data, indent=1))
-
-    def members(self, run: Run, quantities: Sequence[Quantity]) -> list[dict[str, float]]:
-        """What is known of the members of an ensemble: those of which all quantities were measured."""
-        found = _read_json(self.folder / f"{run.name}.json")
-        if found.get("made_of") != of_members(run):
-            return []
-        complete: list[dict[str, float]] = []
-        for member in _list(found.get("members")):
-            try:
-                complete.append({str(q): number(_mapping(member)[str(q)]) for q in quantities})
-            except (KeyError, ValueError):
-                break
-        return complete
-
-    def keep_members(self, run: Run, members: Sequence[Mapping[str, float]]) -> None:
-        """Record the members of an ensemble that have been run so far."""
-        entry = {"made_of": of_members(run), "varied": list(run.varied), "members": members}
-        write_text(self.folder / f"{run.name}.json", json.dumps(entry, indent=1))
 
 
 def _read_json(path: Path) -> dict[str, Json]:

@@ -10,6 +10,7 @@ import numpy as np
 from hgorun.engine.layout import ARRIVE, JUMP, REBASE, RECORD, SET, TAKE, Held, HybridSystem
 from hgorun.measurement.channels import Channel
 from hgorun.measurement.schedule import nearest_event
+from hgorun.symbolic.levels import distinct
 
 _RANKS = 8  # what happens at one event has ranks from -3 to 4
 
@@ -120,14 +121,14 @@ class Actions:
     """The action table: samples taken and arriving, noise changing, alpha counted from zero again, jumps.
 
     At one event the inputs change first, then the plant is stepped, then samples are taken, then they arrive,
-    then alpha is counted anew, and last the discrete-time observers jump.
+    then alpha is counted anew, and last the discrete-time observers jump and others are corrected.
 
     Attributes
     ----------
     slots : int
         Samples on their way, over all outputs.
-    intervals : ndarray
-        The times between samples, for what jumps at them.
+    values : ndarray
+        What is set beside noise: the times between samples, for what jumps at them, and flags.
     """
 
     def __init__(
@@ -136,6 +137,7 @@ class Actions:
         layout = system.held
         rebase = system.has_alpha and not system.remembers
         kinds: list[Kind] = []
+        arrivals: list[np.ndarray] = []
         base, held = 0, 0
         for i, c in enumerate(channels):
             s = c.samples
@@ -143,6 +145,7 @@ class Actions:
             take = arrive if s.taken is s.arrival else nearest_event(events, s.taken)
             kinds.append(Kind.of(take, 0, TAKE, i, Numbered(base)))
             heard = s.used & _last_of_equal(arrive) if system.jumps else s.used
+            arrivals.append(arrive[heard])
             what = ARRIVE if heard.all() else np.where(heard, ARRIVE, RECORD).astype(np.int8)
             kinds.append(Kind.of(arrive, 1, what, i, Numbered(base)))
             if rebase:
@@ -151,16 +154,21 @@ class Actions:
             times = c.held_changes[0]
             kinds.append(Kind.of(nearest_event(events, times), 0, SET, layout.noise(i), Numbered(held)))
             held += times.size
-        self.intervals = np.zeros(0)
-        if system.jumps:
+        self.values = np.zeros(0)
+        jumps = system.jumps[: len(system.jumps) - len(system.corrections)]
+        if jumps:
             samples = channels[0].samples
             event = nearest_event(events, samples.arrival)
             heard = samples.used & _last_of_equal(event)  # from one sample to the next time passes
-            at, self.intervals = event[heard][1:], np.diff(samples.arrival[heard])
+            at, self.values = event[heard][1:], np.diff(samples.arrival[heard])
             kinds.append(Kind.of(at, -2, SET, layout.interval, Numbered(held)))
             held += at.size
-            for number, (start, _, _) in enumerate(system.jumps):
+            for number, (start, _, _) in enumerate(jumps):
                 kinds.append(Kind.of(at, -1 if start < system.plant_states else 3, JUMP, number))
+        if system.corrections:
+            kinds += _corrections(arrivals, system, held)
+            self.values = np.concatenate([self.values, _FLAGS])
+            held += _FLAGS.size
         if inputs is not None:
             kinds += inputs.actions(events, channels, layout, held)
         self.slots, self._kinds = base, kinds
@@ -185,6 +193,29 @@ class Actions:
         order = np.argsort(keys, kind="stable")
         count = np.bincount(keys // _RANKS, minlength=stop - first)
         return rows[order], np.concatenate([[0], np.cumsum(count)])
+
+
+_FLAGS = np.array([1.0, 0.0])  # a sample arrives just now, or does not
+
+
+def _corrections(arrivals: Sequence[np.ndarray], system: HybridSystem, first: int) -> Iterator[Kind]:
+    """What corrects observers by the outputs that a sample arrives of.
+
+    Parameters
+    ----------
+    arrivals : sequence of ndarray
+        Of every output the events at which its samples arrive.
+    first : int
+        Place of the flags among all that is set.
+    """
+    if len(arrivals) == 1:  # then it is the one that arrives, whenever there is a correction
+        yield Kind.of(arrivals[0][:1], 2, SET, system.held.fresh(0), first)
+    else:
+        for i, event in enumerate(arrivals):
+            yield Kind.of(event, 2, SET, system.held.fresh(i), first)
+            yield Kind.of(event, 4, SET, system.held.fresh(i), first + 1)
+    for number in system.corrections:
+        yield Kind.of(distinct(np.concatenate(arrivals)), 3, JUMP, number)
 
 
 def _counted_anew(take: np.ndarray, arrive: np.ndarray, used: np.ndarray, output: int, base: int) -> Kind:

@@ -8,7 +8,7 @@ from hgorun.engine.memory import history_bytes, history_pieces
 from hgorun.errors import Problem
 from hgorun.measurement.channels import continuous_delays
 from hgorun.measurement.signals import delay_range
-from hgorun.observers.base import SampledObserver, SampleSchedule
+from hgorun.observers.base import CorrectedObserver, SampledObserver, SampleSchedule
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.steps import steps_between
 from hgorun.symbolic.evaluate import roughly_at
@@ -27,8 +27,9 @@ def check_run(run: PreparedRun) -> None:
     _check_memory(run)
     check_steps(run, run.step, adaptive=run.adaptive)
     _check_clock(run)
-    _check_jumps(run)
-    _check_start(run)
+    check_jumps(run)
+    check_corrections(run)
+    check_start(run)
     for channel in run.channels:
         _ = channel.gain_and_bias  # noise that is not a number at some sample is reported before any run starts
 
@@ -110,7 +111,7 @@ def _check_memory(run: PreparedRun) -> None:
         )
 
 
-def _check_jumps(run: PreparedRun) -> None:
+def check_jumps(run: PreparedRun) -> None:
     """What is stepped at samples needs all outputs sampled, together and in time."""
     stepped = [("observers", b.label) for b in run.observers if isinstance(b.observer, SampledObserver)]
     if run.plant.block.discretise:
@@ -127,6 +128,18 @@ def _check_jumps(run: PreparedRun) -> None:
         if np.any(samples.taken < samples.arrival):
             raise Problem(stepped[0], "this takes samples without delay")
     _check_schedules(run, np.diff(first.arrival[first.used]))
+
+
+def check_corrections(run: PreparedRun) -> None:
+    """What is corrected at samples needs all outputs sampled, and in time."""
+    for b in run.observers:
+        if isinstance(b.observer, CorrectedObserver):
+            for channel in run.channels:
+                if any(s.continuous for s in channel.stretches):
+                    message = f"this needs sampled outputs, but {channel.name} is continuous"
+                    raise Problem(("observers", b.label), message)
+                if np.any(channel.samples.taken < channel.samples.arrival):
+                    raise Problem(("observers", b.label), "this takes samples without delay")
 
 
 def _check_schedules(run: PreparedRun, intervals: np.ndarray) -> None:
@@ -156,7 +169,7 @@ def _held_at_start(run: PreparedRun) -> np.ndarray:
     return held
 
 
-def _check_start(run: PreparedRun) -> None:
+def check_start(run: PreparedRun) -> None:
     """The right-hand sides must be numbers at the start."""
     system, numbers = run.structure.system, run.numbers
     (rates,) = roughly_at(system.regimes[0].flow, run.time.start, numbers.p, numbers.z0, _held_at_start(run))

@@ -11,18 +11,18 @@ import numpy as np
 from hgorun.config.models import Time
 from hgorun.errors import Problem
 from hgorun.measurement.channels import Channel, check_delays, find_channels
-from hgorun.measurement.events import Unknown
+from hgorun.measurement.extremes import Unknown
 from hgorun.measurement.noise import is_relative
 from hgorun.measurement.schedule import Schedule, build_schedule
 from hgorun.measurement.signals import extremes_of, kinks_of, signal_remarks, unknown_extremes
-from hgorun.memo import Memo, Same
+from hgorun.memo import Memo, same
 from hgorun.observers.base import AnyObserver
 from hgorun.observers.capabilities import Switching
 from hgorun.plants.build import BuiltPlant, SymbolicPlant
 from hgorun.result.data import DesignNumbers
 from hgorun.simulation.checks import check_run
+from hgorun.simulation.design import Design
 from hgorun.simulation.experiment import Experiment
-from hgorun.simulation.observer_block import Design
 from hgorun.simulation.plant_alone import PlantRun, plant_extremes, plant_kinks, plant_remarks, plant_unknown
 from hgorun.simulation.prepared import Numbers, PreparedRun
 from hgorun.simulation.structure import Structure, parameter_values, structure_of
@@ -86,7 +86,7 @@ def _prepared(experiment: Experiment, design: DesignNumbers | None) -> PreparedR
     sizes = _mean_squares(experiment, step)
     seed = experiment.blocks.seed
     chance = seed if any(s.by_chance for one in stretches for s in one) else None
-    key = Same(stretches), chance, None if sizes is None else tuple(sizes)
+    key = same(stretches), chance, None if sizes is None else tuple(sizes)
     channels = _CHANNELS.get(key, lambda: find_channels(stretches, plant.model.outputs, time, seed, sizes))
     smallest_delay, reach = check_delays(channels)
     schedule = schedule_of(experiment, channels, step)
@@ -199,7 +199,7 @@ def nominal_step(experiment: Experiment) -> float:
     """
     if experiment.given_step is not None:
         return experiment.given_step
-    rates = [rate_of(label, observer, experiment.forms[label]) for label, observer in experiment.observers.items()]
+    rates = [rate_of(label, design.observer, design.form) for label, design in experiment.designs.items()]
     rates += plant_rates(experiment.plant, experiment.time, experiment.plant.initial, experiment.plant.everything)
     return step_for(experiment, max((rate for rate in rates if np.isfinite(rate)), default=0.0))
 

@@ -15,7 +15,7 @@ import casadi as ca
 from hgorun.engine.layout import Held, HybridSystem, Regime
 from hgorun.measurement.signals import Signal
 from hgorun.measurement.variants import CONTINUOUS, DELAYED, HELD, SILENT, Variant, is_delayed
-from hgorun.observers.base import Sample, SampledObserver
+from hgorun.observers.base import Arrival, CorrectedObserver, Sample, SampledObserver
 from hgorun.simulation.observer_block import ObserverBlock
 from hgorun.simulation.truth import Placed, PlantNumbers, Truth
 from hgorun.symbolic.plant import PlantModel
@@ -103,6 +103,22 @@ class _Part:
             own = [g[k] - a[k] for g, a in zip(self.guesses, self.alphas, strict=True)]
             yield ca.vertcat(self.placed.y[k], *[ca.SX(0)] * self.before, *own, *[ca.SX(0)] * behind)
 
+    def _arrival(self, j: int) -> Arrival:
+        """What arrives, as observer j is to compare it: whole periods away from its own output where there are some."""
+        w, held, guess = self.symbols.w, self.symbols.held, self.guesses[j]
+        y = [w[held.output(i)] for i in self.outputs]
+        if any(self._model.periods):
+            y = [guess[k] - self._model.wrapped(k, guess[k] - one) for k, one in enumerate(y)]
+        return Arrival(ca.vertcat(*y), ca.vertcat(*[w[held.fresh(i)] for i in self.outputs]))
+
+    def corrections(self) -> Iterator[tuple[int, int, ca.SX]]:
+        """What becomes of which states when samples of any outputs arrive."""
+        s = self.symbols
+        for j, b in enumerate(self.group.observers):
+            if isinstance(b.observer, CorrectedObserver):
+                new = b.corrected(s.t, self.placed.u, s.plant.parameters, s.z, self._arrival(j))
+                yield b.start, b.end, new
+
     def jumps(self) -> Iterator[tuple[int, int, ca.SX]]:
         """What becomes of which states at a sample."""
         s, held, start = self.symbols, self.symbols.held, self.group.start
@@ -126,6 +142,8 @@ def build_system(
     plant: PlantNumbers,
     signals: Mapping[tuple[int, int], Signal],
     variants: Sequence[Variant],
+    *,
+    innovations: bool = False,
 ) -> HybridSystem:
     """Put truths and observers together.
 
@@ -144,13 +162,16 @@ def build_system(
         The continuous outputs.
     variants : sequence of Variant
         The combinations of availabilities that occur.
+    innovations : bool
+        Whether every observer's innovation is kept of every sample that arrives.
     """
     has_alpha = has_past(variants)
     several = len(groups) > 1
     size = groups[-1].end + several  # where there are several groups the last state is zero for ever
     widths = [len(group.truth.plant.model.outputs) for group in groups]
     counts = [len(group.observers) for group in groups]
-    held = Held(sum(widths), sum(counts), max(group.truth.recorded_inputs for group in groups))
+    recorded = max(group.truth.recorded_inputs for group in groups)
+    held = Held(sum(widths), sum(counts), recorded, flags=_has_corrected(groups))
     symbols = _Symbols(t, ca.SX.sym("z", size), ca.SX.sym("w", held.size), p, plant, held)
     z, w = symbols.z, symbols.w
     starts = zip(accumulate([0, *widths]), accumulate([0, *counts]), strict=True)
@@ -174,6 +195,8 @@ def build_system(
     slopes = ca.SX(0, 1)
     if any(regime.delayed for regime in regimes):
         slopes = ca.vertcat(channels, ca.jtimes(channels, z, dz) + ca.jacobian(channels, t))
+    jumps = [(a, b, compiled("jump", new)) for part in parts for a, b, new in part.jumps()]
+    corrections = [(a, b, compiled("jump", new)) for part in parts for a, b, new in part.corrections()]
     return HybridSystem(
         states=size,
         plant_states=groups[0].truth.size,
@@ -184,8 +207,15 @@ def build_system(
         regimes=tuple(regimes),
         channels=compiled("channels", channels),
         channel_slopes=compiled("trace", slopes, dz),
-        jumps=tuple((a, b, compiled("jump", new)) for part in parts for a, b, new in part.jumps()),
+        jumps=(*jumps, *corrections),
+        corrections=tuple(range(len(jumps), len(jumps) + len(corrections))),
+        innovations=innovations,
     )
+
+
+def _has_corrected(groups: Sequence[Group]) -> bool:
+    """Whether an observer is corrected by some of its outputs at a time."""
+    return any(isinstance(b.observer, CorrectedObserver) for group in groups for b in group.observers)
 
 
 def has_past(variants: Sequence[Variant]) -> bool:

@@ -12,7 +12,7 @@ from hgorun.engine.layout import HybridSystem
 from hgorun.engine.plan import Following, Plan, Segments
 from hgorun.measurement.channels import Channel
 from hgorun.measurement.schedule import Schedule
-from hgorun.memo import Memo, Same
+from hgorun.memo import Memo, same
 from hgorun.simulation.actions import Actions, RecordedInputs
 from hgorun.simulation.steps import count_steps, in_pieces, steps_between, steps_of_a_piece, uneven_steps, unevenly
 
@@ -26,13 +26,13 @@ class Tables:
     segments : Segments
     slots : int
         Samples on their way, over all outputs.
-    intervals : ndarray
-        The times between samples, for what jumps at them.
+    values : ndarray
+        What is set beside noise and recorded inputs.
     """
 
     segments: Segments
     slots: int
-    intervals: np.ndarray
+    values: np.ndarray
 
 
 def build_plan(
@@ -77,7 +77,7 @@ def build_plan(
     in_parts : bool
         A plan of many events may be given part by part, so that its tables need not fit into memory.
     """
-    key = schedule, system, Same(grid), always_slope, longest, uneven, None if inputs is None else Same(inputs)
+    key = schedule, system, same(grid), always_slope, longest, uneven, None if inputs is None else same(inputs)
     tabulated = partial(_Tabulated, schedule, channels, grid, system, always_slope, longest, uneven, inputs)
     following = None
     if in_parts and schedule.events.size > 2 * _PART_EVENTS and not system.remembers:
@@ -97,7 +97,7 @@ def build_plan(
         slots=tables.slots,
         gain=np.concatenate([np.zeros(0), *(gain for gain, _ in measured)]),
         bias=np.concatenate([np.zeros(0), *(bias for _, bias in measured)]),
-        holds=np.concatenate([np.zeros(0), *changes, tables.intervals, *recorded]),
+        holds=np.concatenate([np.zeros(0), *changes, tables.values, *recorded]),
         reach=reach,
         origin=origin,
         following=following,
@@ -134,7 +134,7 @@ class _Tabulated:
 
     def whole(self) -> Tables:
         """All of a run."""
-        return Tables(self.segments(0, self.schedule.events.size), self.actions.slots, self.actions.intervals)
+        return Tables(self.segments(0, self.schedule.events.size), self.actions.slots, self.actions.values)
 
     def in_parts(self) -> tuple[Tables, Following]:
         """The first events of a run, and the others part by part."""
@@ -147,7 +147,7 @@ class _Tabulated:
                 yield self.segments(start, min(start + _PART_EVENTS, count))
 
         following = Following(rest, steps, steps + count - _PART_EVENTS, float(self.schedule.events[-1]))
-        return Tables(first, self.actions.slots, self.actions.intervals), following
+        return Tables(first, self.actions.slots, self.actions.values), following
 
     def segments(self, first: int, stop: int) -> Segments:
         """From event ``first`` on, with what happens at the events before ``stop``.

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Literal
 
 from hgorun.config.expressions import nearest
 from hgorun.config.study import Figure, StudyBlocks
 from hgorun.config.validation import validate
 from hgorun.errors import KeyPath, Problem
+from hgorun.result.quantities import Quantity, inside
 from hgorun.result.windows import points_in
 from hgorun.simulation.experiment import Experiment
-from hgorun.study.quantities import Quantity, inside
 from hgorun.study.study import Run, Study, places_of
 
 
@@ -25,7 +24,7 @@ def check(study: Study) -> None:
     check_figures(study)
     for run in study.runs.values():
         if run.ensemble.vary is not None:
-            for _ in run.members():  # what one of its values makes wrong is said before the first runs
+            for _ in run.of_values():  # what one of its values makes wrong is said before the first runs
                 pass
     with study.located():
         for i, claim in enumerate(study.claims):
@@ -42,7 +41,9 @@ def check_figures(study: Study) -> None:
     ConfigError
     """
     with study.located():
-        _check(study.figures, {run.name: (run.experiment, run.ensemble.kind) for run in study.runs.values()})
+        _check(
+            study.figures, {run.name: (run.experiment, run.ensemble.kind, run.one_grid) for run in study.runs.values()}
+        )
 
 
 def check_figures_of(experiment: Experiment) -> None:
@@ -56,21 +57,21 @@ def check_figures_of(experiment: Experiment) -> None:
     if "figures" in data:
         blocks = validate(StudyBlocks, {"figures": data["figures"]}, experiment.source, ())
         with experiment.located():
-            _check(blocks.figures, {experiment.name: (experiment, None)})
+            _check(blocks.figures, {experiment.name: (experiment, "", True)})
 
 
-def _check(
-    figures: Mapping[str, Figure], runs: Mapping[str, tuple[Experiment, Literal["seeds", "vary"] | None]]
-) -> None:
+def _check(figures: Mapping[str, Figure], runs: Mapping[str, tuple[Experiment, str, bool]]) -> None:
     if not figures:
         return
     from hgorun.figures.names import RunNames, check
 
     names = {}
-    for name, (experiment, kind) in runs.items():
+    for name, (experiment, kind, one_grid) in runs.items():
         model, time = experiment.plant.model, experiment.blocks.time
         span, labels = (time.start, time.end), tuple(experiment.observers)
-        names[name] = RunNames(model.states, model.outputs, labels, span, kind, tuple(model.measures.values()))
+        names[name] = RunNames(
+            model.states, model.outputs, labels, span, kind, tuple(model.measures.values()), one_grid
+        )
     check(figures, names)
 
 

@@ -12,7 +12,7 @@ from pydantic import ValidationError
 
 from hgorun.config.types import Block
 from hgorun.errors import HgorunError, Problem
-from hgorun.observers.base import OBSERVERS, AnyObserver, SampledObserver, is_observer
+from hgorun.observers.base import OBSERVERS, AnyObserver, CorrectedObserver, SampledObserver, is_observer
 from hgorun.plants.base import PLANTS, Plant
 from hgorun.plants.build import BuiltPlant, build_plant
 from hgorun.plants.inline import InlinePlant
@@ -73,8 +73,8 @@ class Case:
 
     @property
     def sampled(self) -> bool:
-        """Whether it jumps at samples."""
-        return isinstance(self.observer(), SampledObserver)
+        """Whether it needs samples."""
+        return isinstance(self.observer(), (CorrectedObserver, SampledObserver))
 
     @property
     def truth(self) -> dict[str, float]:
@@ -94,7 +94,9 @@ class Case:
             label: {"type": self.name, **self.keys, **more} if "type" not in more else dict(more)
             for label, more in observers.items()
         }
-        sampled = {"sampling": {"period": 0.1}} if self.sampled else {}
+        sampled: Keys = {"sampling": {"period": 0.1}} if self.sampled else {}
+        if isinstance(self.observer(), CorrectedObserver):  # a sample at the start would correct the initial estimate
+            sampled = {"sampling": {"period": 0.1, "offset": 0.1}}
         return Experiment(
             {
                 "time": {"end": end, "output_step": 0.05},

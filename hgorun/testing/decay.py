@@ -8,7 +8,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from hgorun.errors import HgorunError, Problem
-from hgorun.observers.base import ContinuousObserver, SampledObserver
+from hgorun.observers.base import ContinuousObserver, CorrectedObserver, SampledObserver
 from hgorun.observers.capabilities import Differentiator, SlidingMode
 from hgorun.testing.cases import CHAINS, TWO_OUTPUTS, Subject
 from hgorun.testing.contract import Broken, NotApplicable
@@ -34,7 +34,7 @@ def decays(subject: Subject) -> None:
     looked_at = 0
     for equations in _at_rest(subject):
         looked_at += 1
-        if isinstance(equations.observer, SampledObserver):
+        if isinstance(equations.observer, (CorrectedObserver, SampledObserver)):
             _shrinks(equations)
         else:
             _moves_left(equations)
@@ -73,7 +73,10 @@ def _shrinks(equations: Equations) -> None:
     for _ in range(int(SETTLED)):
         if isinstance(equations.observer, ContinuousObserver):
             z, whole = _flown(equations, z)
-        z, jump = equations.evaluate(equations.leap, 0.0, z, still, still, still, PERIOD)
+        if isinstance(equations.observer, CorrectedObserver):
+            z, jump = equations.evaluate(equations.correct, 0.0, z, still, still)
+        else:
+            z, jump = equations.evaluate(equations.leap, 0.0, z, still, still, still, PERIOD)
         z = z[:, 0]
     factors = np.linalg.eigvals((jump @ whole)[np.ix_(kept, kept)])
     if not np.all(np.isfinite(jump)):

@@ -12,7 +12,7 @@ import numpy as np
 
 from hgorun.config.reads import Reads
 from hgorun.errors import HgorunError, PluginError, Problem
-from hgorun.observers.base import AnyObserver, ContinuousObserver, Sample, SampledObserver
+from hgorun.observers.base import AnyObserver, Arrival, ContinuousObserver, CorrectedObserver, Sample, SampledObserver
 from hgorun.plants.build import BuiltPlant
 from hgorun.symbolic.forms import Copy, Form, ModelCopy
 from hgorun.symbolic.parameters import Parameters
@@ -117,6 +117,21 @@ class Equations:
         return self.function("drive", ca.jacobian(rate, self._e))
 
     @cached_property
+    def correct(self) -> ca.Function:
+        """(t, parameters, z, e, y) -> (z after samples of all outputs, its Jacobian in z)."""
+        y = ca.SX.sym("y", self.outputs)
+        after = self.corrected(Arrival(y, ca.SX.ones(self.outputs)))
+        flat = ca.vertcat(*[block.flat(after.get(name, vars(self._s)[name])) for name, block in self.states.items()])
+        inputs = [self._t, self._parameters.symbol, self._z, self._e, y]
+        return _closed("correct", inputs, [flat, ca.jacobian(flat, self._z)])
+
+    def corrected(self, arrival: Arrival) -> dict[str, ca.SX]:
+        """What the observer returns for samples that arrive."""
+        assert isinstance(self.observer, CorrectedObserver)
+        with told("correct"):
+            return dict(self.observer.correct(self.copy(self._t), self._s, arrival, self._k))
+
+    @cached_property
     def leap(self) -> ca.Function:
         """(t, parameters, z, e, y, previous, interval) -> (z after a sample, its Jacobian in z)."""
         assert isinstance(self.observer, SampledObserver)
@@ -141,6 +156,8 @@ class Equations:
             watched.equations(copy, self._s, self._e, self._k)
         if isinstance(watched, SampledObserver):
             watched.jump(copy, copy, self._s, Sample(self._e, self._e, self._t), self._k)
+        if isinstance(watched, CorrectedObserver):
+            watched.correct(copy, self._s, Arrival(self._e, self._e), self._k)
         return reads.keys
 
     def function(self, name: str, *expressions: ca.SX) -> ca.Function:

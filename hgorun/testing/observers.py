@@ -9,7 +9,15 @@ import casadi as ca
 import numpy as np
 
 from hgorun.errors import HgorunError, PluginError
-from hgorun.observers.base import AnyObserver, ContinuousObserver, Role, Sample, SampledObserver
+from hgorun.observers.base import (
+    AnyObserver,
+    Arrival,
+    ContinuousObserver,
+    CorrectedObserver,
+    Role,
+    Sample,
+    SampledObserver,
+)
 from hgorun.observers.capabilities import Differentiator, SlidingMode
 from hgorun.simulation.preparation import prepare
 from hgorun.symbolic.states import Symmetric
@@ -115,6 +123,9 @@ def _equations(subject: Subject) -> None:
         if isinstance(equations.observer, SampledObserver):
             sample = Sample(ca.SX.sym("y", equations.outputs), ca.SX.sym("y_", equations.outputs), ca.SX.sym("T"))
             _same_shapes(equations, equations.jump(sample), "values after a jump", whole=False)
+        if isinstance(equations.observer, CorrectedObserver):
+            arrival = Arrival(ca.SX.sym("y", equations.outputs), ca.SX.sym("fresh", equations.outputs))
+            _same_shapes(equations, equations.corrected(arrival), "values after a correction", whole=False)
         for values in _numbers(equations):
             if not np.all(np.isfinite(values)):
                 raise Broken(f"{values.ravel()} near the start {equations.where}", "finite numbers")
@@ -138,6 +149,8 @@ def _numbers(equations: Equations) -> list[np.ndarray]:
             found.append(equations.evaluate(equations.flow, 0.3, z, e)[0])
         if isinstance(equations.observer, SampledObserver):
             found.append(equations.evaluate(equations.leap, 0.3, z, e, e + 0.1, e, 0.1)[0])
+        if isinstance(equations.observer, CorrectedObserver):
+            found.append(equations.evaluate(equations.correct, 0.3, z, e, e + 0.1)[0])
     return found
 
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from hgorun.errors import HgorunError
-from hgorun.observers.base import ContinuousObserver, SampledObserver
+from hgorun.observers.base import ContinuousObserver
 from hgorun.observers.capabilities import Differentiator
 from hgorun.result.data import ObserverResult
 from hgorun.result.result import Result
@@ -97,7 +97,7 @@ def _stays(subject: Subject) -> None:
         # a difference equation copies the plant's Euler model
         stepped = {} if isinstance(observer, ContinuousObserver) else {"discretise": "euler"}
         sampled = {"sampling": {"period": 0.1}}
-        for measurement in (sampled,) if isinstance(observer, SampledObserver) else ({}, sampled):
+        for measurement in (sampled,) if case.sampled else ({}, sampled):
             experiment = case.experiment({"it": {"initial": case.truth}}, measurement=measurement, end=2.0, **stepped)
             _not_moved(simulate(experiment), "sampled" if measurement else "continuous")
 

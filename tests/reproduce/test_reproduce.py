@@ -11,6 +11,7 @@ from pathlib import Path
 import h5py
 import pytest
 
+from hgorun import read_sweep
 from hgorun.commands.figures import figures
 from hgorun.commands.options import Figures
 from hgorun.files import _MACHINE, remove_leftovers, written_whole
@@ -40,16 +41,17 @@ claims:
 
 
 def files(folder: Path) -> dict[str, bytes]:
-    """All files with their bytes; a result file by its data, since it carries a date."""
+    """All files but the blocks of ensembles with their bytes; a run's file by its data, since it carries a date."""
 
     def content(path: Path) -> bytes:
-        if path.suffix != ".h5":
+        if path.suffix != ".h5" or path.name.endswith(".sweep.h5"):
             return path.read_bytes()
         with h5py.File(path) as file:
             attributes = {k: str(v) for k, v in file.attrs.items() if k != "created"}
             return json.dumps(attributes, sort_keys=True).encode() + file["observers/A/xhat"][()].tobytes()
 
-    return {str(p.relative_to(folder)): content(p) for p in sorted(folder.rglob("*")) if p.is_file()}
+    paths = [p for p in sorted(folder.rglob("*")) if p.is_file() and "many.sweep" not in p.parts]
+    return {str(p.relative_to(folder)): content(p) for p in paths}
 
 
 def studies(folder: Path, count: int = 2, seeds: int = 3, step: float = 0.01) -> list[str]:
@@ -92,7 +94,7 @@ def test_only_what_changed_is_made(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_processes_give_the_same_files_as_one(tmp_path: Path) -> None:
-    names = studies(tmp_path, count=3)
+    names = studies(tmp_path)
     made(names, tmp_path / "one", workers=1)
     made(names, tmp_path / "two", workers=2)
     assert files(tmp_path / "one") == files(tmp_path / "two")
@@ -102,12 +104,12 @@ def test_processes_give_the_same_files_as_one(tmp_path: Path) -> None:
 @pytest.mark.skipif(os.name != "posix", reason="sends signals")
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT])
 def test_killed_in_the_middle_and_started_again(tmp_path: Path, how: signal.Signals) -> None:
-    names = studies(tmp_path, count=2, seeds=40, step=2e-4)
+    names = studies(tmp_path, count=2, seeds=400, step=2e-4)
     made(names, tmp_path / "whole")
     command = [sys.executable, "-m", "hgorun.cli", "figures", "--report", *names, "-o", str(tmp_path / "broken")]
     process = subprocess.Popen(command, start_new_session=True, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
     deadline = time.monotonic() + 60
-    while not list((tmp_path / "broken").rglob("many.json")) and time.monotonic() < deadline:
+    while not list((tmp_path / "broken").rglob("many.sweep/blocks/*.h5")) and time.monotonic() < deadline:
         time.sleep(0.01)
     os.killpg(process.pid, how)
     process.communicate(timeout=30)
@@ -133,6 +135,18 @@ def test_a_damaged_state_is_made_anew(tmp_path: Path) -> None:
     state = output / "runs" / "study0" / "state.json"
     state.write_text('{"runs": 3, "figures": {"first": [1]}}')
     assert len(made(names, output)) == 4
+
+
+def test_trajectories_of_an_ensemble_are_drawn(tmp_path: Path) -> None:
+    (name,), output = studies(tmp_path, count=1), tmp_path / "out"
+    path = Path(name)
+    path.write_text(path.read_text().replace("{error: x2, observers: [one/A]}", "{error: x2, run: many}"))
+    assert made([name], output) == ["study0/first", "study0/second", "study0/0", "study0/1"]
+    assert (output / "study0" / "second.png").stat().st_size > 10_000
+    collected = read_sweep(output / "runs" / "study0" / "many.sweep.h5")
+    assert collected.trajectories is not None
+    assert collected.trajectories.member.tolist() == [0, 1, 2]
+    assert made([name], output) == []
 
 
 def test_leftovers_of_dead_processes_go_and_of_living_ones_stay(tmp_path: Path) -> None:

@@ -18,13 +18,13 @@ def page(*containing: str) -> str:
     return "".join(code_of("extending.md", text) for text in containing)
 
 
-OBSERVER, PLANT = 'observer("ekf")', 'plant("tank")'
+OBSERVER, PLANT = 'observer("own_ekf")', 'plant("tank")'
 TESTS = ("def test_the_filter", "def test_the_tank")
 
 
 def test_the_observer_and_the_plant_run_together(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with (
-        installed(tmp_path / "a", monkeypatch, OBSERVERS, "my_observers", page(OBSERVER), ekf="ExtendedKalman"),
+        installed(tmp_path / "a", monkeypatch, OBSERVERS, "my_observers", page(OBSERVER), own_ekf="ExtendedKalman"),
         installed(tmp_path / "b", monkeypatch, PLANTS, "my_plants", page(PLANT), tank="Tank"),
     ):
         config = {
@@ -33,7 +33,7 @@ def test_the_observer_and_the_plant_run_together(tmp_path: Path, monkeypatch: py
             "measurement": {"sampling": {"period": 0.1}, "noise": [{"type": "gaussian", "std": 0.02}]},
             "observers": {
                 "EKF": {
-                    "type": "ekf",
+                    "type": "own_ekf",
                     "r": 0.0004,
                     "q": 0.001,
                     "initial": {"h1": 0.8, "h2": 0.3},
@@ -44,13 +44,13 @@ def test_the_observer_and_the_plant_run_together(tmp_path: Path, monkeypatch: py
         }
         result = hgorun.simulate(hgorun.Experiment(config))
         assert result.metrics()["EKF"]["rmse"]["h1"] < 0.03
-        assert check_observer(OBSERVERS.find("ekf")).left_out.keys() == {"declared rate"}
+        assert check_observer(OBSERVERS.find("own_ekf")).left_out.keys() == {"declared rate"}
         assert "slopes" in check_plant(PLANTS.find("tank")).kept
 
 
 def test_the_tests_of_the_page_pass(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with (
-        installed(tmp_path, monkeypatch, OBSERVERS, "my_observers", page(OBSERVER, PLANT), ekf="ExtendedKalman"),
+        installed(tmp_path, monkeypatch, OBSERVERS, "my_observers", page(OBSERVER, PLANT), own_ekf="ExtendedKalman"),
     ):
         names: dict[str, object] = {}
         exec(page(*TESTS), names)

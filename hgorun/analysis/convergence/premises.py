@@ -15,7 +15,7 @@ from hgorun.analysis.convergence.lipschitz import Lipschitz, lipschitz
 from hgorun.analysis.convergence.signals import Amplitudes, amplitudes
 from hgorun.analysis.reasons import NoValue, outcome
 from hgorun.analysis.subject import Subject, once
-from hgorun.observers.base import SampledObserver
+from hgorun.observers.base import CorrectedObserver, SampledObserver
 from hgorun.observers.capabilities import HighGain
 from hgorun.symbolic.forms import BlockForm, ChainForm
 
@@ -75,7 +75,7 @@ def premises_of(subject: Subject) -> Premises:
     NoValue
         Where there is no theorem to start from.
     """
-    if isinstance(subject.observer, SampledObserver):
+    if isinstance(subject.observer, (CorrectedObserver, SampledObserver)):
         raise NoValue(f"{subject.observer.type} jumps at the samples; the theorems are for flows")
     theta = theta_of(subject)
     chart = chart_of(subject.form, subject.run.plant)

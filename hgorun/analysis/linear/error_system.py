@@ -20,8 +20,8 @@ from functools import cached_property
 import numpy as np
 
 from hgorun.analysis.linear.linear import Linearisation
-from hgorun.analysis.reasons import JUMPS, SLIDING, NoValue, why_lost
-from hgorun.observers.base import SampledObserver
+from hgorun.analysis.reasons import CORRECTED, JUMPS, SLIDING, NoValue, why_lost
+from hgorun.observers.base import CorrectedObserver, SampledObserver
 from hgorun.observers.capabilities import SlidingMode
 from hgorun.result.data import ObserverResult
 from hgorun.result.result import Result
@@ -119,6 +119,8 @@ def error_system(run: PreparedRun, label: str, result: Result) -> ErrorSystem:
         raise NoValue(SLIDING)
     if isinstance(observer, SampledObserver):
         raise NoValue(JUMPS)
+    if isinstance(observer, CorrectedObserver):
+        raise NoValue(CORRECTED)
     if label not in result.observers:
         raise NoValue("the nominal run does not have this observer")
     found = result.observers[label]

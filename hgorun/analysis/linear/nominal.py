@@ -9,7 +9,7 @@ import numpy as np
 
 from hgorun.analysis.reasons import NoValue
 from hgorun.errors import HgorunError
-from hgorun.observers.base import AnyObserver, SampledObserver
+from hgorun.observers.base import AnyObserver, CorrectedObserver, SampledObserver
 from hgorun.observers.capabilities import HighGain, Switching
 from hgorun.result.result import Result
 from hgorun.simulation.experiment import Experiment
@@ -19,6 +19,7 @@ from hgorun.simulation.simulate import prepare, simulate_prepared
 from hgorun.symbolic.forms import BlockForm, ChainForm, Form
 
 _POINTS = 2_000, 20_000  # fewest and most output points of a nominal run
+_JUMPING = (CorrectedObserver, SampledObserver)
 _MEMORY = 40.0  # of 1/(slowest rate): a chain's Riccati equation has come to rest
 
 
@@ -40,7 +41,7 @@ def nominal(run: PreparedRun, label: str | None = None) -> Result:
     NoValue
     """
     experiment, plant = run.experiment, run.plant
-    if all(isinstance(o, SampledObserver) for o in experiment.observers.values()):
+    if all(isinstance(o, _JUMPING) for o in experiment.observers.values()):
         raise NoValue("all observers here jump at the samples")
     if plant.block.discretise:
         raise NoValue("the plant is stepped at the samples")
@@ -52,7 +53,7 @@ def nominal(run: PreparedRun, label: str | None = None) -> Result:
     }
     initial = dict(zip(plant.model.states, map(float, plant.initial), strict=True))
     for name, observer in experiment.observers.items():
-        if isinstance(observer, SampledObserver) or label not in (None, name):
+        if isinstance(observer, _JUMPING) or label not in (None, name):
             changes[f"observers.{name}"] = None
             continue
         try:  # the true state, unless the observer cannot start there
@@ -61,7 +62,7 @@ def nominal(run: PreparedRun, label: str | None = None) -> Result:
             continue
         changes[f"observers.{name}.initial"] = initial
     failure = "without noise, sampling and delay there is no run"
-    return _simulated(lambda: experiment.varied(changes, name="nominal"), failure)[1]
+    return _simulated(lambda: experiment.varied(changes, name="nominal").informed_by(experiment), failure)[1]
 
 
 def chain(run: PreparedRun, label: str) -> tuple[PreparedRun, Result]:
@@ -105,7 +106,7 @@ def chain(run: PreparedRun, label: str) -> tuple[PreparedRun, Result]:
         "solver": {"method": "rk4", "step": _step(run, observer)},
     }
     failure = "the observer does not take a chain of integrators"
-    return _simulated(lambda: Experiment(config, name="chain"), failure)
+    return _simulated(lambda: Experiment(config, name="chain").informed_by(run.experiment), failure)
 
 
 def _step(run: PreparedRun, observer: AnyObserver) -> float | str:

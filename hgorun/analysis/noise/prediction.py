@@ -13,9 +13,9 @@ from hgorun.analysis.noise.continuous import continuous_power
 from hgorun.analysis.noise.jumps import noise_of_jumps
 from hgorun.analysis.noise.sampled import SampledLoop
 from hgorun.analysis.noise.terms import NoiseTerms
-from hgorun.analysis.reasons import NO_SLOPES, NoValue, first_of, require_estimate
+from hgorun.analysis.reasons import CORRECTED, NO_SLOPES, NoValue, first_of, require_estimate
 from hgorun.measurement.blocks import noise_blocks
-from hgorun.observers.base import SampledObserver
+from hgorun.observers.base import CorrectedObserver, SampledObserver
 from hgorun.observers.capabilities import SlidingMode
 from hgorun.result.result import Result
 from hgorun.result.windows import points_in
@@ -46,6 +46,8 @@ def predicted_noise(run: PreparedRun, label: str, noise_free: Result, result: Re
     NoValue
     """
     observer = run.experiment.observers[label]
+    if isinstance(observer, CorrectedObserver):
+        raise NoValue(CORRECTED)
     steady = partial(_power, run, noise_free, label)
     if result is None or noise_free.observers[label].lost or isinstance(observer, SlidingMode):
         return np.asarray(np.sqrt(steady()))
@@ -104,7 +106,7 @@ def without_noise(experiment: Experiment) -> Experiment:
     """The same experiment with noise of size zero: the same events and steps, so nothing else differs."""
     return experiment.varied(
         {path: [item.silent() for item in noise] for path, noise in noise_blocks(experiment.measurement)}
-    )
+    ).informed_by(experiment)
 
 
 def measured_noise(noisy: Result, noise_free: Result, label: str) -> np.ndarray:

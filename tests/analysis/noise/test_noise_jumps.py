@@ -36,14 +36,14 @@ def test_within_one_percent(file: str, name: str, settings: list[str], states: t
 
 def test_an_observer_that_flows_between_its_jumps_gets_a_reason_and_no_number() -> None:
     names: dict[str, type] = {}
-    exec(code_of("extending.md", 'observer("ekf")').replace('@observer("ekf")\n', ""), names)
+    exec(code_of("extending.md", 'observer("own_ekf")').replace('@observer("own_ekf")\n', ""), names)
     config = {
         "time": {"end": 2, "output_step": 0.1},
         "plant": {"type": "integrator_chain", "n": 2, "phi": "-x1", "initial": {"x1": 1, "x2": 0}},
         "measurement": {"sampling": {"period": 0.1}, "noise": [{"type": "gaussian", "std": 0.02}]},
-        "observers": {"o": {"type": "ekf"}},
+        "observers": {"o": {"type": "own_ekf"}},
     }
-    with OBSERVERS.replaced("ekf", names["ExtendedKalman"]):
+    with OBSERVERS.replaced("own_ekf", names["ExtendedKalman"]):
         experiment = hgorun.Experiment(config)
         run = prepare(experiment)
         with pytest.raises(NoValue, match="flows and jumps"):

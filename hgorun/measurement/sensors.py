@@ -1,0 +1,79 @@
+"""The strength of the sensors' noise, for observers that weigh the measurement by it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+from hgorun.measurement.availability import Stretch
+from hgorun.measurement.blocks import Times
+from hgorun.measurement.noise import is_relative
+from hgorun.symbolic.sensors import Sensor
+
+
+class _Unknown(Exception):
+    """Why numbers do not follow from the noise."""
+
+
+class _Strength(NamedTuple):
+    """Of the noise in a stretch: the variance of a sample, and the density; None where there is none."""
+
+    variance: float | None
+    density: float | None
+
+
+def sensors_of(stretches: Iterable[Sequence[Stretch]]) -> tuple[Sensor, ...]:
+    """What is known of the noise of every output, from all of its stretches.
+
+    The variance of a sample is exact: that of gaussian and uniform noise, the mean square of sinusoids, their sum for
+    noise of several kinds. Noise that is held for a time dt on a continuous output has the density variance times dt,
+    the area of its autocorrelation; samples of white noise have variance times their mean interval.
+    """
+    return tuple(_sensor(one) for one in stretches)
+
+
+def _sensor(stretches: Sequence[Stretch]) -> Sensor:
+    intervals = {_interval(s) for s in stretches}
+    interval = intervals.pop() if len(intervals) == 1 else None
+    modes = {s.multiplicative for s in stretches}
+    try:
+        strengths = {_strength(s) for s in stretches}
+        if len(strengths) > 1 or len(modes) > 1:
+            raise _Unknown("the noise changes from one phase to the next")
+    except _Unknown as unknown:
+        return Sensor(None, None, interval, why=str(unknown))
+    variance, density = strengths.pop()
+    why = "the output is continuous: it has no samples" if variance is None else ""
+    if density is None:
+        why = why or "the mean time between its samples is not known"
+    return Sensor(variance, density, interval, modes.pop(), why)
+
+
+def _interval(stretch: Stretch) -> float | None:
+    """The mean time between two samples."""
+    sampling = stretch.sampling
+    if isinstance(sampling, Times) and len(sampling.times) > 1:
+        return (sampling.times[-1] - sampling.times[0]) / (len(sampling.times) - 1)
+    return stretch.period
+
+
+def _strength(stretch: Stretch) -> _Strength:
+    if is_relative(stretch):
+        raise _Unknown("the size of its noise is relative to the output (snr_db)")
+    variance, density = 0.0, 0.0
+    for item in stretch.noise:
+        spectrum = item.spectrum()
+        if spectrum is None:
+            raise _Unknown(f"noise of type {item.type} has no spectrum that is known")
+        if spectrum.waves and stretch.continuous:
+            raise _Unknown("sinusoids on a continuous output have no density")
+        variance += sum(abs(wave.phasor) ** 2 / 2 for wave in spectrum.waves)
+        variance += sum(draws.variance for draws in spectrum.draws)
+        if stretch.continuous:
+            density += sum(draws.variance * (draws.hold or 0.0) for draws in spectrum.draws if draws.variance)
+    if not variance > 0:
+        raise _Unknown("the output has no noise")
+    if stretch.continuous:
+        return _Strength(None, density)
+    interval = _interval(stretch)
+    return _Strength(variance, None if interval is None else variance * interval)

@@ -1,0 +1,31 @@
+"""What an observer may know of the noise of its sensors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """The noise of one output, as far as numbers follow from the configuration.
+
+    Attributes
+    ----------
+    variance : float or None
+        Of a sample, in y^2, or relative to h^2 where the noise is ``multiplicative``; None for continuous outputs, and
+        where ``why`` says the reason.
+    density : float or None
+        Of white noise that is as strong in the long run: variance times the time between two draws, in y^2 time.
+    interval : float or None
+        The mean time between two samples; None where there are none, or nothing is known of it.
+    multiplicative : bool
+        Whether the noise is in proportion to the output.
+    why : str
+        Why there is no variance or no density.
+    """
+
+    variance: float | None
+    density: float | None
+    interval: float | None
+    multiplicative: bool = False
+    why: str = ""
