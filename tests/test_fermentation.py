@@ -12,7 +12,7 @@ from shell import Shell
 from hgorun.result.reading import read
 
 ROOT = Path(__file__).parents[1]
-FOLDER = ROOT / "examples" / "fermentation"
+FOLDER = ROOT / "demos" / "fermentation"
 PAGE = (ROOT / "docs" / "fermentation.md").read_text(encoding="utf-8")
 
 
@@ -20,7 +20,7 @@ def test_ethanol_from_glucose(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (command,) = re.findall(r"^    hgorun estimate (.*)$", PAGE, re.MULTILINE)
-    arguments = command.replace("examples/fermentation", str(FOLDER)).split()
+    arguments = command.replace("demos/fermentation", str(FOLDER)).split()
     shell = Shell(tmp_path, monkeypatch, capsys)
     code, out, _ = shell("estimate", *arguments, "--no-sensitivity", "--no-plots", "-o", "f.h5")
     assert code == 0
