@@ -87,7 +87,8 @@ def _nanoseconds(values: np.ndarray, unit: Fraction, start: int, table: Table, c
     there = ~np.isnan(values)
     whole = np.floor(np.where(there, values, 0.0))
     # in two parts: a date in nanoseconds has more digits than a float
-    nanoseconds = whole * float(unit)
+    with np.errstate(over="ignore"):
+        nanoseconds = whole * float(unit)
     if (wrong := np.flatnonzero(np.abs(nanoseconds + start) >= 0.99 * _RANGE)).size:
         line = int(table.lines[wrong[0]])
         message = f"expected a date between 1678 and 2262, found {values[wrong[0]]:g}"

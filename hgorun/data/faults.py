@@ -159,20 +159,20 @@ def _confirmed(values: np.ndarray, places: np.ndarray, width: int) -> list[tuple
     places, ratio = places[kept], np.median(after[kept], axis=1) / np.median(before[kept], axis=1)
     factors = np.concatenate([_FACTORS, 1 / _FACTORS])
     # a unit's factor is exact; what the quantity itself has changed meanwhile is little
-    near = np.abs(np.log(np.abs(ratio)[:, None] / factors)) < 0.25
+    off = np.abs(np.log(np.abs(ratio)[:, None] / factors))
     same_sign = ratio > 0
     return [
-        (int(place), float(factors[row.argmax()]))
-        for place, row, same in zip(places, near, same_sign, strict=True)
-        if same and row.any()
+        (int(place), float(factors[row.argmin()]))
+        for place, row, same in zip(places, off, same_sign, strict=True)
+        if same and row.min() < 0.4
     ]
 
 
 def _steady(windows: np.ndarray) -> np.ndarray:
-    """Windows whose values have one sign and differ by less than a factor 1.5."""
+    """Windows whose values have one sign and differ by less than a factor 2.5."""
     sizes = np.abs(windows)
     one_sign = np.abs(np.sign(windows).sum(axis=1)) == windows.shape[1]
-    steady: np.ndarray = one_sign & (sizes.max(axis=1) < 1.5 * sizes.min(axis=1))
+    steady: np.ndarray = one_sign & (sizes.max(axis=1) < 2.5 * sizes.min(axis=1))
     return steady
 
 

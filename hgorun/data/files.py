@@ -6,10 +6,15 @@ import os
 from pathlib import Path
 
 from hgorun.config.data import Csv
+from hgorun.data.arrays import ArrayFile
 from hgorun.data.csv_table import CsvFile
+from hgorun.data.hdf5 import Hdf5
+from hgorun.data.parquet import Parquet
 from hgorun.data.table import TableFile
 from hgorun.errors import ConfigError, KeyPath, Problem
 
+_HDF5 = b"\x89HDF\r\n\x1a\n"
+_PARQUET = b"PAR1"
 _NOT_READ = {
     b"PK\x03\x04": "a zip archive or a workbook of Excel: save the sheet as CSV",
     b"\xd0\xcf\x11\xe0": "an old workbook of Excel: save the sheet as CSV",
@@ -40,4 +45,6 @@ def open_table(path: Path, told: Csv, key: KeyPath) -> TableFile:
     for mark, what in _NOT_READ.items():
         if begin.startswith(mark):
             raise ConfigError(f"this is {what}", file=str(path))
-    return CsvFile(path, told)
+    if begin == _HDF5:
+        return ArrayFile(path, Hdf5())
+    return ArrayFile(path, Parquet()) if begin.startswith(_PARQUET) else CsvFile(path, told)

@@ -156,6 +156,8 @@ class _Reader:
         found = [file for file in files if column.column in file.table.names]
         if not found:
             self._known(files[0], column.column, (*path, "column"), [n for file in files for n in file.table.names])
+        for file in found:
+            self._known(file, column.column, (*path, "column"))
         return found
 
     def _part(self, file: _File, column: Column, clock: Clock, path: KeyPath, clock_path: KeyPath) -> _Part:
@@ -224,7 +226,8 @@ class _Reader:
         """
         clocks = list(self._clocks(signals))
         absolute = [(file, clock) for file, clock in clocks if clock.absolute]
-        for file, clock in clocks:
+        for file, clock in dict.fromkeys(clocks):
+            self._notes += self._unit_of_clock(file, clock)
             self._stamps[id(file), clock] = stamps(clock, self._tables[id(file)], self._unit)
         if not absolute:
             return self._no_epoch()
@@ -242,6 +245,13 @@ class _Reader:
         if not firsts:
             raise ConfigError("no time stamps", file=str(absolute[0][0].path))
         return min(firsts), zones == {True}
+
+    def _unit_of_clock(self, file: _File, clock: ClockColumn) -> Iterator[Note]:
+        """What a file says of the unit of its stamps, where it is another one than the run's."""
+        said = file.table.unit(clock.cells.column).partition(" since ")[0]
+        if said and not clock.absolute and clock.clock.unit is None and said != self._unit:
+            message = f"the file says {said}, the run counts in {self._unit}: taken as they are; unit: {said} converts"
+            yield Note(kind="clock", signal=clock.cells.column, file=str(file.path), message=message)
 
     def _no_epoch(self) -> tuple[None, bool]:
         if self._block.origin is not None:

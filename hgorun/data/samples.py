@@ -265,16 +265,16 @@ class Sorting:
         """Refused, reported, or dropped but for some of each stretch."""
         if not found:
             return samples
-        first, count = found[0], sum(stretch.size for stretch in found)
+        keep = np.ones(samples.values.size, dtype=bool)
+        for stretch in found:  # lines meet in their ends
+            keep[stretch.start : stretch.stop] = False
+        first, count = found[0], int(np.count_nonzero(~keep))
         message = f"{_samples(count)} {what}{_where(samples, found)}"
         if told == "refuse":
             raise self._refused(samples, first.start, message, hint)
         self._note(kind, samples, first.start, count, message + (", left out" if told == "drop" else ""))
         if told == "report":
             return samples
-        keep = np.ones(samples.values.size, dtype=bool)
-        for stretch in found:
-            keep[stretch.start : stretch.stop] = False
         for stretch in found:
             keep[kept(stretch)] = True
         return samples.at(keep)

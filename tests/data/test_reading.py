@@ -157,7 +157,7 @@ def test_units_are_converted(tmp_path: Path, said: str, unit: str, model: str, e
 
 
 def test_a_unit_of_the_file_that_is_not_the_models_is_told(tmp_path: Path) -> None:
-    content = PLAIN.replace("glucose\n", "glucose\n[h],[mg/L]\n")
+    content = PLAIN.replace("glucose\n", "glucose\n[s],[mg/L]\n")
     (note,) = recorded(tmp_path, content, units={"S": "g/L"}).notes
     assert note.kind == "units"
     assert "the file says mg/L, the model g/L" in str(note)
