@@ -177,7 +177,7 @@ class StretchNoise:
             return self._drawn(item, drawn, (count,))
         shape = len(of), count
         if j in self._deviations:
-            unit = item.model_copy(update={"std": 1.0})
+            unit = item.model_copy(update={str(item.scaled_by): 1.0})
             drawn = self._drawn(item, unit.draw_many(of, count), shape)
             return np.asarray(drawn * self._deviations[j][:, None])
         return self._drawn(item, item.draw_many(of, count), shape)
