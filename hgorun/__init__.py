@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from hgorun.analysis.report import analyze
     from hgorun.ensemble.call import sweep
     from hgorun.ensemble.growing import Sweep, read_sweep
+    from hgorun.estimate.estimator import Estimator
     from hgorun.result.reading import read
     from hgorun.result.result import Result
     from hgorun.simulation.experiment import Experiment
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "ConfigError",
+    "Estimator",
     "Experiment",
     "HgorunError",
     "Result",
@@ -42,6 +44,7 @@ __all__ = [
 
 # Imported when first used: the command line's help must not wait for numpy.
 _LAZY = {
+    "Estimator": "hgorun.estimate.estimator",
     "Experiment": "hgorun.simulation.experiment",
     "Result": "hgorun.result.result",
     "Sweep": "hgorun.ensemble.growing",

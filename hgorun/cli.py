@@ -126,6 +126,13 @@ def _tune(chosen: options.Tune) -> int:
     return tune(chosen)
 
 
+@_command("export", options.Export)
+def _export(chosen: options.Export) -> int:
+    from hgorun.commands.export import export
+
+    return export(chosen)
+
+
 @_command("analyze", options.Analyze)
 def _analyze(chosen: options.Analyze) -> int:
     from hgorun.commands.analyze import analyze

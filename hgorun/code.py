@@ -39,7 +39,7 @@ RUN = (
 )
 ENSEMBLE = ("config/sweeps.py", "ensemble")
 FIGURE = ("ensemble/collected.py", "ensemble/fronts.py", "ensemble/statistics.py", "figures", "tables/typeset.py")
-QUANTITY = ("study/measured.py", "study/quantities.py")
+QUANTITY = (*ENSEMBLE, "study/ensembles.py", "study/measured.py", "study/sentences.py")
 SCALING = ("study/scaling.py",)
 THEORY = ("analysis", "study/theory.py")
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
 from threading import RLock
+from types import MethodType
 from typing import Generic, TypeVar
 
 _T = TypeVar("_T")
@@ -31,8 +32,11 @@ class Memo(Generic[_T]):
     def get(self, key: Hashable, make: Callable[[], _T]) -> _T:
         """The value of a key, made where it is not known; what raises is not kept."""
         with self._lock:
-            if key in self._values:
+            try:
                 self._values.move_to_end(key)
+            except KeyError:
+                pass
+            else:
                 return self._values[key]
             value = make()
             if self._fits(value):
@@ -47,16 +51,13 @@ class Memo(Generic[_T]):
             self._values.clear()
 
 
-class Same:
-    """A thing as part of a key: equal to itself only."""
+def same(thing: object) -> Hashable:
+    """A thing as part of a key: equal to itself only, whatever its own class says.
 
-    __slots__ = ("thing",)
+    A bound method is hashed and compared by the identity of its object, without a call of Python's.
+    """
+    return MethodType(_nothing, thing)
 
-    def __init__(self, thing: object) -> None:
-        self.thing = thing
 
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Same) and other.thing is self.thing
-
-    def __hash__(self) -> int:
-        return id(self.thing)
+def _nothing(thing: object) -> None:
+    """What is bound; never called."""

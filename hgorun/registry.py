@@ -133,8 +133,8 @@ class Registry(Generic[T]):
                 self._load(entry)
         return sorted(self._registered)
 
-    def load(self) -> None:
-        """Load all that can be found by name.
+    def load(self) -> dict[str, T]:
+        """Name: thing, of all that can be found by name.
 
         Raises
         ------
@@ -144,6 +144,7 @@ class Registry(Generic[T]):
         self._import_built_in()
         for entry in self._entry_points():
             self._load(entry)
+        return self._registered.copy()
 
     def all(self) -> dict[str, T]:
         """Name: thing, of all names."""

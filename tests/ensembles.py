@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 from examples import VAN_DER_POL, experiment
@@ -11,6 +12,12 @@ from examples import VAN_DER_POL, experiment
 from hgorun import Experiment
 from hgorun.config.sweeps import SweepBlocks
 from hgorun.ensemble.ensemble import Ensemble
+from hgorun.ensemble.growing import read_sweep
+from hgorun.ensemble.sweep import Place
+from hgorun.result.quantities import Quantity
+from hgorun.study.ensembles import carried_out, ensemble_of
+from hgorun.study.measured import Numbers, beside_metrics, of_members
+from hgorun.study.study import Run
 
 
 @cache
@@ -34,3 +41,10 @@ def small(**keep: Any) -> Ensemble:
     """Twelve members."""
     axes = {"observers.*.theta": {"log": [2, 20, 4]}, "seed": {"count": 3}}
     return ensemble(axes, keep={"metrics": ["rmse", "peak"], **keep})
+
+
+def numbers(run: Run, quantities: Sequence[Quantity], folder: Path) -> Numbers:
+    """What the members of a study's run measure."""
+    of, place = ensemble_of(run, beside_metrics(quantities), followed=False), Place.of(folder / f"{run.name}.sweep.h5")
+    carried_out(of, place, workers=1)
+    return of_members(run, of, read_sweep(place.file), quantities)

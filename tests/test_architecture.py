@@ -27,9 +27,9 @@ FLOORS: list[set[str]] = [
     {"result"},
     {"data"},
     {"simulation"},
-    {"analysis", "ensemble", "testing"},
+    {"analysis", "ensemble", "estimate", "testing"},
     {"tables"},
-    {"figures"},
+    {"export", "figures"},
     {"explore", "study"},
     {"reproduce", "tuning"},
     {"hgorun"},  # __init__.py, what `import hgorun` offers

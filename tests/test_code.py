@@ -153,12 +153,12 @@ def test_an_edit_makes_stale_what_follows_from_it(package: Path, tmp_path: Path)
     study = load_study(tmp_path / "study.yaml")
     for file in ("cli.py", "commands/figures.py", "reproduce/pool.py", "config/yaml_errors.py", "tables/metrics.py"):
         assert changes(study, package, file, "\nADDED = 1\n") == [None] * 4
-    for file in ("cli.py", "engine/emit.py", "figures/drawing.py", "study/quantities.py", "analysis/report.py"):
+    for file in ("cli.py", "engine/emit.py", "figures/drawing.py", "study/sentences.py", "analysis/report.py"):
         assert changes(study, package, file, "\n# a comment\n") == [None] * 4
     assert changes(study, package, "engine/emit.py", "\nADDED = 1\n") == ["engine changed"] * 4
     assert changes(study, package, "observers/shgo.py", "\nADDED = 1\n") == ["observers changed"] * 4
     assert changes(study, package, "figures/drawing.py", "\nADDED = 1\n") == [None, "figures changed", None, None]
-    assert changes(study, package, "study/quantities.py", "\nADDED = 1\n") == [None, None] + ["study changed"] * 2
+    assert changes(study, package, "study/sentences.py", "\nADDED = 1\n") == [None, None] + ["study changed"] * 2
     assert changes(study, package, "analysis/report.py", "\nADDED = 1\n") == [None] * 3 + ["analysis changed"]
 
 

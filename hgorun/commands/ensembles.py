@@ -15,16 +15,14 @@ from hgorun.ensemble.collected import Collected, levels
 from hgorun.ensemble.growing import read_sweep
 from hgorun.ensemble.outcome import outcome_of
 from hgorun.ensemble.reading import is_sweep
-from hgorun.ensemble.refused import refuse_base
-from hgorun.ensemble.store import Changed, Store
-from hgorun.ensemble.sweep import Place, carry_out, finished
+from hgorun.ensemble.sweep import Place
 from hgorun.errors import ConfigError, SimulationError
-from hgorun.files import remove_file
 from hgorun.process import say
 from hgorun.progress import shown as progress
-from hgorun.study.ensembles import ensemble_of
+from hgorun.study.ensembles import carried_out, ensemble_of
 from hgorun.study.study import Run
 from hgorun.tables import ensemble as tables
+from hgorun.tables import ensemble_data as plain_tables
 from hgorun.tables.ensemble import Compared, compared
 from hgorun.tables.ensemble_latex import latex
 
@@ -47,7 +45,7 @@ def compare_ensembles(options: Compare) -> int:
     style = _style(options)
     found = [_compared(read_sweep(path), options, str(path)) for path in options.sources]
     if options.json:
-        objects = [tables.as_json(one) for one in found]
+        objects = [plain_tables.as_json(one) for one in found]
         print(json_text.dumps(objects[0] if len(objects) == 1 else objects, indent=2, allow_nan=False))
     elif not options.quiet:
         print(style(found))
@@ -74,19 +72,8 @@ def simulate_ensemble(run: Run, target: Path, options: Simulate) -> tuple[dict[s
         The statistics as JSON holds them, and whether every observer is ok in every member.
     """
     ensemble, place = ensemble_of(run), Place.of(target)
-    refuse_base(ensemble)
-    try:
-        store = Store.opened(place.folder, ensemble)
-    except Changed:
-        remove_file(place.file)
-        store = Store.opened(place.folder, ensemble, fresh=True)
     with progress(ensemble.size, run.name, "members", show=options.text) as bar:
-
-        def carry() -> None:
-            carry_out(store, told=lambda count: bar.update(count.done, failed=count.failed))
-
-        carry()
-        finished(store, place.file, carry)
+        carried_out(ensemble, place, lambda count: bar.update(count.done, failed=count.failed))
     outcome = outcome_of(place.file)
     for words in outcome.troubles():
         say(f"hgorun: {run.name}: {words}")
@@ -96,7 +83,7 @@ def simulate_ensemble(run: Run, target: Path, options: Simulate) -> tuple[dict[s
     if options.text:
         print(tables.text([found], pairs=False))
         print(f"written: {place.file}")
-    return tables.as_json(found), found.members.all_ok
+    return plain_tables.as_json(found), found.members.all_ok
 
 
 def report(options: Report) -> int:
@@ -138,7 +125,7 @@ def draw(found: Compared, options: Compare) -> list[Path]:
 
 def _style(options: Compare) -> Style:
     """The table asked for, once it is sure that the options fit each other."""
-    styles: dict[str, Style] = {"text": tables.text, "csv": tables.csv, "latex": latex}
+    styles: dict[str, Style] = {"text": tables.text, "csv": plain_tables.csv, "latex": latex}
     if options.format not in styles:
         raise ConfigError(f"--format: expected one of {', '.join(styles)}, found {options.format!r}")
     refused = {

@@ -172,6 +172,33 @@ class Tune(Printing):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Export(Configured):
+    """Write the observers of a configuration in another language, to results/NAME/.
+
+    As C: one file and a header for each observer, without libraries but libm and without allocation, with the method
+    and the step of the run.
+    """
+
+    config: Annotated[Path, typer.Argument(metavar="CONFIG", help="A YAML configuration.")]
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Folder to write to (default: results/NAME).")
+    ] = None
+    lang: Annotated[str, typer.Option("--lang", metavar="LANGUAGE", help="c.")] = "c"
+    observers: Annotated[
+        list[str], typer.Option("--observer", metavar="LABEL", help="Only this observer; repeatable.")
+    ] = field(default_factory=list)
+    single: Annotated[bool, typer.Option("--float", help="Numbers of type float in place of double.")] = False
+    late: Annotated[
+        float,
+        typer.Option("--late", min=0, help="How late samples may be known (default: the delay of the configuration)."),
+    ] = 0.0
+    inputs_given: Annotated[
+        bool,
+        typer.Option("--inputs-given", help="Inputs are told to the observer; otherwise they are those of the file."),
+    ] = False
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Analyze(Configured):
     """Compare theory with simulation: gains, bounds, noise."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -14,6 +15,7 @@ from hgorun.config.grammar import (
     CONSTANTS,
     FUNCTIONS,
     MAX_LENGTH,
+    NUMBER,
     ExpressionError,
     Node,
     Reader,
@@ -110,7 +112,13 @@ def parse(value: str | int | float, *, names: Collection[str] | None = None) -> 
 def _read(text: str, names: frozenset[str] | None) -> Expression:
     reader = Reader(names)
     try:
-        tree = reader.read(syntax_tree(tokens(text)), 0)
+        # what is a single number, as most values of a configuration are, needs no parser
+        tree = finite(text, text) if NUMBER.fullmatch(text) else reader.read(_understood(text), 0)
     except ExpressionError as error:
         raise ExpressionError(f"`{short(text)}`: {error}") from None
     return Expression(text, frozenset(reader.used), tree)
+
+
+@lru_cache(maxsize=64)  # a text is read twice: when its block is checked, and when its names are known
+def _understood(text: str) -> ast.expr:
+    return syntax_tree(tokens(text))

@@ -53,8 +53,9 @@ _SIGNS: dict[type[ast.AST], str] = {
     **{ast.USub: "neg", ast.Not: "not", ast.And: "and", ast.Or: "or"},
 }
 
+NUMBER = re.compile(r"(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
 _TOKEN = re.compile(
-    r"(?P<number>(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)|(?P<name>[A-Za-z_][A-Za-z0-9_]*)"
+    rf"(?P<number>{NUMBER.pattern})|(?P<name>[A-Za-z_][A-Za-z0-9_]*)"
     r"|(?P<sign>\*\*|<=|>=|==|!=|(?!//|<<|>>)[-+*/()<>,])|(?P<space>[ \t]+)|(?P<other>//|<<|>>|:=|.)",
     re.DOTALL,
 )
@@ -184,19 +185,22 @@ def _foreign(token: str) -> str:
 
 
 def _check_neighbours(left: re.Match[str], right: re.Match[str]) -> None:
-    a, b = short(left[0]), short(right[0])
+    a, b = left[0], right[0]
     if {a, b} & {"and", "or", "not"}:
         return
     if left.lastgroup == "number" and left.end() == right.start():
         if b in ("j", "J"):
             raise ExpressionError("complex numbers are not supported")
         if b.startswith("_") or (a == "0" and b[0] in "xXoObB" and b[1:2].isalnum()) or b[0] == ".":
-            raise ExpressionError(f"`{a}{b}` is not a number: write digits with at most one `.`, no prefix and no `_`")
+            raise ExpressionError(
+                f"`{short(a)}{short(b)}` is not a number: write digits with at most one `.`, no prefix and no `_`"
+            )
     ends = left.lastgroup == "number" or a == ")" or (left.lastgroup == "name" and b != "(")
     begins = right.lastgroup in ("number", "name") or b == "("
     if left.lastgroup == "number" and b in _UNITS:
-        raise ExpressionError(f"a number has no unit here, so `{b}` is too much: times are in time.unit")
+        raise ExpressionError(f"a number has no unit here, so `{short(b)}` is too much: times are in time.unit")
     if ends and begins:
+        a, b = short(a), short(b)
         raise ExpressionError(f"an operator is missing between `{a}` and `{b}`: write a product as `{a}*{b}`")
 
 

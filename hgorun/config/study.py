@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from hgorun.config.tuning import Tune
 from hgorun.config.types import Block, ExpressionText, Name, NonEmpty, Number, Positive, Window
@@ -143,16 +143,24 @@ class Claim(Inequality):
         return "undecidable" if self.undecidable else self.expect
 
 
+def _some(assigned: dict[str, str]) -> dict[str, str]:
+    if not assigned:
+        raise ValueError("it sets nothing, so all members would be the same")
+    return assigned
+
+
 class Vary(Block):
     """A run repeated for each value of a name."""
 
     name: Name = Field(description="what is varied")
     values: Annotated[tuple[Number, ...], NonEmpty] = Field(description="one member of the ensemble for each")
-    set: dict[str, ExpressionText] = Field(description="path: expression of the name, as with --set")
+    set: Annotated[dict[str, ExpressionText], AfterValidator(_some)] = Field(
+        description="path: expression of the name, as with --set"
+    )
 
 
 class Ensemble(Block):
-    """What makes an ensemble of a run."""
+    """What makes an ensemble of a run; of both, every seed with every value."""
 
     seeds: Annotated[int, Field(ge=2, le=100_000, strict=True)] | None = Field(
         default=None, description="repeated with this many seeds: seed, seed + 1, ..."
@@ -160,15 +168,9 @@ class Ensemble(Block):
     vary: Vary | None = Field(default=None, description="repeated for each value of a name")
 
     @property
-    def kind(self) -> Literal["seeds", "vary"] | None:
-        """What members differ in; None for a single run."""
-        return "seeds" if self.seeds is not None else "vary" if self.vary is not None else None
-
-    @model_validator(mode="after")
-    def _one(self) -> Ensemble:
-        if self.seeds is not None and self.vary is not None:
-            raise ValueError("seeds and vary both make an ensemble: give only one of them")
-        return self
+    def kind(self) -> str:
+        """What members differ in, in words; nothing for a single run."""
+        return " and ".join(key for key in ("seeds", "vary") if getattr(self, key) is not None)
 
 
 class StudyBlocks(Block):

@@ -232,6 +232,9 @@ class Keep(Block):
     metrics: Annotated[tuple[str, ...], NonEmpty] | None = Field(
         default=None, description="names of metrics (default: all)"
     )
+    quantities: tuple[str, ...] = Field(
+        default=(), description="what else is measured, as in claims: std('FHGO', x2), rmse('FHGO', x2, 0, 5), ..."
+    )
     trajectories: Trajectories = Field(
         default="none", description="none, all, {worst: 5, by: rmse, observer: F, state: x2} or {every: 100}"
     )

@@ -10,14 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
-from typing import Protocol
+from dataclasses import replace
 
 import numpy as np
 
 from hgorun.engine.layout import HybridSystem
 from hgorun.engine.loose import fits
-from hgorun.engine.many import ManyProgram, Reducer, Worker, beside, lanes_of, widest
+from hgorun.engine.many import ManyProgram, Worker, beside, lanes_of, widest
+from hgorun.engine.member_numbers import MemberNumbers, Outcome, Reduction
 from hgorun.engine.members import INPUTS
 from hgorun.engine.methods import METHODS
 from hgorun.engine.plan import Floats, Plan
@@ -26,116 +26,6 @@ from hgorun.errors import SimulationError
 
 _ROWS = 1 << 26  # numbers of the rows of a block: of long ones fewer are made side by side
 _KEPT = 1 << 24  # numbers of rows that are kept at once for a reduction in Python
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class MemberNumbers:
-    """The numbers of N runs; of any strides, so that a transposed array costs nothing.
-
-    Attributes
-    ----------
-    z0 : ndarray, shape (states, N)
-    p : ndarray, shape (parameters, N)
-    gain, bias : ndarray, shape (slots, N), or (slots,) where all have the same
-    holds : ndarray, shape (hold values, N) or (hold values,)
-        These three take the place of the plan's.
-    bound : (offset, factor)
-        As in :class:`~hgorun.engine.program.Start`.
-    """
-
-    z0: Floats
-    p: Floats
-    gain: Floats
-    bias: Floats
-    holds: Floats
-    bound: tuple[float, float] = (1e6, 1e6)
-
-    @property
-    def count(self) -> int:
-        """N."""
-        return int(self.z0.shape[1])
-
-    def named(self, name: str) -> Floats:
-        """The numbers that the engine calls ``z``, ``p``, ``gain``, ``bias``, ``holds``."""
-        numbers: Floats = getattr(self, {"z": "z0"}.get(name, name))
-        return numbers
-
-    def some(self, which: slice) -> MemberNumbers:
-        """Some of them, as views."""
-        parts = {name: getattr(self, name) for name in ("z0", "p", "gain", "bias", "holds")}
-        return replace(self, **{name: part[:, which] if part.ndim == 2 else part for name, part in parts.items()})
-
-
-class Reduction(Protocol):
-    """What is made of the rows of a member."""
-
-    @property
-    def size(self) -> int:
-        """So many numbers a member."""
-        ...
-
-    @property
-    def states(self) -> Sequence[int] | None:
-        """The states that are in the rows where it is compiled and rows are not kept; all of them where it is None."""
-        ...
-
-    def reducer(self, lanes: int, *, whole: int | None) -> Reducer | None:
-        """Compiled, with memory for a thread of its own; None where it cannot be.
-
-        Parameters
-        ----------
-        whole : int or None
-            How many states the rows hold, where these are all of them.
-        """
-        ...
-
-    def finished(self, found: Floats) -> Floats:
-        """The numbers, shape (size, N), from what the reducer has found, shape (reducer.size, N)."""
-        ...
-
-    def of(self, rows: Floats, p: Floats) -> Floats:
-        """The numbers of some members, not compiled.
-
-        Parameters
-        ----------
-        rows : ndarray, shape (grid points, states, members)
-        p : ndarray, shape (parameters, members)
-
-        Returns
-        -------
-        ndarray, shape (size, members)
-        """
-        ...
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Outcome:
-    """What N runs have given, the last axis counts the members.
-
-    Attributes
-    ----------
-    reduced : ndarray, shape (reduction.size, N)
-        Without a reduction, no rows.
-    diverged : ndarray, shape (observers, N)
-        Time of divergence of each observer, infinity where there was none.
-    plant_diverged : ndarray, shape (N,)
-        When the plant did; other numbers of such a member mean nothing. Infinity where it did not.
-    first, last : ndarray, shape (states, N)
-        The states at the first and at the last point of the grid; at the first one, of a compiled reduction those
-        that are not in the rows have their initial values.
-    error : ndarray, shape (states, N)
-        Largest local error estimate of an embedded method, zeros otherwise.
-    rows : ndarray, shape (grid points, states, N), or None
-        Where they were asked for.
-    """
-
-    reduced: Floats
-    diverged: Floats
-    plant_diverged: Floats
-    first: Floats
-    last: Floats
-    error: Floats
-    rows: Floats | None = None
 
 
 class Ensemble:

@@ -11,7 +11,7 @@ CONTEXT = (
     "p", "c", "z", "w", "channels", "spans", "counts", "actions", "grid", "rows", "slots", "gain", "bias",
     "measured", "holds", "alpha", "blocks", "diverged", "lost", "largest", "ring", "initial", "hints", "error", "size",
     "own", "row", "ring_count", "ring_mask", "bound_offset", "bound_factor", "t_start", "rtol", "atol", "small",
-    "max_step", "step", "now", "budget", "segment", "paused", "hopeless", "snapshots",
+    "max_step", "step", "now", "budget", "segment", "paused", "hopeless", "snapshots", "innovations",
 )  # fmt: skip
 WORD = {name: index for index, name in enumerate(CONTEXT)}
 
@@ -135,6 +135,8 @@ class HybridSystem:
         From where on the states and what is held can be taken back to what they have been.
     channel_slopes : casadi.Function
         The channels, then their time derivatives, from (t, p, z, z'); used where something is delayed.
+    innovations : bool
+        Whether every observer's innovation is kept of every sample that arrives.
     """
 
     states: int
@@ -149,6 +151,7 @@ class HybridSystem:
     jumps: tuple[tuple[int, int, ca.Function], ...] = ()
     corrections: tuple[tuple[int, int, int], ...] = ()
     replayed: tuple[int, int] | None = None
+    innovations: bool = False
 
     @property
     def outputs(self) -> int:

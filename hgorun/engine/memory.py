@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -68,6 +68,8 @@ class Raw:
         The vector w at the end.
     tries : int
         Steps made, and, where they are controlled, those that were rejected.
+    innovations : ndarray, shape (slots, observers, lanes)
+        C xhat - y of every sample when it arrived, where the system keeps them; empty otherwise.
     """
 
     rows: Floats
@@ -76,6 +78,7 @@ class Raw:
     error: Floats
     held: Floats
     tries: int = 0
+    innovations: Floats = field(default_factory=lambda: np.zeros((0, 0, 1)))
 
 
 def history_pieces(ends: Floats, steps: Integers | None, reach: float) -> int:
@@ -152,6 +155,7 @@ class Memory:
             "snapshots": np.zeros(max(plan.snapshots * s.snapshot, 1) * lanes),
             "size": _sizes(start.z),
             "own": np.zeros(own_words * lanes, dtype=np.int64),
+            "innovations": np.full((plan.slots if s.innovations else 1, max(s.observers, 1), lanes), np.nan),
         }
         self.context = np.zeros(len(CONTEXT), dtype=np.int64)
         for name, array in self.arrays.items():
@@ -194,6 +198,11 @@ class Memory:
             self.arrays[name] = np.ascontiguousarray(array)
             self[name] = address_of(self.arrays[name])
 
+    def set_actions(self, actions: Integers) -> None:
+        """What happens at the events of the segments that are carried out next."""
+        self.arrays["actions"] = actions
+        self["actions"] = address_of(actions)
+
     def keep_initial(self) -> None:
         """The channels before the start are those at the start."""
         self.arrays["initial"][:] = self.arrays["channels"]
@@ -209,6 +218,7 @@ class Memory:
             self.arrays["error"],
             self.arrays["w"].reshape(-1, self.shape[2]),
             tries,
+            self.arrays["innovations"],
         )
 
 

@@ -197,6 +197,8 @@ def add_actions(m: Module) -> None:
             )
             y = f.mul(f.load(gain, f.real), f.load(here, f.real))
             f.store(f.add(y, f.load(bias, f.real)), measured, f.real)
+            if s.innovations:
+                _keep_innovations(m, f, output, slot, here, measured)
             with f.when(arrives):
                 copy(f, f.at(held, Held.OUTPUT * lanes), f.at(held, Held.PREVIOUS * lanes), 1)
                 copy(f, measured, f.at(held, Held.OUTPUT * lanes), 1)
@@ -240,6 +242,24 @@ def _add_snapshots(m: Module, f: Function, op: str, number: str) -> None:
                     with f.when(f.test("one", when, hexadecimal(float("inf")))), f.count(start, end) as i:
                         state = f.scalar("add", f.scalar("mul", i, str(lanes)), lane)
                         f.store(hexadecimal(float("nan")), f.at(z, state))
+
+
+def _keep_innovations(m: Module, f: Function, output: str, slot: str, here: str, measured: str) -> None:
+    """C xhat - y of every observer as it is compared when a sample arrives, before anything follows from it."""
+    s, lanes = m.system, m.lanes
+    kept = f.at(f.word("%ctx", WORD["innovations"], "ptr"), f.scalar("mul", slot, str(s.observers * lanes)))
+    z = f.word("%ctx", WORD["z"], "ptr")
+    with f.count(0, s.observers) as j, f.count(0, lanes) as lane:
+        i = f.scalar("add", f.scalar("mul", j, str(lanes)), lane)
+        guess = f.load(f.at(f.at(here, lanes), i))
+        if s.alpha:
+            place = f.scalar("add", f.scalar("mul", output, str(s.observers * lanes)), i)
+            guess = f.scalar("fadd", guess, f.load(f.at(z, f.word(f.word("%ctx", WORD["alpha"], "ptr"), place))))
+        found = f.scalar("fsub", guess, f.load(f.at(measured, lane)))
+        if s.replayed is not None:  # what was thought at first, and not when it was carried out again
+            first = f.load(f.at(kept, i))
+            found = f.let(f"select i1 {f.test('uno', first, first)}, double {found}, double {first}")
+        f.store(found, f.at(kept, i))
 
 
 def _add_jump(m: Module, number: int) -> None:

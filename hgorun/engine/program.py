@@ -169,6 +169,17 @@ class Program:
         self._begin = ctypes.CFUNCTYPE(None, ctypes.c_void_p)(self._native.address["begin"])
         self._run = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p, ctypes.c_int64)(self._native.address["run"])
 
+    def memory(self, plan: Plan, start: Start, tolerance: Tolerance | None = None) -> Memory:
+        """The memory of a run that is about to begin."""
+        memory = Memory(self.system, self.lanes, self._constants, plan, start, tolerance)
+        self._begin(memory.address)
+        memory.keep_initial()
+        return memory
+
+    def go_on(self, memory: Memory, stop: int) -> int:
+        """Carry a run out up to the start of a segment; what the native loop says."""
+        return int(self._run(memory.address, stop))
+
     def run(
         self,
         plan: Plan,
@@ -197,13 +208,12 @@ class Program:
             When the plant diverges or no step is small enough for it.
         TooManySteps
         """
-        memory = Memory(self.system, self.lanes, self._constants, plan, start, tolerance)
-        self._begin(memory.address)
-        memory.keep_initial()
+        memory = self.memory(plan, start, tolerance)
         chunk = 1 if tolerance or progress else _FIRST  # adaptive segments may be long
         passed, tries = 0, 0
-        for segments in plan.parts():
-            memory.take(segments)
+        for part, segments in enumerate(plan.parts()):
+            if part:  # it has the first
+                memory.take(segments)
             work = (segments.counts[:, 2] - segments.counts[:, 1] + 1).cumsum()  # steps, and what happens before
             stop, done = 0, 0
             while stop < work.size:

@@ -19,14 +19,17 @@ from hgorun.ensemble.lot import Lot, Numbers, settings_of, times_of
 from hgorun.ensemble.members import Members
 from hgorun.ensemble.suspects import Suspects, together
 from hgorun.errors import ConfigError, HgorunError, Problem, SimulationError
-from hgorun.memo import Memo, Same
+from hgorun.memo import Memo, same
 from hgorun.result.metrics.base import all_metrics
+from hgorun.result.result import Result
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.preparation import prepare
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import finished, located, simulate_prepared
 
 __all__ = ["Block", "compute"]
+
+Watch = Callable[[Block, int, Result], None]
 
 _FEW = 24  # members of a family that are prepared one by one
 _SIDE_BY_SIDE = 3  # members of one structure, for which code for several at once is compiled
@@ -44,6 +47,8 @@ def compute(
     metrics: Sequence[str] = (),
     threads: int = 1,
     progress: Callable[[int], None] | None = None,
+    quantities: int = 0,
+    watch: Watch | None = None,
 ) -> Block:
     """Carry out members of an ensemble and keep their metrics, each with the bits of the member alone.
 
@@ -58,6 +63,11 @@ def compute(
         How many carry members out side by side.
     progress : callable, optional
         Called with the number of members that are finished.
+    quantities : int
+        For how many further numbers of every member the block has room.
+    watch : callable, optional
+        Called with the block, the place of a member in it and its result, for every member that can be carried out.
+        They are then carried out one by one.
 
     Returns
     -------
@@ -69,8 +79,8 @@ def compute(
     ConfigError
         For an unknown metric, and for a path ``observers.*`` that no observer has.
     """
-    block = Block.empty(base, len(members), _known(metrics))
-    _Work(base, members.of_observers(base), block, threads, progress).carry_out()
+    block = Block.empty(base, len(members), _known(metrics), quantities)
+    _Work(base, members.of_observers(base), block, threads, progress, watch).carry_out()
     return block
 
 
@@ -89,10 +99,14 @@ class _Work:
     block: Block
     threads: int
     progress: Callable[[int], None] | None
+    watch: Watch | None = None
     done: int = 0
 
     def carry_out(self) -> None:
         """All members."""
+        if self.watch is not None:
+            self._watched()
+            return
         left: list[Integers] = []
         for which in _families(self.base, self.members):
             own = self._side_by_side(which)
@@ -102,6 +116,11 @@ class _Work:
                 self._alone(own)
         if left:
             self._prepared(np.concatenate(left))
+
+    def _watched(self) -> None:
+        """All members, one by one."""
+        for start in range(0, len(self.members), self.threads):
+            self._singles(list(self._runs(range(start, min(start + self.threads, len(self.members))))))
 
     def _side_by_side(self, which: Integers) -> Integers | None:
         """Members that differ in numbers alone; those to be carried out alone, or None where numbers are not all."""
@@ -158,13 +177,7 @@ class _Work:
         groups: dict[object, _Group] = {}
         rest: _Group = []
         of_structure: Counter[int] = Counter()
-        for i in which.tolist():
-            try:
-                run = prepare(self.base.varied(self.members.changes(i)))
-            except Exception as error:  # whatever it is, the others go on
-                self.block.fail(i, error)
-                self._finished(1)
-                continue
+        for i, run in self._runs(which.tolist()):
             own = groups.setdefault((settings_of(run), times_of(run)), []) if _able(run) else rest
             own.append((i, run))
             of_structure[id(run.structure)] += 1
@@ -172,6 +185,17 @@ class _Work:
             if of_structure[id(group[0][1].structure)] < _SIDE_BY_SIDE:
                 rest += groups.pop(key)
         return groups, rest
+
+    def _runs(self, which: Iterable[int]) -> Iterator[tuple[int, PreparedRun]]:
+        """The members that can be prepared, each with its run."""
+        for i in which:
+            try:
+                run = prepare(self.base.varied(self.members.changes(i)))
+            except Exception as error:  # whatever it is, the others go on
+                self.block.fail(i, error)
+                self._finished(1)
+            else:
+                yield i, run
 
     def _looked_at(self, group: _Group) -> None:
         """Members of given steps, with one plan or each with its own."""
@@ -202,7 +226,10 @@ class _Work:
 
     def _one(self, i: int, run: PreparedRun) -> None:
         try:
-            self.block.record(i, simulate_prepared(run))
+            result = simulate_prepared(run)
+            self.block.record(i, result)
+            if self.watch is not None:
+                self.watch(self.block, i, result)
         except Exception as error:  # whatever it is, the others go on
             self.block.fail(i, error)
 
@@ -270,7 +297,7 @@ def _family(base: Experiment, members: Members) -> Family:
     """
     others = Axes.of(base, members).others
     common = {path: value for path, value in members.changes(0).items() if path in others}
-    own, run = _BASES.get((Same(base), repr(common)), lambda: _prepared_base(base, common))
+    own, run = _BASES.get((same(base), repr(common)), lambda: _prepared_base(base, common))
     if own.coordinates != base.coordinates:  # members take those of the base where they can
         raise Differs
     rest = Members({path: column for path, column in members.columns.items() if path not in others}, len(members))

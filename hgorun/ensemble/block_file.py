@@ -37,6 +37,7 @@ _ARRAYS = {  # of every member, or of every observer of it: the type; of texts t
     "rtol": "float64",
     "evaluations": "int64",
     "integration_error": "float64",
+    "quantities": "float64",
 }
 _OF_OBSERVERS = ("status", "status_at", "diverged_at", "reason")
 
@@ -56,6 +57,8 @@ class Form:
     observers, states, metrics : tuple of str
     followed : tuple of int
         Numbers of the members whose trajectories it holds.
+    quantities : int
+        How many there are besides metrics.
     """
 
     path: Path
@@ -66,6 +69,7 @@ class Form:
     states: tuple[str, ...]
     metrics: tuple[str, ...]
     followed: tuple[int, ...]
+    quantities: int
 
     @classmethod
     def of(cls, ensemble: Ensemble, path: Path, fingerprint: str, start: int, stop: int) -> Form:
@@ -79,6 +83,7 @@ class Form:
             states=tuple(ensemble.base.plant.model.states),
             metrics=ensemble.metrics,
             followed=tuple(chosen(ensemble.keep.trajectories, start, stop)),
+            quantities=len(ensemble.quantities),
         )
 
     def shape(self, name: str) -> tuple[int, ...]:
@@ -86,6 +91,8 @@ class Form:
         size, m = self.stop - self.start, len(self.observers)
         if name == "integration_error":
             return size, 1 + m
+        if name == "quantities":
+            return size, self.quantities
         return (size, m) if name in _OF_OBSERVERS else (size,)
 
 

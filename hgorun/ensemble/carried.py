@@ -10,7 +10,7 @@ from hgorun.ensemble.block import compute
 from hgorun.ensemble.collected import Trajectories
 from hgorun.ensemble.found import Block
 from hgorun.ensemble.recipe import ensemble_of
-from hgorun.ensemble.trajectories import chosen, follow
+from hgorun.ensemble.trajectories import Watched, chosen, follow, watched
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -52,6 +52,18 @@ def carry_out(
     began = perf_counter()
     ensemble = ensemble_of(recipe)
     members = ensemble.members(start, stop)
-    block = compute(ensemble.base, members, metrics=ensemble.metrics, threads=threads, progress=progress)
-    followed = follow(ensemble, chosen(ensemble.keep.trajectories, start, stop))
+    watch = Watched(ensemble, start, stop) if watched(ensemble) else None
+    block = compute(
+        ensemble.base,
+        members,
+        metrics=ensemble.metrics,
+        threads=threads,
+        progress=progress,
+        quantities=len(ensemble.quantities),
+        watch=watch,
+    )
+    if watch is not None:
+        followed = watch.followed
+    else:
+        followed = follow(ensemble, chosen(ensemble.keep.trajectories, start, stop))
     return Carried(start=start, stop=stop, block=block, followed=followed, seconds=perf_counter() - began)

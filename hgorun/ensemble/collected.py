@@ -67,6 +67,8 @@ class Collected:
     planned : int
         How many members there will be; more than N while the ensemble is carried out.
     trajectories : Trajectories or None
+    quantities : mapping of str to ndarray, shape (N,)
+        What else was measured, by its text.
     """
 
     name: str
@@ -83,6 +85,7 @@ class Collected:
     dimensions: Mapping[str, int] = field(default_factory=dict)
     planned: int = 0
     trajectories: Trajectories | None = None
+    quantities: Mapping[str, Floats] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return int(self.status.shape[0])
@@ -179,6 +182,7 @@ class Collected:
             error=self.error[members],
             dimensions={},
             trajectories=_of_members(self.trajectories, members),
+            quantities={text: values[members] for text, values in self.quantities.items()},
         )
 
     def at(self, axis: str, value: Any) -> NDArray[np.bool_]:

@@ -23,7 +23,7 @@ from hgorun.ensemble.collected import Trajectories
 from hgorun.ensemble.ensemble import Ensemble
 from hgorun.ensemble.found import Block
 from hgorun.ensemble.layout import MEMBER, Column, Layout
-from hgorun.ensemble.reading import FORMAT
+from hgorun.ensemble.reading import FORMAT, QUANTITIES
 from hgorun.ensemble.recipe import written
 from hgorun.ensemble.rows import batches, part
 from hgorun.ensemble.store import COLLECTED, Store
@@ -93,7 +93,8 @@ def _write(store: Store, file: h5py.File) -> None:
         for name, values in ensemble.values(start, stop).items() if ensemble.combine != "product" else ():
             columns[name].write(start, values)
         for name, values in _arrays(batch).items():
-            columns[name].write(start, values)
+            if name in columns:
+                columns[name].write(start, values)
         worst.look_at(start, batch)
         start = stop
     for column in columns.values():
@@ -143,6 +144,8 @@ def _dimensions(ensemble: Ensemble, layout: Layout) -> None:
         layout.scale(MEMBER, ensemble.size, _places(ensemble.size), long_name="number of the member")
     layout.names("observer", tuple(base.observers))
     layout.names("state", base.plant.model.states)
+    if ensemble.quantities:
+        layout.names("quantity", tuple(map(str, ensemble.quantities)))
     observers = base.observers.values()
     layout.fixed("observer_type", np.array([o.type for o in observers], dtype=object), ("observer",))
     orders = [o.r if isinstance(o, FilterOrder) else -1 for o in observers]
@@ -181,6 +184,8 @@ def _columns(ensemble: Ensemble, layout: Layout) -> dict[str, Column]:
     add("evaluations", np.int64, long_name="evaluations of the right-hand side")
     add("integration_error", float, ("observer",), long_name="relative error of the metrics by the integration")
     add("plant_integration_error", float, long_name="relative error of the truth by the integration")
+    if ensemble.quantities:
+        add(QUANTITIES, float, ("quantity",))
     return columns
 
 
@@ -205,6 +210,7 @@ def _arrays(batch: Block) -> dict[str, NDArray[Any]]:
         "evaluations": batch.evaluations,
         "integration_error": batch.integration_error[:, 1:],
         "plant_integration_error": batch.integration_error[:, 0],
+        QUANTITIES: batch.quantities,
     }
 
 

@@ -12,7 +12,7 @@ from math import prod
 
 import numpy as np
 
-from hgorun.config.expressions import nearest
+from hgorun.config.expressions import ExpressionError, nearest
 from hgorun.config.sweeps import MOST_MEMBERS, Combine, Keep, LinearAxis, ListAxis, LogAxis, SweepBlocks, Worst
 from hgorun.config.types import SEEDS
 from hgorun.ensemble.members import Members, written_out
@@ -20,6 +20,8 @@ from hgorun.ensemble.values import Column, Floats, Places, Seeds, Values, values
 from hgorun.errors import ConfigError, KeyPath, Problem
 from hgorun.measurement.noise import generator
 from hgorun.result.metrics.base import all_metrics
+from hgorun.result.quantities import Quantity, kinds, read_quantity
+from hgorun.result.windows import points_in
 from hgorun.simulation.experiment import Experiment
 
 _BITS = 32  # of a coordinate of a Sobol point
@@ -68,6 +70,47 @@ class Ensemble:
         known = tuple(all_metrics())
         kept = self.keep.metrics
         return known if kept is None else tuple(name for name in known if name in kept)
+
+    @cached_property
+    def quantities(self) -> tuple[Quantity, ...]:
+        """What else is measured of every member.
+
+        Raises
+        ------
+        Problem
+            For text that is no quantity of one run.
+        """
+        return tuple(self._quantity(i, text) for i, text in enumerate(self.keep.quantities))
+
+    def _quantity(self, i: int, text: str) -> Quantity:
+        place: KeyPath = ("keep", "quantities", i)
+        try:
+            found = read_quantity(text, (self.name,))
+        except ExpressionError as error:
+            raise Problem(place, str(error)) from error
+        if kinds()[found.function].measure is None or any(run != self.name for run, _ in found.of):
+            raise Problem(place, f"it is not measured on one member: {text}")
+        for _, label in found.of:
+            if label is not None and label not in self.base.observers:
+                known = tuple(self.base.observers)
+                near, all_names = nearest(label, known), ", ".join(known) or "none"
+                raise Problem(place, f"no observer is called {label!r}.{near} Known: {all_names}")
+        states = self.base.plant.model.states
+        if found.state not in states:
+            raise Problem(place, f"no state is called {found.state!r}. States: {', '.join(states)}")
+        self._check_window(found, place)
+        return found
+
+    def _check_window(self, quantity: Quantity, place: KeyPath) -> None:
+        """Refuse a window without a point of the base's output grid."""
+        if quantity.window is None or any(path.partition(".")[0] == "time" for path in self.axes):
+            return
+        time, (points, every, _) = self.base.blocks.time, self.base.grid
+        low, high = quantity.window
+        if low < time.start - 1e-9 or high > time.end + 1e-9:
+            raise Problem(place, f"{quantity}: the run lasts from {time.start:g} to {time.end:g}")
+        if not points[::every][points_in(points[::every], (low - time.start, high - time.start))].size:
+            raise Problem(place, f"{quantity}: no output point lies in this window")
 
     @property
     def dimensions(self) -> dict[str, int]:
@@ -200,6 +243,7 @@ class Ensemble:
 
     def _check_keep(self) -> None:
         known, kept = all_metrics(), self.keep.trajectories
+        _ = self.quantities  # is refused here, if it is
         for i, name in enumerate(self.keep.metrics or ()):
             if name not in known:
                 near, all_names = nearest(name, known), ", ".join(known)

@@ -21,7 +21,7 @@ from hgorun.ensemble.members import Members
 from hgorun.errors import HgorunError, Problem
 from hgorun.measurement.channels import Channel
 from hgorun.measurement.schedule import Schedule
-from hgorun.memo import Memo, Same
+from hgorun.memo import Memo, same
 from hgorun.simulation.checks import check_run
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.preparation import (
@@ -72,7 +72,7 @@ class Family:
             Where a member that has been prepared in full has other numbers.
         """
         steps = self.steps
-        known = _CHECKED.get((Same(self.run), tuple(self.members.columns)), dict)
+        known = _CHECKED.get((same(self.run), tuple(self.members.columns)), dict)
         for i in self._samples(known):
             try:
                 full = prepare(self.base.varied(self.members.changes(i)))

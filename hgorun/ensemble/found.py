@@ -47,6 +47,8 @@ class Block:
         Of the right-hand side.
     integration_error : ndarray, shape (N, 1 + m)
         Of the plant and of every observer, where the step was found by error control; NaN where none was estimated.
+    quantities : ndarray, shape (N, q)
+        What else was asked for; infinite where a member has failed.
     """
 
     observers: tuple[str, ...]
@@ -63,12 +65,13 @@ class Block:
     rtol: Floats
     evaluations: NDArray[np.int64]
     integration_error: Floats
+    quantities: Floats
 
     def __len__(self) -> int:
         return int(self.status.shape[0])
 
     @classmethod
-    def empty(cls, base: Experiment, size: int, metrics: Sequence[str]) -> Block:
+    def empty(cls, base: Experiment, size: int, metrics: Sequence[str], quantities: int = 0) -> Block:
         """A block of members that have all failed so far, to be filled in."""
         observers, states = tuple(base.observers), base.plant.model.states
         m = len(observers)
@@ -87,6 +90,7 @@ class Block:
             rtol=np.full(size, np.nan),
             evaluations=np.zeros(size, dtype=np.int64),
             integration_error=np.full((size, 1 + m), np.nan),
+            quantities=np.full((size, quantities), np.inf),
         )
 
     def record(self, i: int, result: Result) -> None:

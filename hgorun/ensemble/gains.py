@@ -18,7 +18,7 @@ from hgorun.ensemble.axes import distinct_rows
 from hgorun.ensemble.found import Floats, Integers
 from hgorun.ensemble.members import Column, Members
 from hgorun.errors import HgorunError
-from hgorun.memo import Memo, Same
+from hgorun.memo import Memo, same
 from hgorun.simulation.checks import check_run
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.observer_block import ObserverBlock
@@ -146,7 +146,7 @@ class _Block:
 
     def numbers(self, changes: Mapping[str, Any]) -> _Own | None:
         """The numbers of a block with other values; None where it is refused, or its equations are others."""
-        return _DESIGNED.get((Same(self.run), self.label, repr(changes)), lambda: self._numbers(changes))
+        return _DESIGNED.get((same(self.run), self.label, repr(changes)), lambda: self._numbers(changes))
 
     def _numbers(self, changes: Mapping[str, Any]) -> _Own | None:
         run = self.run

@@ -10,7 +10,7 @@ import numpy as np
 
 from hgorun.ensemble.collected import Collected, Trajectories, as_text
 from hgorun.ensemble.ensemble import Ensemble
-from hgorun.ensemble.reading import read
+from hgorun.ensemble.reading import QUANTITIES, read
 from hgorun.ensemble.rows import joined, part
 from hgorun.ensemble.store import Store
 from hgorun.ensemble.values import Drawn
@@ -52,6 +52,10 @@ class Sweep(Collected):
             coords={"observer": list(self.observers), "state": list(self.states)},
             attrs={"name": self.name, "title": self.title},
         )
+        if self.quantities:
+            values = np.stack(list(self.quantities.values()), axis=-1).reshape(*shape, -1)
+            found = found.assign({QUANTITIES: ((*front, "quantity"), values)})
+            found = found.assign_coords({"quantity": list(self.quantities)})
         if not whole:
             return found.assign_coords({path: ("member", values) for path, values in self.axes.items()})
         own = {path: self.axes[path].reshape(shape).swapaxes(0, k) for k, path in enumerate(front)}
@@ -112,6 +116,7 @@ def _finished(store: Store, max_memory: float) -> Collected:
         dimensions=ensemble.dimensions if members.size == store.size else {},
         planned=store.size,
         trajectories=_kept(kept, members),
+        quantities=dict(zip(map(str, ensemble.quantities), block.quantities.T, strict=True)),
     )
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hgorun.config.models import Method
-from hgorun.engine.ensemble import Outcome
+from hgorun.engine.member_numbers import Outcome
 from hgorun.ensemble.found import Block, Floats, Integers
 from hgorun.ensemble.lot import Lot
 from hgorun.errors import Problem, SimulationError

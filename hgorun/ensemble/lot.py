@@ -8,7 +8,7 @@ from hashlib import blake2b
 
 import numpy as np
 
-from hgorun.engine.ensemble import MemberNumbers
+from hgorun.engine.member_numbers import MemberNumbers
 from hgorun.engine.plan import Plan
 from hgorun.ensemble.found import Floats, Integers
 from hgorun.measurement.channels import Channel, joined

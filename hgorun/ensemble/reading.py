@@ -17,6 +17,7 @@ from hgorun.result.status import STATUSES
 from hgorun.result.stored import LARGEST, NAMED, StoredFile, file_at, opened
 
 FORMAT = "hgorun-sweep-1"
+QUANTITIES = "quantities"
 
 
 def is_sweep(path: Path) -> bool:
@@ -86,7 +87,16 @@ class _Reader(StoredFile):
             dimensions=dict(zip(dimensions, shape, strict=True)),
             planned=size,
             trajectories=self.trajectories(size, m, n) if "trajectories" in self.file else None,
+            quantities=self.quantities(dimensions, shape),
         )
+
+    def quantities(self, dimensions: Sequence[str], shape: tuple[int, ...]) -> dict[str, NDArray[Any]]:
+        """What else was measured; nothing in most files."""
+        if self.dimensions(QUANTITIES) != [*dimensions, "quantity"]:
+            return {}
+        names = self.texts("quantity", *(self.data("quantity").shape or (0,)))
+        values = self.numbers(QUANTITIES, *shape, len(names)).reshape(-1, len(names))
+        return dict(zip(names, values.T, strict=True))
 
     def axes(self, dimensions: Sequence[str], shape: tuple[int, ...]) -> dict[str, NDArray[Any]]:
         """The values of every axis for every member: of a product from its dimensions, else from coordinates."""

@@ -41,3 +41,18 @@ def _refused(experiment: Experiment) -> HgorunError | None:
     except HgorunError as error:
         return error
     return None
+
+
+def told_where(ensemble: Ensemble, number: int, error: str) -> str:
+    """The recorded error of a member with its place in the file, where the base of the ensemble knows it.
+
+    What is recorded has none, so that it does not depend on who has carried the member out.
+    """
+    base = ensemble.base
+    changes = ensemble.members(number, number + 1).of_observers(base).changes(0)
+    try:
+        prepare(base.varied(changes))
+    except HgorunError as found:
+        return str(found)
+    file, line = base.source.where(("plant",))
+    return f"{file}:{line}: {error}" if file is not None and error.startswith("plant: ") else error

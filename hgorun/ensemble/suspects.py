@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from hgorun.engine.ensemble import Outcome
+from hgorun.engine.member_numbers import Outcome
 from hgorun.engine.memory import Raw
 from hgorun.engine.plan import Plan
 from hgorun.ensemble.lot import Lot, Numbers, times_of

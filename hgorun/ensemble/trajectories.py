@@ -1,4 +1,4 @@
-"""The trajectories of some members: those that are kept, and those that turn out worst."""
+"""What is kept of members beside their metrics: trajectories, of those asked for and of the worst, and quantities."""
 
 from __future__ import annotations
 
@@ -11,6 +11,9 @@ from hgorun.config.sweeps import Every
 from hgorun.config.sweeps import Trajectories as Kept
 from hgorun.ensemble.collected import Trajectories
 from hgorun.ensemble.ensemble import Ensemble
+from hgorun.ensemble.found import Block
+from hgorun.result.quantities import measure_quantity
+from hgorun.result.result import Result
 from hgorun.simulation.simulate import simulate
 
 Floats = NDArray[np.float64]
@@ -27,23 +30,59 @@ def chosen(kept: Kept, start: int, stop: int) -> list[int]:
 
 def follow(ensemble: Ensemble, members: Sequence[int]) -> Trajectories | None:
     """Carry out members alone, and keep their trajectories; nothing where there are no members."""
-    base = ensemble.base
-    m, n, count = len(base.observers), len(base.plant.model.states), len(members)
-    if not count:
+    if not members:
         return None
-    followed: Trajectories | None = None
-    for i, number in enumerate(members):
+    base, followed = ensemble.base, _nothing(ensemble, members)
+    for k, number in enumerate(members):
         changes = ensemble.members(number, number + 1).of_observers(base).changes(0)
         try:
             result = simulate(base.varied(changes))
         except Exception:  # it is recorded with its error among the members
             continue
-        if followed is None:
-            followed = _empty(members, result.time, m, n)
-        followed.x[i] = result.x
-        for j, label in enumerate(base.observers):
-            followed.xhat[i, j] = result.observers[label].xhat
-    return followed or _empty(members, base.grid[0][:: base.grid[1]] + base.origin, m, n)
+        _keep(followed, k, result)
+    return followed
+
+
+def watched(ensemble: Ensemble) -> bool:
+    """Whether something is asked for of every member that only its trajectories can give."""
+    return ensemble.keep.trajectories == "all" or bool(ensemble.quantities)
+
+
+class Watched:
+    """What is kept of the members from ``start`` to before ``stop``, while they are carried out one by one.
+
+    Attributes
+    ----------
+    followed : Trajectories or None
+        Nothing where none are kept; NaN where a member has failed.
+    """
+
+    def __init__(self, ensemble: Ensemble, start: int, stop: int) -> None:
+        self._ensemble, self._start = ensemble, start
+        numbers = chosen(ensemble.keep.trajectories, start, stop)
+        self._places = {number: k for k, number in enumerate(numbers)}
+        self.followed = _nothing(ensemble, numbers) if numbers else None
+
+    def __call__(self, block: Block, i: int, result: Result) -> None:
+        """Take what is asked for of a member, whose place in the block is ``i``."""
+        ensemble, number = self._ensemble, self._start + i
+        results = {ensemble.name: result}
+        block.quantities[i] = [measure_quantity(quantity, results) for quantity in ensemble.quantities]
+        if self.followed is not None and number in self._places:
+            _keep(self.followed, self._places[number], result)
+
+
+def _keep(followed: Trajectories, k: int, result: Result) -> None:
+    followed.x[k] = result.x
+    for j, observer in enumerate(result.observers.values()):
+        followed.xhat[k, j] = observer.xhat
+
+
+def _nothing(ensemble: Ensemble, members: Sequence[int]) -> Trajectories:
+    """Trajectories of members that have all failed so far, on the grid of the base."""
+    base = ensemble.base
+    time = base.grid[0][:: base.grid[1]] + base.origin
+    return _empty(members, time, len(base.observers), len(base.plant.model.states))
 
 
 def _empty(members: Sequence[int], time: Floats, m: int, n: int) -> Trajectories:

@@ -15,8 +15,9 @@ from hgorun.figures.actors import Actor, Simulated, cast, cast_scalings, texts
 from hgorun.figures.layout import TOP, finished, grid, time_axis
 from hgorun.figures.looks import Look, looks
 from hgorun.figures.names import check, names_of
-from hgorun.figures.panels import Scene, draw_error, draw_magnitude, draw_output, draw_state, moving_window
+from hgorun.figures.panels import draw_error, draw_magnitude, draw_output, draw_state, moving_window
 from hgorun.figures.scaling import ScalingData, draw_scaling
+from hgorun.figures.scene import Scene
 from hgorun.figures.style import INSET, INSET_FRAME, LARGEST_NUMBER, PANEL, styled
 from hgorun.figures.truths import truth_looks
 from hgorun.result.data import ResultData
@@ -68,6 +69,8 @@ def comparison(results: ResultData | Sequence[ResultData]) -> Figure:
     states = list(dict.fromkeys(name for r in several for name in r.states))
     look = looks([actors], texts(actors, {}, with_run=len(runs) > 1))
     scene = Scene(runs, actors, look, truth_looks([list(runs)], runs))
+    if any(r.recorded is not None for r in several):
+        return _of_recorded(scene, several, states)
     with styled():
         figure, axes = grid(2 * len(states), 2, _WIDTH, _ROW * len(states) + TOP, share=True)
         for left, right, name in zip(axes[::2], axes[1::2], states, strict=True):
@@ -78,6 +81,17 @@ def comparison(results: ResultData | Sequence[ResultData]) -> Figure:
         axes[0].set_title("states and estimates")
         axes[1].set_title(_magnitude_title(several))
         return finished(figure, axes, 2, several[0].title if len(several) == 1 else None, grow=True)
+
+
+def _of_recorded(scene: Scene, results: Sequence[ResultData], states: Sequence[str]) -> Figure:
+    """Every state with all estimates; without a truth there are no errors."""
+    with styled():
+        figure, axes = grid(len(states), 1, _WIDTH, _ROW * len(states) + TOP, share=True)
+        for ax, name in zip(axes, states, strict=True):
+            draw_state(ax, scene, name, samples=True)
+            time_axis(ax, results, _span(results))
+        axes[0].set_title("estimates")
+        return finished(figure, axes, 1, results[0].title if len(results) == 1 else None, grow=True)
 
 
 def draw(
@@ -217,6 +231,8 @@ def _draw_panel(
 
 
 def _draw_subject(ax: Axes, scene: Scene, panel: Panel) -> None:
+    if panel.error is not None or panel.magnitude is not None:
+        _require_truth(scene)
     if panel.error is not None:
         draw_error(ax, scene, panel.error)
     elif panel.magnitude is not None:
@@ -225,6 +241,12 @@ def _draw_subject(ax: Axes, scene: Scene, panel: Panel) -> None:
         draw_state(ax, scene, panel.state, samples=panel.measurements)
     elif panel.output is not None:
         draw_output(ax, scene, panel.output)
+
+
+def _require_truth(scene: Scene) -> None:
+    for name, result in scene.results.items():
+        if result.recorded is not None:
+            raise ConfigError(f"{printable(name)}: errors cannot be drawn: of recorded data no truth is known")
 
 
 def _draw_inset(ax: Axes, scene: Scene, panel: Panel, inset: Inset) -> None:

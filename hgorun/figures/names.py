@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 from hgorun.config.expressions import nearest
 from hgorun.config.study import Figure, Inset, Panel
@@ -30,15 +30,15 @@ class RunNames:
         The time of the run; without it windows are not checked against it.
     measured : tuple of str, optional
         The states that outputs measure; by default those that are called like an output.
-    ensemble : {"seeds", "vary"}, optional
-        Of an ensemble only numbers are kept; one with ``vary`` can be shown in scaling panels.
+    ensemble : str
+        What members of an ensemble differ in: ``seeds``, ``vary``, ``seeds and vary``; nothing for a single run.
     """
 
     states: tuple[str, ...]
     outputs: tuple[str, ...]
     observers: tuple[str, ...]
     span: tuple[float, float] | None = None
-    ensemble: Literal["seeds", "vary"] | None = None
+    ensemble: str = ""
     measured: tuple[str, ...] | None = None
 
 
@@ -98,7 +98,7 @@ def check(figures: Mapping[str, Figure], names: Names) -> None:
 
 def varied_run(panel: Panel, names: Names) -> str | None:
     """The run that a scaling panel shows: the one it names, or the only one with ``vary``."""
-    varied = [run for run, n in names.items() if n.ensemble == "vary"]
+    varied = [run for run, n in names.items() if "vary" in n.ensemble]
     named = panel.scaling.run if panel.scaling else None
     return named or (varied[0] if len(varied) == 1 else None)
 
@@ -133,7 +133,7 @@ def _check_panel(panel: Panel, names: Names, path: KeyPath) -> None:
 def _scaling_run(panel: Panel, names: Names, path: KeyPath) -> Names:
     """The run of a scaling panel."""
     assert panel.scaling is not None
-    varied = [run for run, n in names.items() if n.ensemble == "vary"]
+    varied = [run for run, n in names.items() if "vary" in n.ensemble]
     key = (*path, "scaling", "run")
     if panel.run is not None:
         raise Problem((*path, "run"), "a scaling panel names its run inside scaling: {state: ..., run: ...}")
@@ -151,7 +151,7 @@ def _scaling_run(panel: Panel, names: Names, path: KeyPath) -> Names:
 
 def _shown_runs(panel: Panel, names: Names, path: KeyPath) -> Names:
     """The runs whose trajectories a panel may show."""
-    single = {run: n for run, n in names.items() if n.ensemble is None}
+    single = {run: n for run, n in names.items() if not n.ensemble}
     if panel.run is None:
         return single
     _require(panel.run, "run", list(names), (*path, "run"))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,7 +10,8 @@ import numpy as np
 from hgorun.figures import data
 from hgorun.figures.actors import Simulated
 from hgorun.figures.data import Curve
-from hgorun.figures.looks import Look
+from hgorun.figures.recorded import draw_bands, draw_unseen
+from hgorun.figures.scene import Scene
 from hgorun.figures.style import DOTS, OTHER_MEASUREMENTS, TRACE
 from hgorun.result.data import ResultData
 from hgorun.tables.typeset import symbol, unit, words
@@ -19,39 +19,16 @@ from hgorun.tables.typeset import symbol, unit, words
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-Window = tuple[float, float] | None
-
-
-@dataclass(frozen=True)
-class Scene:
-    """What a panel draws from.
-
-    Attributes
-    ----------
-    results : mapping of str to ResultData
-        Whose truth and measurements are shown, by the name of the run.
-    actors : sequence of Simulated
-        The observers shown.
-    looks : mapping of int to Look
-        By the observers' place.
-    truths : mapping of str to mapping
-        How the truth of each run is drawn: equal where the truths are.
-    window : (from, to) or None
-    """
-
-    results: Mapping[str, ResultData]
-    actors: Sequence[Simulated]
-    looks: Mapping[int, Look]
-    truths: Mapping[str, Mapping[str, Any]]
-    window: Window = None
-
 
 def draw_state(ax: Axes, scene: Scene, name: str, *, samples: bool = False) -> None:
     """A state, true and estimated."""
     own = {run: r for run, r in scene.results.items() if name in r.states}
-    truths = _truths(ax, scene, {run: Curve(r.time, r.x[:, r.states.index(name)]) for run, r in own.items()})
-    measured = _samples(ax, scene, {run: r.outputs_of(name) for run, r in own.items()}) if samples else []
-    healthy, lost = _estimates(ax, scene, name, lambda xhat, x: xhat)
+    simulated = {run: r for run, r in own.items() if r.recorded is None}
+    truths = _truths(ax, scene, {run: Curve(r.time, r.x[:, r.states.index(name)]) for run, r in simulated.items()})
+    known = own if samples else {run: r for run, r in own.items() if r.recorded is not None}
+    measured = _samples(ax, scene, {run: r.outputs_of(name) for run, r in known.items()})
+    truths += draw_bands(ax, scene, name) + draw_unseen(ax, scene, name)
+    healthy, lost = _estimates(ax, scene, name, lambda result, xhat, k: xhat)
     _limit(ax, data.state_limits(truths + measured, healthy, lost))
     both = rf"${symbol(name)},\ {symbol(name, hat=True)}$" if scene.actors else f"${symbol(name)}$"
     ax.set_ylabel(both + _unit(scene, name))
@@ -60,7 +37,7 @@ def draw_state(ax: Axes, scene: Scene, name: str, *, samples: bool = False) -> N
 def draw_error(ax: Axes, scene: Scene, name: str) -> None:
     """Estimates of a state minus the truth."""
     ax.axhline(0, color="black", linewidth=0.5, zorder=1)
-    _limit(ax, data.error_limits(*_estimates(ax, scene, name, np.subtract)))
+    _limit(ax, data.error_limits(*_estimates(ax, scene, name, lambda result, xhat, k: xhat - result.x[:, k])))
     ax.set_ylabel(f"${symbol(name, hat=True)} - {symbol(name)}$" + _unit(scene, name))
 
 
@@ -68,7 +45,9 @@ def draw_magnitude(ax: Axes, scene: Scene, name: str) -> None:
     """The largest error in a moving window, logarithmic."""
     ax.set_yscale("log")
     ax.set_ylim(1e-16, 1.0)  # stays when there is no error to show
-    healthy, lost = _estimates(ax, scene, name, lambda xhat, x: np.abs(xhat - x), moving_maximum=True)
+    healthy, lost = _estimates(
+        ax, scene, name, lambda result, xhat, k: np.abs(xhat - result.x[:, k]), moving_maximum=True
+    )
     _limit(ax, data.magnitude_limits(healthy, lost))
     ax.set_ylabel(f"$|{symbol(name, hat=True)} - {symbol(name)}|$" + _unit(scene, name))
 
@@ -77,7 +56,8 @@ def draw_output(ax: Axes, scene: Scene, name: str) -> None:
     """An output, measured and free of noise."""
     own = {run: r for run, r in scene.results.items() if name in r.outputs}
     measured = _samples(ax, scene, {run: (name,) for run in own})
-    truths = _truths(ax, scene, {run: Curve(r.time, r.y[:, r.outputs.index(name)]) for run, r in own.items()})
+    simulated = {run: r for run, r in own.items() if r.recorded is None}
+    truths = _truths(ax, scene, {run: Curve(r.time, r.y[:, r.outputs.index(name)]) for run, r in simulated.items()})
     _limit(ax, data.state_limits(truths + measured, [], []))
     is_state = any(name in r.outputs_of(name) for r in own.values())
     named_alike = any(name in r.states for r in own.values()) and not is_state  # the unit is that of the state
@@ -95,7 +75,7 @@ def _estimates(
     ax: Axes,
     scene: Scene,
     name: str,
-    of: Callable[[np.ndarray, np.ndarray], np.ndarray],
+    of: Callable[[ResultData, np.ndarray, int], np.ndarray],
     *,
     moving_maximum: bool = False,
 ) -> tuple[list[np.ndarray], list[np.ndarray]]:
@@ -112,7 +92,7 @@ def _estimates(
         if name not in result.states:
             continue
         column = result.states.index(name)
-        curve = data.finite(result.time, of(actor.observer.xhat[:, column], result.x[:, column]))
+        curve = data.finite(result.time, of(result, actor.observer.xhat[:, column], column))
         if moving_maximum and len(result.time) > 1:
             step = float(result.time[1] - result.time[0])
             curve = data.moving_maximum(curve, round(moving_window(result) / step))
@@ -144,7 +124,7 @@ def _samples(ax: Axes, scene: Scene, outputs: Mapping[str, Sequence[str]]) -> li
     own: dict[tuple[str, str], tuple[Curve, np.ndarray]] = {}
     for run, name in ((run, name) for run, names in outputs.items() for name in names):
         result = scene.results[run]
-        t, y = result.measurements.time, result.measurements.y[:, result.outputs.index(name)]
+        t, y = _measured(result, name)
         known = np.isfinite(y)
         if scene.window is not None:
             known &= (t >= scene.window[0]) & (t <= scene.window[1])
@@ -162,6 +142,15 @@ def _samples(ax: Axes, scene: Scene, outputs: Mapping[str, Sequence[str]]) -> li
         if not np.all(dense):
             ax.plot(curve.t[~dense], curve.v[~dense], **{**DOTS, "color": dark, "marker": marker, **text})
     return [curve.v for curve, _ in own.values()]
+
+
+def _measured(result: ResultData, output: str) -> tuple[np.ndarray, np.ndarray]:
+    """Times and values of an output's measurements: recorded ones when they were taken, simulated at their arrival."""
+    if result.recorded is not None:
+        one = result.recorded.outputs[output]
+        order = np.argsort(one.taken, kind="stable")
+        return one.taken[order], one.y[order]
+    return result.measurements.time, result.measurements.y[:, result.outputs.index(output)]
 
 
 def _dense(t: np.ndarray, grid: np.ndarray) -> np.ndarray:

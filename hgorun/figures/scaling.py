@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hgorun.ensemble.statistics import QUANTILES, quantiles
 from hgorun.figures.looks import Look
 from hgorun.figures.style import POINTS, THEORY
 from hgorun.result.metrics.base import all_metrics
@@ -34,11 +35,13 @@ class ScaledObserver:
     filter_order : int or None
         Order of its filter, where it has one.
     measured : ndarray, shape (m,)
-        From simulation; points that are not positive and finite are left out.
+        From simulation, of several seeds the median; points that are not positive and finite are left out.
     theory : ndarray, shape (m,), or None
         What is predicted; NaN where nothing can be, None where that is everywhere or not asked for.
     reasons : tuple of str
         Why predictions are missing.
+    spread : ndarray, shape (m, S), optional
+        From simulation with each of several seeds.
     """
 
     type: str
@@ -46,6 +49,7 @@ class ScaledObserver:
     measured: np.ndarray
     theory: np.ndarray | None = None
     reasons: tuple[str, ...] = ()
+    spread: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -92,6 +96,8 @@ def draw_scaling(
         observer, look = data.observers[label], looks[order]
         if observer.theory is not None:
             drawn.append(_plot(ax, data.values, observer.theory, **{**THEORY, **_line(look)}))
+        if observer.spread is not None:
+            drawn += _bars(ax, data.values, observer.spread, look)
         points = {**POINTS, "color": look.colour, "marker": look.marker, "label": look.text}
         drawn.append(_plot(ax, data.values, observer.measured, **points))
     if any(data.observers[label].theory is not None for label in labels):
@@ -113,6 +119,17 @@ def _plot(ax: Axes, x: np.ndarray, v: np.ndarray, **how: object) -> np.ndarray:
     order = np.argsort(x[shown], kind="stable")
     ax.plot(x[shown][order], v[shown][order], **how)  # type: ignore[arg-type]  # matplotlib wants each one's type
     return np.asarray(v[shown])
+
+
+def _bars(ax: Axes, x: np.ndarray, spread: np.ndarray, look: Look) -> list[np.ndarray]:
+    """Where 90 % of the seeds lie, and thicker where 50 % do; the ends drawn."""
+    q05, q25, _, q75, q95 = quantiles(spread.T, ~np.isnan(spread.T), QUANTILES.values())
+    ends = []
+    for low, high, width in ((q05, q95, 0.8), (q25, q75, 2.4)):
+        shown = np.isfinite(high) & (low > 0) & (x > 0)
+        ax.vlines(x[shown], low[shown], high[shown], color=look.colour, linewidth=width, alpha=0.6, zorder=3)
+        ends += [low[shown], high[shown]]
+    return ends
 
 
 def _limit(ax: Axes, values: np.ndarray, drawn: Sequence[np.ndarray]) -> None:

@@ -54,6 +54,9 @@ DOTS: dict[str, Any] = {
     "markersize": 2.2,
     "markeredgewidth": 0,
 }
+# Of recorded data: what observers did not take, and what they were not given.
+OUTLIERS: dict[str, Any] = {**DOTS, "marker": "x", "markersize": 3.0, "markeredgewidth": 0.7, "label": "not used"}
+UNSEEN: dict[str, Any] = {**DOTS, "color": "black", "marker": "D", "markersize": 2.6, "zorder": 5, "label": "held out"}
 # Greys and markers where one panel shows the measurements of several runs.
 OTHER_MEASUREMENTS = (("0.62", "0.45", "o"), ("0.8", "0.7", "s"), ("0.5", "0.25", "^"))
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "h")

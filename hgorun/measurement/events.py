@@ -21,7 +21,6 @@ from hgorun.memo import Memo
 from hgorun.symbolic.clock import on_the_clock
 from hgorun.symbolic.crossings import Found, Search, TooMany
 from hgorun.symbolic.evaluate import Floats, evaluate
-from hgorun.symbolic.intervals import Bounds, enclose
 from hgorun.symbolic.kinks import Kink, Pieces
 from hgorun.symbolic.levels import Levels, distinct, listed
 
@@ -83,30 +82,6 @@ class Kinks:
         function = ca.Function("parts", [t, p], [ca.densify(values), ca.densify(slopes)])
         return cls(Pieces.of([ca.SX(0), *(ca.sign(slope) for _, slope in each)], t, p), function)
 
-    def steepness(self, values: Floats, start: float, end: float) -> tuple[Floats, Floats]:
-        """Bounds of how often in a unit of time a part may change by its own range, on equal cells of a span.
-
-        Returns
-        -------
-        edges : ndarray, shape (cells + 1,)
-        rates : ndarray, shape (parts, cells)
-            Infinite where that is not known.
-        """
-        edges = np.linspace(start, end, _PARTS + 1)
-        if self.parts is None or not self.parts.numel_out(0):
-            return edges, np.zeros((0, _PARTS))
-
-        def bounds(which: int, entry: int) -> Bounds:
-            return (edges[:-1], edges[1:]) if which == 0 else (np.array(values[entry]),) * 2
-
-        _, slopes = enclose(self.parts, bounds)
-        steepest = np.array([np.broadcast_to(np.fmax(np.abs(low), np.abs(high)), _PARTS) for low, high in slopes])
-        times = start + (end - start) * np.mod(np.arange(1, _LOOKS + 1) * _GOLDEN, 1.0)
-        with np.errstate(all="ignore"):
-            found = evaluate(self.parts, times[:, None], values)[0]
-            rates = steepest / (found.max(axis=0) - found.min(axis=0))[:, None]
-        return edges, np.where(steepest > 0, np.where(np.isnan(rates), np.inf, rates), 0.0)
-
     def between(self, values: Floats, start: float, end: float, limit: float = np.inf) -> Irregular:
         """The kinks for given values of p, from start to end.
 
@@ -117,91 +92,12 @@ class Kinks:
         """
         pieces, span = self.pieces, _Span(self.pieces, values, start, end, limit)
         key = self, values[pieces.deciding].tobytes(), start, end, limit
-        crossings = _CROSSINGS.get(key, span.crossings)
-        return _FOUND.get((*key, values[pieces.shown].tobytes()), lambda: span.irregular(crossings))
+        places = _PLACES.get(key, lambda: span.places(span.crossings()))
+        return _FOUND.get((*key, values[pieces.shown].tobytes()), lambda: span.irregular(places))
 
 
-_CROSSINGS: Memo[list[Found]] = Memo(32)
+_PLACES: Memo[_Places] = Memo(32)
 _FOUND: Memo[Irregular] = Memo(32)
-
-
-_PARTS, _LOOKS, _GOLDEN = 1024, 4096, 0.5 * (5**0.5 - 1)
-_STEEP, _FEW = 4.0, 64  # times the usual steepness; parts of a span that are
-_HITS = 100
-EXTREMES = 40_000  # that are looked for: events, each of which ends a step
-_EXTREMES: Memo[Irregular] = Memo(32)
-
-
-def extremes(slopes: Kinks, values: Floats, start: float, end: float) -> Irregular:
-    """Where functions of time have extremes.
-
-    Where there are too many of them, only those are looked for where a function is much steeper than elsewhere.
-    """
-
-    def found() -> Irregular:
-        try:
-            return slopes.between(values, start, end, EXTREMES)
-        except TooMany:
-            return Irregular(_steep(slopes, values, start, end), ((start, end),))
-
-    return _EXTREMES.get((slopes, values.tobytes(), start, end), found)
-
-
-def _steep(slopes: Kinks, values: Floats, start: float, end: float) -> Floats:
-    """Extremes in those parts of a span where a function may be much steeper than in most of them."""
-    edges, rates = slopes.steepness(values, start, end)
-    steep = np.flatnonzero(np.any(rates > _STEEP * np.median(rates, axis=1, keepdims=True), axis=0))
-    times = [np.zeros(0)]
-    for cell in steep if steep.size <= _FEW else []:
-        try:
-            times.append(slopes.between(values, edges[cell], edges[cell + 1], EXTREMES).times)
-        except TooMany:
-            continue
-    return distinct(np.concatenate(times))
-
-
-def usual_rate(slopes: Kinks, values: Floats, start: float, end: float) -> float:
-    """How often in a unit of time a function may change by its own range in most of a span."""
-    _, rates = slopes.steepness(values, start, end)
-    return float(np.max(np.median(rates, axis=1), initial=0.0))
-
-
-@dataclass(frozen=True)
-class Unknown:
-    """Functions of time whose extremes may not all have been found.
-
-    Attributes
-    ----------
-    what : str
-        How they are told.
-    of_plant : bool
-        Whether they are the plant's; otherwise noise and delay of an output.
-    lost : tuple of (float, float)
-        Where, on the clock of the configuration.
-    rate : float
-        How often in the run they may change by their own range.
-    """
-
-    what: str
-    of_plant: bool
-    lost: tuple[tuple[float, float], ...]
-    rate: float
-
-    def seen(self, evaluations: float) -> bool:
-        """Whether so many evaluations meet a hundred of the pulses, at least half as many as the extremes.
-
-        What is missed of them shows in the difference of two passes then.
-        """
-        return self.rate * _HITS <= 0.5 * EXTREMES * evaluations
-
-    @property
-    def reason(self) -> str:
-        """What is said of a run that may not have seen all of it."""
-        first, last = min(a for a, _ in self.lost), max(b for _, b in self.lost)
-        return (
-            f"{self.what}: there are too many extremes between t = {first:.6g} and t = {last:.6g} to find all of "
-            "them; pulses that are shorter than the steps may have been missed"
-        )
 
 
 def infinite(when: float) -> str:
@@ -228,6 +124,27 @@ def too_many(error: TooMany, what: str, memory: float) -> str:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
+class _Places:
+    """What the crossings of a span say, whatever the values are.
+
+    Attributes
+    ----------
+    times, poles : ndarray
+        Of all crossings, and of those where a value may have none.
+    lost : tuple of (float, float)
+        Where there may be more of them.
+    edges, watched : ndarray
+        The ends of the pieces, and the times at which values are looked at.
+    """
+
+    times: Floats
+    poles: Floats
+    lost: tuple[tuple[float, float], ...]
+    edges: Floats
+    watched: Floats
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class _Span:
     """Expressions in pieces, in a span of time."""
 
@@ -247,12 +164,20 @@ class _Span:
             found.append(self._crossings(kink, _union(found[k] for k in kink.inside)))
         return found
 
-    def irregular(self, crossings: list[Found]) -> Irregular:
-        """All that is irregular, from what :meth:`crossings` has found."""
+    def places(self, crossings: list[Found]) -> _Places:
+        """Where to look, from what :meth:`crossings` has found."""
         times = _union(crossings)
         lost = tuple(sorted({span for found in crossings for span in found.lost}))
         poles = _union(found for found, kink in zip(crossings, self.pieces.kinks, strict=True) if kink.singular)
-        return Irregular(times, lost, self._infinite(times, poles))
+        edges = self._edges(times)
+        margin = _MARGIN * np.spacing(np.maximum(np.abs(edges), 1e-12 * (self.end - self.start)))
+        low, high = edges[:-1] + margin[:-1], edges[1:] - margin[1:]
+        watched = np.column_stack([low, 0.5 * (low + high), high])[high > low].ravel()
+        return _Places(times, self._edges(poles)[1:-1], lost, edges, watched)
+
+    def irregular(self, places: _Places) -> Irregular:
+        """All that is irregular."""
+        return Irregular(places.times, places.lost, self._infinite(places))
 
     def _edges(self, times: Floats) -> Floats:
         inner = times[(times > self.start) & (times < self.end)]
@@ -268,17 +193,13 @@ class _Span:
         search = Search(kink.argument, self.p, states, kink.levels, kink.touches, self.limit)
         return search.between(low, high)
 
-    def _infinite(self, times: Floats, poles: Floats) -> float | None:
+    def _infinite(self, places: _Places) -> float | None:
         """The first time at which a watched value is not finite, or grows beyond all bounds near one of the poles."""
         if not self.pieces.watched.numel_out(0):
             return None
-        edges = self._edges(times)
-        margin = _MARGIN * np.spacing(np.maximum(np.abs(edges), 1e-12 * (self.end - self.start)))
-        low, high = edges[:-1] + margin[:-1], edges[1:] - margin[1:]
-        places = np.column_stack([low, 0.5 * (low + high), high])[high > low].ravel()
-        bad = places[~np.all(np.isfinite(self._watched(places)), axis=1)]
+        bad = places.watched[~np.isfinite(self._watched(places.watched)).all(axis=1)]
         found = [float(bad[0])] if bad.size else []
-        return min([*found, *self._poles(self._edges(poles)[1:-1], edges)], default=None)
+        return min([*found, *self._poles(places.poles, places.edges)], default=None)
 
     def _poles(self, candidates: Floats, edges: Floats) -> list[float]:
         """Those of the candidates near which a watched value is much larger than elsewhere on its piece."""
@@ -314,7 +235,7 @@ def repeated(events: Floats, delay: str, start: float, end: float, origin: float
     span = _Span(pieces, nothing, start, end, np.inf)
     crossings = span.crossings(listed(distinct(events), reached=False))
     times = crossings[-1].times
-    return Irregular(times[times > start], span.irregular(crossings).lost)
+    return Irregular(times[times > start], span.places(crossings).lost)
 
 
 @lru_cache(maxsize=64)

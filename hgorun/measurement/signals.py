@@ -13,7 +13,8 @@ from hgorun.config.expressions import parse
 from hgorun.config.literals import Template, template
 from hgorun.errors import Problem, called
 from hgorun.measurement.availability import Stretch
-from hgorun.measurement.events import Irregular, Kinks, Unknown, extremes, infinite, not_followed, too_many, usual_rate
+from hgorun.measurement.events import Irregular, Kinks, infinite, not_followed, too_many
+from hgorun.measurement.extremes import Unknown, extremes, usual_rate
 from hgorun.measurement.sampling import EVENT_BYTES
 from hgorun.memo import Memo
 from hgorun.noise.base import RandomNoise, TimeFunction

@@ -3,24 +3,25 @@
 from __future__ import annotations
 
 import os
-import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
+from hgorun.ensemble.reading import read
+from hgorun.ensemble.sweep import Place
 from hgorun.errors import ConfigError
 from hgorun.files import remove_leftovers
 from hgorun.reproduce.state import Json, State, number, of_claim, of_figure, of_run
 from hgorun.result.result import Result
 from hgorun.study.check import check
+from hgorun.study.ensembles import carried_out, ensemble_of
 from hgorun.study.loading import load_study
-from hgorun.study.measured import asked_of, measure_members, values_of
+from hgorun.study.measured import Numbers, asked_of, beside_metrics, of_members, values_of
 from hgorun.study.study import Run, Study
 from hgorun.study.theory import theory_of
 
 _OWN = 2.0**34  # bytes of a run's numbers: files made here are read whatever their size
-_OFTEN = 1.0  # seconds after which members that have been run are recorded
 Report = Callable[[float, str], None]
 
 
@@ -156,13 +157,15 @@ class Work:
         names += [run for i in claims for q in self.study.quantities(i) for run, _ in q.of]
         return [self.study.runs[name] for name in dict.fromkeys(names)]
 
-    def run(self, report: Report = lambda part, what: None) -> Outcome:
+    def run(self, report: Report = lambda part, what: None, *, threads: int | None = None) -> Outcome:
         """Do what is stale.
 
         Parameters
         ----------
         report : callable
             Told which part of the job is done, 0 to 1, and what is being done.
+        threads : int, optional
+            That carry members of ensembles out; by default one a processor.
         """
         for folder in (self.state.folder, self.state.folder / "small", self._figure_folder):
             remove_leftovers(folder)
@@ -170,7 +173,7 @@ class Work:
         runs = self._runs(self.stale_figures, self.stale_claims)
         total = len(runs) + len(self.stale_figures)
         results: dict[str, Result] = {}
-        ensembles: dict[str, list[dict[str, float]]] = {}
+        ensembles: dict[str, Numbers] = {}
         for i, run in enumerate(runs):
 
             def inside(part: float, i: int = i, run: Run = run) -> None:
@@ -180,7 +183,7 @@ class Work:
             if run.single:
                 results[run.name] = self._single(run, inside)
             else:
-                ensembles[run.name] = self._ensemble(run, inside)
+                ensembles[run.name] = self._ensemble(run, inside, threads)
         for i, name in enumerate(self.stale_figures):
             report((len(runs) + i) / total, f"figure {name}")
             self._draw(name, results, ensembles)
@@ -196,13 +199,13 @@ class Work:
 
     def _single(self, run: Run, report: Callable[[float], None]) -> Result:
         """The run's result, from its file where that still stands."""
-        from hgorun.result.reading import read
+        from hgorun.result.reading import read as read_result
         from hgorun.simulation.simulate import prepare, simulate_prepared
 
         file, made_of = f"{run.name}.h5", of_run(run)
         if self.state.holds("runs", run.name, made_of):
             try:
-                return read(self.state.folder / file, max_memory=_OWN)
+                return read_result(self.state.folder / file, max_memory=_OWN)
             except ConfigError:  # cut short or damaged: made again
                 pass
         prepared = prepare(run.experiment)
@@ -221,26 +224,23 @@ class Work:
         )
         return result
 
-    def _ensemble(self, run: Run, report: Callable[[float], None]) -> list[dict[str, float]]:
-        asked = asked_of(self.study, run.name, self.stale_claims, list(self.stale_figures))
-        members, last = len(run.varied), time.monotonic()
+    def _ensemble(self, run: Run, report: Callable[[float], None], threads: int | None) -> Numbers:
+        """Numbers of a run's members, carried out as far as they are missing.
 
-        def keep(found: list[dict[str, float]]) -> None:
-            nonlocal last
-            if len(found) == members or time.monotonic() - last > _OFTEN:  # all of them are written each time
-                self.state.keep_members(run, found)
-                last = time.monotonic()
-            report(len(found) / members)
-
-        return measure_members(run, asked, self.state.members(run, asked), keep)
+        Whatever the file asks of them is measured, so that it does not matter what of it is made first.
+        """
+        study = self.study
+        everything = asked_of(study, run.name, range(len(study.claims)), list(study.figures))
+        ensemble = ensemble_of(run, beside_metrics(everything), followed=False)
+        place = Place.of(self.state.folder / f"{run.name}.sweep.h5")
+        carried_out(ensemble, place, lambda count: report(count.done / count.members), workers=threads)
+        return of_members(run, ensemble, read(place.file, max_memory=_OWN), everything)
 
     @property
     def _figure_folder(self) -> Path:
         return self.job.folders.figures / self.job.group
 
-    def _draw(
-        self, name: str, results: Mapping[str, Result], ensembles: Mapping[str, Sequence[Mapping[str, float]]]
-    ) -> None:
+    def _draw(self, name: str, results: Mapping[str, Result], ensembles: Mapping[str, Numbers]) -> None:
         from hgorun.figures.drawing import draw
         from hgorun.figures.files import save, thumbnail
         from hgorun.study.scaling import refused, scaling_data

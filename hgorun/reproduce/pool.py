@@ -22,6 +22,7 @@ Messages: TypeAlias = "queue.Queue[tuple[int, float, str]]"
 Progress: TypeAlias = Callable[[int, float, str], None]
 
 _queue: Messages  # of the worker's process: where it reports to
+_threads: int  # likewise: how many carry members of an ensemble out
 _OFTEN = 0.1  # seconds between two reports of a worker
 
 
@@ -62,7 +63,8 @@ def _in_parallel(jobs: list[Job], places: list[int], count: int, progress: Progr
     context = multiprocessing.get_context("spawn")
     with context.Manager() as manager:
         messages = manager.Queue()
-        pool = ProcessPoolExecutor(count, mp_context=context, initializer=_start, initargs=(messages,))
+        own = messages, max(processors() // count, 1)
+        pool = ProcessPoolExecutor(count, mp_context=context, initializer=_start, initargs=own)
         try:
             futures = {pool.submit(_work, job, i): i for i, job in enumerate(jobs)}
             return {places[i]: outcome for i, outcome in _collected(futures, messages, progress)}
@@ -101,10 +103,10 @@ def _collected(
         raise failed
 
 
-def _start(messages: Messages) -> None:
+def _start(messages: Messages, threads: int) -> None:
     """In a new worker."""
-    global _queue
-    _queue = messages
+    global _queue, _threads
+    _queue, _threads = messages, threads
     serve()
 
 
@@ -117,7 +119,7 @@ def _work(job: Job, number: int) -> Outcome:
             last = time.monotonic()
             _queue.put((number, part, f"{work.study.name}: {what}"))
 
-    return work.run(report)
+    return work.run(report, threads=_threads)
 
 
 @contextmanager

@@ -20,7 +20,6 @@ from hgorun.code import FIGURE, QUANTITY, RUN, SCALING, THEORY, code, code_of
 from hgorun.files import write_text
 from hgorun.measurement.blocks import noise_blocks
 from hgorun.result.metrics.base import all_metrics
-from hgorun.study.quantities import Quantity
 from hgorun.study.study import Run, Study
 from hgorun.version import __version__
 
@@ -58,11 +57,6 @@ def _runs(runs: Sequence[Run]) -> dict[str, str]:
 def of_run(run: Run) -> Ingredients:
     """Of a run: its resolved configuration, what makes an ensemble of it, and the code that carries it out."""
     return _code(RUN) | _runs([run])
-
-
-def of_members(run: Run) -> Ingredients:
-    """Of the numbers measured on the members of an ensemble."""
-    return _code(RUN, QUANTITY) | _runs([run])
 
 
 def of_figure(study: Study, name: str) -> Ingredients:
@@ -115,7 +109,7 @@ class State:
     Attributes
     ----------
     folder : Path
-        Holds ``state.json``, a result file a run, and a file of numbers an ensemble.
+        Holds ``state.json``, a result file a run, and what sweeps have an ensemble.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -155,24 +149,6 @@ class State:
         """Record what was made, whole or not at all."""
         self.data[kind][name] = {"made_of": dict(made_of), **entry}
         write_text(self.folder / "state.json", json.dumps(self.data, indent=1))
-
-    def members(self, run: Run, quantities: Sequence[Quantity]) -> list[dict[str, float]]:
-        """What is known of the members of an ensemble: those of which all quantities were measured."""
-        found = _read_json(self.folder / f"{run.name}.json")
-        if found.get("made_of") != of_members(run):
-            return []
-        complete: list[dict[str, float]] = []
-        for member in _list(found.get("members")):
-            try:
-                complete.append({str(q): number(_mapping(member)[str(q)]) for q in quantities})
-            except (KeyError, ValueError):
-                break
-        return complete
-
-    def keep_members(self, run: Run, members: Sequence[Mapping[str, float]]) -> None:
-        """Record the members of an ensemble that have been run so far."""
-        entry = {"made_of": of_members(run), "varied": list(run.varied), "members": members}
-        write_text(self.folder / f"{run.name}.json", json.dumps(entry, indent=1))
 
 
 def _read_json(path: Path) -> dict[str, Json]:

@@ -30,9 +30,89 @@ class Measurements:
     taken: np.ndarray
     y: np.ndarray
 
+    @classmethod
+    def nothing(cls, outputs: int) -> Measurements:
+        """Where what was measured is not simulated."""
+        return cls(np.zeros(0), np.zeros((0, outputs)), np.zeros((0, outputs)))
+
     def since(self, origin: float) -> Measurements:
         """The same, counted from some time on."""
         return replace(self, time=self.time - origin, taken=self.taken - origin)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class RecordedOutput:
+    """The recorded samples of one output, in the order of their arrival, and what the m observers made of them.
+
+    Attributes
+    ----------
+    taken, available, y : ndarray, shape (N,)
+        The time it was measured, the time it was known, the value.
+    used : ndarray of bool, shape (N, m)
+        False for outliers, and for what came after a newer sample.
+    innovation : ndarray, shape (N, m)
+        y minus what was estimated, before the sample was used.
+    nis : ndarray, shape (N, m)
+        The innovation squared over its variance, of observers that know that; NaN otherwise.
+    """
+
+    taken: np.ndarray
+    available: np.ndarray
+    y: np.ndarray
+    used: np.ndarray
+    innovation: np.ndarray
+    nis: np.ndarray
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Unseen:
+    """Measurements that no observer was given.
+
+    Attributes
+    ----------
+    taken, y : ndarray, shape (N,)
+    """
+
+    taken: np.ndarray
+    y: np.ndarray
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Recorded:
+    """What an estimate has been made of.
+
+    Attributes
+    ----------
+    outputs : mapping of str to RecordedOutput
+    held_out : mapping of str to Unseen
+        By output, samples that were set aside.
+    reference : mapping of str to Unseen
+        By state or output, what was measured for comparison alone.
+    """
+
+    outputs: Mapping[str, RecordedOutput]
+    held_out: Mapping[str, Unseen] = field(default_factory=dict)
+    reference: Mapping[str, Unseen] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Assessed:
+    """What is said of an estimate where no truth is known.
+
+    Attributes
+    ----------
+    lower, upper : ndarray, shape (Nt, n)
+        A band that should hold 95 % of what is measured; NaN where there is none.
+    no_band : mapping of str to str
+        By state, why it has none.
+    scores : mapping of str to mapping
+        By score, then by output, state or gain.
+    """
+
+    lower: np.ndarray
+    upper: np.ndarray
+    no_band: Mapping[str, str]
+    scores: Mapping[str, Mapping[str, float]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,6 +181,8 @@ class ObserverResult:
         Infinite where the estimate is lost.
     coordinates : Coordinates, optional
         Where a constant gain corrects; None for other observers, and for files that do not say.
+    assessed : Assessed, optional
+        Of an estimate of recorded data.
     """
 
     type: str
@@ -111,6 +193,7 @@ class ObserverResult:
     verdict: Verdict = OK
     metrics: Mapping[str, np.ndarray] = field(default_factory=dict)
     coordinates: Coordinates | None = None
+    assessed: Assessed | None = None
 
     @property
     def filter_order(self) -> int | None:
@@ -203,7 +286,9 @@ class ResultData:
     verdict : Verdict
         Whether the plant's numbers can be trusted, and why not.
     design : DesignNumbers, optional
-        None in files of older versions.
+        None in files of older versions, and of recorded data.
+    recorded : Recorded, optional
+        What recorded data an estimate was made of. There is no truth then: x and y have no columns.
     """
 
     name: str
@@ -227,6 +312,12 @@ class ResultData:
     remarks: tuple[str, ...] = ()
     verdict: Verdict = OK
     design: DesignNumbers | None = None
+    recorded: Recorded | None = None
+
+    @property
+    def kind(self) -> Literal["simulation", "estimate"]:
+        """Of a simulated plant, or of recorded data."""
+        return "simulation" if self.recorded is None else "estimate"
 
     def outputs_of(self, state: str) -> tuple[str, ...]:
         """The outputs that measure a state: those that are it, whatever their names."""

@@ -12,6 +12,7 @@ import numpy as np
 from hgorun.errors import ConfigError, printable
 from hgorun.result import digests
 from hgorun.result.data import MAPS, Coordinates, DesignNumbers, Integration, Measurements, ObserverResult
+from hgorun.result.recorded_file import RecordedFile
 from hgorun.result.result import Result
 from hgorun.result.status import OK, STATUSES, Verdict
 from hgorun.result.stored import LARGEST, NAMED, StoredFile, file_at, is_finite, is_number, opened
@@ -68,29 +69,29 @@ class _Reader(StoredFile):
         form = self.file.attrs.get("format")
         if not isinstance(form, str) or form != FORMAT:
             raise self.error(f"not a result file of hgorun: attribute format is {form!r}, expected {FORMAT!r}")
-        states, outputs = self.labels("plant/x"), self.labels("plant/y")
         plant = self.group("plant")
+        estimate = "kind" in self.file.attrs
+        if estimate:
+            states, outputs = self.names_of_estimate(plant)
+        else:
+            states, outputs = self.labels("plant/x"), self.labels("plant/y")
         inputs = self.labels("plant/u") if "u" in plant else ()
-        time, y_times = self.times("time"), self.times("measurement/time")
-        nt, nk, n, q = time.size, y_times.size, len(states), len(outputs)
+        time = self.times("time")
+        nt, n, q = time.size, len(states), len(outputs)
         if nt == 0:
             raise self.error("time is empty")
         found = Result(
             name=printable(self.text("name")),
             title=printable(self.text("title")),
             time=time,
-            x=self.numbers("plant/x", nt, n),
+            x=np.zeros((nt, 0)) if estimate else self.numbers("plant/x", nt, n),
             u=self.numbers("plant/u", nt, len(inputs)) if inputs else np.zeros((nt, 0)),
-            y=self.numbers("plant/y", nt, q),
+            y=np.zeros((nt, 0)) if estimate else self.numbers("plant/y", nt, q),
             states=states,
             inputs=inputs,
             outputs=outputs,
             units=self.entries("units", lambda _, value: isinstance(value, str), "text"),
-            measurements=Measurements(
-                time=y_times,
-                taken=self.numbers("measurement/taken", nk, q),
-                y=self.numbers("measurement/y", nk, q),
-            ),
+            measurements=Measurements.nothing(q) if estimate else self.measurements(q),
             observers={label: self.observer(label, nt, n) for label in self.group("observers")},
             config=self.text("config"),
             resolved=self.text("config_resolved"),
@@ -99,13 +100,43 @@ class _Reader(StoredFile):
                 "windows", _is_window, "two finite numbers (steady, transient) or one (average, settling)"
             ),
             integration=self.integration(),
-            measures=self.measures(states, outputs),
+            measures=self.measures_of_estimate(states) if estimate else self.measures(states, outputs),
             remarks=self.remarks(),
             verdict=self.verdict("plant", plant) if "status" in plant.attrs else OK,
             design=self.design(),
+            recorded=self.recorded_file(outputs).recorded() if estimate else None,
         )
         self.check_attributes()
         return found
+
+    def names_of_estimate(self, plant: h5py.Group) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """States and outputs, where there is no truth."""
+        if self.text("kind") != "estimate":
+            raise self.error(f"attribute kind must be estimate, found {self.text('kind')!r:.50}")
+        label = next(iter(self.group("observers")), None)
+        outputs = plant.attrs.get("outputs")
+        known = [str(name) for name in outputs] if isinstance(outputs, np.ndarray) and outputs.ndim == 1 else []
+        if label is None or not known or any(name != printable(name) or len(name) > NAMED for name in known):
+            raise self.error("an estimate has an observer, and its plant has names of outputs")
+        return self.labels(f"observers/{label}/xhat"), tuple(known)
+
+    def measures_of_estimate(self, states: tuple[str, ...]) -> dict[str, str] | None:
+        """Which outputs are which states."""
+        plant = self.group("plant")
+        found = self.mapping("measures", plant) if "measures" in plant.attrs else {}
+        if not all(state in states for state in found.values()):
+            raise self.error("plant: attribute measures must name a state for every output in it")
+        return found
+
+    def recorded_file(self, outputs: tuple[str, ...]) -> RecordedFile:
+        """What an estimate has beside the parts of a simulation."""
+        return RecordedFile(self, len(self.group("observers")), outputs)
+
+    def measurements(self, q: int) -> Measurements:
+        """What the observers of a simulated plant got."""
+        times = self.times("measurement/time")
+        taken, y = (self.numbers(f"measurement/{name}", times.size, q) for name in ("taken", "y"))
+        return Measurements(time=times, taken=taken, y=y)
 
     def integration(self) -> Integration | None:
         """How it was integrated, as far as the file says."""
@@ -155,6 +186,7 @@ class _Reader(StoredFile):
             verdict=self.verdict(f"observers/{label}", group),
             metrics={name: self.numbers(f"{metrics[0]}/{name}", n) for name in metrics[1]},
             coordinates=self.coordinates(label, group),
+            assessed=self.recorded_file(()).assessed(label, nt, n) if "no_band" in group.attrs else None,
         )
 
     def verdict(self, name: str, group: h5py.Group) -> Verdict:

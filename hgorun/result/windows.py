@@ -62,5 +62,7 @@ class MetricSettings:
 
     def since(self, origin: float) -> MetricSettings:
         """The same windows, counted from some time on."""
+        if not origin:
+            return self
         steady, transient = ((a - origin, b - origin) for a, b in (self.steady, self.transient))
         return replace(self, steady=steady, transient=transient)

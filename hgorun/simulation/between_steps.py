@@ -9,15 +9,17 @@ import numpy as np
 
 from hgorun.engine.methods import METHODS
 from hgorun.errors import SimulationError
-from hgorun.memo import Memo, Same
+from hgorun.memo import Memo, same
 from hgorun.result.data import PLANT
 from hgorun.simulation.passes import Pass, carry_out, fixed_steps, plan_of
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.structure import Structure
 from hgorun.symbolic.crossings import TooMany
+from hgorun.symbolic.curves import Curve
 from hgorun.symbolic.evaluate import Floats
-from hgorun.symbolic.features import Curve, Feature, Passages, between, features_of
+from hgorun.symbolic.features import Feature, features_of
 from hgorun.symbolic.levels import distinct
+from hgorun.symbolic.passages import Passages, between
 
 _CELLS = 1 << 14  # of a run with controlled steps, whose times are not known
 _NUMBERS = 6e6  # that are recorded of a run: with more steps than that a cell has several
@@ -60,7 +62,7 @@ def may_jump(run: PreparedRun) -> bool:
 
 
 def _features_of(run: PreparedRun) -> dict[str, tuple[Feature, ...]]:
-    return _FEATURES.get(Same(run.structure), lambda: _features(run.structure))
+    return _FEATURES.get(same(run.structure), lambda: _features(run.structure))
 
 
 def may_miss(run: PreparedRun, p: Floats, grid: Floats, rows: Floats) -> np.ndarray:

@@ -46,7 +46,7 @@ def check(source: Source) -> Checked:
         For the first thing wrong: file, line, key, what was found and what would be right.
     """
     blocks = validate(ExperimentBlocks, source.data, source, ())
-    plant = _plant(blocks, source)
+    plant = plant_of(source)
     measurement = validate(Measurement, blocks.measurement, source, ("measurement",))
     observers = {label: observer_of(label, block, source) for label, block in blocks.observers.items()}
     with source.located():
@@ -56,6 +56,7 @@ def check(source: Source) -> Checked:
 
 _NOT_OF_A_RUN: dict[str, Any] = {"figures": {}, "claims": (), "tune": None}
 _PARTS = {"plant", "measurement", "observers"}  # each has a class of its own
+_OWN_BLOCKS = {"time", "solver", "metrics"}  # what is a block already is not checked again
 
 
 def check_again(source: Source, before: Checked, touched: Collection[KeyPath]) -> Checked:
@@ -74,14 +75,15 @@ def check_again(source: Source, before: Checked, touched: Collection[KeyPath]) -
         blocks = before.blocks.model_copy(update={key: data.get(key, {}) for key in _PARTS})
     else:
         known = _NOT_OF_A_RUN.keys() - keys  # checked before, and no part of a run
-        blocks = validate(ExperimentBlocks, {key: part for key, part in data.items() if key not in known}, source, ())
-        blocks = blocks.model_copy(update=_NOT_OF_A_RUN)
+        parts = {key: part for key, part in data.items() if key not in known}
+        parts |= {key: getattr(before.blocks, key) for key in _OWN_BLOCKS - keys}
+        blocks = validate(ExperimentBlocks, parts, source, ()).model_copy(update=_NOT_OF_A_RUN)
     stale = {path[1] for path in touched if path[0] == "observers" and len(path) > 1}
     if ("observers",) in touched:
         stale = set(labels)
     now = Checked(
         blocks,
-        _plant(blocks, source) if "plant" in keys else before.plant,
+        plant_of(source) if "plant" in keys else before.plant,
         validate(Measurement, data.get("measurement", {}), source, ("measurement",))
         if "measurement" in keys
         else before.measurement,
@@ -124,6 +126,18 @@ def resolved(checked: Checked, coordinates: Mapping[str, Coordinates]) -> dict[s
     return values
 
 
+def resolved_text(checked: Checked, coordinates: Mapping[str, Coordinates]) -> str:
+    """What :func:`resolved` gives, as YAML."""
+    return as_yaml(resolved(checked, coordinates))
+
+
+def as_yaml(values: dict[str, Any]) -> str:
+    """Plain values as YAML, their keys in the order given."""
+    import yaml
+
+    return yaml.safe_dump(values, sort_keys=False, allow_unicode=True)
+
+
 def plain(value: Any) -> Any:
     """Values as YAML can write them: complex numbers as text, tuples and arrays as lists, numbers as Python's."""
     if isinstance(value, (np.generic, np.ndarray)):
@@ -137,8 +151,14 @@ def plain(value: Any) -> Any:
     return value
 
 
-def _plant(blocks: ExperimentBlocks, source: Source) -> Plant:
-    block = blocks.plant
+def plant_of(source: Source) -> Plant:
+    """The plant's block, checked by its class.
+
+    Raises
+    ------
+    ConfigError
+    """
+    block = source.data["plant"]
     if "type" not in block or block["type"] == "inline":
         if "states" not in block and "dynamics" not in block:
             file, line = source.where(("plant",))

@@ -27,9 +27,9 @@ def check_run(run: PreparedRun) -> None:
     _check_memory(run)
     check_steps(run, run.step, adaptive=run.adaptive)
     _check_clock(run)
-    _check_jumps(run)
-    _check_corrections(run)
-    _check_start(run)
+    check_jumps(run)
+    check_corrections(run)
+    check_start(run)
     for channel in run.channels:
         _ = channel.gain_and_bias  # noise that is not a number at some sample is reported before any run starts
 
@@ -111,7 +111,7 @@ def _check_memory(run: PreparedRun) -> None:
         )
 
 
-def _check_jumps(run: PreparedRun) -> None:
+def check_jumps(run: PreparedRun) -> None:
     """What is stepped at samples needs all outputs sampled, together and in time."""
     stepped = [("observers", b.label) for b in run.observers if isinstance(b.observer, SampledObserver)]
     if run.plant.block.discretise:
@@ -130,7 +130,7 @@ def _check_jumps(run: PreparedRun) -> None:
     _check_schedules(run, np.diff(first.arrival[first.used]))
 
 
-def _check_corrections(run: PreparedRun) -> None:
+def check_corrections(run: PreparedRun) -> None:
     """What is corrected at samples needs all outputs sampled."""
     for b in run.observers:
         if isinstance(b.observer, CorrectedObserver):
@@ -167,7 +167,7 @@ def _held_at_start(run: PreparedRun) -> np.ndarray:
     return held
 
 
-def _check_start(run: PreparedRun) -> None:
+def check_start(run: PreparedRun) -> None:
     """The right-hand sides must be numbers at the start."""
     system, numbers = run.structure.system, run.numbers
     (rates,) = roughly_at(system.regimes[0].flow, run.time.start, numbers.p, numbers.z0, _held_at_start(run))

@@ -17,7 +17,7 @@ from hgorun.errors import PlantDiverged, Problem, SimulationError
 from hgorun.result.status import OK, Verdict
 from hgorun.simulation.loss import Again, of_estimate, why_lost
 from hgorun.simulation.prepared import PreparedRun
-from hgorun.simulation.verdict import left_for_good, may_have_left
+from hgorun.simulation.verdict import estimates_near, left_for_good, may_have_left
 from hgorun.simulation.why_diverged import singular, why_diverged
 from hgorun.symbolic.evaluate import Floats
 
@@ -149,10 +149,13 @@ def _suspects(run: PreparedRun, raw: Raw) -> list[int]:
     """The observers that were given up, or whose estimates may have left for good."""
     if not run.observers:
         return []
-    ends = [0, -1]
+    ends, n = [0, -1], run.plant.model.n
     rows = raw.rows[ends, :, 0]
-    xhat = run.structure.estimates_along(run.grid[ends], run.numbers.p, rows).stack().swapaxes(1, 2)
-    left = may_have_left(rows[:, : run.plant.model.n, None], xhat)
+    estimates = run.structure.estimates_along(run.grid[ends], run.numbers.p, rows)
+    given_up = [at < np.inf for at in raw.diverged[:, 0].tolist()]
+    if not any(given_up) and estimates_near(rows[:, :n].tolist(), estimates):
+        return []
+    left = may_have_left(rows[:, :n, None], estimates.stack().swapaxes(1, 2))
     return np.flatnonzero(left | np.isfinite(raw.diverged[:, 0])).tolist()
 
 

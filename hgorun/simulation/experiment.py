@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
 from functools import cached_property, partial
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -17,24 +17,25 @@ from hgorun.measurement.availability import Stretch, resolve
 from hgorun.measurement.blocks import Measurement
 from hgorun.measurement.noise import deviations
 from hgorun.measurement.sensors import sensors_of
-from hgorun.memo import Memo, Same
+from hgorun.memo import Memo, same
 from hgorun.observers.base import AnyObserver
 from hgorun.observers.capabilities import NoiseInformed
 from hgorun.plants.base import Plant
 from hgorun.plants.build import BuiltPlant, build_plant
 from hgorun.result.data import Coordinates
-from hgorun.simulation.blocks import Checked, check, check_again, observer_of, plain, resolved
+from hgorun.simulation.blocks import Checked, as_yaml, check, check_again, observer_of, plain, resolved, resolved_text
+from hgorun.simulation.design import Design
 from hgorun.simulation.forms import coordinates_of, form_of
 from hgorun.simulation.grid import grid_of, metric_step
-from hgorun.simulation.observer_block import Design
+from hgorun.simulation.variation import stale, unchanged
 from hgorun.symbolic.forms import Form
 from hgorun.symbolic.sensors import Sensor
 
 # what the runs of a family share, and by which their schedules are known again
 _STRETCHES: Memo[list[list[Stretch]]] = Memo(16)
+_DESIGNS: Memo[Design] = Memo(256)
 
 _ONLY_A_FILE = "only a file can extend another one; see hgorun.load"
-_OF_FORMS = {"_forms", "forms", "coordinates"}  # what follows from the forms of the plant
 _KEPT = ("name", "text", "source", "_checked", "_noise", "_chosen", "_known")  # in a copy; all else follows from these
 
 
@@ -72,7 +73,7 @@ class Experiment:
         if not isinstance(config, Source):
             if "extends" in config:
                 raise ConfigError(_ONLY_A_FILE, key="extends")
-            text = _yaml(plain(dict(config)))
+            text = as_yaml(plain(dict(config)))
             config = parse(text, name)
         self.name, self.text, self.source = name, text or "", config
         self._checked = check(config)
@@ -107,14 +108,11 @@ class Experiment:
         >>> shorter = experiment.varied({"time.end": 10, "observers.FHGO": None})
         """
         source, touched = self.source, set()
-        for path, value in changes.items():
+        for path, value in changes.items() if seed is None else [*changes.items(), ("seed", seed)]:
             source, place = replaced(source, path, plain(value))
             touched.add(place)
         if ("extends",) in touched:
             raise ConfigError(_ONLY_A_FILE, key="extends")
-        if seed is not None:
-            source, place = replaced(source, "seed", seed)
-            touched.add(place)
         new = object.__new__(type(self))
         new.__dict__ |= self.__dict__
         new._chosen, new._noise = self._taken(), self._noise
@@ -148,21 +146,10 @@ class Experiment:
 
     def _forget(self, before: Checked) -> None:
         """Leave out what has been derived from parts that are no longer the same."""
-        now, known = self._checked, self.__dict__
-        known["_designed"] = known.get("_designed", {}) | known.get("designs", {})
+        known, same_blocks = self.__dict__, unchanged(before, self._checked)
         formed = known.get("_formed", {}) | known.get("_forms", {})
-        same = {label for label, observer in now.observers.items() if observer is before.observers.get(label)}
-        known["_formed"] = {label: forms for label, forms in formed.items() if label in same}
-        stale = {"designs"}
-        if now.plant is not before.plant or now.blocks.time.start != before.blocks.time.start:
-            stale |= {"plant", "_formed", *_OF_FORMS, "stretches", "grid"}
-        if now.observers is not before.observers:
-            stale |= _OF_FORMS if now.observers.keys() == before.observers.keys() else {*_OF_FORMS, "grid"}
-        if now.measurement is not before.measurement or now.blocks.time != before.blocks.time:
-            stale |= {"stretches"}
-        if now.blocks.time != before.blocks.time or now.blocks.metrics != before.blocks.metrics:
-            stale |= {"grid"}
-        for name in stale:
+        known["_formed"] = {label: forms for label, forms in formed.items() if label in same_blocks}
+        for name in stale(before, self._checked):
             known.pop(name, None)
 
     @property
@@ -230,17 +217,18 @@ class Experiment:
             return {label: self._design(label) for label in self.observers}
 
     def _design(self, label: str) -> Design:
-        known = self.__dict__.setdefault("_designed", {}).get(label)
-        observer, (form, origin) = self._informed(self.observers[label]), self._forms[label]
-        if known is not None and _same(known.observer, observer) and known.form is form:
-            return cast(Design, known)
-        return Design.of(label, observer, form, origin)
+        block, (form, origin) = self.observers[label], self._forms[label]
+        sensors = self._sensors if isinstance(block, NoiseInformed) else ()
+        key = label, same(block), sensors, same(form), same(origin)
+        return _DESIGNS.get(key, lambda: Design.of(label, self._informed(block), form, origin))
 
     def _informed(self, observer: AnyObserver) -> AnyObserver:
         """An observer's block with what it asks of the rest of the configuration."""
-        if not isinstance(observer, NoiseInformed):
-            return observer
-        return observer.informed(sensors_of(self.stretches) if self._known is None else self._known)
+        return observer.informed(self._sensors) if isinstance(observer, NoiseInformed) else observer
+
+    @property
+    def _sensors(self) -> tuple[Sensor, ...]:
+        return sensors_of(self.stretches) if self._known is None else self._known
 
     @cached_property
     def _known(self) -> tuple[Sensor, ...] | None:
@@ -260,7 +248,7 @@ class Experiment:
         outputs, time = self.plant.model.outputs, self.blocks.time
         with self.located():
             return _STRETCHES.get(
-                (Same(self.measurement), outputs, time), lambda: resolve(self.measurement, outputs, time)
+                (same(self.measurement), outputs, time), lambda: resolve(self.measurement, outputs, time)
             )
 
     @property
@@ -302,24 +290,9 @@ class Experiment:
     @property
     def resolved_text(self) -> str:
         """The resolved configuration as YAML."""
-        return _yaml(self.resolved())
+        return resolved_text(self._checked, self.coordinates)
 
     @property
     def resolved_later(self) -> Callable[[], str]:
         """What makes :attr:`resolved_text`, which takes longer than a run."""
-        return partial(_resolved_text, self._checked, self.coordinates)
-
-
-def _same(one: AnyObserver, other: AnyObserver) -> bool:
-    """Whether two blocks are one, or of one content where a new one is made each time."""
-    return one is other or (isinstance(one, NoiseInformed) and one == other)
-
-
-def _resolved_text(checked: Checked, coordinates: Mapping[str, Coordinates]) -> str:
-    return _yaml(resolved(checked, coordinates))
-
-
-def _yaml(values: dict[str, Any]) -> str:
-    import yaml
-
-    return yaml.safe_dump(values, sort_keys=False, allow_unicode=True)
+        return partial(resolved_text, self._checked, self.coordinates)

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from hgorun.errors import HgorunError, NotObservableForm, Problem, called
-from hgorun.memo import Memo, Same
+from hgorun.memo import Memo, same
 from hgorun.observers.base import OBSERVERS, AnyObserver, SampledObserver
 from hgorun.plants.build import BuiltPlant
 from hgorun.result.data import Coordinates
 from hgorun.symbolic.forms import ChosenChains, Form, FormFinder, Redecided
 from hgorun.symbolic.observability import CanonicalForms
 
-_FOUND: Memo[list[Form]] = Memo(256)  # by plant and function
+_FOUND: Memo[list[tuple[Form, Redecided | None]]] = Memo(256)  # by plant and function
 _DECIDED: Memo[tuple[Form, Form]] = Memo(256)  # by numbers, too
 _COORDINATES: Memo[Coordinates | None] = Memo(256)  # of forms; to ask for their type again takes longer
 _KEPT = 8  # forms of one plant and function
@@ -63,7 +63,7 @@ def form_of(
 def coordinates_of(form: Form) -> Coordinates | None:
     """The chains that were taken of several possible ones; None where there is nothing to choose."""
     return _COORDINATES.get(
-        Same(form), lambda: Coordinates(form.map, form.taken) if isinstance(form, ChosenChains) else None
+        same(form), lambda: Coordinates(form.map, form.taken) if isinstance(form, ChosenChains) else None
     )
 
 
@@ -118,12 +118,13 @@ def _takers(plant: BuiltPlant, *, sampled: bool) -> Iterator[str]:
         yield name
 
 
-def _decide(plant: BuiltPlant, function: FormFinder, origins: list[Form]) -> tuple[Form, Form]:
-    for origin in origins:
-        form = origin.again(plant.initial, plant.parameters) if isinstance(origin, Redecided) else None
+def _decide(plant: BuiltPlant, function: FormFinder, origins: list[tuple[Form, Redecided | None]]) -> tuple[Form, Form]:
+    """``origins``: the forms first found, and again those of them that can tell whether they hold on."""
+    for origin, telling in origins:
+        form = None if telling is None else telling.again(plant.initial, plant.parameters)
         if form is not None:
             return form, origin
     form = function(plant.model, plant.initial, plant.parameters)
-    origins.append(form)
+    origins.append((form, form if isinstance(form, Redecided) else None))
     del origins[:-_KEPT]
     return form, form

@@ -11,7 +11,7 @@ from hgorun.errors import Problem
 from hgorun.measurement.events import merge
 from hgorun.measurement.schedule import nearest_event
 from hgorun.measurement.signals import noise_at
-from hgorun.memo import Memo, Same
+from hgorun.memo import Memo, same
 from hgorun.result.data import DesignNumbers, Integration, Measurements, ObserverResult
 from hgorun.result.measure import from_origin
 from hgorun.result.result import Result
@@ -108,7 +108,7 @@ def since_start(run: PreparedRun, result: Result) -> Result:
 
 def _inputs(run: PreparedRun, times: np.ndarray) -> np.ndarray:
     """u(t), which does not depend on what the observers do."""
-    key = run.structure.groups[0].truth.plant, run.plant.everything.tobytes(), Same(run.grid), run.experiment.grid[1]
+    key = run.structure.groups[0].truth.plant, run.plant.everything.tobytes(), same(run.grid), run.experiment.grid[1]
     nothing = np.zeros(run.structure.system.states)
     return _INPUTS.get(key, lambda: run.structure.inputs.along(times, run.numbers.p, nothing))
 
@@ -139,7 +139,7 @@ def _measurements(run: PreparedRun, raw: Raw, grid: np.ndarray, y: np.ndarray) -
             v = noise_at(stretch, t) + c.noise[k].held(t)
             values.append(truth * (1 + v) if stretch.multiplicative else truth + v)
         parts.append((_joined(times), _joined(taken), run.plant.model.wrapped(i, _joined(values))))
-    key = Same(run.schedule), Same(run.grid)  # of which runs of one family have the same ones
+    key = same(run.schedule), same(run.grid)  # of which runs of one family have the same ones
     union, places = _ROWS.get(key, lambda: _rows([part[0] for part in parts], 1e-9 * run.step))
     if len(parts) == 1 and isinstance(places[0], slice):
         return Measurements(run.origin + union, run.origin + parts[0][1][:, None], parts[0][2][:, None].copy())

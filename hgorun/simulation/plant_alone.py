@@ -14,17 +14,8 @@ from hgorun.engine.memory import Start, Tolerance
 from hgorun.engine.plan import Plan
 from hgorun.engine.program import Program
 from hgorun.errors import KeyPath, Problem
-from hgorun.measurement.events import (
-    Irregular,
-    Kinks,
-    Unknown,
-    extremes,
-    infinite,
-    merge,
-    not_followed,
-    too_many,
-    usual_rate,
-)
+from hgorun.measurement.events import Irregular, Kinks, infinite, merge, not_followed, too_many
+from hgorun.measurement.extremes import Unknown, extremes, usual_rate
 from hgorun.measurement.sampling import EVENT_BYTES
 from hgorun.memo import Memo
 from hgorun.plants.build import BuiltPlant, SymbolicPlant

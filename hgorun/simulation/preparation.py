@@ -11,19 +11,19 @@ import numpy as np
 from hgorun.config.models import Time
 from hgorun.errors import Problem
 from hgorun.measurement.channels import Channel, check_delays, find_channels
-from hgorun.measurement.events import Unknown
+from hgorun.measurement.extremes import Unknown
 from hgorun.measurement.late import Treatment, are_late, heard
 from hgorun.measurement.noise import is_relative
 from hgorun.measurement.schedule import Schedule, build_schedule
 from hgorun.measurement.signals import extremes_of, kinks_of, signal_remarks, unknown_extremes
-from hgorun.memo import Memo, Same
+from hgorun.memo import Memo, same
 from hgorun.observers.base import AnyObserver, CorrectedObserver, SampledObserver, treatment_of
 from hgorun.observers.capabilities import Switching
 from hgorun.plants.build import BuiltPlant, SymbolicPlant
 from hgorun.result.data import DesignNumbers
 from hgorun.simulation.checks import check_run
+from hgorun.simulation.design import Design
 from hgorun.simulation.experiment import Experiment
-from hgorun.simulation.observer_block import Design
 from hgorun.simulation.plant_alone import PlantRun, plant_extremes, plant_kinks, plant_remarks, plant_unknown
 from hgorun.simulation.prepared import Numbers, PreparedRun
 from hgorun.simulation.structure import Structure, parameter_values, structure_of
@@ -87,12 +87,12 @@ def _prepared(experiment: Experiment, design: DesignNumbers | None) -> PreparedR
     sizes = _mean_squares(experiment, step)
     seed = experiment.blocks.seed
     chance = seed if any(s.by_chance for one in stretches for s in one) else None
-    key = Same(stretches), chance, None if sizes is None else tuple(sizes)
+    key = same(stretches), chance, None if sizes is None else tuple(sizes)
     channels = _CHANNELS.get(key, lambda: find_channels(stretches, plant.model.outputs, time, seed, sizes))
     smallest_delay, reach = check_delays(channels)
-    treatments = _treatments(experiment, channels)
+    treatments = treatments_of(experiment, channels)
     schedule = schedule_of(experiment, channels, step, treatments=treatments)
-    of_groups = _in_groups(experiment, treatments)
+    of_groups = in_groups(experiment, treatments)
     designs = [design for group in of_groups for design in group]
     stepped = plant.block.discretise == "euler"
     truth = _TRUTHS.get((plant.symbolic, stepped), lambda: SimulatedPlant(plant.symbolic, stepped))
@@ -115,7 +115,7 @@ def _prepared(experiment: Experiment, design: DesignNumbers | None) -> PreparedR
     )
 
 
-def _treatments(experiment: Experiment, channels: list[Channel]) -> tuple[Treatment, ...]:
+def treatments_of(experiment: Experiment, channels: list[Channel]) -> tuple[Treatment, ...]:
     """What observers do with late samples beside the common innovation; nothing where no sample is late.
 
     Raises
@@ -141,7 +141,7 @@ def _treatments(experiment: Experiment, channels: list[Channel]) -> tuple[Treatm
     return tuple(treatment for treatment in known if late and treatment in found.values())
 
 
-def _in_groups(experiment: Experiment, treatments: tuple[Treatment, ...]) -> list[list[Design]]:
+def in_groups(experiment: Experiment, treatments: tuple[Treatment, ...]) -> list[list[Design]]:
     """The designs by what their observers do with late samples: the common innovation first."""
     designs = experiment.designs
     if not treatments:

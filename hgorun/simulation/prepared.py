@@ -9,7 +9,7 @@ import numpy as np
 
 from hgorun.config.models import Solver, Time
 from hgorun.measurement.channels import Channel
-from hgorun.measurement.events import Unknown
+from hgorun.measurement.extremes import Unknown
 from hgorun.measurement.late import Treatment, heard
 from hgorun.measurement.schedule import Schedule
 from hgorun.plants.build import BuiltPlant

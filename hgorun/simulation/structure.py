@@ -23,7 +23,8 @@ from hgorun.measurement.variants import Variant
 from hgorun.memo import Memo
 from hgorun.observers.base import AnyObserver
 from hgorun.result.estimated import Estimated, columns_of
-from hgorun.simulation.observer_block import Design, ObserverBlock
+from hgorun.simulation.design import Design
+from hgorun.simulation.observer_block import ObserverBlock
 from hgorun.simulation.system import Group, build_system, has_past
 from hgorun.simulation.truth import PlantNumbers, Truth
 from hgorun.symbolic.evaluate import Floats, evaluate
@@ -96,14 +97,14 @@ class Structure:
     _programs: dict[Hashable, Program] = field(default_factory=dict, repr=False)
     _ensembles: dict[Hashable, Ensemble] = field(default_factory=dict, repr=False)
 
-    def estimates_along(self, times: Floats, p: Floats, z: Floats) -> Estimated:
-        """xhat of all observers along a run; arguments as of :class:`Readout`."""
+    def estimates_along(self, times: Floats, p: Floats, z: Floats, w: Floats | None = None) -> Estimated:
+        """xhat of all observers along a run; arguments as of :meth:`Readout.along`."""
         known = [readout.places for readout in self.estimates]
         places = [of for of in known if of]
         if len(places) == len(known):
             return Estimated(z, places)
         n = self.groups[0].truth.plant.model.n
-        values = np.concatenate([readout.along(times, p, z) for readout in self.estimates], axis=1)
+        values = np.concatenate([readout.along(times, p, z, w) for readout in self.estimates], axis=1)
         return Estimated(values, [list(range(j * n, (j + 1) * n)) for j in range(len(known))])
 
     @property
@@ -142,6 +143,8 @@ def structure_of(
     stretches: Stretches,
     variants: Sequence[Variant],
     parameters: np.ndarray,
+    *,
+    innovations: bool = False,
 ) -> Structure:
     """The structure of a run, built where none is known.
 
@@ -157,11 +160,14 @@ def structure_of(
         The combinations of availabilities that occur.
     parameters : ndarray
         The plant's, with the numbers of its expressions.
+    innovations : bool
+        Whether every observer's innovation is kept of every sample that arrives.
     """
     key = (
         tuple((truth.structure, *(d.structure for d in of)) for truth, of in zip(truths, designs, strict=True)),
         tuple(tuple(map(signal_structure, one)) for one in stretches),
         tuple(variants),
+        innovations,
     )
     bucket = _STRUCTURES.get(key, list)
     observers = [d.observer for d in chain(*designs)]
@@ -169,7 +175,7 @@ def structure_of(
         if all(structure.holds_for(place, observer) for place, observer in enumerate(observers)):
             return structure
     reads = [Reads(observer) for observer in observers]
-    structure = _build(truths, designs, reads, stretches, variants, parameters)
+    structure = _build(truths, designs, reads, stretches, variants, parameters, innovations)
     bucket.append(structure)
     del bucket[:-_BUCKET]
     return structure
@@ -188,6 +194,7 @@ def _build(
     stretches: Stretches,
     variants: Sequence[Variant],
     values: np.ndarray,
+    innovations: bool,
 ) -> Structure:
     plant, parameters = truths[0].plant, Parameters()
     t = plant.model.t
@@ -208,7 +215,7 @@ def _build(
         groups.append(Group(truth, start, tuple(blocks)))
         start = end
     p = parameters.symbol
-    system = build_system(groups, t, p, symbols, signals, variants)
+    system = build_system(groups, t, p, symbols, signals, variants, innovations=innovations)
     z, w = ca.SX.sym("z", system.states), ca.SX.sym("w", system.held.size)
     estimates: list[Readout] = []
 

@@ -152,6 +152,8 @@ def build_system(
     plant: PlantNumbers,
     signals: Mapping[tuple[int, int], Signal],
     variants: Sequence[Variant],
+    *,
+    innovations: bool = False,
 ) -> HybridSystem:
     """Put truths and observers together.
 
@@ -170,6 +172,8 @@ def build_system(
         The continuous outputs.
     variants : sequence of Variant
         The combinations of availabilities that occur.
+    innovations : bool
+        Whether every observer's innovation is kept of every sample that arrives.
     """
     has_alpha = has_past(variants)
     several = len(groups) > 1
@@ -216,6 +220,7 @@ def build_system(
         jumps=(*jumps, *((a, b, new) for _, a, b, new in corrections)),
         corrections=tuple((len(jumps) + i, of.start, of.stop) for i, (of, *_) in enumerate(corrections)),
         replayed=_replayed(groups[-1], held, parts[-1].outputs.start),
+        innovations=innovations,
     )
 
 

@@ -11,8 +11,9 @@ import numpy as np
 from hgorun.engine.layout import HybridSystem
 from hgorun.engine.plan import Following, Plan, Segments
 from hgorun.measurement.channels import Channel
+from hgorun.measurement.late import HeardOtherwise
 from hgorun.measurement.schedule import Schedule
-from hgorun.memo import Memo, Same
+from hgorun.memo import Memo, same
 from hgorun.simulation.actions import Actions, RecordedInputs
 from hgorun.simulation.steps import count_steps, in_pieces, steps_between, steps_of_a_piece, uneven_steps, unevenly
 
@@ -76,11 +77,12 @@ def build_plan(
     inputs : RecordedInputs, optional
         Where the system takes its inputs from the tables.
     samples : sequence of ndarray, shape (Nk,) each, optional
-        What arrives of every output, where it is recorded: the system's own outputs are zero then.
+        What arrives of every output, where it is recorded: the system's own outputs are zero then. The channels of
+        the outputs come first.
     in_parts : bool
         A plan of many events may be given part by part, so that its tables need not fit into memory.
     """
-    key = schedule, system, Same(grid), always_slope, longest, uneven, None if inputs is None else Same(inputs)
+    key = schedule, system, same(grid), always_slope, longest, uneven, None if inputs is None else same(inputs)
     tabulated = partial(_Tabulated, schedule, channels, grid, system, always_slope, longest, uneven, inputs)
     following = None
     if in_parts and schedule.events.size > 2 * _PART_EVENTS and not system.remembers and schedule.order is None:
@@ -91,7 +93,7 @@ def build_plan(
     recorded = [] if inputs is None else [inputs.values(channels)]
     measured = [channel.gain_and_bias for channel in channels]
     if samples is not None:
-        measured = [(np.ones(values.size), np.asarray(values, dtype=float)) for values in samples]
+        measured = [(np.ones(values.size), values) for values in _recorded(channels, samples)]
     return Plan(
         spans=tables.segments.spans,
         counts=tables.segments.counts,
@@ -106,6 +108,16 @@ def build_plan(
         snapshots=tables.snapshots,
         following=following,
     )
+
+
+def _recorded(channels: Sequence[Channel], samples: Sequence[np.ndarray]) -> Iterator[np.ndarray]:
+    """What arrives in every channel, from what arrives of every output."""
+    known = {id(channel): np.asarray(values, dtype=float) for channel, values in zip(channels, samples, strict=False)}
+    for channel in channels:
+        if isinstance(channel, HeardOtherwise):
+            yield known[id(channel.source)][channel.which]
+        else:
+            yield known[id(channel)]
 
 
 _KEPT = 500_000  # actions and segments of tables that are kept in memory

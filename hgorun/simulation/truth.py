@@ -9,7 +9,7 @@ from typing import Protocol
 import casadi as ca
 
 from hgorun.engine.layout import Held
-from hgorun.memo import Same
+from hgorun.memo import same
 from hgorun.plants.build import SymbolicPlant
 
 
@@ -106,7 +106,7 @@ class SimulatedPlant:
 
     @property
     def structure(self) -> Hashable:
-        return type(self), Same(self.plant), self.stepped
+        return type(self), same(self.plant), self.stepped
 
     def place(self, t: ca.SX, x: ca.SX, p: PlantNumbers, w: ca.SX, held: Held) -> Placed:
         model = self.plant.model
@@ -158,28 +158,33 @@ class SameTruth:
 class Recording:
     """Samples that are there already: no states, outputs that are whatever arrives.
 
-    The plant is what the observers copy. Its inputs are expressions of time, as in a simulation, or recorded,
-    too: then every input holds its value between two of its changes, or follows a straight line.
+    The plant is what the observers copy. Each of its inputs is an expression of time, as in a simulation, or
+    recorded, too: then it holds its value between two of its changes, or follows a straight line.
+
+    Attributes
+    ----------
+    recorded : tuple of int
+        The inputs that are recorded.
     """
 
     plant: SymbolicPlant
-    inputs_recorded: bool = False
+    recorded: tuple[int, ...] = ()
     size: int = 0
 
     @property
     def recorded_inputs(self) -> int:
-        return len(self.plant.model.inputs) if self.inputs_recorded else 0
+        return len(self.recorded)
 
     @property
     def structure(self) -> Hashable:
-        return type(self), Same(self.plant), self.inputs_recorded
+        return type(self), same(self.plant), self.recorded
 
     def place(self, t: ca.SX, x: ca.SX, p: PlantNumbers, w: ca.SX, held: Held) -> Placed:
-        u, before = _inputs_of_time(self.plant, t, p, w[held.interval])
-        if self.inputs_recorded:
-            places = [held.input(i) for i in range(self.recorded_inputs)]
-            u = ca.vertcat(*[w[value] + w[slope] * (t - w[since]) for value, slope, since, _ in places])
-            before = ca.vertcat(*[w[place] for *_, place in places])
+        u, before = map(ca.SX, _inputs_of_time(self.plant, t, p, w[held.interval]))
+        for i, number in enumerate(self.recorded):
+            value, slope, since, last = held.input(i)
+            u[number] = w[value] + w[slope] * (t - w[since])
+            before[number] = w[last]
         return Placed(u, before, ca.SX.zeros(len(self.plant.model.outputs)), ca.SX(0, 1))
 
 

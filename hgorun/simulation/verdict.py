@@ -10,9 +10,12 @@ estimate that peaks and comes back is not lost.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
+from hgorun.result.estimated import Estimated
 from hgorun.symbolic.evaluate import Floats
 
 _FAR = 1e6  # times the size of the state
@@ -55,6 +58,27 @@ def may_have_left(x: Floats, xhat: Floats) -> NDArray[np.bool_]:
     first, last = _gap(x, xhat)
     size = np.maximum(np.max(np.abs(x), axis=0), np.where(np.isfinite(first), first, 0.0))
     return np.asarray(~np.all(last <= _FAR * size, axis=0))
+
+
+def estimates_near(x: Sequence[Sequence[float]], estimated: Estimated) -> bool:
+    """Whether no estimate may have left for good, as nearly all runs end: what needs no more than the last point.
+
+    Where this is false, :func:`may_have_left` decides.
+
+    Parameters
+    ----------
+    x : sequence, shape (2, n)
+        The truth at the first and the last point.
+    estimated : Estimated
+        At these.
+    """
+    last = estimated.values[-1].tolist()
+    bounds = [_FAR * max(abs(first), abs(end)) for first, end in zip(*x, strict=True)]
+    return all(
+        abs(last[place] - end) <= bound
+        for places in estimated.places
+        for place, end, bound in zip(places, x[-1], bounds, strict=True)
+    )
 
 
 def _gap(x: Floats, xhat: Floats) -> Floats:

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Literal
 
 from hgorun.config.expressions import nearest
 from hgorun.config.study import Figure, StudyBlocks
 from hgorun.config.validation import validate
 from hgorun.errors import KeyPath, Problem
+from hgorun.result.quantities import Quantity, inside
 from hgorun.result.windows import points_in
 from hgorun.simulation.experiment import Experiment
-from hgorun.study.quantities import Quantity, inside
 from hgorun.study.study import Run, Study, places_of
 
 
@@ -25,7 +24,7 @@ def check(study: Study) -> None:
     check_figures(study)
     for run in study.runs.values():
         if run.ensemble.vary is not None:
-            for _ in run.members():  # what one of its values makes wrong is said before the first runs
+            for _ in run.of_values():  # what one of its values makes wrong is said before the first runs
                 pass
     with study.located():
         for i, claim in enumerate(study.claims):
@@ -56,12 +55,10 @@ def check_figures_of(experiment: Experiment) -> None:
     if "figures" in data:
         blocks = validate(StudyBlocks, {"figures": data["figures"]}, experiment.source, ())
         with experiment.located():
-            _check(blocks.figures, {experiment.name: (experiment, None)})
+            _check(blocks.figures, {experiment.name: (experiment, "")})
 
 
-def _check(
-    figures: Mapping[str, Figure], runs: Mapping[str, tuple[Experiment, Literal["seeds", "vary"] | None]]
-) -> None:
+def _check(figures: Mapping[str, Figure], runs: Mapping[str, tuple[Experiment, str]]) -> None:
     if not figures:
         return
     from hgorun.figures.names import RunNames, check

@@ -1,36 +1,89 @@
-"""The ensemble of a study's run: its seeds, or what it varies, as axes."""
+"""The ensemble of a study's run: its seeds, and what it varies, as axes; carried out where its files are kept."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from hgorun.config.sweeps import SweepBlocks
 from hgorun.ensemble.ensemble import Ensemble
+from hgorun.ensemble.executors import threads
+from hgorun.ensemble.refused import refuse_base
+from hgorun.ensemble.store import Changed, Store
+from hgorun.ensemble.sweep import Count, Place, carry_out, finished
+from hgorun.files import remove_file
+from hgorun.process import processors
 from hgorun.study.study import Run
 
 _FEW = 60  # members of what is varied, whose trajectories are kept
 
 
-def ensemble_of(run: Run) -> Ensemble:
+def ensemble_of(run: Run, quantities: Sequence[str] = (), *, followed: bool | None = None) -> Ensemble:
     """The ensemble that a run with ``seeds`` or ``vary`` is.
 
-    What is varied has an axis for every path that is set, with the values of all members one after the other. The
-    trajectories of few members are kept, so that they can be drawn.
+    Values come one after the other, each with all seeds. Where one path is set, members are a product of axes; where
+    several are, each path has the values of all members.
+
+    Parameters
+    ----------
+    quantities : sequence of str
+        What is measured besides all metrics.
+    followed : bool, optional
+        Whether trajectories are kept; by default those of what is varied, if members are few.
 
     Raises
     ------
     ConfigError
         When a member cannot be made.
     """
-    axes: dict[str, Any]
-    if run.ensemble.seeds is not None:
-        axes = {"seed": {"count": run.ensemble.seeds}}
-    else:
-        members = [run.changes(value) for value in run.varied]
-        axes = {path: [changes[path] for changes in members] for path in members[0]}
-    one_grid = not any(path.partition(".")[0] == "time" for path in axes)
-    followed = "all" if run.ensemble.seeds is None and len(run.varied) <= _FEW and one_grid else "none"
-    blocks = SweepBlocks.model_validate(
-        {"axes": axes, "combine": "zip" if len(axes) > 1 else "product", "keep": {"trajectories": followed}}
-    )
+    axes = _axes(run)
+    if followed is None:
+        one_grid = not any(path.partition(".")[0] == "time" for path in axes)
+        followed = run.ensemble.kind == "vary" and len(run.values) <= _FEW and one_grid
+    keep = {"trajectories": "all" if followed else "none", "quantities": list(quantities)}
+    combine = "zip" if len(axes.keys() - {"seed"}) > 1 else "product"
+    blocks = SweepBlocks.model_validate({"axes": axes, "combine": combine, "keep": keep})
     return Ensemble(name=run.name, base=run.base, blocks=blocks, text=run.text)
+
+
+def _axes(run: Run) -> dict[str, Any]:
+    seeds = {"seed": {"count": len(run.seeds)}} if run.ensemble.seeds is not None else {}
+    if run.ensemble.vary is None:
+        return seeds
+    members = [run.changes(value) for value in run.values]
+    columns = {path: [changes[path] for changes in members] for path in members[0]}
+    if len(columns) == 1 or not seeds:
+        return columns | seeds
+    each = {path: [value for value in column for _ in run.seeds] for path, column in columns.items()}
+    return each | {"seed": [seed for _ in members for seed in run.seeds]}
+
+
+def carried_out(
+    ensemble: Ensemble, place: Place, told: Callable[[Count], None] = lambda _: None, *, workers: int | None = None
+) -> None:
+    """Carry out what is missing of a run's ensemble, and collect its file.
+
+    Members of another configuration are replaced.
+
+    Parameters
+    ----------
+    workers : int, optional
+        Threads; by default one a processor.
+
+    Raises
+    ------
+    HgorunError
+        When the base is refused, or files cannot be written.
+    """
+    refuse_base(ensemble)
+    try:
+        store = Store.opened(place.folder, ensemble)
+    except Changed:
+        remove_file(place.file)
+        store = Store.opened(place.folder, ensemble, fresh=True)
+
+    def carry() -> None:
+        carry_out(store, threads(workers or processors()), told=told)
+
+    carry()
+    finished(store, place.file, carry)

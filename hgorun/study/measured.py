@@ -1,13 +1,25 @@
-"""What the runs of a study are worth: quantities of single runs and of the members of ensembles."""
+"""What the runs of a study are worth: quantities of single runs, and of the members of ensembles."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from typing import TypeAlias
 
+import numpy as np
+
+from hgorun.ensemble.collected import Collected, Floats, shown
+from hgorun.ensemble.ensemble import Ensemble
+from hgorun.ensemble.refused import told_where
+from hgorun.errors import SimulationError
+from hgorun.result.metrics.base import all_metrics
+from hgorun.result.quantities import Quantity, exponent, measure_quantity
 from hgorun.result.result import Result
-from hgorun.study.quantities import Quantity, Sentence, exponent, measure_quantity
+from hgorun.study.sentences import Sentence
 from hgorun.study.study import Run, Study
+
+Numbers: TypeAlias = Mapping[str, Floats]
+"""Of the members of an ensemble, by the texts of quantities: arrays of shape (values, seeds)."""
 
 
 def asked_of(study: Study, run: str, claims: Sequence[int], figures: Sequence[str]) -> list[Quantity]:
@@ -34,47 +46,47 @@ def on_member(quantity: Quantity) -> Quantity:
     return quantity
 
 
-def measure_members(
-    run: Run,
-    quantities: Sequence[Quantity],
-    done: Sequence[Mapping[str, float]] = (),
-    keep: Callable[[list[dict[str, float]]], None] = lambda _: None,
-) -> list[dict[str, float]]:
-    """Run all members of an ensemble.
+def beside_metrics(quantities: Sequence[Quantity]) -> list[str]:
+    """Those that an ensemble does not keep as metrics, as texts."""
+    return [str(q) for q in quantities if q.window is not None or q.function not in all_metrics()]
 
-    Parameters
-    ----------
-    run : Run
-    quantities : sequence of Quantity
-        Measured on every member.
-    done : sequence of mapping
-        What an earlier call has found of the first members.
-    keep : callable
-        Told what there is after every member.
 
-    Returns
-    -------
-    list of dict
-        For every member {text of the quantity: value}.
+def of_members(run: Run, ensemble: Ensemble, found: Collected, quantities: Sequence[Quantity]) -> Numbers:
+    """Quantities of the members of a run's ensemble that has been carried out.
+
+    Raises
+    ------
+    SimulationError
+        Where a member has failed.
     """
-    from hgorun.simulation.simulate import simulate
+    failed = np.flatnonzero(found.error != "")
+    if failed.size:
+        first = int(failed[0])
+        which = ", ".join(f"{axis} {shown(values[first])}" for axis, values in found.axes.items())
+        error = told_where(ensemble, first, str(found.error[first]))
+        raise SimulationError(
+            f"run {run.name}: {failed.size} of {len(found)} members failed, the first with {which}: {error}"
+        )
+    return {str(q): _of_members(found, q).reshape(run.shape) for q in quantities}
 
-    found = [dict(one) for one in done]
-    for experiment in run.members(len(found)):
-        result = simulate(experiment)
-        found.append({str(q): measure_quantity(q, {run.name: result}) for q in quantities})
-        keep(found)
-    return found
+
+def _of_members(found: Collected, quantity: Quantity) -> Floats:
+    if str(quantity) in found.quantities:
+        return found.quantities[str(quantity)]
+    i = found.observers.index(str(quantity.of[0][1]))
+    return found.metrics[quantity.function][:, i, found.states.index(str(quantity.state))]
 
 
 def values_of(
     study: Study,
     claim: int,
     results: Mapping[str, Result],
-    ensembles: Mapping[str, list[dict[str, float]]],
+    ensembles: Mapping[str, Numbers],
     theory: Callable[[Quantity], float],
 ) -> list[list[float]]:
-    """The value of each inequality of a claim: one number, or one for each seed of the ensembles it refers to.
+    """The value of each inequality of a claim: one number, or one for each member of the ensemble it refers to.
+
+    Of an ensemble of values and seeds there is one for each seed, the mean over the values: these are independent.
 
     Parameters
     ----------
@@ -83,8 +95,8 @@ def values_of(
         Its number.
     results : mapping of str to Result
         Of the single runs.
-    ensembles : mapping of str to list of dict
-        What :func:`measure_members` has found of the others.
+    ensembles : mapping of str to Numbers
+        What :func:`of_members` has found of the others.
     theory : callable
         Gives a number of the analysis.
     """
@@ -95,21 +107,24 @@ def _values(
     study: Study,
     sentence: Sentence,
     results: Mapping[str, Result],
-    ensembles: Mapping[str, list[dict[str, float]]],
+    ensembles: Mapping[str, Numbers],
     theory: Callable[[Quantity], float],
 ) -> list[float]:
-    fixed: dict[str, float] = {}
-    lists: dict[str, list[float]] = {}
+    measured: dict[str, Floats] = {}  # each of shape (values, seeds), 1 where it is the same for all of them
     for q in sentence.quantities:
         run = study.runs[q.of[0][0]]
         if q.function == "analysis":
-            fixed[str(q)] = theory(q)
+            measured[str(q)] = np.array([[theory(q)]])
         elif run.single:
-            fixed[str(q)] = measure_quantity(q, results)
+            measured[str(q)] = np.array([[measure_quantity(q, results)]])
         elif q.function == "exponent":
-            amplitudes = [member[str(on_member(q))] for member in ensembles[run.name]]
-            fixed[str(q)] = exponent(run.varied, amplitudes, q.window)
+            amplitudes = ensembles[run.name][str(on_member(q))]
+            measured[str(q)] = np.array([[exponent(run.values, column, q.window) for column in amplitudes.T]])
         else:
-            lists[str(q)] = [member[str(q)] for member in ensembles[run.name]]
-    members = min((len(values) for values in lists.values()), default=1)
-    return [sentence.value(fixed | {text: values[i] for text, values in lists.items()}) for i in range(members)]
+            measured[str(q)] = ensembles[run.name][str(q)]
+    rows, seeds = np.broadcast_shapes(*(part.shape for part in measured.values()))
+    each = {text: np.broadcast_to(part, (rows, seeds)) for text, part in measured.items()}
+    table = [[sentence.value({t: float(p[v, s]) for t, p in each.items()}) for s in range(seeds)] for v in range(rows)]
+    if seeds == 1:
+        return [row[0] for row in table]
+    return [float(np.mean(column)) for column in zip(*table, strict=True)]

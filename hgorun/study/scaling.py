@@ -11,27 +11,28 @@ import numpy as np
 from hgorun.analysis.noise.deviation import deviation_in_window
 from hgorun.analysis.noise.prediction import has_noise, without_noise
 from hgorun.analysis.reasons import NoValue, Outcome, outcome
+from hgorun.ensemble.collected import Floats
+from hgorun.ensemble.statistics import quantiles
 from hgorun.figures.scaling import ScaledObserver, ScalingData
 from hgorun.observers.capabilities import FilterOrder
 from hgorun.result.metrics.base import all_metrics
+from hgorun.result.quantities import Quantity, measure_quantity
 from hgorun.result.result import Result
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.simulate import prepare, simulate, simulate_prepared
-from hgorun.study.quantities import Quantity, measure_quantity
+from hgorun.study.measured import Numbers
 from hgorun.study.study import Run, Study
 
 _OF_THE_WINDOW = ("std", "mean", "amplitude")  # quantities of the steady window that are not metrics
 
 
-def scaling_data(
-    study: Study, figure: str, ensembles: Mapping[str, Sequence[Mapping[str, float]]]
-) -> dict[int, ScalingData]:
+def scaling_data(study: Study, figure: str, ensembles: Mapping[str, Numbers]) -> dict[int, ScalingData]:
     """{number of the panel: what it shows}, for the scaling panels of a figure.
 
     Parameters
     ----------
-    ensembles : mapping of str to sequence of mapping
-        For every run of the study what its members have measured, {text of a quantity: value}.
+    ensembles : mapping of str to Numbers
+        For every run of the study what its members have measured.
     """
     scaled = study.scaled(figure)
     panels = {i: study.figures[figure].panels[i].scaling for i in scaled}
@@ -53,13 +54,20 @@ def scaling_data(
             observers[str(q.of[0][1])] = ScaledObserver(
                 block.type,
                 block.r if isinstance(block, FilterOrder) else None,
-                np.array([member[str(q)] for member in ensembles[name]]),
+                _median(ensembles[name][str(q)]),
                 _line(theory),
                 tuple(dict.fromkeys(one.reason for one in theory if one.reason is not None)),
+                ensembles[name][str(q)] if run.ensemble.seeds is not None else None,
             )
         unit = run.experiment.plant.units.get(panel.state, "")
-        found[i] = ScalingData(name, panel.state, run.ensemble.vary.name, np.array(run.varied), observers, unit)
+        found[i] = ScalingData(name, panel.state, run.ensemble.vary.name, np.array(run.values), observers, unit)
     return found
+
+
+def _median(values: Floats) -> Floats:
+    """Over seeds, of which those without a number count as infinite; shape (values,)."""
+    (median,) = quantiles(values.T, ~np.isnan(values.T), (0.5,))
+    return median
 
 
 def refused(scalings: Mapping[int, ScalingData]) -> list[str]:
@@ -79,9 +87,9 @@ def _line(theory: Sequence[Outcome[float]]) -> np.ndarray | None:
 
 
 def predictions(run: Run, quantities: Sequence[Quantity]) -> dict[Quantity, list[Outcome[float]]]:
-    """For every member of an ensemble what the linearised observers would measure, or why it cannot be told."""
+    """For every value of an ensemble what the linearised observers would measure, or why it cannot be told."""
     found: dict[Quantity, list[Outcome[float]]] = {q: [] for q in quantities}
-    for experiment in run.members():
+    for experiment in run.of_values():
         member = _Member(experiment)
         for q, values in found.items():
             values.append(outcome(partial(member.predicted, q)))

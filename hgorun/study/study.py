@@ -14,9 +14,12 @@ from hgorun.config.types import SEEDS
 from hgorun.config.validation import validate
 from hgorun.config.yaml_source import Place, Source
 from hgorun.errors import ConfigError, Problem
+from hgorun.result.quantities import Quantity
 from hgorun.simulation.experiment import Experiment
-from hgorun.study.quantities import Quantity, Sentence, read_sentence
+from hgorun.study.sentences import Sentence, read_sentence
 from hgorun.study.split import OF_THE_FILE, split
+
+_MOST_MEMBERS = 1_000_000  # of a run
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -45,7 +48,7 @@ class Run:
     @property
     def single(self) -> bool:
         """Whether it is one run, whose trajectories are kept."""
-        return self.ensemble.kind is None
+        return not self.ensemble.kind
 
     @cached_property
     def base(self) -> Experiment:
@@ -55,23 +58,37 @@ class Run:
     @cached_property
     def experiment(self) -> Experiment:
         """The run, or the first member of the ensemble."""
-        return next(self.members())
+        return next(self.of_values())
 
-    @cached_property
-    def varied(self) -> tuple[float, ...]:
-        """What members differ in: the values of ``vary``, or the seeds; nothing for a single run."""
-        if self.ensemble.vary is not None:
-            return self.ensemble.vary.values
-        if self.ensemble.seeds is None:
-            return ()
+    @property
+    def values(self) -> tuple[float, ...]:
+        """What ``vary`` varies; nothing without it."""
+        return () if self.ensemble.vary is None else self.ensemble.vary.values
+
+    @property
+    def seeds(self) -> range:
+        """The seeds of the members; that of the base alone without ``seeds``."""
         first = self.base.blocks.seed
-        return tuple(range(first, first + self.ensemble.seeds))
+        return range(first, first + (self.ensemble.seeds or 1))
 
-    def members(self, start: int = 0) -> Iterator[Experiment]:
-        """All members from a number on; a single run is the only member of itself."""
-        if self.single:
+    @property
+    def shape(self) -> tuple[int, int]:
+        """How many values and how many seeds there are, one at least; every seed is carried out with every value."""
+        return len(self.values) or 1, len(self.seeds)
+
+    def members(self) -> Iterator[Experiment]:
+        """All members, value after value; a single run is the only member of itself."""
+        for experiment in self.of_values():
+            if self.ensemble.seeds is None:
+                yield experiment
+            else:
+                yield from (experiment.varied({"seed": seed}) for seed in self.seeds)
+
+    def of_values(self) -> Iterator[Experiment]:
+        """A member for every value, with the first seed."""
+        if not self.values:
             yield self.base
-        for value in self.varied[start:]:
+        for value in self.values:
             changes = self.changes(value)
             try:
                 yield self.base.varied(changes)
@@ -81,14 +98,11 @@ class Run:
                     raise
                 raise self._wrong(path, f"{error.message} (for the value {value:g})") from error
 
-    def changes(self, value: float) -> dict[str, float | int]:
-        """What a member changes of the base, by path."""
+    def changes(self, value: float) -> dict[str, float]:
+        """What members with a value of ``vary`` change of the base, by path."""
         vary = self.ensemble.vary
-        if self.ensemble.seeds is not None:
-            return {"seed": int(value)}
-        if vary is None:
-            return {}
-        found: dict[str, float | int] = {}
+        assert vary is not None
+        found: dict[str, float] = {}
         for path, expression in vary.set.items():
             try:
                 found[path] = parse(expression, names=[vary.name]).number({vary.name: value})
@@ -174,7 +188,7 @@ def study_of(source: Source, name: str, text: str) -> Study:
         runs = {}
         for run, (own, ensemble) in split(source).items():
             block = validate(Ensemble, ensemble, source, ("runs", run))
-            _check_seeds(block, own, source, run)
+            _check_ensemble(block, own, source, run)
             assigned = block.vary.set if block.vary is not None else {}
             places = {path: source.where(("runs", run, "vary", "set", path)) for path in assigned}
             runs[run] = Run(run, own, text, block, places)
@@ -191,14 +205,25 @@ def study_of(source: Source, name: str, text: str) -> Study:
     return Study(name, source, blocks.title, blocks.reference, runs, blocks.figures, blocks.claims, sentences)
 
 
-def _check_seeds(ensemble: Ensemble, own: Source, source: Source, run: str) -> None:
-    """Refuse seeds that lie above the largest one."""
-    first = own.data.get("seed", 0)
-    if ensemble.seeds is None or not isinstance(first, int) or first + ensemble.seeds <= SEEDS:
+def _check_ensemble(ensemble: Ensemble, own: Source, source: Source, run: str) -> None:
+    """Refuse seeds that lie above the largest one or are varied as well, and more members than can be asked for."""
+
+    def wrong(what: str, *key: str) -> ConfigError:
+        file, line = source.where(("runs", run, *key))
+        return ConfigError(what, file=file, line=line, key=".".join(("runs", run, *key)))
+
+    first, seeds, vary = own.data.get("seed", 0), ensemble.seeds, ensemble.vary
+    if seeds is None:
         return
-    file, line = source.where(("runs", run, "seeds"))
-    what = f"{ensemble.seeds} seeds from {first} on end above the largest seed, {SEEDS - 1}"
-    raise ConfigError(what, file=file, line=line, key=f"runs.{run}.seeds")
+    if isinstance(first, int) and first + seeds > SEEDS:
+        raise wrong(f"{seeds} seeds from {first} on end above the largest seed, {SEEDS - 1}", "seeds")
+    if vary is None:
+        return
+    if "seed" in vary.set:
+        raise wrong("seeds counts the seeds already: let one of them set seed", "vary", "set", "seed")
+    if len(vary.values) * seeds > _MOST_MEMBERS:
+        what = f"{len(vary.values)} values with {seeds} seeds make more than {_MOST_MEMBERS} members"
+        raise wrong(f"{what}; a sweep file may have more", "seeds")
 
 
 def places_of(number: int, claim: Claim) -> list[tuple[str | int, ...]]:

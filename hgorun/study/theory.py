@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 from hgorun.config.expressions import nearest
 from hgorun.errors import Problem
+from hgorun.result.quantities import Quantity
 from hgorun.result.result import Result
-from hgorun.study.quantities import Quantity
 from hgorun.study.study import Study
 
 if TYPE_CHECKING:

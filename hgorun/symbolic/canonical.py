@@ -19,7 +19,7 @@ import casadi as ca
 import numpy as np
 
 from hgorun.errors import NotObservableForm
-from hgorun.memo import Memo, Same
+from hgorun.memo import Memo, same
 from hgorun.symbolic.chains import Chain
 from hgorun.symbolic.evaluate import at
 from hgorun.symbolic.forms import Bounds, saturate
@@ -161,7 +161,7 @@ class CanonicalForm:
         """The initial estimate in the observer's coordinates; ValueError where J is singular or not finite."""
         if canonical and self.no_inverse is not None:
             raise ValueError(self.no_inverse)
-        key = Same(self), x.tobytes(), parameters.tobytes()
+        key = same(self), x.tobytes(), parameters.tobytes()
         if not _REGULAR.get(key, lambda: is_regular(self.jacobian_at(x, parameters), _SINGULAR_START)):
             where = ", ".join(f"{s} = {v:g}" for s, v in zip(self.plant.states, x, strict=True))
             what = "singular" if np.all(np.isfinite(self.jacobian_at(x, parameters))) else "not finite"

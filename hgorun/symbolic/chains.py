@@ -57,11 +57,13 @@ class Links:
             self._constant[i, j] = not ca.depends_on(self._slopes[i, j], moving)
         constants = ca.SX(ca.DM(self._constant.astype(float))) * self._slopes
         self._values = ca.Function("c", [plant.p], [ca.densify(constants)])
+        self._same_for_all = not ca.depends_on(constants, plant.p)
         self._known: Memo[tuple[Chain, ...] | None] = Memo(8)
 
     def chains(self, parameters: np.ndarray) -> tuple[Chain, ...] | None:
         """The chain of every output; None where the plant is not made of chains with these parameters."""
-        return self._known.get(parameters.tobytes(), lambda: self._chains(parameters))
+        key = b"" if self._same_for_all else parameters.tobytes()
+        return self._known.get(key, lambda: self._chains(parameters))
 
     def _chains(self, parameters: np.ndarray) -> tuple[Chain, ...] | None:
         q, n = len(self.plant.outputs), self.plant.n

@@ -12,13 +12,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from threading import Lock
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hgorun.config.expressions import parse
-from hgorun.memo import Memo, Same
+from hgorun.memo import Memo, same
 from hgorun.symbolic.instructions import Instruction
 from hgorun.symbolic.interpreter import carry_out, interpreted
 
@@ -43,16 +44,16 @@ def evaluate(function: ca.Function, *arguments: ArrayLike) -> list[Floats]:
     """
     arrays = [np.ascontiguousarray(argument, dtype=float) for argument in arguments]
     points = next((len(a) for a in arrays if a.ndim == 2), 1)
-    ports = _PORTS.get(Same(function), lambda: _Ports.of(function))
+    buffer, ports = _BUFFERS.get(same(function), lambda: (_Buffer(function), _Ports.of(function)))
     for i, (array, size) in enumerate(zip(arrays, ports.taken, strict=True)):
         if array.size != size * (points if array.ndim == 2 else 1):
             raise ValueError(f"argument {i} of {function}: {array.shape} does not fit")
     results = [np.zeros((points, matrix.nonzeros)) for matrix in ports.given]
-    instructions = _INTERPRETED.get(Same(function), lambda: interpreted(function))
+    instructions = _INTERPRETED.get(same(function), lambda: interpreted(function))
     if instructions:
         carry_out(instructions, arrays, results)
     elif points == 1:
-        _call(function, arrays, results)
+        buffer.call(arrays, results)
     else:
         _in_pieces(function, arrays, results, points)
     return [matrix.full(array) for matrix, array in zip(ports.given, results, strict=True)]
@@ -97,28 +98,36 @@ class _Ports:
         return cls(taken, tuple(_Matrix.of(function.sparsity_out(i)) for i in range(function.n_out())))
 
 
-_PORTS: Memo[_Ports] = Memo(256)
-
-
 # points that are evaluated in one call, which CasADi takes microseconds to prepare: of few, and of many
 _PIECES = (16, 128)
 _MAPPED: Memo[ca.Function] = Memo(64)
 _INTERPRETED: Memo[list[Instruction]] = Memo(256)
 
 
-def _call(function: ca.Function, arrays: Sequence[Floats], results: Sequence[Floats]) -> None:
-    buffer, call = function.buffer()
-    for i, array in enumerate(arrays):
-        buffer.set_arg(i, array.data)
-    for i, array in enumerate(results):
-        buffer.set_res(i, array.data)
-    call()
+class _Buffer:
+    """What a function reads its arguments from and writes its results to: made once, used by one thread at a time."""
+
+    def __init__(self, function: ca.Function) -> None:
+        self._buffer, self._run = function.buffer()
+        self._lock = Lock()
+
+    def call(self, arrays: Sequence[Floats], results: Sequence[Floats]) -> None:
+        buffer = self._buffer
+        with self._lock:
+            for i, array in enumerate(arrays):
+                buffer.set_arg(i, array.data)
+            for i, array in enumerate(results):
+                buffer.set_res(i, array.data)
+            self._run()
+
+
+_BUFFERS: Memo[tuple[_Buffer, _Ports]] = Memo(256)
 
 
 def _in_pieces(function: ca.Function, arrays: Sequence[Floats], results: Sequence[Floats], points: int) -> None:
     """Many points, a fixed number at a time; the last piece is filled up with zeros."""
     length = _PIECES[points > _PIECES[0]]
-    mapped = _MAPPED.get((Same(function), length), lambda: function.map(length))
+    mapped = _MAPPED.get((same(function), length), lambda: function.map(length))
     buffer, call = mapped.buffer()
     inside = [a if a.ndim == 2 else np.full((length, a.size), a.ravel()) for a in arrays]
     whole = points - points % length
@@ -151,9 +160,9 @@ def at(function: ca.Function, *arguments: ArrayLike) -> list[Floats]:
 def roughly_at(function: ca.Function, *arguments: ArrayLike) -> list[Floats]:
     """What :func:`at` gives but for last bits, which depend on the machine: for questions such as what is finite."""
     arrays = [np.asarray(argument, dtype=float).ravel() for argument in arguments]
-    ports = _PORTS.get(Same(function), lambda: _Ports.of(function))
+    buffer, ports = _BUFFERS.get(same(function), lambda: (_Buffer(function), _Ports.of(function)))
     results = [np.zeros((1, matrix.nonzeros)) for matrix in ports.given]
-    _call(function, arrays, results)
+    buffer.call(arrays, results)
     return [matrix.full(array)[0] for matrix, array in zip(ports.given, results, strict=True)]
 
 

@@ -15,12 +15,13 @@ import casadi as ca
 import numpy as np
 
 from hgorun.symbolic.crossings import Search
+from hgorun.symbolic.curves import Curve
 from hgorun.symbolic.evaluate import Floats
 from hgorun.symbolic.functions_of_time import Smooth
 from hgorun.symbolic.instructions import read
 from hgorun.symbolic.intervals import Bounds, enclose
 from hgorun.symbolic.kinks import STEPS, apply_to, levels_of
-from hgorun.symbolic.levels import Levels, distinct, zero
+from hgorun.symbolic.levels import Levels, zero
 
 _SWITCHES = STEPS - {ca.OP_EQ, ca.OP_NE, ca.OP_NOT, ca.OP_AND, ca.OP_OR} | {ca.OP_FABS, ca.OP_FMIN, ca.OP_FMAX}
 _RAMPS = {ca.OP_TANH, ca.OP_ATAN}
@@ -29,52 +30,10 @@ _QUOTIENTS = {ca.OP_DIV, ca.OP_INV}
 _POWERS = {ca.OP_POW, ca.OP_CONSTPOW}
 _HIGH_POWER = 16.0
 _TOGETHER = 64  # cells
-_BEYOND = 0.32  # of what four values differ by: no cubic through them goes further
 _MOST = 20_000  # passages of a feature
 _NOTHING = 40.0  # e to the power of minus that is nothing beside 1
 _CHANGE = 1.0  # of an argument, or of the logarithm of a divisor: less makes nothing narrow
 _ZERO = zero(reached=False)
-
-
-@dataclass(frozen=True, eq=False)
-class Curve:
-    """A trajectory: a cubic on every cell of time.
-
-    Attributes
-    ----------
-    low, high : ndarray, shape (cells,)
-    coefficients : ndarray, shape (cells, states, 4)
-        Of 1, r, r^2 and r^3, where r goes from 0 to 1 on each cell.
-    least, most : ndarray, shape (cells, states)
-        Bounds of the states on each cell.
-    """
-
-    low: Floats
-    high: Floats
-    coefficients: Floats
-    least: Floats
-    most: Floats
-
-    @classmethod
-    def through(cls, low: Floats, high: Floats, values: Floats) -> Curve:
-        """From the states at the start, at a third, at two thirds and at the end of every cell, (cells, 4, states)."""
-        whole = np.all(np.isfinite(values), axis=(1, 2)) & (high > low)
-        thirds = np.array([[0.0, 0.0, 0.0], [1, 1, 1], [2, 4, 8], [3, 9, 27]]) / np.array([3, 9, 27])
-        inverse = np.linalg.inv(np.column_stack([np.ones(4), thirds]))
-        values = values[whole]
-        least, most = values.min(axis=1), values.max(axis=1)
-        beyond = _BEYOND * (most - least)
-        coefficients = np.einsum("kj,cjs->csk", inverse, values)
-        return cls(low[whole], high[whole], coefficients, least - beyond, most + beyond)
-
-    def where(self, chosen: np.ndarray) -> Curve:
-        """The cells that are chosen."""
-        parts = (self.low, self.high, self.coefficients, self.least, self.most)
-        return Curve(*(part[chosen] for part in parts))
-
-    def at(self, times: Floats) -> np.ndarray:
-        """The cells in which times lie."""
-        return np.clip(np.searchsorted(self.low, times, side="right") - 1, 0, None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -300,56 +259,3 @@ def _feature(
         jump=kind == "jump",
         even=kind == "even",
     )
-
-
-@dataclass(frozen=True, eq=False)
-class Passages:
-    """When a curve passes features of one block of states.
-
-    Attributes
-    ----------
-    switches : ndarray
-        Of those that have levels, in ascending order.
-    jumps : ndarray
-        Of those among them at which equations are not continuous.
-    peaks : ndarray
-        Of those between the times at which the equations were evaluated.
-    """
-
-    switches: Floats
-    jumps: Floats
-    peaks: Floats
-
-    @classmethod
-    def of(cls, features: Sequence[Feature], curve: Curve, p: Floats, seen: Floats, step: int = 1) -> Passages:
-        """Those of a curve.
-
-        Parameters
-        ----------
-        seen : ndarray
-            The times of evaluation, in ascending order.
-        step : int
-            How many cells a step may be as long as.
-        """
-        switches, jumps, peaks = [np.zeros(0)], [np.zeros(0)], [np.zeros(0)]
-        for feature in features:
-            times = feature.found(curve, p, step)
-            if feature.levels is not None:
-                switches.append(times)
-                jumps += [times] if feature.jump else []
-            elif times.size:
-                after = np.clip(np.searchsorted(seen, times), 1, seen.size - 1)
-                alone = np.all([feature.differs(curve, p, times, seen[k]) for k in (after - 1, after)], axis=0)
-                peaks.append(times[alone])
-        return cls(*(distinct(np.concatenate(times)) for times in (switches, jumps, peaks)))
-
-    def narrow(self, seen: Floats, longest: float = np.inf) -> Floats:
-        """The ends of what lies between two evaluations; what lasts longer than ``longest`` does not."""
-        return distinct(np.concatenate([between(self.switches, seen, longest), self.peaks]))
-
-
-def between(times: Floats, seen: Floats, longest: float = np.inf) -> Floats:
-    """Those of some times, in ascending order, that follow one another without an evaluation between them."""
-    empty = np.searchsorted(seen, times[:-1], side="left") == np.searchsorted(seen, times[1:], side="right")
-    narrow = empty & (np.diff(times) < longest)
-    return distinct(np.concatenate([times[:-1][narrow], times[1:][narrow]]))

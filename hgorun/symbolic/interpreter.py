@@ -71,6 +71,14 @@ _OPERATIONS: dict[int, Callable[..., Any]] = {
     ca.OP_IF_ELSE_ZERO: lambda x, y: np.where(x != 0, y, 0.0),
     **{op: partial(elementary.apply, name) for op, name in CALLS.items()},
 }
+
+
+def value_of(op: int, *arguments: float) -> float:
+    """What one operation makes of numbers."""
+    with np.errstate(all="ignore"):
+        return float(_OPERATIONS[op](*map(np.float64, arguments)))
+
+
 _NUMBERS = 1 << 22  # that are kept at the same time
 _PIECE = 4096  # points at the same time: what the processor's cache holds
 

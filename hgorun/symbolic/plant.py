@@ -74,7 +74,8 @@ class PlantModel:
         return ca.Function("f", [self.t, self.x, self.u, self.p], [self.dynamics])
 
     @cached_property
-    def _h(self) -> ca.Function:
+    def output_function(self) -> ca.Function:
+        """y from (t, x, u, p)."""
         return ca.Function("h", [self.t, self.x, self.u, self.p], [self.output])
 
     @cached_property
@@ -92,4 +93,4 @@ class PlantModel:
 
     def h(self, t: ca.SX, x: ca.SX, u: ca.SX, p: ca.SX) -> ca.SX:
         """The output at other arguments."""
-        return self._h(t, x, u, p)
+        return self.output_function(t, x, u, p)

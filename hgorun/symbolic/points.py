@@ -5,7 +5,7 @@ The draws are the same at every call, so that a plant is always judged alike.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from hashlib import sha256
@@ -26,6 +26,25 @@ class Instant:
     t: float
     x: np.ndarray
     u: np.ndarray
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Instants:
+    """Several of them: times, shape (N,), states, shape (N, n), and inputs, shape (N, m)."""
+
+    t: np.ndarray
+    x: np.ndarray
+    u: np.ndarray
+
+    @classmethod
+    def of(cls, states: Sequence[np.ndarray], inputs: int, sizes: tuple[float, ...]) -> Instants:
+        """As :func:`instants` gives them one by one; as many states as sizes, or fewer."""
+        t, u = _sized_moments(inputs, sizes)
+        return cls(t[: len(states)], np.array(states), u[: len(states)])
+
+    def one(self, k: int) -> Instants:
+        """One of them."""
+        return Instants(self.t[k : k + 1], self.x[k : k + 1], self.u[k : k + 1])
 
 
 def generator() -> np.random.Generator:
@@ -90,6 +109,14 @@ def _drawn_moments(inputs: int, low: float) -> Iterator[tuple[np.ndarray, float]
     random = generator()
     while True:
         yield random.uniform(low, 1, inputs), random.uniform()
+
+
+@lru_cache(maxsize=64)
+def _sized_moments(inputs: int, sizes: tuple[float, ...]) -> tuple[np.ndarray, np.ndarray]:
+    """Times, and inputs of the given sizes: one of each for every size."""
+    moments = list(islice(_moments(inputs, -1.0), len(sizes)))
+    u = [size * u for size, (u, _) in zip(sizes, moments, strict=True)]
+    return np.array([t for _, t in moments]), np.array(u).reshape(len(sizes), inputs)
 
 
 @lru_cache(maxsize=64)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
 from functools import lru_cache
 
 import casadi as ca
@@ -12,7 +10,7 @@ import numpy as np
 from hgorun.errors import NotObservableForm
 from hgorun.symbolic import evaluate, ranks
 from hgorun.symbolic.canonical import CanonicalForm
-from hgorun.symbolic.points import Instant, instants
+from hgorun.symbolic.points import Instants
 
 _INPUTS = (1.0, 1e-4, 1e4, 1e-8, 1e8, 1.0, 1e-12, 1e12, 1.0)  # sizes of inputs, whose units are unknown
 _TRIANGULAR = 1e-7  # relative size of a slope that is rounding
@@ -38,12 +36,13 @@ def require_uniform(form: CanonicalForm, states: list[np.ndarray], parameters: n
     if not form.plant.inputs:
         return
     above = _above(form.chains)
-    points = list(instants(states, form.plant.u.numel(), sizes=_INPUTS))
+    points = Instants.of(states, form.plant.u.numel(), _INPUTS)
     in_z, scale = _added(form, slopes, points, parameters)
     with np.errstate(invalid="ignore"):
         slope = above & (np.abs(in_z) > _TRIANGULAR * scale)
-    for k, at in enumerate(points):
-        if not slope[k].any() or not ranks.is_regular(form.jacobian_at(at.x, parameters)):
+    for k in np.flatnonzero(slope.any(axis=(1, 2))):
+        at = points.one(int(k))
+        if not ranks.is_regular(form.jacobian_at(at.x[0], parameters)):
             continue
         for i, j in np.argwhere(slope[k]):
             if not _is_rounding(form, slopes, at, parameters, i, j):
@@ -73,15 +72,14 @@ def input_slopes(form: CanonicalForm) -> ca.Function:
 
 
 def _added(
-    form: CanonicalForm, slopes: ca.Function, points: Sequence[Instant], parameters: np.ndarray
+    form: CanonicalForm, slopes: ca.Function, points: Instants, parameters: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """The slopes in z of what inputs and time add to z', and the size of their terms, shapes (points, m, m).
 
     They are not numbers where the Jacobian has no inverse.
     """
-    t, x, u = (np.array([getattr(at, name) for at in points]) for name in ("t", "x", "u"))
-    values = evaluate.evaluate(slopes, t[:, None], x, u, parameters)
-    added, whole, jacobians = (v.reshape(len(points), -1, form.plant.n) for v in values)
+    values = evaluate.evaluate(slopes, points.t[:, None], points.x, points.u, parameters)
+    added, whole, jacobians = (v.reshape(len(points.t), -1, form.plant.n) for v in values)
     back = _inverses(jacobians, form.square)
     return added @ back, (np.abs(added) + np.abs(whole)) @ np.abs(back)
 
@@ -96,8 +94,11 @@ def _inverses(matrices: np.ndarray, square: bool) -> np.ndarray:
         return np.concatenate([_inverses(matrix[None], square) for matrix in matrices])
 
 
-def _is_rounding(form: CanonicalForm, slopes: ca.Function, at: Instant, parameters: np.ndarray, i: int, j: int) -> bool:
+def _is_rounding(
+    form: CanonicalForm, slopes: ca.Function, at: Instants, parameters: np.ndarray, i: int, j: int
+) -> bool:
     """Whether a slope is another one right beside: terms of a large input that cancel leave rounding."""
-    beside = [replace(at, x=at.x * (1 + k * _BESIDE)) for k in (-9, -5, 0, 4, 7)]
-    values = _added(form, slopes, beside, parameters)[0][:, i, j]
+    beside = 1 + _BESIDE * np.array([[-9], [-5], [0], [4], [7]])
+    near = Instants(np.repeat(at.t, 5), at.x * beside, np.repeat(at.u, 5, axis=0))
+    values = _added(form, slopes, near, parameters)[0][:, i, j]
     return bool(np.ptp(values) > 0.1 * abs(values[2]))

@@ -15,6 +15,7 @@ from hgorun.result.run_names import run_names
 from hgorun.result.status import Verdict
 from hgorun.tables.layout import number, packed, wrapped
 from hgorun.tables.rows import Row, metrics_of, rows_of, states_of
+from hgorun.tables.scores import scores_of
 from hgorun.tables.typeset import printable
 
 # what theory says of a result's observers: {label: {column: number}}
@@ -39,12 +40,15 @@ def as_json(result: Result, file: str | None = None, predicted: Predicted | None
         metric: {state: number}}}}``, ``integration_error`` and ``remarks`` where there are any, ``plant`` with its
         status where that is not ok, and an observer's ``coordinates``, where it has a choice of them:
         ``{"map", "chains": {output: length}}``. Numbers that are not finite are text, a time or reason that is not
-        known is null.
+        known is null. An estimate of recorded data has ``kind``, and its observers have ``scores``:
+        ``{score: {output, state or gain: number}}``.
     """
     observers: dict[str, dict[str, Any]] = {
         label: _said(result.observers[label].verdict) | metrics for label, metrics in result.metrics().items()
     }
     for label, o in result.observers.items():
+        if o.assessed is not None:
+            observers[label]["scores"] = {name: dict(values) for name, values in o.assessed.scores.items()}
         if o.coordinates is not None:
             observers[label]["coordinates"] = {"map": o.coordinates.map, "chains": dict(o.coordinates.chains)}
     for label, values in (predicted or {}).items():
@@ -55,6 +59,8 @@ def as_json(result: Result, file: str | None = None, predicted: Predicted | None
         "status": result.status,
         "observers": observers,
     }
+    if result.kind != "simulation":
+        found["kind"] = result.kind
     if result.integration_error is not None:
         found["integration_error"] = result.integration_error
     if result.verdict.status != "ok":
@@ -81,6 +87,10 @@ def csv(results: Sequence[Result], predicted: Sequence[Predicted] = ()) -> str:
         for metric, values in row.observer.metrics.items():
             for state, value in zip(row.result.states, values, strict=True):
                 writer.writerow([row.run, row.label, row.observer.verdict.text(), state, metric, repr(float(value))])
+        assessed = row.observer.assessed
+        for score, of in assessed.scores.items() if assessed else ():
+            for name, value in of.items():
+                writer.writerow([row.run, row.label, row.observer.verdict.text(), name, score, repr(float(value))])
         for key, prediction in _theory(row, results, predicted).items():
             writer.writerow([row.run, row.label, row.observer.verdict.text(), "", key, repr(float(prediction))])
     return buffer.getvalue()
@@ -149,5 +159,6 @@ def _blocks(rows: Sequence[Row], states: Sequence[str], more: Sequence[Sequence[
         [[f"{metric} {s}", *(number(row.value(metric, s)) for row in rows)] for s in states]
         for metric in metrics_of(rows)
     ]
+    groups += scores_of(rows)
     status = ["status", *(row.status for row in rows)]
     return packed([row.text for row in rows], [*groups, [status], *([column] for column in more)])

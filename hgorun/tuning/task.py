@@ -15,8 +15,9 @@ from hgorun.config.types import SEEDS
 from hgorun.ensemble.members import written_out
 from hgorun.errors import ConfigError, KeyPath, Problem
 from hgorun.result.metrics.base import all_metrics
+from hgorun.result.quantities import Quantity
 from hgorun.simulation.experiment import Experiment
-from hgorun.study.quantities import Quantity, Sentence, read_sentence
+from hgorun.study.sentences import Sentence, read_sentence
 
 Floats = NDArray[np.float64]
 ALL = "*"

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from hgorun.ensemble.block import compute
 from hgorun.ensemble.found import Block
 from hgorun.ensemble.members import Members
-from hgorun.study.quantities import Sentence
+from hgorun.study.sentences import Sentence
 from hgorun.tuning.task import Floats, Task, is_plain
 
 

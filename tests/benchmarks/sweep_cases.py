@@ -20,8 +20,9 @@ import yaml
 
 import hgorun
 from hgorun import Experiment
-from hgorun.engine.ensemble import Ensemble, MemberNumbers, Outcome
+from hgorun.engine.ensemble import Ensemble
 from hgorun.engine.layout import HybridSystem
+from hgorun.engine.member_numbers import MemberNumbers, Outcome
 from hgorun.ensemble.block import compute
 from hgorun.ensemble.members import Members
 from hgorun.reproduce import shipped

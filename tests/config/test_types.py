@@ -8,7 +8,7 @@ import pytest
 from examples import chain, experiment
 
 from hgorun.config.models import Time
-from hgorun.config.study import Claim, Ensemble
+from hgorun.config.study import Claim
 from hgorun.config.types import Block, describe
 from hgorun.errors import ConfigError
 from hgorun.observers.shgo import StandardObserver
@@ -75,7 +75,6 @@ def test_a_block_and_poles_that_are_made_already_are_taken_as_they_are() -> None
         (Time, {"start": 2, "end": 2, "output_step": 1}, "end must be after start, found end 2, start 2"),
         (Claim, {"id": "a", "claim": "b", "value": "1"}, "give exactly one of below, above and between"),
         (Claim, {"id": "a", "claim": "b", "value": "1", "below": 1, "above": 0}, "give exactly one of below"),
-        (Ensemble, {"seeds": 3, "vary": {"name": "p", "values": [1], "set": {}}}, "give only one of them"),
     ],
 )
 def test_keys_that_exclude_each_other(cls: type[Block], keys: dict[str, Any], words: str) -> None:

@@ -12,9 +12,10 @@ import numpy.typing as npt
 import pytest
 from interpreter import Interpreter, Run
 
-from hgorun.engine.ensemble import Ensemble, MemberNumbers
+from hgorun.engine.ensemble import Ensemble
 from hgorun.engine.layout import ARRIVE, JUMP, REBASE, RECORD, SET, TAKE, Held, HybridSystem, Regime
 from hgorun.engine.loose import fits
+from hgorun.engine.member_numbers import MemberNumbers
 from hgorun.engine.memory import Raw, Start, Tolerance
 from hgorun.engine.methods import METHODS
 from hgorun.engine.plan import Plan

@@ -118,7 +118,7 @@ def test_a_step_of_auto_is_short_enough() -> None:
     """Sampled and late, where no noise of the output asks for a shorter one."""
     for block in (
         {"type": "fhgo2_nuos", "r": 2},
-        {"type": "fhgo2_nuos", "r": 2, "gain": "full"},
+        {"type": "fhgo2_nuos", "r": 1, "gain": "full"},
         {"type": "shgo_riccati"},
         {"type": "fhgo1", "delta": 3},
     ):

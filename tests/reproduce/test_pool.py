@@ -46,8 +46,9 @@ def test_a_worker_reports_what_it_does(tmp_path: Path, monkeypatch: pytest.Monke
     handlers: dict[int, Any] = {}
     monkeypatch.setattr(signal, "signal", handlers.__setitem__)
     monkeypatch.setattr(pool, "_queue", None, raising=False)
+    monkeypatch.setattr(pool, "_threads", None, raising=False)
     monkeypatch.setattr(pool, "_OFTEN", 0.0)
-    pool._start(messages)
+    pool._start(messages, 1)
     assert handlers[signal.SIGINT] == signal.SIG_IGN
     codes: list[int] = []
     with monkeypatch.context() as patch:

@@ -20,9 +20,10 @@ from hgorun.commands.options import List, Show
 from hgorun.errors import HgorunError, PluginError
 from hgorun.result.measure import measure
 from hgorun.result.metrics.base import METRICS, Metric, all_metrics, largest
+from hgorun.result.quantities import measure_quantity
 from hgorun.result.reading import read
 from hgorun.result.windows import MetricSettings, points_in
-from hgorun.study.quantities import measure_quantity, read_sentence
+from hgorun.study.sentences import read_sentence
 from hgorun.tables import metrics as tables
 from hgorun.tables.latex import latex
 

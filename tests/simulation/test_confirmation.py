@@ -11,7 +11,8 @@ from examples import run
 from scipy.integrate import solve_ivp
 
 import hgorun
-from hgorun.simulation.verdict import left_for_good, may_have_left
+from hgorun.result.estimated import Estimated
+from hgorun.simulation.verdict import estimates_near, left_for_good, may_have_left
 
 T = np.linspace(0, 10, 1001)
 
@@ -50,6 +51,16 @@ def test_errors_that_fade_end_in_rounding() -> None:
     faded[-3:] = 1e-28
     assert left_for_good(rows(0 * T), rows(faded)) is None
     assert left_for_good(rows(0 * T), rows(1e-28 * T * np.exp(20 * T))) is not None
+
+
+@pytest.mark.parametrize("last", [0.0, 1.0, 2e6, -3e6, 1e300, np.inf, np.nan])
+def test_what_is_near_at_the_end_may_not_have_left(last: float) -> None:
+    x = np.array([[1.0, 0.5], [2.0, 1.0]])
+    xhat = np.array([[5.0, 0.0, 1.0, 0.5], [2.0, 1.0, 2.0, last]])
+    near = estimates_near(x.tolist(), Estimated(xhat, [[0, 1], [2, 3]]))
+    left = may_have_left(x[:, :, None], xhat.reshape(2, 2, 2).swapaxes(1, 2))
+    assert near == (abs(last) < 1.1e6)
+    assert not (near and left.any())
 
 
 def test_what_is_not_a_number_is_beyond_every_bound() -> None:

@@ -9,8 +9,8 @@ import pytest
 import yaml
 
 import hgorun
-from hgorun.engine.ensemble import MemberNumbers
 from hgorun.engine.loose import fits
+from hgorun.engine.member_numbers import MemberNumbers
 from hgorun.engine.methods import METHODS
 from hgorun.simulation.lanes import reduction_of
 from hgorun.simulation.passes import as_given, plan_of

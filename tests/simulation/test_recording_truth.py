@@ -44,7 +44,7 @@ def recorded(run: PreparedRun, inputs: RecordedInputs | None = None) -> np.ndarr
     if inputs is not None and run.plant.symbolic.numbers.numel() > 1:  # changes are where the expression has its kinks
         events = schedule.events
         inputs = replace(inputs, times=events[nearest_event(events, inputs.times)])
-    truth = Recording(run.plant.symbolic, inputs is not None)
+    truth = Recording(run.plant.symbolic, () if inputs is None else (0,))
     structure = structure_of([truth], [designs], run.experiment.stretches, schedule.variants, run.plant.everything)
     assert structure.system.plant_states == 0
     plan = build_plan(

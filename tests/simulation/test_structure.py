@@ -64,8 +64,8 @@ def forget() -> None:
     for memo in (
         structure._STRUCTURES, preparation._CHANNELS, preparation._SCHEDULES, preparation._SLOPES, preparation._TRUTHS,
         forms._FOUND, forms._DECIDED, tables._TABLES, outcome._INPUTS, plant_alone._KINKS, plant_alone._PROGRAMS,
-        build._BUILT, signals._COMPILED, events._CROSSINGS, events._FOUND, sampling._FOUND, experiments._STRETCHES,
-        grid._GRIDS, grid._POINTS, steps._STEPS,
+        build._BUILT, signals._COMPILED, events._PLACES, events._FOUND, sampling._FOUND, experiments._STRETCHES,
+        experiments._DESIGNS, grid._GRIDS, grid._POINTS, steps._STEPS,
     ):  # fmt: skip
         memo.clear()
     for function in (expressions.inputs_of, expressions.disturbance_of, expressions._values):

@@ -144,6 +144,22 @@ def test_a_list_that_is_not_there_is_given_whole(base: Experiment) -> None:
         silent.varied({"measurement.noise.0.amplitude": 1})
 
 
+def test_a_design_is_made_once_for_a_family(base: Experiment) -> None:
+    first, second = (base.varied({"plant.parameters.mu": mu}) for mu in (1.1, 1.2))
+    assert first.designs["S"] is second.designs["S"] is base.designs["S"]
+    assert base.varied({"observers.S.theta": 2}).designs["S"] is not base.designs["S"]
+    starts = [e.designs["S"].initial(e.plant.parameters, has_alpha=a) for e in (first, second) for a in (False, True)]
+    assert [start.size for start in starts] == [2, 3, 2, 3]
+    assert all(np.array_equal(start[:2], [1, 14]) for start in starts)
+
+
+def test_blocks_that_have_not_changed_are_not_checked_again(base: Experiment) -> None:
+    other = base.varied({"seed": 5})
+    for name in ("time", "solver", "metrics"):
+        assert getattr(other.blocks, name) is getattr(base.blocks, name), name
+    assert base.varied({"time.end": 2}).blocks.time is not base.blocks.time
+
+
 @pytest.mark.parametrize("copied", [lambda e: pickle.loads(pickle.dumps(e)), copy, deepcopy])
 def test_an_experiment_that_was_used_can_be_pickled_and_copied(
     base: Experiment, copied: Callable[[Experiment], Experiment]

@@ -10,9 +10,10 @@ import hgorun
 from hgorun.config.expressions import ExpressionError
 from hgorun.config.study import Claim
 from hgorun.errors import Problem
+from hgorun.result.quantities import exponent, measure_quantity
 from hgorun.study.check import check
 from hgorun.study.measured import asked_of, values_of
-from hgorun.study.quantities import exponent, measure_quantity, read_sentence
+from hgorun.study.sentences import read_sentence
 from hgorun.study.theory import theory_of
 from hgorun.study.verdict import judge
 
@@ -142,7 +143,7 @@ def test_a_claim_on_an_ensemble_has_a_value_a_seed(tmp_path: Path) -> None:
     study = hgorun.load_study(path)
     check(study)
     noisy = hgorun.simulate(hgorun.load(path, run="noisy"))
-    members = [{"sup('many/A', x1)": v} for v in (1.0, 2.0, 3.0)]
+    members = {"sup('many/A', x1)": np.array([[1.0, 2.0, 3.0]])}
     (values,) = values_of(study, 0, {"noisy": noisy}, {"many": members}, lambda quantity: 0.0)
     assert values == pytest.approx([v / noisy.metrics()["A"]["sup"]["x1"] for v in (1, 2, 3)])
 
@@ -239,6 +240,6 @@ def test_the_slope_of_an_ensemble_of_amplitudes(tmp_path: Path) -> None:
     check(study)
     (asked,) = asked_of(study, "eps", [0], [])
     assert str(asked) == "amplitude('eps/A', x1)"
-    members = [{str(asked): 5 * eps**2} for eps in (0.1, 0.2, 0.4)]
+    members = {str(asked): 5 * np.array([[0.1], [0.2], [0.4]]) ** 2}
     ((slope,),) = values_of(study, 0, {}, {"eps": members}, lambda quantity: 0.0)
     assert slope == pytest.approx(2.0)

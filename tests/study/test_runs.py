@@ -4,13 +4,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from ensembles import numbers
 
 import hgorun
 from hgorun.noise.sinusoids import Sinusoids
 from hgorun.observers.fhgo2 import FilteredObserver2
 from hgorun.observers.shgo import StandardObserver
-from hgorun.study.measured import measure_members
-from hgorun.study.quantities import Quantity
+from hgorun.result.quantities import Quantity, measure_quantity
+from hgorun.study.check import check
+from hgorun.study.measured import values_of
 
 BASE = """\
 title: study
@@ -68,20 +70,66 @@ def test_members_of_an_ensemble_are_runs_with_their_seed(tmp_path: Path) -> None
     path = written(tmp_path, BASE)
     run = hgorun.load_study(path).runs["random"]
     asked = [Quantity("rmse", (("random", "A"),), "x2")]
-    found = [member[str(asked[0])] for member in measure_members(run, asked)]
+    found = numbers(run, asked, tmp_path)[str(asked[0])]
     alone = tmp_path / "alone.yaml"
     alone.write_text(BASE[: BASE.index("runs:")])
     expected = [hgorun.simulate(hgorun.load(alone, seed=seed)).metrics()["A"]["rmse"]["x2"] for seed in (7, 8, 9, 10)]
-    assert found == expected
+    assert found.tolist() == [expected]
 
 
-def test_an_interrupted_ensemble_goes_on_where_it_was(tmp_path: Path) -> None:
-    run = hgorun.load_study(written(tmp_path, BASE)).runs["random"]
-    asked = [Quantity("sup", (("random", "A"),), "x1")]
-    kept: list[int] = []
-    whole = measure_members(run, asked)
-    assert measure_members(run, asked, whole[:3], lambda found: kept.append(len(found))) == whole
-    assert kept == [4]
+BOTH = """\
+  both:
+    seeds: 3
+    vary: {name: k, values: [2, 4], set: {SET}}
+"""
+
+
+@pytest.mark.parametrize(
+    "assigned", ["{observers.A.theta: k}", "{observers.A.theta: k, measurement.noise.0.high: k/2}"], ids=["one", "two"]
+)
+def test_values_and_seeds_make_a_product(tmp_path: Path, assigned: str) -> None:
+    """Metrics, and quantities that only trajectories give, are those of every seed with every value."""
+    path = written(tmp_path, BASE + BOTH.replace("{SET}", assigned))
+    run = hgorun.load_study(path).runs["both"]
+    assert (run.shape, run.values, list(run.seeds)) == ((2, 3), (2, 4), [0, 1, 2])
+    asked = [Quantity("rmse", (("both", "A"),), "x2"), Quantity("std", (("both", "A"),), "x1", (1.0, 3.0))]
+    found = numbers(run, asked, tmp_path)
+    for v, value in enumerate(run.values):
+        for seed in run.seeds:
+            alone = hgorun.simulate(run.base.varied(run.changes(value) | {"seed": seed}))
+            expected = [measure_quantity(q, {"both": alone}) for q in asked]
+            assert [found[str(q)][v, seed] for q in asked] == expected
+    collected = hgorun.read_sweep(tmp_path / "both.sweep.h5")
+    grid = {"observers.A.theta": 2, "seed": 3} if assigned.count("k") == 1 else {"member": 6}
+    assert collected.dimensions == grid
+    assert collected.axes["seed"].tolist() == [0, 1, 2, 0, 1, 2]
+
+
+def test_a_claim_on_values_and_seeds_has_a_number_a_seed(tmp_path: Path) -> None:
+    """A slope is that of one seed over the values; other numbers are averaged over the values."""
+    text = BASE + BOTH.replace("{SET}", "{observers.A.theta: k}")
+    measured = {
+        "amplitude('both/A', x1)": np.array([[1.0, 1.0, 3.0], [2.0, 4.0, 3.0]]),
+        "rmse('both/A', x1)": np.array([[1.0, 2.0, 3.0], [3.0, 4.0, 5.0]]),
+    }
+    for value, expected in (
+        ("exponent('both/A', x1)", [1.0, 2.0, 0.0]),
+        ("rmse('both/A', x1)", [2.0, 3.0, 4.0]),
+        ("exponent('both/A', x1)*rmse('both/A', x1)", [2.0, 6.0, 0.0]),
+    ):
+        claims = f'claims:\n  - {{id: a, claim: so, value: "{value}", below: 9}}\n'
+        study = hgorun.load_study(written(tmp_path, text + claims))
+        check(study)
+        (found,) = values_of(study, 0, {}, {"both": measured}, lambda _: 0.0)
+        assert found == pytest.approx(expected)
+
+
+def test_a_member_that_fails_says_where(tmp_path: Path) -> None:
+    path = written(tmp_path, BASE.replace("n: 2,", "n: 2, phi: x1**3 + x1,"))
+    run = hgorun.load_study(path).runs["random"]
+    words = r"run random: 4 of 4 members failed, the first with seed 7: .*study.yaml:3"
+    with pytest.raises(hgorun.SimulationError, match=words):
+        numbers(run, [Quantity("rmse", (("random", "A"),), "x2")], tmp_path)
 
 
 def test_members_of_vary_differ_in_what_is_set(tmp_path: Path) -> None:
@@ -114,9 +162,21 @@ def test_overrides_and_seed_reach_every_run(tmp_path: Path) -> None:
         ("seeds: 4", "seeds: 1", 13, "at least 2"),
         (
             "  random: {seeds: 4, seed: 7}",
-            "  random: {seeds: 4, vary: {name: a, values: [1], set: {}}}",
+            "  random: {seeds: 4, vary: {name: a, values: [1], set: {seed: a}}}",
             13,
-            "one of them",
+            "let one of them set seed",
+        ),
+        (
+            "  random: {seeds: 4, seed: 7}",
+            "  random: {seeds: 100000, vary: {name: a, values: [" + "1, " * 10 + "1], set: {observers.A.theta: a}}}",
+            13,
+            "more than 1000000 members",
+        ),
+        (
+            "  random: {seeds: 4, seed: 7}",
+            "  random: {vary: {name: a, values: [1], set: {}}}",
+            13,
+            "it sets nothing",
         ),
         ("values: [0.01, 0.02, 0.05]", "values: []", 16, "at least one"),
         ("theta: 3", "theta: -3", 12, "above 0"),

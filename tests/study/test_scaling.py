@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from ensembles import numbers
 from examples import Block, chain, sinusoid
 
 from hgorun.figures.scaling import ScalingData
 from hgorun.study.loading import load_study
-from hgorun.study.measured import asked_of, measure_members
+from hgorun.study.measured import asked_of
 from hgorun.study.scaling import scaling_data
 
 SINUSOID = sinusoid(0.1, 6.0)
@@ -36,7 +37,7 @@ def scaled(folder: Path, measurement: Block, *, of: str = "amplitude", **more: A
     path.write_text(yaml.safe_dump(config | more, sort_keys=False))
     study = load_study(path)
     run = study.runs["sweep"]
-    return scaling_data(study, "f", {"sweep": measure_members(run, asked_of(study, "sweep", (), ("f",)))})[0]
+    return scaling_data(study, "f", {"sweep": numbers(run, asked_of(study, "sweep", (), ("f",)), folder)})[0]
 
 
 CASES: dict[str, Block] = {

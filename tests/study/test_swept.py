@@ -6,10 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from ensembles import numbers
 
 import hgorun
 from hgorun.errors import ConfigError
-from hgorun.study.measured import asked_of, measure_members
+from hgorun.study.measured import asked_of
 from hgorun.study.scaling import scaling_data
 
 FILE = """\
@@ -58,10 +59,10 @@ def test_runs_of_a_figure(study: hgorun.Study) -> None:
     assert study.scaled("plain") == {}
 
 
-def test_measured_values_lie_on_the_line_of_theory(study: hgorun.Study) -> None:
+def test_measured_values_lie_on_the_line_of_theory(study: hgorun.Study, tmp_path: Path) -> None:
     asked = asked_of(study, "eps", [0], ["swept"])
     assert len(asked) == 3  # the amplitude of x2 that claim and panel share, that of F, its rmse in x1
-    found = measure_members(study.runs["eps"], asked)
+    found = numbers(study.runs["eps"], asked, tmp_path)
     data = scaling_data(study, "swept", {"eps": found})
     assert list(data) == [0, 1]
     first, second = data[0], data[1]

@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 from hgorun.ensemble.collected import Collected
-from hgorun.tables.ensemble import as_json, best, compared, csv, text
+from hgorun.tables.ensemble import best, compared, text
+from hgorun.tables.ensemble_data import as_json, csv
 from hgorun.tables.ensemble_latex import latex
 from hgorun.tables.uncertain import latex_uncertain, uncertain
 

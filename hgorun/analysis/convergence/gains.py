@@ -23,7 +23,8 @@ from hgorun.observers.capabilities import HighGain
 from hgorun.observers.constant_gain import PlacedGain
 from hgorun.observers.forward_differences import ForwardDifferences
 from hgorun.observers.riccati import RiccatiGain
-from hgorun.simulation.observer_block import Design, ObserverBlock
+from hgorun.simulation.design import Design
+from hgorun.simulation.observer_block import ObserverBlock
 from hgorun.symbolic.canonical import CanonicalForm
 from hgorun.symbolic.forms import BlockForm, ChainForm, Form
 from hgorun.symbolic.parameters import Parameters

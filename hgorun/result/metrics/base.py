@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
+from types import MappingProxyType
 from typing import Literal, TypeGuard
 
 import numpy as np
@@ -76,7 +77,7 @@ def largest(values: np.ndarray) -> np.ndarray:
     return np.asarray(np.max(values, axis=0))
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Metric:
     """A number for each state that says how good an estimate is; the smaller the better, unless it has an ideal.
 
@@ -138,7 +139,7 @@ def metric(record: Metric) -> Metric:
     return METRICS.add(record.name, record)
 
 
-def all_metrics() -> dict[str, Metric]:
+def all_metrics() -> Mapping[str, Metric]:
     """Name: record, in the order of tables.
 
     Raises
@@ -146,5 +147,9 @@ def all_metrics() -> dict[str, Metric]:
     HgorunError
         When one of another package cannot be loaded: results would silently lack it.
     """
-    METRICS.load()
-    return {m.name: m for m in sorted(METRICS.all().values(), key=lambda m: (m.place, m.name))}
+    return _sorted(tuple(METRICS.load().values()))
+
+
+@lru_cache(maxsize=8)
+def _sorted(metrics: tuple[Metric, ...]) -> Mapping[str, Metric]:
+    return MappingProxyType({m.name: m for m in sorted(metrics, key=lambda m: (m.place, m.name))})

@@ -22,14 +22,16 @@ OBSERVERS = {
 }
 
 
-def finished(plant: dict[str, Any], observers: dict[str, Any], end: float = 30) -> tuple[PreparedRun, Result]:
-    run = prepare(experiment(plant, observers, end=end, output_step=0.01))
+def finished(
+    plant: dict[str, Any], observers: dict[str, Any], end: float = 30, step: float | None = None
+) -> tuple[PreparedRun, Result]:
+    run = prepare(experiment(plant, observers, end=end, output_step=0.01, step=step))
     return run, simulate_prepared(run)
 
 
 @pytest.fixture(scope="module")
 def academic() -> tuple[PreparedRun, Result]:
-    return finished(ACADEMIC, OBSERVERS, end=60)
+    return finished(ACADEMIC, OBSERVERS, end=60, step=1e-3)
 
 
 def looked(run: PreparedRun, label: str, result: Result, horizon: float | None = None) -> Excitation:

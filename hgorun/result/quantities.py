@@ -1,8 +1,7 @@
-"""The quantities that claims are made of: read from text, measured on results.
+"""Quantities of results: read from text, measured on trajectories.
 
-A claim's value is an expression such as ``hf('te02/FHGO I', x3) / hf('te02/SHGO', x3)``. Each call names runs and
-observers in quotes, then a state, then perhaps a window of time. The calls are taken out and measured; what
-remains is an expression of numbers, read by the grammar of all configurations.
+A quantity is a call such as ``hf('te02/FHGO I', x3)``: it names runs and observers in quotes, then a state, then
+perhaps a window of time.
 """
 
 from __future__ import annotations
@@ -14,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from hgorun.config.expressions import Expression, ExpressionError, nearest, parse
+from hgorun.config.expressions import ExpressionError, nearest, parse
 from hgorun.result.measure import measure
 from hgorun.result.metrics.base import METRICS, all_metrics
 from hgorun.result.result import Result
@@ -23,9 +22,8 @@ from hgorun.result.windows import MetricSettings, points_in
 Of = tuple[tuple[str, str | None], ...]  # (run, observer) each
 Window = tuple[float, float] | None
 
-_CALL = re.compile(r"\b([A-Za-z_]\w*)\s*\(\s*((?:'[^']*'\s*,?\s*)+)([^()']*)\)")
+CALL = re.compile(r"\b([A-Za-z_]\w*)\s*\(\s*((?:'[^']*'\s*,?\s*)+)([^()']*)\)")
 _QUOTED = re.compile(r"'([^']*)'")
-_LARGE = 1e300  # what the error of a diverged observer counts as
 
 
 @dataclass(frozen=True)
@@ -54,59 +52,29 @@ class Quantity:
         return f"{self.function}({names}{rest})"
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Sentence:
-    """A claim's value: quantities, and how they are put together.
-
-    Attributes
-    ----------
-    quantities : tuple of Quantity
-    expression : Expression
-        Of the names q0, q1, ....
-    """
-
-    quantities: tuple[Quantity, ...]
-    expression: Expression
-
-    def value(self, measured: Mapping[str, float]) -> float:
-        """The value, from the measured quantities by their texts; infinite where an observer diverged."""
-        found = {f"q{i}": measured[str(q)] for i, q in enumerate(self.quantities)}
-        if any(np.isnan(v) for v in found.values()):
-            return float("nan")
-        try:
-            value = self.expression.number({n: float(np.clip(v, -_LARGE, _LARGE)) for n, v in found.items()})
-        except ExpressionError:
-            return float("nan")
-        return value if abs(value) < _LARGE**0.5 else float(np.copysign(np.inf, value))
-
-
-def read_sentence(text: str, runs: tuple[str, ...]) -> Sentence:
-    """Read a claim's value.
+def read_quantity(text: str, runs: tuple[str, ...]) -> Quantity:
+    """Read one call.
 
     Parameters
     ----------
     text : str
+        Such as ``std('run/F', x2, 2, 6)``.
     runs : tuple of str
-        Names of the runs; the first one is meant where a name in quotes has no run and there is only one.
+        Names of the runs; where there is only one, a name in quotes may be without it.
 
     Raises
     ------
     ExpressionError
     """
-    quantities: list[Quantity] = []
+    match = CALL.fullmatch(text.strip())
+    if match is None:
+        raise ExpressionError(f"expected a quantity such as std('label', x1), found {text!r}")
+    return quantity_of(match, runs)
 
-    def taken_out(match: re.Match[str]) -> str:
-        quantity = _quantity(match[1], _QUOTED.findall(match[2]), match[3], runs)
-        if quantity not in quantities:
-            quantities.append(quantity)
-        return f"q{quantities.index(quantity)}"
 
-    rest = _CALL.sub(taken_out, text)
-    if not quantities:
-        raise ExpressionError(f"expected quantities such as rmse('label', x1) in it, found {text!r}")
-    if "'" in rest:
-        raise ExpressionError(f"a name in quotes stands outside a quantity's parentheses: {rest!r}")
-    return Sentence(tuple(quantities), parse(rest, names=[f"q{i}" for i in range(len(quantities))]))
+def quantity_of(call: re.Match[str], runs: tuple[str, ...]) -> Quantity:
+    """The quantity that a match of :data:`CALL` says; see :func:`read_quantity`."""
+    return _quantity(call[1], _QUOTED.findall(call[2]), call[3], runs)
 
 
 def _quantity(function: str, names: list[str], rest: str, runs: tuple[str, ...]) -> Quantity:

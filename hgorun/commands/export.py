@@ -1,0 +1,75 @@
+"""``export``: observers of a configuration as C, as equations of a paper, or as units of other simulators."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from hgorun.commands.options import Export
+from hgorun.commands.outputs import RESULTS, refuse_other_kinds
+from hgorun.commands.run import require_file
+from hgorun.errors import ConfigError
+from hgorun.export.c_code import Real
+from hgorun.export.c_files import c_files
+from hgorun.export.c_header import bytes_of, costs
+from hgorun.export.c_source import Source
+from hgorun.export.observer import Exported
+from hgorun.export.prepared import Wanted, exported
+from hgorun.files import remove_leftovers, write_text
+from hgorun.simulation.simulate import prepare
+from hgorun.study.loading import load
+
+_LANGUAGES = ("c",)
+
+
+def export(options: Export) -> int:
+    """Write the observers of a configuration; everything is checked before anything is written."""
+    refuse_other_kinds(options.output, ())
+    if options.lang not in _LANGUAGES:
+        raise ConfigError(f"--lang: expected one of {', '.join(_LANGUAGES)}, found {options.lang!r}")
+    if options.output is not None and options.output.is_file():
+        raise ConfigError(f"--output: {options.output} is a file; name a folder")
+    require_file(options.config)
+    experiment = load(options.config, options.overrides, seed=options.seed, run=options.run)
+    wanted = Wanted(labels=tuple(options.observers), late=options.late, inputs_given=options.inputs_given)
+    observers = exported(prepare(experiment), wanted)
+    texts = {observer.label: _texts(observer, options) for observer in observers}
+    folder = options.output or RESULTS / options.config.stem
+    remove_leftovers(folder)
+    for files in texts.values():
+        for name, text in files.items():
+            write_text(folder / name, text)
+    if options.json:
+        told = {o.label: _told(o, [folder / name for name in texts[o.label]], options) for o in observers}
+        print(json.dumps({"name": experiment.name, "observers": told}, indent=2))
+    elif options.text:
+        for observer in observers:
+            print(f"{observer.label} ({observer.design.observer.type})")
+            for name, cost in costs(_source(observer, options)).items():
+                print(f"  {name}: at most {cost}")
+            print("  written: " + ", ".join(str(folder / name) for name in texts[observer.label]))
+    return 0
+
+
+def _texts(observer: Exported, options: Export) -> dict[str, str]:
+    return dict(c_files(observer, single=options.single))
+
+
+def _source(observer: Exported, options: Export) -> Source:
+    return Source(observer, Real(options.single))
+
+
+def _told(observer: Exported, files: list[Path], options: Export) -> dict[str, object]:
+    source = _source(observer, options)
+    found: dict[str, object] = {
+        "type": observer.design.observer.type,
+        "files": [str(file) for file in files],
+        "states": list(observer.states),
+        "outputs": [output.name for output in observer.outputs],
+        "inputs": list(observer.inputs),
+        "bytes": bytes_of(source),
+        "operations": {name: vars(cost) for name, cost in costs(source).items()},
+    }
+    if observer.flows:
+        found |= {"method": observer.method.name, "step": observer.step}
+    return found

@@ -1,0 +1,171 @@
+"""What the cells of a column may hold, and what a cell says."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from datetime import datetime, timedelta
+from typing import TypeAlias
+
+import numpy as np
+
+from hgorun.config.types import describe
+
+NAT = int(np.iinfo(np.int64).min)
+"""The stamp of a missing value: that of numpy."""
+MISSING = ("", "nan", "na", "n/a", "#n/a", "null", "none", "nil", "-nan", "<na>")
+"""Texts for a missing value, in small letters."""
+
+_DIGITS = r"[-+]?(?:[0-9]+(?:{0}[0-9]*)?|{0}[0-9]+)(?:[eE][-+]?[0-9]+)?"
+_NUMBER = {".": re.compile(_DIGITS.format(r"\.")), ",": re.compile(_DIGITS.format(","))}
+_ISO = re.compile(
+    r"(\d{4})-(\d\d)-(\d\d)(?:[T ](\d\d):(\d\d)(?::(\d\d)(?:[.,](\d{1,9}))?)?)?\s?(Z|[-+]\d\d:?\d\d)?", re.ASCII
+)
+_EPOCH = datetime(1970, 1, 1)
+_SECOND = timedelta(seconds=1)
+
+Reader: TypeAlias = Callable[[str], float | int]
+"""From the text of a cell to its value; a ValueError says what is wrong with it."""
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """Numbers, NaN where one is missing."""
+
+    column: str
+
+    dtype = np.dtype(float)
+
+    def reader(self, decimal: str, missing: frozenset[str]) -> Reader:
+        pattern, comma = _NUMBER[decimal], decimal == ","
+
+        def read(cell: str) -> float:
+            text = cell.strip()
+            if not pattern.fullmatch(text):
+                if text.lower() in missing:
+                    return math.nan
+                raise ValueError(_no_number(text, decimal))
+            value = float(text.replace(",", ".") if comma else text)
+            if math.isinf(value):
+                raise ValueError(f"{describe(text)} is larger than any number")
+            return value
+
+        return read
+
+
+def _no_number(text: str, decimal: str) -> str:
+    other = "," if decimal == "." else "."
+    said = f"expected a number, found {describe(text)}"
+    if _NUMBER[other].fullmatch(text):
+        return f'{said}; for a decimal {"comma" if other == "," else "point"}: csv: {{decimal: "{other}"}}'
+    if looks_like_iso(text):
+        return f"{said}; dates are read with format: iso"
+    return said
+
+
+@dataclass(frozen=True)
+class Flags:
+    """Whether a cell is one of those that are good: 1 or 0."""
+
+    column: str
+    good: tuple[float | str, ...]
+
+    dtype = np.dtype(float)
+
+    def reader(self, decimal: str, missing: frozenset[str]) -> Reader:
+        texts = {good.strip() for good in self.good if isinstance(good, str)}
+        numbers = {good for good in self.good if not isinstance(good, str)}
+
+        def read(cell: str) -> float:
+            text = cell.strip()
+            if text in texts:
+                return 1.0
+            try:
+                return float(float(text) in numbers)
+            except ValueError:
+                return 0.0
+
+        return read
+
+
+@dataclass(frozen=True)
+class Stamps:
+    """Dates, in nanoseconds since 1970; of a pattern those of ``strptime``, else ISO 8601.
+
+    Attributes
+    ----------
+    zoned : set of bool
+        Whether stamps with and without a zone have been read.
+    """
+
+    column: str
+    pattern: str | None = None
+    zoned: set[bool] = field(default_factory=set, compare=False)
+
+    dtype = np.dtype(np.int64)
+
+    def reader(self, decimal: str, missing: frozenset[str]) -> Reader:
+        def read(cell: str) -> int:
+            text = cell.strip()
+            if text.lower() in missing:
+                return NAT
+            stamp, zoned = iso_stamp(text) if self.pattern is None else _patterned(text, self.pattern)
+            self.zoned.add(zoned)
+            if len(self.zoned) > 1:
+                raise ValueError("dates with and without a time zone in one column")
+            return stamp
+
+        return read
+
+
+Cells: TypeAlias = Numbers | Flags | Stamps
+
+
+def looks_like_iso(text: str) -> bool:
+    """Whether a text is a date of ISO 8601."""
+    return _ISO.fullmatch(text.strip()) is not None
+
+
+def iso_stamp(text: str) -> tuple[int, bool]:
+    """Nanoseconds since 1970, in UTC where the text names a zone, and whether it does.
+
+    Raises
+    ------
+    ValueError
+    """
+    match = _ISO.fullmatch(text)
+    if match is None:
+        raise ValueError(f"expected a date such as 2024-05-31T13:45:10.25, found {describe(text)}")
+    year, month, day, hour, minute, second, digits, zone = match.groups()
+    try:
+        moment = datetime(int(year), int(month), int(day), int(hour or 0), int(minute or 0), int(second or 0))
+    except ValueError as error:
+        raise ValueError(f"{describe(text)}: {error}") from None
+    seconds = (moment - _EPOCH) // _SECOND - _offset(zone)
+    return _in_range(seconds * 10**9 + int((digits or "0").ljust(9, "0")), text), zone is not None
+
+
+def _offset(zone: str | None) -> int:
+    """Seconds ahead of UTC."""
+    if zone is None or zone == "Z":
+        return 0
+    size = int(zone[1:3]) * 3600 + int(zone[-2:]) * 60
+    return -size if zone[0] == "-" else size
+
+
+def _patterned(text: str, pattern: str) -> tuple[int, bool]:
+    try:
+        moment = datetime.strptime(text, pattern)
+    except ValueError:
+        raise ValueError(f"expected a date of the form {pattern}, found {describe(text)}") from None
+    offset = moment.utcoffset()
+    past = moment.replace(tzinfo=None) - (offset or timedelta()) - _EPOCH
+    return _in_range((past // timedelta(microseconds=1)) * 1000, text), offset is not None
+
+
+def _in_range(stamp: int, text: str) -> int:
+    if not abs(stamp) < 2**63:
+        raise ValueError(f"expected a date between 1678 and 2262, found {describe(text)}")
+    return stamp

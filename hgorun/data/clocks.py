@@ -1,0 +1,134 @@
+"""Time stamps of any form as times in the unit of the run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+
+from hgorun.config.data import Clock
+from hgorun.data.cells import NAT, Cells, Numbers, Stamps, iso_stamp, looks_like_iso
+from hgorun.data.recording import Origin
+from hgorun.data.table import Table, TableFile
+from hgorun.data.units import scaled, seconds
+from hgorun.errors import ConfigError, KeyPath, Problem
+
+_DAY = 86_400 * 10**9  # nanoseconds
+_EXCEL = -25_569 * _DAY  # its day 0, 1899-12-30
+_RANGE = 2.0**63
+
+
+@dataclass(frozen=True)
+class ClockColumn:
+    """A column of time stamps in a file.
+
+    Attributes
+    ----------
+    cells : Cells
+    clock : Clock
+    path : tuple
+        Its key.
+    """
+
+    cells: Cells
+    clock: Clock
+    path: KeyPath
+
+    @property
+    def absolute(self) -> bool:
+        """Whether its stamps are dates."""
+        return isinstance(self.cells, Stamps) or self.clock.format in ("unix", "excel")
+
+
+def clock_column(clock: Clock, file: TableFile, path: KeyPath) -> ClockColumn:
+    """How a column of time stamps is read: a column of dates is known by its first one."""
+    form = clock.format
+    cells: Cells
+    if form in ("unix", "excel"):
+        cells = Numbers(clock.column)
+    elif form is not None:
+        cells = Stamps(clock.column, None if form == "iso" else form)
+    elif looks_like_iso(file.sample(clock.column)):
+        cells = Stamps(clock.column)
+    else:
+        cells = Numbers(clock.column)
+    return ClockColumn(cells, clock, path)
+
+
+def stamps(column: ClockColumn, table: Table, unit: str) -> np.ndarray:
+    """Times of a table: floats in the unit of the run, or, of dates, integers in nanoseconds since 1970.
+
+    Missing ones are NaN or ``NAT``.
+
+    Raises
+    ------
+    Problem
+        When a unit is no unit of time.
+    ConfigError
+        For the first date out of range.
+    """
+    values = table.columns[column.cells]
+    if isinstance(column.cells, Stamps):
+        return values
+    said = column.clock.unit
+    if column.clock.format == "excel":
+        return _nanoseconds(values, Fraction(_DAY), _EXCEL, table, column)
+    if column.clock.format == "unix":
+        return _nanoseconds(values, seconds(said or "s", (*column.path, "unit")) * 10**9, 0, table, column)
+    if said is None or said == unit:
+        return values
+    return scaled(values, seconds(said, (*column.path, "unit")) / seconds(unit, ("time", "unit")))
+
+
+def _nanoseconds(values: np.ndarray, unit: Fraction, start: int, table: Table, column: ClockColumn) -> np.ndarray:
+    """Dates from numbers of units since some start."""
+    there = ~np.isnan(values)
+    whole = np.floor(np.where(there, values, 0.0))
+    # in two parts: a date in nanoseconds has more digits than a float
+    with np.errstate(over="ignore"):
+        nanoseconds = whole * float(unit)
+    if (wrong := np.flatnonzero(np.abs(nanoseconds + start) >= 0.99 * _RANGE)).size:
+        line = int(table.lines[wrong[0]])
+        message = f"expected a date between 1678 and 2262, found {values[wrong[0]]:g}"
+        raise ConfigError(message, file=str(table.path), line=line, key=column.cells.column)
+    parts = np.rint((np.where(there, values, 0.0) - whole) * float(unit)).astype(np.int64)
+    numerator, denominator = unit.numerator, unit.denominator
+    found = whole.astype(np.int64) * numerator // denominator + parts + start
+    return np.where(there, found, NAT)
+
+
+def origin_stamp(said: str | float, clock: ClockColumn) -> int:
+    """The date that is stated as the origin, as stamps of a clock are written.
+
+    Raises
+    ------
+    Problem
+    """
+    path = ("data", "origin")
+    if isinstance(said, str):
+        try:
+            return iso_stamp(said.strip())[0]
+        except ValueError as error:
+            raise Problem(path, str(error)) from None
+    if clock.clock.format not in ("unix", "excel"):
+        raise Problem(path, f"expected a date such as 2024-05-31T13:45, found {said:g}")
+    table = Table(Path(), np.zeros(1, dtype=np.int32), {clock.cells: np.array([said])})
+    try:
+        return int(stamps(clock, table, "s")[0])
+    except ConfigError as error:
+        raise Problem(path, error.message) from None
+
+
+def times_since(found: np.ndarray, epoch: int, unit: str) -> np.ndarray:
+    """Times from dates; missing ones are NaN."""
+    since = scaled((found - epoch).astype(float), 1 / (seconds(unit, ("time", "unit")) * 10**9))
+    return np.where(found == NAT, np.nan, since)
+
+
+def origin(unit: str, epoch: int | None, zoned: bool) -> Origin:
+    """What times are counted from."""
+    if epoch is None:
+        return Origin(unit=unit)
+    return Origin(unit=unit, epoch=np.datetime64(epoch, "ns"), zone="UTC" if zoned else "")

@@ -1,0 +1,190 @@
+"""How a text file writes its table: separator, decimal sign, names of columns, where the numbers begin."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from hgorun.config.data import Csv
+from hgorun.data.cells import MISSING, looks_like_iso
+from hgorun.data.text import Block
+from hgorun.errors import ConfigError
+
+_SEPARATORS = ("\t", ";", "|", ",")
+SPACES = " "
+"""A separator of any number of spaces and tabs."""
+_LOOKED_AT = 200  # rows that decide how numbers are written
+_CELL = 2**17  # characters
+
+_NUMBER = re.compile(r"[-+]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][-+]?\d+)?", re.ASCII)
+_COMMA = re.compile(r"[-+]?\d*,\d*(?:[eE][-+]?\d+)?", re.ASCII)
+_THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2}(?:,\d{3})+", re.ASCII)
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """How a table is written.
+
+    Attributes
+    ----------
+    separator : str
+        A character, or ``SPACES``.
+    decimal : str
+    comment : str
+    names : tuple of str
+        Of the columns, as the header has them.
+    width : int
+        Cells of a row: one more than names where every row ends with a separator.
+    first : int
+        The line on which the numbers begin.
+    missing : frozenset of str
+        Texts for a missing value, in small letters.
+    units : tuple of str
+        The row of units; empty without one.
+    sample : tuple of str
+        The first row of values.
+    """
+
+    separator: str
+    decimal: str
+    comment: str
+    names: tuple[str, ...]
+    width: int
+    first: int
+    missing: frozenset[str]
+    units: tuple[str, ...]
+    sample: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class _Line:
+    number: int
+    text: str
+
+
+def dialect_of(block: Block, path: Path, told: Csv) -> Dialect:
+    """How the file is written that begins with a block.
+
+    Raises
+    ------
+    ConfigError
+        When there is no header or no row below it, or when it cannot be told what a comma in a number means.
+    """
+    comments: list[_Line] = []
+    lines = list(_lines(block, told, comments))
+    if not lines:
+        raise ConfigError("no lines but comments: nothing was measured", file=str(path))
+    separator = told.separator or _separator(lines)
+    rows = [(line, cells(line.text, separator)) for line in lines]
+    header, names = rows[0]
+    body = rows[1:]
+    if all(_is_value(name) for name in names):
+        above = _in_comment(comments, header.number, separator, len(names), told.comment)
+        if above is None:
+            message = f"expected a line with the names of the columns, found numbers: {header.text[:60]}"
+            raise ConfigError(message, file=str(path), line=header.number)
+        names, body = above, rows
+    missing = frozenset((*MISSING, *(text.strip().lower() for text in told.missing)))
+    units: tuple[str, ...] = ()
+    if told.units_row or (told.units_row is None and body and _are_units(body[0][1], missing)):
+        units = tuple(text.strip() for text in body[0][1]) if body else ()
+        body = body[1:]
+    if not body:
+        raise ConfigError("a header without values below it", file=str(path), line=header.number)
+    first, sample = body[0]
+    ends = len(sample) == len(names) + 1 and not sample[-1].strip()
+    return Dialect(
+        separator=separator,
+        decimal=told.decimal or _decimal([row for _, row in body], separator, path, first.number),
+        comment=told.comment,
+        names=tuple(name.strip() for name in names),
+        width=len(names) + ends,
+        first=first.number,
+        missing=missing,
+        units=units,
+        sample=tuple(sample),
+    )
+
+
+def cells(line: str, separator: str) -> list[str]:
+    """The cells of a line; one whose quotes are wrong is split at every separator."""
+    if separator == SPACES:
+        return line.split()
+    try:
+        return next(csv.reader([line], delimiter=separator, strict=True, skipinitialspace=True), [])
+    except csv.Error:
+        return line.split(separator)
+
+
+def _lines(block: Block, told: Csv, comments: list[_Line]) -> Iterator[_Line]:
+    """The first lines of a file that are neither empty nor comments."""
+    found = 0
+    for number, raw in enumerate(block.text.split(b"\n", told.skip + 50 * _LOOKED_AT), start=block.line):
+        text = raw[:_CELL].decode("utf-8", "replace")
+        if number - block.line < told.skip or not text.strip():
+            continue
+        if text.lstrip().startswith(told.comment):
+            comments.append(_Line(number, text))
+            continue
+        yield _Line(number, text)
+        found += 1
+        if found > _LOOKED_AT:
+            return
+
+
+def _separator(lines: Sequence[_Line]) -> str:
+    """The one that divides the header and the line below it in the same way."""
+    header, below = lines[0].text, lines[min(len(lines) - 1, 2)].text
+    for separator in _SEPARATORS:
+        width = len(cells(header, separator))
+        if width > 1 and len(cells(below, separator)) in (width, width + 1):
+            return separator
+    found = [separator for separator in _SEPARATORS if separator in header]
+    if found:
+        return max(found, key=header.count)
+    width = len(header.split())
+    return SPACES if width > 1 and len(below.split()) == width else ","
+
+
+def _is_value(text: str) -> bool:
+    text = text.strip()
+    return bool(_NUMBER.fullmatch(text)) or looks_like_iso(text)
+
+
+def _in_comment(comments: Sequence[_Line], line: int, separator: str, width: int, sign: str) -> list[str] | None:
+    """The names of the columns in the comment directly above the numbers."""
+    above = next((c for c in reversed(comments) if c.number == line - 1), None)
+    if above is None:
+        return None
+    names = cells(above.text.lstrip().removeprefix(sign).strip(), separator)
+    return names if len(names) == width and not any(map(_is_value, names)) else None
+
+
+def _are_units(row: Sequence[str], missing: frozenset[str]) -> bool:
+    """Whether a row below the header holds units: no number, no date, and not only missing values."""
+    texts = [text.strip() for text in row]
+    return not any(map(_is_value, texts)) and any(text.lower() not in missing for text in texts)
+
+
+def _decimal(rows: Sequence[Sequence[str]], separator: str, path: Path, line: int) -> str:
+    """The sign between the digits of numbers.
+
+    Raises
+    ------
+    ConfigError
+        When a comma may stand between digits or between thousands.
+    """
+    texts = {text.strip() for row in rows for text in row}
+    commas = {text for text in texts if "," in text and _COMMA.fullmatch(text)}
+    if not commas or any("." in text and _NUMBER.fullmatch(text) for text in texts):
+        return "."
+    if all(_THOUSANDS.fullmatch(text) for text in commas):
+        message = (
+            f'{min(commas)!r} may be a number with thousands or with decimals: say which, csv: {{decimal: ","}} '
+            'or {decimal: "."}'
+        )
+        raise ConfigError(message, file=str(path), line=line)
+    return ","

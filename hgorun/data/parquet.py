@@ -1,0 +1,73 @@
+"""Columns of Parquet files; needs pyarrow."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from datetime import date
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hgorun.data.arrays import ArrayColumn
+from hgorun.errors import HgorunError, printable
+
+if TYPE_CHECKING:
+    import pyarrow
+
+
+class Parquet:
+    """Dates stay what they are there: in UTC where the column has a time zone.
+
+    Raises
+    ------
+    HgorunError
+        When pyarrow is missing.
+    """
+
+    def __init__(self) -> None:
+        if find_spec("pyarrow") is None:
+            raise HgorunError("Parquet files need the package pyarrow: pip install 'hgorun[parquet]'")
+
+    def catalogue(self, path: Path) -> Mapping[str, ArrayColumn]:
+        """The columns."""
+        from pyarrow.parquet import ParquetFile
+
+        with ParquetFile(path) as file:
+            rows = file.metadata.num_rows
+            batch = next(file.iter_batches(batch_size=1, use_threads=False), None)
+            return {
+                field.name: ArrayColumn(rows, "", "" if batch is None else _sample(batch.column(place)))
+                for place, field in enumerate(file.schema_arrow)
+            }
+
+    def columns(self, path: Path, names: Sequence[str]) -> Mapping[str, np.ndarray]:
+        """Numbers, dates or texts; what is missing is NaN, NaT or None."""
+        from pyarrow.parquet import read_table
+
+        found = read_table(path, columns=list(names), use_threads=False)
+        return {name: _array(found.column(name)) for name in names}
+
+    def zoned(self, path: Path, name: str) -> bool:
+        """Whether the column has a time zone."""
+        from pyarrow.parquet import read_schema
+
+        return getattr(read_schema(path).field(name).type, "tz", None) is not None
+
+
+def _sample(values: pyarrow.Array) -> str:
+    first = values[0].as_py() if len(values) else None
+    return printable(first.isoformat() if isinstance(first, date) else str(first))[:100]
+
+
+def _array(values: pyarrow.ChunkedArray) -> np.ndarray:
+    import pyarrow
+    from pyarrow import types
+
+    kind = values.type
+    if types.is_timestamp(kind) or types.is_date(kind):
+        return np.asarray(values.cast(pyarrow.timestamp("ns")).to_numpy())
+    if types.is_boolean(kind) or types.is_integer(kind) or types.is_floating(kind) or types.is_decimal(kind):
+        return np.asarray(values.cast(pyarrow.float64(), safe=False).to_numpy())
+    return np.asarray(values.cast(pyarrow.string()).to_numpy(zero_copy_only=False), dtype=object)

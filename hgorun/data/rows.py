@@ -1,0 +1,129 @@
+"""Rows of a text file, one by one: what is wrong in one of them is told with its line."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterator, Sequence
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+
+from hgorun.data.cells import Cells
+from hgorun.data.dialect import SPACES, Dialect
+from hgorun.data.text import Block
+from hgorun.errors import ConfigError
+
+_AT_ONCE = 20_000  # rows that are held as text
+
+
+class Rows:
+    """Reads rows with Python's own reader of CSV.
+
+    Parameters
+    ----------
+    path : Path
+    dialect : Dialect
+    wanted : sequence of Cells
+    """
+
+    def __init__(self, path: Path, dialect: Dialect, wanted: Sequence[Cells]) -> None:
+        self._path, self._dialect, self._wanted = path, dialect, wanted
+        self._readers = [cells.reader(dialect.decimal, dialect.missing) for cells in wanted]
+        self._places = [dialect.names.index(cells.column) for cells in wanted]
+
+    def arrays(self, blocks: Iterator[Block]) -> Iterator[tuple[np.ndarray, list[np.ndarray]]]:
+        """Lines and columns of all rows, some thousands at a time.
+
+        Raises
+        ------
+        ConfigError
+            For the first row with more or fewer cells than the header, with a cell that cannot be read, or with
+            quotes that do not close.
+        """
+        rows = self._values(blocks)
+        while some := list(islice(rows, _AT_ONCE)):
+            lines, *columns = zip(*some, strict=True)
+            yield (
+                np.array(lines, dtype=np.int32),
+                [np.array(c, dtype=cells.dtype) for c, cells in zip(columns, self._wanted, strict=True)],
+            )
+
+    def _values(self, blocks: Iterator[Block]) -> Iterator[tuple[float | int, ...]]:
+        width, names = self._dialect.width, len(self._dialect.names)
+        plan = list(zip(self._places, self._readers, strict=True))
+        for line, cells in self._cells(blocks):
+            if len(cells) != width or (width > names and cells[-1].strip()):
+                raise self._error(line, f"{_cells(len(cells))}, where the header has {names}")
+            try:
+                yield (line, *(read(cells[place]) for place, read in plan))
+            except ValueError:
+                raise self._first_wrong(line, cells) from None
+
+    def _first_wrong(self, line: int, row: Sequence[str]) -> ConfigError:
+        """What is wrong in a row, with the name of its column."""
+        for cells, place, read in zip(self._wanted, self._places, self._readers, strict=True):
+            try:
+                read(row[place])
+            except ValueError as error:
+                return self._error(line, str(error), cells.column)
+        raise AssertionError("a row was refused and read")
+
+    def _cells(self, blocks: Iterator[Block]) -> Iterator[tuple[int, list[str]]]:
+        """The cells of every row, and the line it begins on."""
+        lines = _Lines(blocks, self._dialect)
+        if self._dialect.separator == SPACES:
+            for text in lines:
+                yield lines.taken(), text.split()
+            return
+        reader = csv.reader(lines, delimiter=self._dialect.separator, strict=True, skipinitialspace=True)
+        try:
+            for row in reader:
+                yield lines.taken(), row
+        except csv.Error as error:
+            said = "a quote that is not closed" if "unexpected end" in str(error) else f"not CSV: {error}"
+            raise self._error(lines.begin, said) from None
+
+    def _error(self, line: int, message: str, column: str | None = None) -> ConfigError:
+        return ConfigError(message, file=str(self._path), line=line, key=column)
+
+
+def _cells(count: int) -> str:
+    return "1 cell" if count == 1 else f"{count} cells"
+
+
+class _Lines:
+    """Lines from the first row of values on, without comments and empty ones, but for those inside quotes.
+
+    Attributes
+    ----------
+    begin : int
+        The line on which the present row began.
+    """
+
+    def __init__(self, blocks: Iterator[Block], dialect: Dialect) -> None:
+        self._lines = _numbered(blocks)
+        self._dialect = dialect
+        self._open = False
+        self.begin = dialect.first
+
+    def taken(self) -> int:
+        """Where the row began that has ended now."""
+        self._open = False
+        return self.begin
+
+    def __iter__(self) -> Iterator[str]:
+        first, comment = self._dialect.first, self._dialect.comment
+        for number, text in self._lines:
+            if not self._open:
+                if number < first or not text.strip() or text.lstrip().startswith(comment):
+                    continue
+                self._open, self.begin = True, number
+            yield text
+
+
+def _numbered(blocks: Iterator[Block]) -> Iterator[tuple[int, str]]:
+    for block in blocks:
+        lines = block.text.decode("utf-8").split("\n")
+        lines.pop()  # behind the last newline
+        yield from enumerate(lines, start=block.line)

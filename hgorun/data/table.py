@@ -1,0 +1,100 @@
+"""Columns of a file with the line of every row, whatever kind of file it is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+from hgorun.data.cells import Cells
+from hgorun.errors import ConfigError
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Table:
+    """Columns of a file.
+
+    Attributes
+    ----------
+    path : Path
+    lines : ndarray of integers, shape (n,)
+        The line of every row.
+    columns : mapping of Cells to ndarray, shape (n,)
+        Numbers as floats, dates as nanoseconds since 1970, whether a flag is good as 1 or 0.
+    """
+
+    path: Path
+    lines: np.ndarray
+    columns: Mapping[Cells, np.ndarray]
+
+
+class TableFile(Protocol):
+    """A file whose columns are known and not yet read."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the columns."""
+
+    def sample(self, column: str) -> str:
+        """The first value of a column, as text."""
+
+    def unit(self, column: str) -> str:
+        """The unit that the file states; empty where it does not."""
+
+    def table(self, wanted: Sequence[Cells], budget: float) -> Table:
+        """Columns of it, within some bytes of memory."""
+
+
+class Columns:
+    """Arrays that grow as a file is read.
+
+    Parameters
+    ----------
+    wanted : sequence of Cells
+    rows : int
+        How many there may be: memory is reserved for so many, and taken as it is filled.
+    budget : float
+        Bytes that they may take.
+    path : Path
+        For the message when they take more.
+    """
+
+    def __init__(self, wanted: Sequence[Cells], rows: int, budget: float, path: Path) -> None:
+        self._wanted, self._budget, self._path = wanted, budget, path
+        self._row = 4 + sum(cells.dtype.itemsize for cells in wanted)
+        self._filled = 0
+        rows = int(min(rows, budget / self._row))
+        self._lines = np.empty(rows, dtype=np.int32)
+        self._values = [np.empty(rows, dtype=cells.dtype) for cells in wanted]
+
+    def add(self, lines: np.ndarray, values: Sequence[np.ndarray]) -> None:
+        """The next rows.
+
+        Raises
+        ------
+        ConfigError
+            When they take more memory than allowed.
+        """
+        end = self._filled + lines.size
+        if end * self._row > self._budget:
+            message = f"the values take more than {self._budget / 2**30:.3g} GiB, the limit of data.max_memory"
+            raise ConfigError(message, file=str(self._path), line=int(lines[0]))
+        if end > self._lines.size:
+            self._resize(max(end, self._lines.size * 5 // 4))
+        self._lines[self._filled : end] = lines
+        for column, part in zip(self._values, values, strict=True):
+            column[self._filled : end] = part
+        self._filled = end
+
+    def _resize(self, rows: int) -> None:
+        # in place: a copy of all would double the memory for a moment
+        for column in (self._lines, *self._values):
+            column.resize(rows, refcheck=False)
+
+    def table(self) -> Table:
+        """All rows."""
+        self._resize(self._filled)
+        return Table(self._path, self._lines, dict(zip(self._wanted, self._values, strict=True)))

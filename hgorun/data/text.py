@@ -1,0 +1,124 @@
+"""Text files of any encoding as blocks of lines."""
+
+from __future__ import annotations
+
+import codecs
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from hgorun.errors import ConfigError
+
+BLOCK = 2**23
+LONGEST = 2**20  # bytes of a line
+_MARKS = ((codecs.BOM_UTF8, "utf-8"), (codecs.BOM_UTF16_LE, "utf-16-le"), (codecs.BOM_UTF16_BE, "utf-16-be"))
+
+
+@dataclass(frozen=True)
+class Block:
+    """Whole lines of a file.
+
+    Attributes
+    ----------
+    text : bytes
+        In UTF-8; every line ends in one newline.
+    line : int
+        Number of the first line, from 1 on.
+    """
+
+    text: bytes
+    line: int
+
+    @property
+    def lines(self) -> int:
+        """How many."""
+        return self.text.count(b"\n")
+
+
+def blocks(path: Path, encoding: str | None = None, size: int = BLOCK) -> Iterator[Block]:
+    """The lines of a text file, some megabytes at a time.
+
+    Parameters
+    ----------
+    path : Path
+    encoding : str, optional
+        By default what the mark at the beginning says, else UTF-8.
+    size : int
+        Bytes read at once.
+
+    Raises
+    ------
+    ConfigError
+        When it cannot be read, is empty or binary, has another encoding, or a line of more than 1 MiB.
+    """
+    line, rest = 1, b""
+    for piece in _decoded(path, encoding, size):
+        whole, rest = _cut(rest + piece)
+        if whole:
+            yield (block := _checked(Block(_unix(whole), line), path))
+            line += block.lines
+        if len(rest) > LONGEST:
+            raise ConfigError("a line of more than 1 MiB: this is no table of numbers", file=str(path), line=line)
+    if rest:
+        yield _checked(Block(_unix(rest) if rest.endswith((b"\n", b"\r")) else _unix(rest) + b"\n", line), path)
+    elif line == 1:
+        raise ConfigError("this file is empty", file=str(path))
+
+
+def _cut(text: bytes) -> tuple[bytes, bytes]:
+    """What ends with a line, and the rest; a carriage return at the very end may be half of a line end."""
+    end = text.rfind(b"\n") + 1 or text.rfind(b"\r", 0, -1) + 1
+    return text[:end], text[end:]
+
+
+def _unix(text: bytes) -> bytes:
+    """Line ends of any kind as newlines."""
+    return text.replace(b"\r\n", b"\n").replace(b"\r", b"\n") if b"\r" in text else text
+
+
+def _checked(block: Block, path: Path) -> Block:
+    """UTF-8, without zero bytes.
+
+    Raises
+    ------
+    ConfigError
+    """
+    if (place := block.text.find(b"\0")) >= 0:
+        message = "a zero byte: this is binary data, or text in UTF-16 without its mark (csv: {encoding: utf-16})"
+        raise ConfigError(message, file=str(path), line=_line(block, place))
+    if not block.text.isascii():
+        try:
+            block.text.decode("utf-8")
+        except UnicodeDecodeError as error:
+            found = block.text[error.start]
+            message = f"byte 0x{found:02x} is not UTF-8; text of older programs is read with csv: {{encoding: latin-1}}"
+            raise ConfigError(message, file=str(path), line=_line(block, error.start)) from None
+    return block
+
+
+def _line(block: Block, place: int) -> int:
+    return block.line + block.text.count(b"\n", 0, place)
+
+
+def _decoded(path: Path, encoding: str | None, size: int) -> Iterator[bytes]:
+    """The bytes of a file in UTF-8, without a mark."""
+    try:
+        with path.open("rb") as stream:
+            first = stream.read(size)
+            mark, found = next(((m, name) for m, name in _MARKS if first.startswith(m)), (b"", None))
+            coded = found or ("utf-16-le" if encoding == "utf-16" else encoding) or "utf-8"
+            first = first[len(mark) :]
+            if coded == "utf-8":
+                yield first
+                while piece := stream.read(size):
+                    yield piece
+                return
+            decoder = codecs.getincrementaldecoder(coded)()
+            while first:
+                yield decoder.decode(first).encode("utf-8")
+                first = stream.read(size)
+            yield decoder.decode(b"", final=True).encode("utf-8")
+    except UnicodeError as error:
+        raise ConfigError(f"not text in {coded}: {error}", file=str(path)) from None
+    except OSError as error:
+        raise ConfigError(f"cannot be read: {error.strerror}", file=str(path)) from None

@@ -1,0 +1,98 @@
+"""Numbers from one unit to another."""
+
+from __future__ import annotations
+
+import re
+from fractions import Fraction
+from functools import cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hgorun.config.expressions import nearest
+from hgorun.errors import KeyPath, Problem
+
+if TYPE_CHECKING:
+    import pint
+
+_SECONDS = {
+    "ns": Fraction(1, 10**9),
+    "us": Fraction(1, 10**6),
+    "ms": Fraction(1, 1000),
+    "s": Fraction(1),
+    "min": Fraction(60),
+    "h": Fraction(3600),
+    "d": Fraction(86400),
+}
+_NAMES = {
+    "ns": ("nanosecond", "nanoseconds"),
+    "us": ("µs", "μs", "microsecond", "microseconds"),
+    "ms": ("millisecond", "milliseconds"),
+    "s": ("sec", "second", "seconds"),
+    "min": ("minute", "minutes"),
+    "h": ("hr", "hour", "hours"),
+    "d": ("day", "days"),
+}
+_SHORT = {name: unit for unit, names in _NAMES.items() for name in names}
+# pint calculates with what it is given: no powers of powers, and few digits
+_FACTOR = r"\(?\s*(?:[^\W\d]\w{0,30}|[%°]\w?|\d{1,6})(?:\s*(?:\*\*|\^)\s*-?\d)?\s*\)?"
+_UNIT = re.compile(rf"{_FACTOR}(?:\s*[*/ ]\s*{_FACTOR}){{0,8}}")
+
+
+def seconds(unit: str, path: KeyPath) -> Fraction:
+    """How long a unit of time is.
+
+    Raises
+    ------
+    Problem
+        At ``path``, when it is no unit of time.
+    """
+    found = _SECONDS.get(_SHORT.get(unit, unit))
+    if found is None:
+        raise Problem(path, f"{unit!r} is no unit of time.{nearest(unit, list(_SECONDS))} Known: {', '.join(_SECONDS)}")
+    return found
+
+
+def scaled(values: np.ndarray, factor: Fraction) -> np.ndarray:
+    """Values times an exact factor; one that is 1 leaves them as they are."""
+    if factor == 1:
+        return values
+    return values * float(factor.numerator) / float(factor.denominator)
+
+
+def converted(values: np.ndarray, unit: str, wanted: str, path: KeyPath) -> np.ndarray:
+    """Values in another unit.
+
+    Raises
+    ------
+    Problem
+        At ``path``, when a unit is not known or when the two are of different kinds.
+    """
+    if unit == wanted:
+        return values
+    from pint.errors import DimensionalityError
+
+    registry = _registry()
+    found, target = (_parsed(registry, text, path) for text in (unit, wanted))
+    try:
+        return np.asarray(registry.Quantity(values, found).to(target).magnitude, dtype=float)
+    except DimensionalityError as error:
+        raise Problem(path, f"{unit} cannot be converted to the model's {wanted}: {error}") from None
+
+
+@cache
+def _registry() -> pint.UnitRegistry[float]:
+    import pint
+
+    return pint.UnitRegistry(autoconvert_offset_to_baseunit=True)
+
+
+def _parsed(registry: pint.UnitRegistry[float], text: str, path: KeyPath) -> pint.Unit:
+    if not _UNIT.fullmatch(text):
+        raise Problem(path, f"{text!r} cannot be a unit")
+    try:
+        return registry.Unit(text.replace("°C", "degC").replace("°F", "degF"))
+    except Exception as error:  # whatever its parser stumbles over
+        raise Problem(
+            path, f"{text!r} is no known unit ({error}); without the key the numbers are taken as they are"
+        ) from None

@@ -1,0 +1,94 @@
+"""A run that is carried out piece by piece; between the pieces its state may be looked at, and changed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from hgorun.engine.layout import DONE
+from hgorun.engine.memory import Raw, Start
+from hgorun.engine.plan import Floats, Plan
+from hgorun.engine.program import Program
+from hgorun.errors import SimulationError
+
+_AT_ONCE = 4096  # segments between two checks for Ctrl-C
+
+
+class Session:
+    """A run of a program with fixed steps, on one lane.
+
+    Parameters
+    ----------
+    program : Program
+    plan : Plan
+        With the segments of the whole run.
+    start : Start
+    """
+
+    def __init__(self, program: Program, plan: Plan, start: Start) -> None:
+        self._program, self._plan = program, plan
+        self._memory = program.memory(plan, start)
+        self._at = 0
+
+    @property
+    def z(self) -> Floats:
+        """All states, shape (states,): a view."""
+        return self._view("z")
+
+    @property
+    def w(self) -> Floats:
+        """What is held, as :class:`~hgorun.engine.layout.Held` lays it out: a view."""
+        return self._view("w")
+
+    @property
+    def innovations(self) -> Floats:
+        """C xhat - y of every sample that has arrived, shape (slots, observers): a view."""
+        found: Floats = self._memory.arrays["innovations"][:, :, 0]
+        return found
+
+    def _view(self, name: str) -> Floats:
+        found: Floats = self._memory.arrays[name].reshape(-1)
+        return found
+
+    def advance(self, stop: int) -> None:
+        """Go on to the start of segment ``stop``, before what happens there."""
+        while self._at < stop:
+            self._at = min(stop, self._at + _AT_ONCE)
+            verdict = self._program.go_on(self._memory, self._at)
+            if verdict != DONE:
+                raise SimulationError(f"the run cannot go on at t = {self._memory.real('now'):.6g}")
+
+    def finish(self) -> Raw:
+        """The rest of the run, and what it has given."""
+        self.advance(len(self._plan.counts))
+        return self._memory.result(self._plan.steps)
+
+
+def with_stops(plan: Plan, times: Floats) -> tuple[Plan, np.ndarray]:
+    """A plan in which what happens at some events is a segment of its own, without steps.
+
+    Parameters
+    ----------
+    plan : Plan
+        With the segments of the whole run.
+    times : ndarray, shape (N,)
+        Of events, ascending.
+
+    Returns
+    -------
+    Plan
+    ndarray of int, shape (N,)
+        The segments without steps, each of which happens at one of the events.
+    """
+    at = np.searchsorted(plan.spans[:, 0], times, side="left")
+    here, counts = plan.spans[at], plan.counts.copy()
+    events = np.column_stack([here[:, 0], here[:, 0], here[:, 2], here[:, 2]])
+    alone = counts[at]
+    alone[:, 0], alone[:, 1], alone[:, 2], alone[:, 6] = 1, 0, 0, 0
+    counts[at, 4] = counts[at, 5]
+    stops = at + np.arange(at.size)
+    return (
+        replace(plan, spans=np.insert(plan.spans, at, events, axis=0), counts=np.insert(counts, at, alone, axis=0)),
+        stops,
+    )

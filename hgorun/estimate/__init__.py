@@ -1,0 +1,1 @@
+"""Observers on recorded data: no plant is simulated, and no truth is known."""

@@ -1,0 +1,96 @@
+"""Bands that should cover 95 % of what is measured, from residuals of samples that an estimate had not seen.
+
+Split-conformal prediction: of n residuals the one of rank ceil(0.95 (n + 1)) bounds a further one with probability
+0.95 if their order means nothing. An estimate is worse the longer ago the last sample was, so residuals are sorted
+into a few classes by that time, each with its own rank. What a band covers is told from halves: every other residual
+is compared with the band of the others.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hgorun.symbolic.evaluate import Floats
+
+LEVEL = 0.95
+FEWEST = 19  # residuals from which a rank follows
+_OF_A_CLASS = 40
+_CLASSES = 5
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Band:
+    """Half widths by the time since the last sample.
+
+    Attributes
+    ----------
+    until : ndarray, shape (classes - 1,)
+        Where one class ends and the next begins.
+    widths : ndarray, shape (classes,)
+    """
+
+    until: Floats
+    widths: Floats
+
+    def at(self, since: Floats) -> Floats:
+        """The half width at some times since the last sample."""
+        return np.asarray(self.widths[np.searchsorted(self.until, since, side="left")])
+
+
+def band_of(residuals: Floats, since: Floats) -> Band | None:
+    """A band from residuals, each with the time since the last sample; None where there are too few.
+
+    Parameters
+    ----------
+    residuals, since : ndarray, shape (n,)
+    """
+    sound = np.isfinite(residuals) & np.isfinite(since)
+    sizes, since = np.abs(residuals[sound]), since[sound]
+    if sizes.size < FEWEST:
+        return None
+    classes = int(np.clip(sizes.size // _OF_A_CLASS, 1, _CLASSES))
+    until = np.unique(np.quantile(since, np.arange(1, classes) / classes)) if classes > 1 else np.zeros(0)
+    until = until[until < since.max()]
+    which = np.searchsorted(until, since, side="left")
+    members = [sizes[which == k] for k in range(until.size + 1)]
+    if any(one.size < FEWEST for one in members):
+        until, members = np.zeros(0), [sizes]
+    return Band(until, np.array([_bound(one) for one in members]))
+
+
+def _bound(sizes: Floats) -> float:
+    """The residual of rank ceil(0.95 (n + 1))."""
+    rank = int(np.ceil(LEVEL * (sizes.size + 1) - 1e-12))
+    return float(np.sort(sizes)[min(rank, sizes.size) - 1])
+
+
+def coverage(residuals: Floats, since: Floats) -> float | None:
+    """Which part of the residuals the band of the others covers; None where there are too few."""
+    halves = [slice(0, None, 2), slice(1, None, 2)]
+    covered, count = 0, 0
+    for own, others in (halves, halves[::-1]):
+        band = band_of(residuals[others], since[others])
+        if band is None:
+            return None
+        sound = np.isfinite(residuals[own])
+        covered += int(np.count_nonzero(np.abs(residuals[own][sound]) <= band.at(since[own][sound])))
+        count += int(np.count_nonzero(sound))
+    return covered / count if count else None
+
+
+def since_last(times: Floats, taken: Floats, available: Floats, *, before: bool = False) -> Floats:
+    """How long before some times the newest sample was taken that was known then; infinite before the first.
+
+    Parameters
+    ----------
+    times : ndarray
+    taken, available : ndarray, shape (n,)
+        Of the samples, in the order of their arrival.
+    before : bool
+        Samples that become known just then do not count.
+    """
+    newest = np.concatenate([[-np.inf], np.maximum.accumulate(taken)]) if taken.size else np.array([-np.inf])
+    known = np.searchsorted(available, times, side="left" if before else "right")
+    return np.asarray(times - newest[known])

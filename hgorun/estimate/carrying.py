@@ -1,0 +1,203 @@
+"""The run of a prepared estimate: with steps that are given or found by error control, outliers left out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from hgorun.engine.layout import HybridSystem
+from hgorun.engine.memory import Raw
+from hgorun.engine.methods import METHODS
+from hgorun.engine.session import Session, with_stops
+from hgorun.estimate.gate import RunningDeviation
+from hgorun.estimate.prepared import PreparedEstimate
+from hgorun.estimate.samples import stated
+from hgorun.measurement.schedule import nearest_event
+from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.steps import part_of_difference, steps_between
+from hgorun.symbolic.evaluate import Floats
+
+_UNEVEN = 1.62  # steps of the second pass, for each of the first
+_ORDER = 2  # as which errors fall at least
+_HALVINGS = 12
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Carried:
+    """What a run has given.
+
+    Attributes
+    ----------
+    raw : Raw
+    used : ndarray of bool, shape (samples, m)
+        Which samples each observer has taken: all but those that came after a newer one, and outliers.
+    step : float
+        The longest step.
+    error : ndarray, shape (m,)
+        Of every observer's estimate: largest error of the integration relative to the largest value of the state.
+    evaluations : int
+        Of the right-hand side, over all passes.
+    """
+
+    raw: Raw
+    used: np.ndarray
+    step: float
+    error: Floats
+    evaluations: int
+
+
+def carry_out(prepared: PreparedEstimate, grid: Floats, progress: Callable[[float], None] | None = None) -> Carried:
+    """Carry out a run.
+
+    A given step is taken as it is. An automatic one is halved until a second pass with other steps gives the same
+    estimates to ``solver.accuracy``, as far as ``solver.max_evaluations`` permits.
+
+    Parameters
+    ----------
+    grid : ndarray
+        Where estimates are wanted, counted from the start of the run.
+    """
+    solver, step, spent = prepared.run.solver, prepared.run.step, 0
+    for _ in range(_HALVINGS):
+        raw, used = one_pass(prepared, grid, step, progress=progress)
+        beside, _ = one_pass(prepared, grid, step, _UNEVEN, progress=progress)
+        spent += (raw.tries + beside.tries) * len(METHODS[prepared.method].c)
+        error = _error(prepared, grid, raw, beside, step)
+        if not solver.controlled or np.all(error <= solver.accuracy) or 2 * spent > solver.max_evaluations:
+            break
+        step /= 2
+    return Carried(raw, used, step, error, spent)
+
+
+def one_pass(
+    prepared: PreparedEstimate,
+    grid: Floats,
+    step: float,
+    uneven: float | None = None,
+    *,
+    progress: Callable[[float], None] | None = None,
+) -> tuple[Raw, np.ndarray]:
+    """The engine's arrays, and which samples were used, shape (samples, m)."""
+    plan, start = prepared.plan(grid, step, uneven), prepared.start()
+    used = prepared.used()
+    if not prepared.gated:
+        return prepared.program().run(plan, start, progress=progress), used
+    gate = Gate(prepared.experiment, [one.gate for one in prepared.samples])
+    watched = list(_watched(prepared))
+    events = prepared.run.schedule.events
+    slots_at: dict[int, list[tuple[int, int]]] = {}
+    for output, slot, event in watched:
+        slots_at.setdefault(event, []).append((output, slot))
+    ordered = sorted(slots_at)
+    plan, stops = with_stops(plan, events[ordered])
+    session = Session(prepared.program(), plan, start)
+    for event, stop in zip(ordered, stops.tolist(), strict=True):
+        session.advance(stop)
+        z, w = session.z.copy(), session.w.copy()
+        session.advance(stop + 1)
+        for output, slot in slots_at[event]:
+            for j in gate.outliers(output, session.innovations[slot]):
+                used[slot, j] = False
+                leave_out(prepared.run.structure.system, session, output, j, z, w)
+    return session.finish(), used
+
+
+def _watched(prepared: PreparedEstimate) -> Iterator[tuple[int, int, int]]:
+    """(output, slot, event) of every sample that may be an outlier."""
+    for i, (one, slots) in enumerate(zip(prepared.samples, prepared.slots, strict=True)):
+        if one.gate is not None:
+            events = nearest_event(prepared.run.schedule.events, one.available)
+            numbers = np.arange(slots.start, slots.stop)
+            yield from ((i, slot, event) for slot, event in zip(numbers[one.used], events[one.used], strict=True))
+
+
+class Gate:
+    """Which samples are outliers to which observers, one sample after the other.
+
+    Parameters
+    ----------
+    experiment : Experiment
+    limits : sequence of float or None
+        Of every output the standard deviations beyond which a sample is an outlier.
+    """
+
+    def __init__(self, experiment: Experiment, limits: Sequence[float | None]) -> None:
+        self._model, self._limits = experiment.plant.model, limits
+        known = stated(experiment)
+        self.deviations = [
+            [RunningDeviation(known.get(output, 0.0)) for _ in experiment.observers] for output in self._model.outputs
+        ]
+
+    def outliers(self, output: int, innovations: Floats) -> list[int]:
+        """The observers to which a sample of an output is an outlier, from the innovation of each, shape (m,)."""
+        limit, found = self._limits[output], []
+        for j, one in enumerate(self._model.wrapped(output, innovations).tolist()):
+            deviation = self.deviations[output][j]
+            if limit is not None and abs(one) > limit * deviation.value:
+                found.append(j)
+            deviation.add(one)
+        return found
+
+
+class Running(Protocol):
+    """A run that can be looked at between events."""
+
+    @property
+    def z(self) -> Floats:
+        """All states."""
+        ...
+
+    @property
+    def w(self) -> Floats:
+        """What is held."""
+        ...
+
+
+def leave_out(system: HybridSystem, live: Running, output: int, j: int, z: Floats, w: Floats) -> None:
+    """Let an observer go on as if a sample that has just arrived had not.
+
+    Its innovation stays what it was; what it has jumped to is taken back.
+
+    Parameters
+    ----------
+    j : int
+        The observer's number.
+    z, w : ndarray
+        The states, and what was held, before the sample arrived.
+    """
+    layout = system.held
+    place, y = layout.s(output, j), layout.output(output)
+    if system.has_alpha:
+        alpha = system.alpha[output][j]
+        before = w[place] + z[alpha] - w[y]
+        live.w[place] = before + live.w[y] - live.z[alpha]
+    start, stop, _ = system.blocks[j]
+    live.z[start:stop] = z[start:stop]
+
+
+def _error(prepared: PreparedEstimate, grid: Floats, raw: Raw, beside: Raw, step: float) -> Floats:
+    """Of every observer, from a second pass with other steps."""
+    found, other = (estimates(prepared, grid, one) for one in (raw, beside))
+    steps = steps_between(prepared.run.schedule, step)
+    part = part_of_difference(steps, _UNEVEN, min(METHODS[prepared.method].order, _ORDER))
+    errors = []
+    for a, b in zip(found, other, strict=True):
+        if not a.size:
+            errors.append(0.0)
+            continue
+        size = np.max(np.abs(a), axis=0)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            gaps = np.max(np.abs(a - b), axis=0) / np.where(size > 0, size, 1.0)
+        errors.append(float(part * np.max(gaps)) if np.all(np.isfinite(a)) else 0.0)
+    return np.array(errors)
+
+
+def estimates(prepared: PreparedEstimate, grid: Floats, raw: Raw) -> list[Floats]:
+    """xhat of every observer in the plant's coordinates, shape (len(grid), n) each."""
+    structure = prepared.run.structure
+    rows = raw.rows[:, :, 0]
+    stacked = structure.estimates_along(grid, prepared.run.numbers.p, rows, prepared.held(grid))
+    return [stacked.of(j) for j in range(len(prepared.run.observers))]

@@ -1,0 +1,180 @@
+"""A configuration with data as a whole one: what the data decide is filled in."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from hgorun.config.overrides import replaced
+from hgorun.config.yaml_source import Source
+from hgorun.data.recording import Recording
+from hgorun.errors import ConfigError, Problem
+from hgorun.plants.base import units_of
+from hgorun.simulation.blocks import plant_of
+from hgorun.simulation.experiment import Experiment
+
+_OF_NOISE = ("noise", "mode")  # what a measurement block says beside data: when samples come is in these
+
+
+def completed(source: Source, recording: Recording, name: str, text: str) -> Experiment:
+    """The experiment that the observers run in.
+
+    The span of the data is that of the run, unless ``time`` says otherwise, and the output step is their median gap.
+    When samples come is decided by the data; the measurement block is asked for the noise alone. Where an
+    observer has no ``initial``, the states that are measured start from the first sample of each.
+
+    Parameters
+    ----------
+    source : Source
+        The configuration, its ``data`` included.
+    recording : Recording
+    name, text : str
+        As of :class:`~hgorun.simulation.experiment.Experiment`.
+
+    Raises
+    ------
+    ConfigError
+    """
+    given: Mapping[str, Any] = source.data
+    changes: dict[str, Any] = {}
+    if isinstance(given.get("time") or {}, dict):
+        changes["time"] = _time(given.get("time") or {}, recording)
+    if not (given.get("plant") and all(isinstance(given.get(key) or {}, dict) for key in ("plant", "measurement"))):
+        return Experiment(_with(source, changes), name=name, text=text)  # which says what is wrong
+    changes["measurement"] = _measurement(given.get("measurement") or {}, recording)
+    whole, states = _with_plant(_with(source, changes), tuple(recording.inputs))
+    experiment = Experiment(whole, name=name, text=text)
+    with experiment.located():
+        _check_names(experiment, recording)
+    first = first_values(experiment, recording)
+    changes = {}
+    for label, observer in experiment.observers.items():
+        if not observer.initial and first:
+            changes[f"observers.{label}.initial"] = first
+    if not given["plant"].get("initial") and first:
+        changes["plant.initial"] = {state: first.get(state, 0.0) for state in states}
+    return Experiment(_with(whole, changes), name=name, text=text) if changes else experiment
+
+
+def streamed(source: Source, inputs: tuple[str, ...], deviations: Mapping[str, float], name: str) -> Experiment:
+    """The experiment that the observers of a stream run in.
+
+    Parameters
+    ----------
+    source : Source
+        The configuration.
+    inputs : tuple of str
+        Those that come with the stream.
+    deviations : mapping of str to float
+        Standard deviation of the outputs' noise, where the data say so.
+
+    Raises
+    ------
+    ConfigError
+        Also where neither ``time`` nor ``solver.step`` says how long a step may be.
+    """
+    given: Mapping[str, Any] = source.data if isinstance(source.data, dict) else {}
+    changes: dict[str, Any] = {}
+    if "time" not in given:
+        solver = given.get("solver")
+        if not isinstance(solver, dict) or not isinstance(solver.get("step"), (int, float)):
+            raise ConfigError("a stream without end needs solver.step", file=source.where(())[0] or None, key="solver")
+        changes["time"] = {"end": 1.0, "output_step": 1.0}
+    elif isinstance(given["time"], dict):
+        start = given["time"].get("start", 0.0)
+        if isinstance(start, (int, float)):
+            changes["time"] = {"end": start + 1.0, "output_step": 1.0} | given["time"]
+    if not isinstance(given.get("plant"), dict) or not isinstance(given.get("measurement") or {}, dict):
+        return Experiment(_with(source, changes), name=name)  # which says what is wrong
+    measurement = dict(given.get("measurement") or {})
+    outputs = dict(measurement.get("outputs") or {})
+    for output, std in deviations.items():
+        outputs[output] = {"noise": [{"type": "gaussian", "std": std}]} | dict(outputs.get(output) or {})
+    if outputs:
+        changes["measurement"] = {**measurement, "outputs": outputs}
+    return Experiment(_with_plant(_with(source, changes), inputs)[0], name=name)
+
+
+def _with_plant(source: Source, inputs: tuple[str, ...]) -> tuple[Source, tuple[str, ...]]:
+    """The configuration with all that a plant's block needs where nothing is simulated; and its states."""
+    plant = source.data["plant"]
+    expressions = {**(plant.get("inputs") or {}), **dict.fromkeys(inputs, "0")}
+    whole = _with(source, {"plant.inputs": expressions} if expressions else {})
+    states = plant_of(whole).state_names
+    initial = dict.fromkeys(states, 0.0) | dict(plant.get("initial") or {})
+    return _with(whole, {"plant.initial": initial}), states
+
+
+def _with(source: Source, changes: Mapping[str, Any]) -> Source:
+    """The configuration with other values."""
+    for path, value in changes.items():
+        source, _ = replaced(source, path, value)
+    return source
+
+
+def _time(given: Mapping[str, Any], recording: Recording) -> dict[str, Any]:
+    start, end = recording.span
+    found: dict[str, Any] = {"start": start, "end": end, "unit": recording.origin.unit} | dict(given)
+    if "output_step" not in found:
+        gap = recording.median_gap
+        span = float(found["end"]) - float(found["start"]) if _numbers(found) else end - start
+        found["output_step"] = float(min(gap, span)) if np.isfinite(gap) else span
+    return found
+
+
+def _numbers(time: Mapping[str, Any]) -> bool:
+    return all(isinstance(time[key], (int, float)) for key in ("start", "end"))
+
+
+def _measurement(given: Mapping[str, Any], recording: Recording) -> dict[str, Any]:
+    """The noise of the block, and every output sampled about as often as it was recorded."""
+    found = {key: given[key] for key in _OF_NOISE if key in given}
+    outputs: dict[str, Any] = {}
+    of_outputs = given.get("outputs") or {}
+    for name in [*recording.outputs, *(name for name in of_outputs if name not in recording.outputs)]:
+        block = of_outputs.get(name) or {}
+        outputs[name] = {key: block[key] for key in _OF_NOISE if key in block}
+        signal = recording.outputs.get(name)
+        if signal is not None:
+            outputs[name]["sampling"] = {"period": _period(signal.taken)}
+            if signal.std is not None and "noise" not in outputs[name]:
+                outputs[name]["noise"] = [{"type": "gaussian", "std": signal.std}]
+    return {**found, "outputs": outputs}
+
+
+def _period(taken: np.ndarray) -> float:
+    """About how far apart samples are; any number for a single one."""
+    gaps = np.diff(taken)
+    return float(np.median(gaps[gaps > 0])) if np.any(gaps > 0) else 1.0
+
+
+def plant_units(source: Source) -> dict[str, str]:
+    """Units of the plant's states and outputs; nothing where its block is wrong, which is said later."""
+    block = source.data.get("plant")
+    return units_of(plant_of(source)) if isinstance(block, dict) else {}
+
+
+def _check_names(experiment: Experiment, recording: Recording) -> None:
+    """What is recorded has to be something of the plant."""
+    model = experiment.plant.model
+    for name in recording.reference:
+        if name not in {*model.states, *model.outputs}:
+            known = ", ".join(dict.fromkeys((*model.states, *model.outputs)))
+            raise Problem(("data", "reference", name), f"neither a state nor an output; there are {known}")
+    missing = [name for name in model.outputs if name not in recording.outputs]
+    if missing:
+        raise Problem(("data", "outputs"), f"the output {missing[0]} of the plant is not among them")
+
+
+def first_values(experiment: Experiment, recording: Recording) -> dict[str, float]:
+    """By state the first sample of an output that measures it, not before the start of the run."""
+    found = {}
+    start = experiment.blocks.time.start
+    for output, state in experiment.plant.model.measures.items():
+        signal = recording.outputs[output]
+        inside = np.flatnonzero(signal.taken >= start)
+        if inside.size and state not in found:
+            found[state] = float(signal.values[inside[0]])
+    return found

@@ -1,0 +1,179 @@
+"""From a recording and observers to a result: estimates, their bands, their scores."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from hgorun.config.yaml_source import Source
+from hgorun.data.recording import Recording, Signal
+from hgorun.errors import ConfigError
+from hgorun.estimate.assessed import Normal, assess
+from hgorun.estimate.completed import completed
+from hgorun.estimate.evaluated import Compared, Evaluated, evaluate_run
+from hgorun.estimate.prepared import PreparedEstimate, prepare_estimate
+from hgorun.result.data import Integration, Measurements, ObserverResult, Recorded, RecordedOutput, Unseen
+from hgorun.result.result import Result
+from hgorun.result.status import OK, Verdict
+
+_LARGE = "an integration error above the accuracy asked for"
+
+
+def estimate(
+    source: Source,
+    recording: Recording,
+    *,
+    name: str = "estimate",
+    text: str = "",
+    held_out: Mapping[str, Signal] | None = None,
+    sensitivity: bool = True,
+) -> Result:
+    """Run the observers of a configuration on recorded data.
+
+    Parameters
+    ----------
+    source : Source
+        The configuration; its plant is what the observers copy, and is not simulated.
+    recording : Recording
+    name, text : str
+        What the result is called, and the configuration as written.
+    held_out : mapping of str to Signal, optional
+        By output, what is compared with the estimates and was set aside for that.
+    sensitivity : bool
+        Whether runs with other gains tell how much the scores depend on each.
+
+    Raises
+    ------
+    ConfigError
+        When the configuration does not fit together, or does not fit the data.
+    """
+    experiment = completed(source, recording, name, text)
+    prepared = prepare_estimate(experiment, recording)
+    with experiment.located():
+        return estimate_prepared(prepared, recording, held_out or {}, sensitivity=sensitivity)
+
+
+def estimate_prepared(
+    prepared: PreparedEstimate,
+    recording: Recording,
+    held_out: Mapping[str, Signal],
+    *,
+    sensitivity: bool = False,
+) -> Result:
+    """Carry a prepared estimate out; see :func:`estimate`."""
+    if not prepared.run.observers:
+        raise ConfigError("there are no observers")
+    found = evaluate_run(prepared, held_out, recording.reference)
+    normals = [Normal.of(prepared, found, j) for j in range(len(prepared.run.observers))]
+    result = _result(prepared, recording, found, normals)
+    if not sensitivity:
+        return result
+    from hgorun.estimate.sensitivity import with_sensitivity
+
+    return with_sensitivity(result, prepared, recording, held_out)
+
+
+def _result(prepared: PreparedEstimate, recording: Recording, found: Evaluated, normals: list[Normal | None]) -> Result:
+    run, experiment = prepared.run, prepared.experiment
+    model, origin, grid = run.plant.model, run.origin, found.grid
+    units = {"time": run.time.unit, **run.plant.units}
+    return Result(
+        name=experiment.name,
+        title=experiment.blocks.title,
+        time=origin + grid,
+        x=np.zeros((grid.size, 0)),
+        u=prepared.u(grid),
+        y=np.zeros((grid.size, 0)),
+        states=model.states,
+        inputs=model.inputs,
+        outputs=model.outputs,
+        units=units,
+        measurements=Measurements.nothing(len(model.outputs)),
+        observers={b.label: _observer(prepared, found, j, normals[j]) for j, b in enumerate(run.observers)},
+        config=experiment.text,
+        resolved=experiment.resolved_later,
+        seed=experiment.blocks.seed,
+        integration=Integration(
+            method=prepared.method,
+            step=found.carried.step,
+            rtol=None,
+            evaluations=found.carried.evaluations,
+            error={b.label: float(e) for b, e in zip(run.observers, found.carried.error, strict=True)},
+        ),
+        measures=model.measures,
+        remarks=tuple(_remarks(prepared, recording)),
+        recorded=_recorded(prepared, found, normals),
+    )
+
+
+def _remarks(prepared: PreparedEstimate, recording: Recording) -> list[str]:
+    """What was found in the data, and where estimates start from them."""
+    told = [str(note) for note in recording.notes]
+    for one in prepared.samples:
+        late = int(np.count_nonzero(~one.used))
+        if late:
+            told.append(f"{one.output}: {late} samples became known after newer ones and are not used")
+        outside = recording.outputs[one.output].values.size - one.values.size
+        if outside:
+            told.append(f"{one.output}: {outside} samples lie outside of the run")
+    return told
+
+
+def _observer(prepared: PreparedEstimate, found: Evaluated, j: int, normal: Normal | None) -> ObserverResult:
+    block = prepared.run.observers[j]
+    return ObserverResult(
+        type=block.observer.type,
+        xhat=found.xhat[j],
+        internal={name: st.shaped(found.rows) for name, st in block.states.items() if name != "xhat" and st.size},
+        gains={name: np.asarray(value).tolist() for name, value in block.design.items()},
+        dimension=sum(st.size for name, st in block.states.items() if name != "alpha"),
+        verdict=_verdict(prepared, found, j),
+        metrics={},
+        coordinates=prepared.experiment.coordinates.get(block.label),
+        assessed=assess(prepared, found, j, normal),
+    )
+
+
+def _verdict(prepared: PreparedEstimate, found: Evaluated, j: int) -> Verdict:
+    lost = float(found.carried.raw.diverged[j, 0])
+    origin = prepared.run.origin
+    if np.isfinite(lost):
+        return Verdict("diverged", origin + lost)
+    bad = np.flatnonzero(~np.all(np.isfinite(found.xhat[j]), axis=1))
+    if bad.size:
+        return Verdict("undefined", origin + float(found.grid[bad[0]]))
+    solver = prepared.run.solver
+    if solver.controlled and not found.carried.error[j] <= solver.accuracy:
+        return Verdict("inaccurate", None, _LARGE)
+    return OK
+
+
+def _recorded(prepared: PreparedEstimate, found: Evaluated, normals: list[Normal | None]) -> Recorded:
+    origin = prepared.run.origin
+    outputs = {}
+    for i, (one, slots) in enumerate(zip(prepared.samples, prepared.slots, strict=True)):
+        nothing = np.full(one.values.size, np.nan)
+        nis = [nothing if normal is None else normal.nis[i] for normal in normals]
+        outputs[one.output] = RecordedOutput(
+            origin + one.taken,
+            origin + one.available,
+            one.values,
+            found.carried.used[slots],
+            np.ascontiguousarray(found.predicted[i].T),
+            np.column_stack(nis),
+        )
+    return Recorded(outputs, _unseen(found.held_out, origin), _unseen(found.reference, origin))
+
+
+def _unseen(compared: Mapping[str, Compared], origin: float) -> dict[str, Unseen]:
+    return {name: Unseen(origin + one.taken, one.values) for name, one in compared.items()}
+
+
+def with_scores(result: Result, label: str, more: Mapping[str, Mapping[str, float]]) -> Result:
+    """The result with more scores of an observer."""
+    one = result.observers[label]
+    assert one.assessed is not None
+    assessed = replace(one.assessed, scores={**one.assessed.scores, **more})
+    return replace(result, observers={**result.observers, label: replace(one, assessed=assessed)})

@@ -1,0 +1,403 @@
+"""Observers that follow samples as they come."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+from bisect import bisect_right
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from hgorun.engine.layout import ARRIVE, JUMP, REBASE, RECORD, TAKE
+from hgorun.engine.live import Live
+from hgorun.engine.memory import Start
+from hgorun.engine.plan import Floats, Integers
+from hgorun.errors import ConfigError, HgorunError, Problem
+from hgorun.estimate.carrying import Gate, leave_out
+from hgorun.measurement.variants import HELD, SILENT
+from hgorun.observers.base import SampledObserver, treatment_of
+from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.preparation import check_limit, nominal_step, numbers_of
+from hgorun.simulation.structure import structure_of
+from hgorun.simulation.truth import Recording
+from hgorun.symbolic.evaluate import evaluate
+
+_MAGIC = b"hgorun-estimator-1\n"
+_MOST_OUTPUTS = 6  # whose every combination of heard and not heard is compiled
+_LARGEST = 1e300
+_LATE = 8  # samples of one output that may be on their way at once
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class _Event:
+    """What happens at a time.
+
+    Attributes
+    ----------
+    t : float
+    take : tuple of (output, slot)
+        What of the estimates is kept for samples that come later.
+    samples : tuple of (output, slot, value, used)
+        What arrives.
+    taken : float
+        When these were measured.
+    inputs : tuple of (input, value)
+        What changes.
+    """
+
+    t: float
+    take: tuple[tuple[int, int], ...] = ()
+    samples: tuple[tuple[int, int, float, bool], ...] = ()
+    inputs: tuple[tuple[int, float], ...] = ()
+    taken: float = np.nan
+
+
+class Estimator:
+    """The observers of an experiment on samples that come one after the other.
+
+    At the times of samples the estimates have the bits of ``hgorun estimate`` with the same steps. Memory is constant.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        Its plant is what the observers copy. Estimates begin at ``time.start`` with the observers' ``initial``.
+    gates : mapping of str to float, optional
+        By output, standard deviations of the innovation beyond which a sample is not used.
+    inputs : sequence of str
+        Inputs that are given with the samples, and held; the others are expressions of the time.
+    remembered : int
+        So many events are remembered for samples that come late; what was taken before them is refused.
+
+    Raises
+    ------
+    ConfigError
+
+    Examples
+    --------
+    >>> estimator = Estimator(hgorun.load("config.yaml"))
+    >>> estimator.update(0.1, {"y": 0.52})
+    >>> estimator.predict(0.15)["SHGO"]
+    """
+
+    def __init__(
+        self,
+        experiment: Experiment,
+        *,
+        gates: Mapping[str, float] | None = None,
+        inputs: tuple[str, ...] = (),
+        remembered: int = 1000,
+    ) -> None:
+        self._experiment = experiment
+        with experiment.located():
+            self._prepare(experiment, tuple(inputs))
+        model, gates = experiment.plant.model, gates or {}
+        self._outputs = {name: i for i, name in enumerate(model.outputs)}
+        for name in gates:
+            self._output(name)
+        limits = [gates.get(name) for name in model.outputs]
+        self._gate = Gate(experiment, limits) if gates else None
+        self._gated = [limit is not None for limit in limits]
+        self._heard = [False] * len(model.outputs)
+        self._newest = [-np.inf] * len(model.outputs)
+        self._pending = [0] * len(model.outputs)
+        self._last_sample = np.nan
+        self._events: deque[_Event] = deque(maxlen=remembered)
+        self._before: deque[tuple[dict[str, Floats], bytes]] = deque(maxlen=remembered)
+        self._remembers = remembered > 0
+
+    def _prepare(self, experiment: Experiment, inputs: tuple[str, ...]) -> None:
+        plant = experiment.plant
+        model = plant.model
+        for label, observer in experiment.observers.items():
+            check_limit(experiment, label, observer)
+        if experiment.adaptive:
+            raise Problem(("solver", "rtol"), "a stream is followed with steps that are fixed: give step")
+        if len(model.outputs) > _MOST_OUTPUTS:
+            raise Problem(("plant",), f"a stream has at most {_MOST_OUTPUTS} outputs")
+        unknown = [name for name in inputs if name not in model.inputs]
+        if unknown:
+            raise Problem(("plant", "inputs"), f"unknown input {unknown[0]!r}")
+        self._inputs = {name: i for i, name in enumerate(name for name in model.inputs if name in inputs)}
+        variants = [tuple((what, 0) for what in row) for row in product((SILENT, HELD), repeat=len(model.outputs))]
+        self._regime = {row: number for number, row in enumerate(product((False, True), repeat=len(model.outputs)))}
+        designs = list(experiment.designs.values())
+        truth = Recording(plant.symbolic, tuple(i for i, name in enumerate(model.inputs) if name in inputs))
+        stretches = experiment.stretches
+        structure = structure_of([truth], [designs], stretches, variants, plant.everything, innovations=True)
+        numbers = numbers_of(structure, plant, experiment, designs)
+        self._structure, self._p = structure, numbers.p
+        self._labels = [b.label for b in numbers.observers]
+        corrections = structure.system.corrections
+        self._corrections = [number for number, _, _ in corrections]
+        self._steps = [number for number in range(len(structure.system.jumps)) if number not in self._corrections]
+        self._otherwise = [label for label, o in experiment.observers.items() if treatment_of(o) != "innovation"]
+        jumping = [b for b in numbers.observers if isinstance(b.observer, SampledObserver)]
+        if jumping and len(model.outputs) > 1:
+            raise Problem(("observers", jumping[0].label), "of a stream it can follow a single output")
+        start = Start(numbers.z0[model.n :][:, None], numbers.p[:, None], (_LARGEST, 0.0))
+        program = structure.program(experiment.blocks.solver.given_method)
+        slots = len(model.outputs) * (_LATE + 1)
+        self._live = Live(program, start, 0.0, slots, nominal_step(experiment))
+        self._rows: dict[object, Integers] = {}
+
+    @property
+    def t(self) -> float:
+        """The time of the last event."""
+        return self._experiment.origin + self._live.t
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Names of what is estimated."""
+        return self._experiment.plant.model.states
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Of the observers."""
+        return tuple(self._labels)
+
+    @property
+    def lost(self) -> dict[str, bool]:
+        """Which observers have no numbers any more."""
+        return {label: bool(at < np.inf) for label, at in zip(self._labels, self._live.diverged.tolist(), strict=True)}
+
+    def estimate(self) -> dict[str, Floats]:
+        """xhat of every observer at the last event, by label, shape (n,) each."""
+        z, found = self._live.z, {}
+        for label, readout in zip(self._labels, self._structure.estimates, strict=True):
+            if readout.places is not None:
+                found[label] = z[readout.places]
+            else:
+                w = self._live.w if readout.function.size1_in(3) else np.zeros(0)
+                found[label] = evaluate(readout.function, np.array([self._live.t]), self._p, z, w)[0][0]
+        return found
+
+    def predict(self, t: float) -> dict[str, Floats]:
+        """xhat of every observer at a time that is not before the last event; nothing follows from it.
+
+        Raises
+        ------
+        ValueError
+            For an earlier time.
+        """
+        ahead = self._since_start(t)
+        if ahead == self._live.t:
+            return self.estimate()
+        kept = self._live.state()
+        self._live.advance(ahead, self._regime[tuple(self._heard)])
+        found = {label: np.array(values) for label, values in self.estimate().items()}
+        self._live.restore(kept)
+        return found
+
+    def _since_start(self, t: float) -> float:
+        since = float(t) - self._experiment.origin
+        if not since >= self._live.t:  # NaN, too
+            raise ValueError(f"t = {t:g} is before {self.t:g}, which has been reached")
+        return since
+
+    def _output(self, name: str) -> int:
+        if name not in self._outputs:
+            raise ValueError(f"no output is called {name!r}; there are {', '.join(self._outputs)}")
+        return self._outputs[name]
+
+    def update(
+        self,
+        t: float,
+        y: Mapping[str, float],
+        available: float | None = None,
+        u: Mapping[str, float] | None = None,
+    ) -> None:
+        """Take samples, and go on to when they are known.
+
+        Parameters
+        ----------
+        t : float
+            When they were taken.
+        y : mapping of str to float
+            By output; what is not a number is missing.
+        available : float, optional
+            When they are known, if that is later than ``t``.
+        u : mapping of str to float, optional
+            Inputs from then on.
+
+        Raises
+        ------
+        ValueError
+            For a time that has passed, and for names that are unknown.
+        """
+        values = [(self._output(name), float(value)) for name, value in y.items()]
+        values = sorted((i, value) for i, value in values if np.isfinite(value))
+        changed = () if not u else tuple((self._input(name), float(value)) for name, value in u.items())
+        if available is None or available == t:
+            now = self._since_start(t)
+            samples = tuple((i, i * (_LATE + 1), value, now >= self._newest[i]) for i, value in values)
+            self._go_on(_Event(now, tuple((i, slot) for i, slot, _, _ in samples), samples, changed, now))
+            return
+        now, taken = self._since_start(available), float(t) - self._experiment.origin
+        if taken < now and self._otherwise:
+            label = self._otherwise[0]
+            treatment = treatment_of(self._experiment.observers[label])
+            raise ValueError(
+                f"a sample taken at {t:g} is known at {available:g}, and {label} has late: {treatment}: a stream takes "
+                "late samples into the innovation alone; estimate a recording, or take another observer"
+            )
+        if taken > now:
+            raise ValueError(f"taken at {t:g}, after it was known at {available:g}")
+        slots = tuple((i, self._next_slot(i)) for i, _ in values)
+        self._go_back(_Event(taken, slots))
+        used = tuple((i, slot, v, taken >= self._newest[i]) for (i, slot), (_, v) in zip(slots, values, strict=True))
+        self._go_on(_Event(now, (), used, changed, taken))
+
+    def _input(self, name: str) -> int:
+        if name not in self._inputs:
+            known = ", ".join(self._inputs) or "none"
+            raise ValueError(f"the input {name!r} is not given with samples; those that are: {known}")
+        return self._inputs[name]
+
+    def _next_slot(self, output: int) -> int:
+        """A place for a late sample: one after the other, around."""
+        self._pending[output] = self._pending[output] % _LATE + 1
+        return output * (_LATE + 1) + self._pending[output]
+
+    def _go_on(self, event: _Event) -> None:
+        """Carry an event out, and remember it."""
+        if self._remembers:
+            self._before.append((self._live.state(), self._notes()))
+            self._events.append(event)
+        self._carry_out(event)
+
+    def _go_back(self, event: _Event) -> None:
+        """Keep what was estimated at an earlier time: from there all is carried out again."""
+        times = [one.t for one in self._events]
+        place = bisect_right(times, event.t)
+        if event.t >= self._live.t:
+            self._go_on(event)
+            return
+        if place == 0 and len(self._events) == self._events.maxlen:
+            raise ValueError(
+                f"a sample taken at {self._experiment.origin + event.t:g} is older than all that is remembered: "
+                "increase remembered"
+            )
+        again = list(self._events)[place:]
+        if again:
+            state, notes = self._before[place]
+            pending = self._pending
+            self._live.restore(state)
+            self._restore_notes(notes)
+            self._pending = pending  # no slot of a sample that is on its way is given to another
+            for _ in again:
+                self._events.pop()
+                self._before.pop()
+        for one in [event, *again]:
+            self._go_on(one)
+
+    def _carry_out(self, event: _Event) -> None:
+        live = self._live
+        live.advance(event.t, self._regime[tuple(self._heard)])
+        layout = self._structure.system.held
+        for number, value in event.inputs:
+            place, slope, since, _ = layout.input(number)
+            live.w[place], live.w[slope], live.w[since] = value, 0.0, event.t
+        if not (event.take or event.samples):
+            return
+        for _, slot, value, _ in event.samples:
+            live.samples[slot] = value
+        jumps = self._jumps(event)
+        gated = self._gate is not None and any(self._gated[i] and used for i, _, _, used in event.samples)
+        z, w = (live.z.copy(), live.w.copy()) if gated else (live.z, live.w)
+        fresh = [layout.fresh(i) for i, _, _, used in event.samples if used and layout.flags]
+        live.w[fresh] = 1.0
+        live.happen(self._actions(event, jumps), self._regime[tuple(self._heard)])
+        live.w[fresh] = 0.0
+        for i, slot, _, used in event.samples:
+            if used:
+                self._heard[i] = True
+                self._newest[i] = event.taken
+                if self._gate is not None and self._gated[i]:
+                    for j in self._gate.outliers(i, live.innovations[slot]):
+                        leave_out(self._structure.system, live, i, j, z, w)
+
+    def _jumps(self, event: _Event) -> list[int]:
+        """What jumps at an event: corrections whenever something arrives, steps from the second sample on."""
+        if not any(used for _, _, _, used in event.samples):
+            return []
+        found = list(self._corrections)
+        if self._steps:
+            if not np.isnan(self._last_sample):
+                self._live.w[self._structure.system.held.interval] = event.t - self._last_sample
+                found = self._steps + found
+            self._last_sample = event.t
+        return found
+
+    def _actions(self, event: _Event, jumps: list[int]) -> Integers:
+        """Rows of the engine's action table, in their order; kept, since few of them differ."""
+        key = (event.take, tuple((i, slot, used) for i, slot, _, used in event.samples), tuple(jumps))
+        if key not in self._rows:
+            rows = [(TAKE, i, slot, 0, 0) for i, slot in event.take]
+            rows += [(ARRIVE if used else RECORD, i, slot, 0, 0) for i, slot, _, used in event.samples]
+            if self._structure.system.has_alpha:
+                for i, _, _, used in event.samples:
+                    if used:
+                        first = i * (_LATE + 1)
+                        rows.append((REBASE, i, 0, first + 1, first + 1 + _LATE))
+            rows += [(JUMP, number, 0, 0, 0) for number in jumps]
+            if len(self._rows) > 1000:
+                self._rows.clear()
+            self._rows[key] = np.array(rows, dtype=np.int64)
+        return self._rows[key]
+
+    def _notes(self) -> bytes:
+        """What is known beside the numbers of the run."""
+        gate = None if self._gate is None else [[one.state() for one in row] for row in self._gate.deviations]
+        return json.dumps([self._heard, self._newest, self._pending, self._last_sample, gate]).encode()
+
+    def _restore_notes(self, notes: bytes) -> None:
+        self._heard, self._newest, self._pending, self._last_sample, gate = json.loads(notes)
+        if self._gate is not None and gate is not None:
+            for row, kept in zip(self._gate.deviations, gate, strict=True):
+                for one, innovations in zip(row, kept, strict=True):
+                    one.restore(innovations)
+
+    def _identity(self) -> str:
+        """What a checkpoint has to be of: the configuration, and which inputs are given."""
+        text = self._experiment.resolved_text + json.dumps(sorted(self._inputs))
+        return hashlib.sha256(text.encode()).hexdigest()
+
+    def checkpoint(self) -> bytes:
+        """All that the estimator goes on from; samples taken before it cannot be used later."""
+        file = io.BytesIO()
+        np.savez(file, allow_pickle=False, **self._live.state())
+        notes = self._notes()
+        head = json.dumps({"of": self._identity(), "notes": len(notes)}).encode()
+        return _MAGIC + head + b"\n" + notes + file.getvalue()
+
+    def restore(self, checkpoint: bytes) -> None:
+        """Go on from a checkpoint of the same configuration.
+
+        Raises
+        ------
+        HgorunError
+            When it is none, or one of another configuration.
+        """
+        if not checkpoint.startswith(_MAGIC):
+            raise ConfigError("this is no checkpoint of an estimator, or one of another version")
+        try:
+            head, rest = checkpoint[len(_MAGIC) :].split(b"\n", 1)
+            told = json.loads(head)
+            if told["of"] != self._identity():
+                raise ConfigError("the checkpoint is of another configuration")
+            size = int(told["notes"])
+            with np.load(io.BytesIO(rest[size:]), allow_pickle=False) as arrays:
+                state = {name: np.array(arrays[name], dtype=float) for name in arrays.files}
+            self._restore_notes(rest[:size])
+            self._live.restore(state)
+        except HgorunError:
+            raise
+        except Exception as error:
+            raise ConfigError(f"the checkpoint is damaged: {error}") from error
+        self._events.clear()
+        self._before.clear()

@@ -1,0 +1,137 @@
+"""What of a run is compared with measurements: estimates at the times of samples, and between them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from hgorun.data.recording import Signal
+from hgorun.estimate.carrying import Carried, carry_out, estimates
+from hgorun.estimate.prepared import PreparedEstimate
+from hgorun.symbolic.evaluate import Floats
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Compared:
+    """A measured quantity beside what every observer says of it.
+
+    Attributes
+    ----------
+    name : str
+        A state or an output.
+    taken, values : ndarray, shape (k,)
+        Times counted from the start of the run.
+    residuals : ndarray, shape (m, k)
+        Measured minus estimated, without whole periods.
+    """
+
+    name: str
+    taken: Floats
+    values: Floats
+    residuals: Floats
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Evaluated:
+    """A run, its estimates on the output grid, and what they are compared with.
+
+    Attributes
+    ----------
+    carried : Carried
+    grid : ndarray, shape (Nt,)
+        The output grid, from 0 on.
+    xhat : sequence of ndarray, shape (Nt, n)
+        Of every observer.
+    rows : ndarray, shape (Nt, states)
+    predicted : sequence of ndarray, shape (m, n_k)
+        Of every output measured minus estimated at the time of each sample, as it was estimated without that sample.
+    held_out, reference : mapping of str to Compared
+    """
+
+    carried: Carried
+    grid: Floats
+    xhat: Sequence[Floats]
+    rows: Floats
+    predicted: Sequence[Floats]
+    held_out: Mapping[str, Compared]
+    reference: Mapping[str, Compared]
+
+
+def evaluate_run(
+    prepared: PreparedEstimate, held_out: Mapping[str, Signal], reference: Mapping[str, Signal]
+) -> Evaluated:
+    """Carry a run out and compare it with what was not used in it.
+
+    Parameters
+    ----------
+    held_out : mapping of str to Signal
+        By output.
+    reference : mapping of str to Signal
+        By state or output.
+    """
+    experiment = prepared.experiment
+    origin, end = experiment.origin, experiment.time.end
+    asked = {(0, name): signal for name, signal in held_out.items()}
+    asked |= {(1, name): signal for name, signal in reference.items()}
+    chosen = {key: _inside(signal, origin, end) for key, signal in asked.items()}
+    grid, _, _ = experiment.grid
+    every = experiment.grid[1]
+    shown = grid[::every]
+    late = [one.taken for one in prepared.samples if one.taken is not one.available]
+    times = np.unique(np.concatenate([shown, *(taken for taken, _ in chosen.values()), *late]))
+    carried = carry_out(prepared, times)
+    everywhere = estimates(prepared, times, carried.raw)
+    on_grid = np.searchsorted(times, shown)
+    compared = {
+        key: _compared(prepared, key[1], taken, values, [x[np.searchsorted(times, taken)] for x in everywhere])
+        for key, (taken, values) in chosen.items()
+    }
+    return Evaluated(
+        carried,
+        shown,
+        [x[on_grid] for x in everywhere],
+        carried.raw.rows[on_grid, :, 0],
+        [_predicted(prepared, i, times, everywhere, carried) for i in range(len(prepared.samples))],
+        {name: one for (which, name), one in compared.items() if which == 0},
+        {name: one for (which, name), one in compared.items() if which == 1},
+    )
+
+
+def _inside(signal: Signal, origin: float, end: float) -> tuple[Floats, Floats]:
+    """Times and values of a signal in a run."""
+    taken = signal.taken - origin
+    inside = (taken >= 0.0) & (taken <= end)
+    return taken[inside], signal.values[inside]
+
+
+def _compared(prepared: PreparedEstimate, name: str, taken: Floats, values: Floats, xhat: Sequence[Floats]) -> Compared:
+    model = prepared.run.plant.model
+    if name in model.outputs:
+        i = model.outputs.index(name)
+        residuals = [model.wrapped(i, values - prepared.outputs(taken, x)[:, i]) for x in xhat]
+    else:
+        k = model.states.index(name)
+        residuals = [values - x[:, k] for x in xhat]
+    return Compared(name, taken, values, np.array(residuals).reshape(len(xhat), taken.size))
+
+
+def _predicted(
+    prepared: PreparedEstimate, output: int, times: Floats, xhat: Sequence[Floats], carried: Carried
+) -> Floats:
+    """Measured minus estimated at the time of every sample of an output.
+
+    The innovation where a sample was known at once. Of a late one what had been estimated when it was taken.
+    """
+    one, model = prepared.samples[output], prepared.run.plant.model
+    innovations, observers = carried.raw.innovations, range(len(prepared.run.observers))
+    own = [innovations[prepared.own_slots(output, j), j, 0] for j in observers]
+    found = -model.wrapped(output, np.reshape(own, (len(observers), one.values.size)))
+    late = one.available > one.taken
+    if np.any(late):
+        taken = one.taken[late]
+        places = np.searchsorted(times, taken)
+        for j, x in enumerate(xhat):
+            found[j, late] = model.wrapped(output, one.values[late] - prepared.outputs(taken, x[places])[:, output])
+    return np.asarray(found)

@@ -1,0 +1,83 @@
+"""Samples that are set aside, to be compared with what is estimated without them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hgorun.data.recording import Recording, Signal
+from hgorun.errors import ConfigError
+
+
+@dataclass(frozen=True)
+class HoldOut:
+    """Every so many-th sample of an output, from the one in the middle of the first so many on."""
+
+    output: str
+    every: int
+
+
+def parse_holdout(text: str) -> tuple[str, str]:
+    """``OUTPUT=N`` or ``OUTPUT=FILE``: the output, and what follows.
+
+    Raises
+    ------
+    ConfigError
+    """
+    output, equals, what = text.partition("=")
+    if not equals or not output or not what:
+        raise ConfigError(f"--holdout {text}: expected OUTPUT=N, every N-th sample, or OUTPUT=FILE")
+    return output, what
+
+
+def number_of(output: str, what: str) -> HoldOut | None:
+    """The hold-out of every N-th sample; None where a file is meant.
+
+    Raises
+    ------
+    ConfigError
+        For a number below 2.
+    """
+    if not what.lstrip("+-").isdigit():
+        return None
+    every = int(what)
+    if every < 2:
+        raise ConfigError(f"--holdout {output}={what}: expected a number of at least 2, or a file")
+    return HoldOut(output, every)
+
+
+def held_out(recording: Recording, chosen: list[HoldOut]) -> tuple[Recording, Mapping[str, Signal]]:
+    """A recording without some samples, and these.
+
+    Raises
+    ------
+    ConfigError
+        For an output that is not recorded, or has too few samples.
+    """
+    outputs, aside = dict(recording.outputs), {}
+    for one in chosen:
+        if one.output not in outputs:
+            known = ", ".join(recording.outputs)
+            raise ConfigError(f"--holdout {one.output}: no such output is recorded; there are {known}")
+        signal = outputs[one.output]
+        out = np.zeros(signal.taken.size, dtype=bool)
+        out[one.every // 2 :: one.every] = True
+        if not out.any() or out.all():
+            raise ConfigError(f"--holdout {one.output}={one.every}: there are {out.size} samples only")
+        aside[one.output], outputs[one.output] = part(signal, out), part(signal, ~out)
+    return replace(recording, outputs=outputs), aside
+
+
+def part(signal: Signal, chosen: np.ndarray) -> Signal:
+    """Some samples of a signal."""
+    taken = signal.taken[chosen]
+    same = signal.available is signal.taken
+    return replace(
+        signal,
+        taken=taken,
+        available=taken if same else signal.available[chosen],
+        values=signal.values[chosen],
+        lines=signal.lines[chosen],
+    )

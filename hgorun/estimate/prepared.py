@@ -1,0 +1,230 @@
+"""A recording and the observers of it, ready to be carried out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from hgorun.config.models import Method
+from hgorun.data.recording import Recording as Recorded
+from hgorun.engine.memory import Start
+from hgorun.engine.methods import METHODS
+from hgorun.engine.plan import Plan
+from hgorun.engine.program import Program
+from hgorun.errors import Problem
+from hgorun.estimate.samples import Sampled, all_sampled, channel, recorded_inputs
+from hgorun.measurement.late import HeardOtherwise, heard
+from hgorun.measurement.schedule import build_schedule
+from hgorun.observers.base import treatment_of
+from hgorun.simulation.actions import RecordedInputs
+from hgorun.simulation.checks import check_corrections, check_jumps, check_start
+from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.plant_alone import plant_kinks
+from hgorun.simulation.preparation import check_limit, in_groups, nominal_step, numbers_of, treatments_of
+from hgorun.simulation.prepared import PreparedRun
+from hgorun.simulation.structure import structure_of
+from hgorun.simulation.tables import build_plan
+from hgorun.simulation.truth import Recording, SameTruth
+from hgorun.symbolic.evaluate import Floats, evaluate
+
+_DIVERGED = 1e12  # times all that is known: beyond that an observer is lost, whatever the units
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class PreparedEstimate:
+    """All that is decided before the first step.
+
+    Attributes
+    ----------
+    run : PreparedRun
+        Experiment, equations, numbers and schedule; its times are counted from the start of the run.
+    samples : tuple of Sampled
+        Of every output.
+    inputs : RecordedInputs, optional
+        Those that are recorded.
+    """
+
+    run: PreparedRun
+    samples: tuple[Sampled, ...]
+    inputs: RecordedInputs | None
+
+    @property
+    def experiment(self) -> Experiment:
+        """Of which the observers are."""
+        return self.run.experiment
+
+    @property
+    def slots(self) -> list[slice]:
+        """Where among all samples those of each output are."""
+        ends = np.cumsum([0, *(one.values.size for one in self.samples)]).tolist()
+        return [slice(a, b) for a, b in pairwise(ends)]
+
+    def own_slots(self, output: int, j: int) -> np.ndarray:
+        """Where observer j hears the samples of an output, shape (n_k,); -1 for those that are left out for it."""
+        observer = self.run.observers[j].observer
+        channels, treatment = self.run.heard, treatment_of(observer)
+        group = 1 + self.run.treatments.index(treatment) if treatment in self.run.treatments else 0
+        number = group * len(self.samples) + output
+        first = sum(c.samples.arrival.size for c in channels[:number])
+        channel, found = channels[number], np.full(self.samples[output].values.size, -1)
+        which = channel.which if isinstance(channel, HeardOtherwise) else np.arange(found.size)
+        found[which] = first + np.arange(which.size)
+        return found
+
+    def used(self) -> np.ndarray:
+        """Which samples each observer takes, but for outliers, shape (samples, m)."""
+        columns = []
+        for b in self.run.observers:
+            treatment = treatment_of(b.observer)
+            if treatment == "drop" and self.run.treatments:
+                columns.append(np.concatenate([one.available <= one.taken for one in self.samples]))
+            elif treatment == "replay" and self.run.treatments:
+                columns.append(np.ones(sum(one.used.size for one in self.samples), dtype=bool))
+            else:
+                columns.append(np.concatenate([one.used for one in self.samples]))
+        return (
+            np.column_stack(columns) if columns else np.zeros((sum(o.used.size for o in self.samples), 0), dtype=bool)
+        )
+
+    @property
+    def gated(self) -> bool:
+        """Whether samples may be found to be outliers."""
+        return any(one.gate is not None and one.values.size for one in self.samples)
+
+    def program(self) -> Program:
+        """The native code."""
+        return self.run.structure.program(self.method)
+
+    @property
+    def method(self) -> Method:
+        """Of integration."""
+        return self.run.solver.given_method
+
+    def plan(self, grid: Floats, step: float, uneven: float | None = None) -> Plan:
+        """The tables of a run; arguments as of :func:`~hgorun.simulation.tables.build_plan`."""
+        return build_plan(
+            self.run.schedule,
+            self.run.heard,
+            grid,
+            self.run.structure.system,
+            always_slope=bool(METHODS[self.method].error),
+            longest=step,
+            reach=0.0,
+            origin=self.run.origin,
+            uneven=uneven,
+            inputs=self.inputs,
+            samples=[one.values for one in self.samples],
+            in_parts=not self.gated,
+        )
+
+    def start(self) -> Start:
+        """Where it begins."""
+        numbers = self.run.numbers
+        bound = self.run.solver.divergence
+        if bound is None:
+            values = [np.ones(1), numbers.z0, *(one.values for one in self.samples)]
+            bound = _DIVERGED * max(float(np.max(np.abs(part), initial=0.0)) for part in values)
+        return Start(numbers.z0[:, None], numbers.p[:, None], (bound, 0.0))
+
+    def u(self, times: Floats) -> Floats:
+        """The inputs at several times, shape (len(times), m)."""
+        system, numbers = self.run.structure.system, self.run.numbers
+        u = self.run.structure.inputs.along(times, numbers.p, np.zeros(system.states)).copy()
+        if self.inputs is not None:
+            u[:, list(self._truth.recorded)] = self.inputs.at(times)
+        return u
+
+    def held(self, times: Floats) -> Floats | None:
+        """The vector w as far as it says what the inputs are at several times; None where none is recorded."""
+        if self.inputs is None:
+            return None
+        layout = self.run.structure.system.held
+        w = np.zeros((times.size, layout.size))
+        for i, values in enumerate(self.inputs.at(times).T):
+            w[:, layout.input(i)[0]] = values
+        return w
+
+    def outputs(self, times: Floats, x: Floats) -> Floats:
+        """h(t, x, u), shape (len(times), q)."""
+        model = self.run.plant.model
+        if not times.size:
+            return np.zeros((0, len(model.outputs)))
+        return evaluate(model.output_function, times[:, None], x, self.u(times), self.run.plant.parameters)[0]
+
+    @property
+    def _truth(self) -> Recording:
+        truth = self.run.structure.groups[0].truth
+        assert isinstance(truth, Recording)
+        return truth
+
+
+def prepare_estimate(experiment: Experiment, recording: Recorded) -> PreparedEstimate:
+    """Check all that can be checked before the first step.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        A whole one, see :func:`hgorun.estimate.completed.completed`.
+    recording : Recording
+
+    Raises
+    ------
+    ConfigError
+    """
+    with experiment.located():
+        _refuse(experiment)
+        samples = tuple(all_sampled(recording, experiment))
+        plant, time = experiment.plant, experiment.time
+        channels = [channel(one, experiment, i) for i, one in enumerate(samples)]
+        inputs = recorded_inputs(recording, plant.model.inputs, experiment.origin, time.end)
+        _ = experiment.grid, experiment.forms  # what is wrong with them is said first
+        step = nominal_step(experiment)
+        kinks = plant_kinks(plant, time, experiment.origin).times
+        changes = np.zeros(0) if inputs is None else inputs.times
+        treatments = treatments_of(experiment, channels)
+        schedule = build_schedule(heard(channels, treatments), time, kinks, step, changes)
+        of_groups = in_groups(experiment, treatments)
+        designs = [design for group in of_groups for design in group]
+        recorded = tuple(i for i, name in enumerate(plant.model.inputs) if name in recording.inputs)
+        truth = Recording(plant.symbolic, recorded)
+        truths = [truth, *(SameTruth(truth, treatment == "replay") for treatment in treatments)]
+        stretches = [one for _ in truths for one in experiment.stretches]
+        variants, everything = schedule.variants, plant.everything
+        structure = structure_of(truths, of_groups, stretches, variants, everything, innovations=True)
+        numbers = numbers_of(structure, plant, experiment, designs)
+        numbers = replace(numbers, z0=numbers.z0[plant.model.n :])
+        run = PreparedRun(
+            experiment=experiment,
+            structure=structure,
+            numbers=numbers,
+            step=step,
+            channels=channels,
+            schedule=schedule,
+            smallest_delay=np.inf,
+            reach=0.0,
+            treatments=treatments,
+        )
+        check_jumps(run)
+        check_corrections(run)
+        check_start(run)
+        prepared = PreparedEstimate(run=run, samples=samples, inputs=inputs)
+        if prepared.gated and treatments:
+            label = next(label for label, o in experiment.observers.items() if treatment_of(o) in treatments)
+            raise Problem(
+                ("observers", label, "late"),
+                f"outliers are found when samples arrive: with a gate late samples enter the innovation, and {label} has "
+                f"late: {treatment_of(experiment.observers[label])}",
+            )
+    return prepared
+
+
+def _refuse(experiment: Experiment) -> None:
+    """What a recording cannot have."""
+    if experiment.plant_block.discretise is not None:
+        raise Problem(("plant", "discretise"), "this steps a simulated plant, and nothing is simulated here")
+    if experiment.adaptive:
+        raise Problem(("solver", "rtol"), "estimates of recorded data take steps that are fixed: give step, or neither")
+    for label, observer in experiment.observers.items():
+        check_limit(experiment, label, observer)

@@ -1,0 +1,122 @@
+"""What was recorded, as the channels and inputs of a run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from hgorun.data.recording import InputSignal, Recording, Signal
+from hgorun.errors import Problem
+from hgorun.measurement.channels import Channel
+from hgorun.measurement.noise import StretchNoise, deviations
+from hgorun.measurement.sampling import Samples
+from hgorun.simulation.actions import RecordedInputs
+from hgorun.simulation.experiment import Experiment
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Sampled:
+    """The samples of one output in the order of their arrival, counted from the start of the run.
+
+    Attributes
+    ----------
+    output : str
+    taken, available, values : ndarray, shape (n,)
+    used : ndarray of bool, shape (n,)
+        False for a sample that came after a newer one.
+    std : float or None
+        Standard deviation of the noise, where it was stated with the data.
+    gate : float or None
+        Standard deviations of the innovation beyond which a sample is not used.
+    """
+
+    output: str
+    taken: np.ndarray
+    available: np.ndarray
+    values: np.ndarray
+    used: np.ndarray
+    std: float | None
+    gate: float | None
+
+
+def sampled(signal: Signal, output: str, origin: float, end: float) -> Sampled:
+    """Those of a signal that were taken and known in a run.
+
+    Parameters
+    ----------
+    origin, end : float
+        The start of the run on the clock of the data, and how long it lasts.
+    """
+    taken, available = signal.taken - origin, signal.available - origin
+    slack = 4 * np.spacing(max(abs(origin), abs(origin + end)))
+    inside = (taken >= -slack) & (available <= end + slack)
+    # those known together in the order in which they were taken, so that the newest is what is held
+    order = np.lexsort((taken[inside], available[inside]))
+    same = signal.available is signal.taken
+    taken = np.clip(taken[inside], 0.0, end)[order]
+    available = taken if same else np.clip(available[inside], 0.0, end)[order]
+    newest = np.maximum.accumulate(np.concatenate([[-np.inf], taken]))[:-1]
+    used = taken >= newest - max(1e-12 * end, 2 * slack)
+    return Sampled(output, taken, available, signal.values[inside][order], used, signal.std, signal.gate)
+
+
+def channel(samples: Sampled, experiment: Experiment, output: int) -> Channel:
+    """An output whose samples are there already."""
+    stretches = experiment.stretches[output]
+    count = samples.available.size
+    found = Samples(
+        samples.available,
+        samples.taken,
+        np.arange(count),
+        np.zeros(count, dtype=np.int64),
+        samples.used,
+    )
+    time = experiment.time
+    noise = [StretchNoise(s, (), 0, samples.output, time.start, time.end) for s in stretches]
+    return Channel(samples.output, stretches, found, noise)
+
+
+def recorded_inputs(recording: Recording, inputs: tuple[str, ...], origin: float, end: float) -> RecordedInputs | None:
+    """The recorded ones among the inputs of a plant, in their order there; None where none is recorded."""
+    signals = [recording.inputs[name] for name in inputs if name in recording.inputs]
+    if not signals:
+        return None
+    changes = np.unique(np.concatenate([[0.0], *(signal.times - origin for signal in signals)]))
+    changes = changes[(changes >= 0.0) & (changes < end)]
+    lines = [_lines(signal, changes + origin) for signal in signals]
+    levels, slopes = (np.column_stack(part) for part in zip(*lines, strict=True))
+    return RecordedInputs(changes, levels, slopes)
+
+
+def _lines(signal: InputSignal, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Value and slope of an input from some times on; before its first value and behind its last it is constant."""
+    place = np.searchsorted(signal.times, times, side="right") - 1
+    before = np.clip(place, 0, None)
+    if signal.hold == "zero":
+        return signal.values[before], np.zeros(times.size)
+    after = np.clip(place + 1, 0, signal.times.size - 1)
+    rise, run = signal.values[after] - signal.values[before], signal.times[after] - signal.times[before]
+    slopes = np.divide(rise, run, out=np.zeros(times.size), where=run > 0)
+    return signal.values[before] + slopes * np.maximum(times - signal.times[before], 0.0), slopes
+
+
+def all_sampled(recording: Recording, experiment: Experiment) -> list[Sampled]:
+    """Of every output of the plant, in their order.
+
+    Raises
+    ------
+    Problem
+        Where no sample lies in the run.
+    """
+    origin, end = experiment.origin, experiment.time.end
+    found = [sampled(recording.outputs[name], name, origin, end) for name in experiment.plant.model.outputs]
+    if not any(one.values.size for one in found):
+        raise Problem(("time",), f"no sample was taken between {origin:g} and {origin + end:g}")
+    return found
+
+
+def stated(experiment: Experiment) -> Mapping[str, float]:
+    """Standard deviation of the noise of every output, where it is stated."""
+    return deviations(experiment.stretches, experiment.plant.model.outputs)

@@ -1,0 +1,107 @@
+"""How good estimates are where no truth is known."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from hgorun.estimate.bands import coverage, since_last
+from hgorun.estimate.evaluated import Evaluated
+from hgorun.estimate.prepared import PreparedEstimate
+from hgorun.estimate.samples import Sampled, stated
+from hgorun.symbolic.evaluate import Floats
+
+Scores = Mapping[str, Mapping[str, float]]  # by score, then by output, state or gain
+_LAGS = 10
+_SETTLED = 0.1  # of the samples: so many at the start are no matter of the noise
+
+
+def scores_of(prepared: PreparedEstimate, found: Evaluated, j: int) -> dict[str, dict[str, float]]:
+    """The scores of observer j.
+
+    ``holdout_rmse``, ``holdout_mean``, ``holdout_coverage``
+        Of samples that were held out: size of measured minus estimated, its mean, and which part a band of 95 % covers
+        that was made of the others.
+    ``innovation_mean``, ``innovation_rms``
+        Of measured minus estimated at every sample before it was used, behind the first tenth of them.
+    ``whiteness``
+        p-value of the test of Ljung and Box with ten lags: small where innovations follow from those before, that is,
+        where something could still be learnt from them.
+    ``size``
+        Their standard deviation over the one that is stated for the noise; where it is below 1, noise is followed.
+    ``gated``
+        Outliers.
+    ``reference_rmse``
+        Against what was measured for comparison alone.
+    """
+    scores: dict[str, dict[str, float]] = {}
+
+    def add(score: str, of: str, value: float | None) -> None:
+        if value is not None:
+            scores.setdefault(score, {})[of] = float(value)
+
+    noise = stated(prepared.experiment)
+    for name, one in found.held_out.items():
+        residuals = one.residuals[j]
+        add("holdout_rmse", name, rms(residuals))
+        add("holdout_mean", name, float(np.mean(residuals)) if residuals.size else None)
+        add("holdout_coverage", name, coverage(residuals, _since(prepared, name, one.taken)))
+    for i, sampled in enumerate(prepared.samples):
+        used = found.carried.used[prepared.slots[i], j]
+        innovations = settled(found.predicted[i][j][used])
+        name = sampled.output
+        add("innovation_mean", name, float(np.mean(innovations)) if innovations.size else None)
+        add("innovation_rms", name, rms(innovations))
+        add("whiteness", name, ljung_box(innovations))
+        if name in noise and innovations.size > 1:
+            add("size", name, float(np.std(innovations)) / noise[name])
+        if sampled.gate is not None:
+            add("gated", name, float(np.count_nonzero(sampled.used & ~used)))
+    for name, one in found.reference.items():
+        add("reference_rmse", name, rms(one.residuals[j]))
+    return scores
+
+
+def _since(prepared: PreparedEstimate, output: str, times: Floats) -> Floats:
+    sampled = next(one for one in prepared.samples if one.output == output)
+    return since(sampled, times)
+
+
+def since(sampled: Sampled, times: Floats, *, before: bool = False) -> Floats:
+    """How long ago the newest sample was taken that was known at some times; see :func:`since_last`."""
+    return since_last(times, sampled.taken[sampled.used], sampled.available[sampled.used], before=before)
+
+
+def settled(innovations: Floats) -> Floats:
+    """Without those at the start, when the estimate is still on its way."""
+    sound = innovations[int(np.ceil(_SETTLED * innovations.size)) :]
+    return np.asarray(sound[np.isfinite(sound)])
+
+
+def rms(values: Floats) -> float | None:
+    """Root of the mean square; None of nothing, infinite where an estimate is lost."""
+    if not values.size:
+        return None
+    size = float(np.sqrt(np.mean(values**2)))
+    return size if np.isfinite(size) else float("inf")
+
+
+def ljung_box(values: Floats, lags: int = _LAGS) -> float | None:
+    """The p-value of the test of Ljung and Box: no correlation of values up to so many places apart.
+
+    Q = n (n + 2) sum_k r_k^2 / (n - k) is compared with chi^2 of as many degrees of freedom as there are lags. None
+    where values are few or constant.
+    """
+    n = values.size
+    if n < 3 * lags:
+        return None
+    centred = values - np.mean(values)
+    power = float(centred @ centred)
+    if not power > 0:
+        return None
+    correlations = np.array([float(centred[k:] @ centred[:-k]) / power for k in range(1, lags + 1)])
+    statistic = n * (n + 2) * float(np.sum(correlations**2 / (n - np.arange(1, lags + 1))))
+    from scipy.special import chdtrc  # only here
+
+    return float(chdtrc(lags, statistic))

@@ -1,0 +1,205 @@
+"""What an observer in C is told: samples, and values of continuous outputs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from hgorun.export.c_code import Real
+from hgorun.export.c_functions import Functions
+from hgorun.export.observer import Exported, Output
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Samples:
+    """Writes ``update`` and ``measure``.
+
+    Attributes
+    ----------
+    observer : Exported
+    functions : Functions
+        The observer's equations.
+    """
+
+    observer: Exported
+    functions: Functions
+
+    @property
+    def real(self) -> Real:
+        """The type of numbers."""
+        return self.functions.real
+
+    @property
+    def prefix(self) -> str:
+        """Of names."""
+        return self.functions.prefix
+
+    @property
+    def upper(self) -> str:
+        """Of macros."""
+        return self.prefix.upper()
+
+    def update(self) -> Iterator[str]:
+        """Samples."""
+        observer, p, u, real = self.observer, self.prefix, self.upper, self.real
+        everything = (1 << len(observer.outputs)) - 1
+        yield f"uint32_t {p}update({p}observer *s, double taken, const {real.name} y[], uint32_t which)"
+        yield "{"
+        yield f"    uint32_t status = {u}OK;"
+        functions = self.functions.all
+        compared = [i for i, o in enumerate(observer.outputs) if o.sampled and not o.remembered]
+        if observer.compares and compared:
+            guess = functions["guess"]
+            yield f"    {real.name} guess[{len(observer.outputs)}];"
+            yield from self.functions.read_now(guess)
+            yield ""
+            yield f"    {guess.call('guess', z='s->z')}"
+        if observer.jump is not None and not observer.corrected:
+            yield f"    if ((which & {everything}U) != {everything}U) {{"
+            yield f"        status = {u}INCOMPLETE;"
+            yield "    }"
+        if observer.jump is not None:
+            yield f"    if (!(taken >= s->t) && (status == {u}OK)) {{"
+            yield f"        status = {u}OLD;"
+            yield "    }"
+        yield "    if (!(taken >= 0.0)) {"
+        yield f"        status = {u}BAD_TIME;"
+        yield "    }"
+        for i, output in enumerate(observer.outputs):
+            if output.sampled:
+                yield f"    if (((which & {1 << i}U) != 0U) && !({real.function('fabs')}(y[{i}]) <= {real.largest})) {{"
+                yield f"        status = {u}NOT_FINITE;"
+                yield "    }"
+        if observer.corrected:
+            yield from self._corrected()
+        elif observer.jump is not None:
+            yield from self._jumped()
+        else:
+            for i, output in enumerate(observer.outputs):
+                if output.sampled:
+                    yield from self._taken(i, output)
+        yield "    return status;"
+        yield from ("}", "")
+
+    def _taken(self, i: int, output: Output) -> Iterator[str]:
+        """A sample of an output."""
+        observer, p, u, real = self.observer, self.prefix, self.upper, self.real
+        assert observer.alpha is not None
+        alpha = f"s->z[{observer.alpha + i}]"
+        yield f"    if (((which & {1 << i}U) != 0U) && ((status == {u}OK) || (status == {u}OLD))) {{"
+        if output.remembered:
+            place = observer.remembered.index(i)
+            yield f"        {real.name} past = {real.number(0.0)};"
+            yield f"        if ((taken < s->taken[{i}]) || ({p}recall(s, {place}U, taken, &past) == 0U)) {{"
+        else:
+            yield f"        const {real.name} past = guess[{i}] - {alpha};"
+            yield "        if (taken < s->t) {"
+        yield f"            status = {u}OLD;"
+        yield "        } else {"
+        yield "            /* alpha is counted from zero again: it keeps its digits for ever */"
+        yield f"            s->s[{i}] = past + {alpha};"
+        if output.remembered:
+            yield f"            {p}rebase(s, {place}U, {alpha});"
+        yield f"            {alpha} = {real.number(0.0)};"
+        yield f"            s->y[{i}] = y[{i}];"
+        yield f"            s->taken[{i}] = taken;"
+        yield f"            s->mode[{i}] = {u}HELD;"
+        yield "        }"
+        yield "    }"
+
+    def _corrected(self) -> Iterator[str]:
+        """Samples of some outputs that correct the observer together."""
+        observer, u, real = self.observer, self.upper, self.real
+        assert observer.jump is not None
+        jump, q, m = self.functions.all["jump"], len(observer.outputs), len(observer.inputs)
+        yield f"    if ((status == {u}OK) && (which != 0U)) {{"
+        yield f"        {real.name} fresh[{q}];"
+        yield f"        {real.name} after[{observer.size}];"
+        yield from self._of_jump(m if "u" in jump.arrays else 0)
+        yield f"        for (i = 0U; i < {q}U; ++i) {{"
+        yield f"            fresh[i] = {real.number(0.0)};"
+        yield "            if ((which & ((uint32_t)1U << i)) != 0U) {"
+        yield f"                fresh[i] = {real.number(1.0)};"
+        yield "                s->y[i] = y[i];"
+        yield "                s->taken[i] = taken;"
+        yield "            }"
+        yield "        }"
+        yield f"        {jump.call('after', z='s->z', y='s->y')}"
+        yield f"        for (i = 0U; i < {observer.size}U; ++i) {{"
+        yield "            s->z[i] = after[i];"
+        yield "        }"
+        yield "        (void)fresh;"
+        yield "    }"
+
+    def _of_jump(self, inputs: int) -> Iterator[str]:
+        """What a jump reads beside the state and the samples: declarations, then what fills them."""
+        observer, p, real = self.observer, self.prefix, self.real.name
+        clocked = 0 if observer.jump is None else len(observer.jump.clocked)
+        yield from (f"        {real} {name}[{count}];" for name, count in (("tau", clocked), ("u", inputs)) if count)
+        yield "        uint32_t i;"
+        yield ""
+        if clocked:
+            yield f"        {p}jump_clock(s->t, tau);"
+        if inputs:
+            yield f"        {p}inputs(s, s->t, u, NULL);"
+
+    def _jumped(self) -> Iterator[str]:
+        """A sample of all outputs at which the observer jumps."""
+        observer, u, real = self.observer, self.upper, self.real
+        assert observer.jump is not None
+        jump, q, m = self.functions.all["jump"], len(observer.outputs), len(observer.inputs)
+        yield f"    if (status == {u}OK) {{"
+        yield f"        {real.name} previous[{q}];"
+        yield f"        {real.name} after[{observer.size}];"
+        yield (
+            f"        const {real.name} interval[1] = {{({real.name})(s->t - s->sampled)}};"
+            if real.single
+            else ("        const double interval[1] = {s->t - s->sampled};")
+        )
+        yield from self._of_jump(m)
+        yield f"        for (i = 0U; i < {q}U; ++i) {{"
+        yield "            previous[i] = s->y[i];"
+        yield "            s->y[i] = y[i];"
+        yield "            s->taken[i] = taken;"
+        if observer.compares:
+            yield f"            s->mode[i] = {u}HELD;"
+        if observer.alpha is not None:
+            yield f"            s->s[i] = (guess[i] - s->z[{observer.alpha}U + i]) + s->z[{observer.alpha}U + i];"
+            yield f"            s->z[{observer.alpha}U + i] = {real.number(0.0)};"
+        yield "        }"
+        yield "        if (s->samples > 0U) {"
+        yield f"            {jump.call('after', z='s->z', y='s->y', before='s->before')}"
+        yield f"            for (i = 0U; i < {observer.size}U; ++i) {{"
+        yield "                s->z[i] = after[i];"
+        yield "            }"
+        yield "        }"
+        if m:
+            yield f"        for (i = 0U; i < {m}U; ++i) {{"
+            yield "            s->before[i] = u[i];"
+            yield "        }"
+        yield "        s->samples = 1U;"
+        yield "        s->sampled = s->t;"
+        yield "        (void)previous;"
+        yield "        (void)interval;"
+        yield "    }"
+
+    def measure(self) -> Iterator[str]:
+        observer, p, u, real = self.observer, self.prefix, self.upper, self.real
+        yield f"uint32_t {p}measure({p}observer *s, double t, const {real.name} y[], uint32_t which)"
+        yield "{"
+        yield f"    uint32_t status = {u}OK;"
+        yield ""
+        for i, output in enumerate(observer.outputs):
+            if output.continuous:
+                yield f"    if ((which & {1 << i}U) != 0U) {{"
+                yield f"        if (!({real.function('fabs')}(y[{i}]) <= {real.largest})) {{"
+                yield f"            status = {u}NOT_FINITE;"
+                yield f"        }} else if (s->mode[{i}] == {u}CONTINUOUS) {{"
+                yield f"            {p}lead(&s->line[{i}], s->t, t, y[{i}]);"
+                yield "        } else {"
+                yield f"            {p}hold(&s->line[{i}], s->t, y[{i}]);"
+                yield f"            s->mode[{i}] = {u}CONTINUOUS;"
+                yield "        }"
+                yield "    }"
+        yield "    return status;"
+        yield from ("}", "")

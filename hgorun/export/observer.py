@@ -1,0 +1,271 @@
+"""What is exported of an observer: its operations, where its numbers lie, and how its outputs reach it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+
+from hgorun.config.expressions import parse
+from hgorun.engine.layout import Held
+from hgorun.engine.methods import Method
+from hgorun.export.names import identifier
+from hgorun.export.operations import Operations, operations
+from hgorun.measurement.availability import Stretch
+from hgorun.measurement.variants import HELD
+from hgorun.observers.base import AnyObserver, ContinuousObserver, CorrectedObserver, SampledObserver
+from hgorun.plants.build import BuiltPlant
+from hgorun.simulation.design import Design
+from hgorun.simulation.observer_block import ObserverBlock
+from hgorun.simulation.system import Group, build_system
+from hgorun.simulation.truth import PlantNumbers, Recording
+from hgorun.symbolic.clock import on_the_clock
+from hgorun.symbolic.parameters import Parameters
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Output:
+    """How an output reaches the observer.
+
+    Attributes
+    ----------
+    name : str
+    sampled, continuous : bool
+        What it is in some phase of the run.
+    delay : str or None
+        Of a continuous output that is late: a number, or an expression of the clock.
+    period : float or None
+        What it is known up to, of an angle.
+    late : bool
+        Whether its samples may be known later than they were taken.
+    """
+
+    name: str
+    sampled: bool
+    continuous: bool
+    delay: str | None
+    period: float | None
+    late: bool
+
+    @property
+    def remembered(self) -> bool:
+        """Whether what the observer has thought of it before is needed."""
+        return self.late or self.delay is not None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Exported:
+    """An observer with all its numbers, ready to be written in another language.
+
+    Attributes
+    ----------
+    run, label : str
+        Names of the run and of the observer.
+    design : Design
+    block : ObserverBlock
+        Its equations, in symbols of its own; its states lie in z from 0 on.
+    plant : BuiltPlant
+    outputs : tuple of Output
+    inputs_given : bool
+        Whether the inputs are told to it; otherwise they are the configuration's functions of time.
+    start : ndarray, shape (size,)
+        z at the start.
+    method : Method
+    step : float
+        The longest step.
+    pieces : int
+        Steps of history that are kept.
+    sides : bool
+        Whether functions of time have kinks or jumps: at the ends of a prediction they are evaluated inside of it.
+    origin : float
+        The start of the run on the clock of the configuration.
+    gap : float
+        The longest time between two events of the run.
+    unit : str
+        Of time.
+    equations : Operations
+        rate(t, z, w) and what else is evaluated between samples; w as :attr:`places` says.
+    jump : Operations or None
+        What z becomes at a sample, with w of the engine's layout :attr:`held`.
+    """
+
+    run: str
+    label: str
+    design: Design
+    block: ObserverBlock
+    plant: BuiltPlant
+    outputs: tuple[Output, ...]
+    inputs_given: bool
+    start: np.ndarray
+    method: Method
+    step: float
+    pieces: int
+    sides: bool
+    origin: float
+    gap: float
+    unit: str
+    equations: Operations
+    jump: Operations | None
+    held: Held
+
+    @property
+    def name(self) -> str:
+        """The label as a name of C."""
+        return identifier(self.label)
+
+    @property
+    def size(self) -> int:
+        """Numbers in z."""
+        return self.block.end
+
+    @property
+    def alpha(self) -> int | None:
+        """Where alpha begins in z; None where the observer does not compare with the past."""
+        return self.block.states["alpha"].start if "alpha" in self.block.states else None
+
+    @property
+    def flows(self) -> bool:
+        """Whether it moves between the samples."""
+        return isinstance(self.block.observer, ContinuousObserver)
+
+    @property
+    def compares(self) -> bool:
+        """Whether it is driven by the one innovation between samples."""
+        return _compares(self.block.observer)
+
+    @property
+    def corrected(self) -> bool:
+        """Whether it jumps at samples of any of its outputs; others that jump need all outputs at once."""
+        return isinstance(self.block.observer, CorrectedObserver)
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """The inputs that are told to it."""
+        return self.plant.model.inputs if self.inputs_given else ()
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Of the plant."""
+        return self.plant.model.states
+
+    @property
+    def remembered(self) -> tuple[int, ...]:
+        """The outputs with a history."""
+        return tuple(i for i, output in enumerate(self.outputs) if output.remembered)
+
+    @property
+    def sampled(self) -> bool:
+        """Whether some output is sampled."""
+        return any(output.sampled for output in self.outputs)
+
+    @property
+    def continuous(self) -> bool:
+        """Whether some output is continuous."""
+        return any(output.continuous for output in self.outputs)
+
+    @cached_property
+    def places(self) -> tuple[tuple[str, int], ...]:
+        """What stands in w of the equations, entry by entry: an array and the place in it."""
+        m, q = len(self.inputs), len(self.outputs)
+        parts = (("u", m), ("du", m), ("e", q), ("dz", self.size))
+        return tuple((name, k) for name, count in parts for k in range(count))
+
+
+def outputs_of(stretches: Sequence[Sequence[Stretch]], plant: BuiltPlant, late: Sequence[bool]) -> tuple[Output, ...]:
+    """How the outputs reach an observer, over all phases of a run.
+
+    Raises
+    ------
+    ValueError
+        Where it cannot be exported.
+    """
+    periods = plant.model.periods or (None,) * len(plant.model.outputs)
+    found = []
+    for name, of, period, is_late in zip(plant.model.outputs, stretches, periods, late, strict=True):
+        delays = {stretch.delay for stretch in of if stretch.continuous}
+        if len(delays) > 1:
+            raise ValueError(f"the delay of the continuous output {name} differs from phase to phase")
+        undelayed = all(stretch.undelayed for stretch in of if stretch.continuous)
+        found.append(
+            Output(
+                name,
+                sampled=any(not stretch.continuous for stretch in of),
+                continuous=bool(delays),
+                delay=None if undelayed else delays.pop(),
+                period=period,
+                late=is_late,
+            )
+        )
+    return tuple(found)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Equations:
+    """The operations of an observer, and the block that they belong to."""
+
+    block: ObserverBlock
+    flow: Operations
+    jump: Operations | None
+    held: Held
+
+
+def equations_of(
+    design: Design, plant: BuiltPlant, outputs: Sequence[Output], origin: float, *, inputs_given: bool
+) -> Equations:
+    """The operations of an observer by itself, with the numbers of its design and of the plant in them."""
+    has_alpha = _compares(design.observer) and any(o.sampled or o.delay for o in outputs)
+    t, parameters, model = plant.model.t, Parameters(), plant.model
+    count = model.p.numel()
+    symbols = PlantNumbers(
+        parameters.add("plant", plant.everything[:count]), parameters.add("numbers", plant.everything[count:])
+    )
+    block = ObserverBlock.place(design, 0, has_alpha, parameters)
+    p, values = parameters.symbol, parameters.values
+    z, q, m = ca.SX.sym("z", block.end), len(model.outputs), len(model.inputs) if inputs_given else 0
+    w = ca.SX.sym("w", 2 * m + q + block.end)
+    u, du, e, dz = ca.vertsplit(w, [0, m, 2 * m, 2 * m + q, w.numel()])
+    if not inputs_given:
+        u = symbols.of(plant.symbolic, plant.symbolic.inputs)
+    own = symbols.parameters
+    guess = block.guess(t, u, own, z)
+    results = {"estimate": block.estimate(t, u, own, z), "guess": guess}
+    if isinstance(design.observer, ContinuousObserver):
+        results["rate"] = block.flow(t, u, own, z, e)
+    remembered = [i for i, output in enumerate(outputs) if output.remembered]
+    if remembered:
+        past = (guess - block.symbols(z).alpha)[remembered]
+        slope = ca.jtimes(past, z, dz) + ca.jacobian(past, t)
+        results["past"] = past
+        results["past_rate"] = slope + ca.jtimes(past, u, du) if m else slope
+        delays = [output.delay for output in outputs if output.delay is not None]
+        clock = {"t": on_the_clock(t, origin)}
+        if delays:
+            results["delay"] = ca.vertcat(*[parse(text, names=("t",)).symbol(clock) for text in delays])
+    flow = _operations("equations", [t, p, z, w], results, values)
+    jump, held = None, Held(q, 1, m)
+    if isinstance(design.observer, (SampledObserver, CorrectedObserver)):
+        truth = Recording(plant.symbolic, tuple(range(m)))
+        variants = [((HELD, 0),) * q] if has_alpha else []
+        system = build_system([Group(truth, 0, (block,))], t, p, symbols, {}, variants)
+        ((_, _, function),) = system.jumps
+        held = system.held
+        w = ca.SX.sym("w", held.size)
+        still = ca.SX(w)
+        for _, slope, since, _ in map(held.input, range(m)):
+            still[slope] = still[since] = 0  # inputs are told as they are at the sample
+        jump = _operations("jump", [t, p, z, w], {"jump": function(t, p, z, still)}, values)
+    return Equations(block, flow, jump, held)
+
+
+def _compares(observer: AnyObserver) -> bool:
+    """Whether an observer is driven by the one innovation between samples."""
+    return isinstance(observer, ContinuousObserver) and not isinstance(observer, CorrectedObserver)
+
+
+def _operations(name: str, arguments: list[ca.SX], results: dict[str, ca.SX], values: np.ndarray) -> Operations:
+    expressions = ca.cse([ca.densify(result) for result in results.values()])
+    function = ca.Function(name, arguments, expressions, ["t", "p", "z", "w"], list(results))
+    return operations(function, values)

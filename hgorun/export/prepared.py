@@ -1,0 +1,189 @@
+"""From a run to its observers as they are exported: with the steps of the run, or why an observer cannot be."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from hgorun.engine.memory import history_pieces
+from hgorun.engine.methods import METHODS, Method
+from hgorun.errors import ConfigError, Problem
+from hgorun.export.names import identifier
+from hgorun.export.observer import Equations, Exported, Output, equations_of, outputs_of
+from hgorun.observers.base import ContinuousObserver, CorrectedObserver, treatment_of
+from hgorun.simulation.checks import longest_step
+from hgorun.simulation.passes import Pass, as_given, plan_of
+from hgorun.simulation.prepared import PreparedRun
+
+_OUTPUTS = 32
+_ADVICE = "give a fixed one, as in solver: {method: rk4, step: 0.01}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wanted:
+    """What is to be exported of a run, and how.
+
+    Attributes
+    ----------
+    labels : tuple of str
+        The observers; all of them where it is empty.
+    late : float
+        How late samples may be known; the longest delay of the configuration where that is more.
+    inputs_given : bool
+        Whether inputs are told to the observer, in place of the configuration's functions of time.
+    """
+
+    labels: tuple[str, ...] = ()
+    late: float = 0.0
+    inputs_given: bool = False
+
+
+def exported(run: PreparedRun, wanted: Wanted | None = None) -> list[Exported]:
+    """The observers of a run, ready to be written.
+
+    Raises
+    ------
+    ConfigError
+        When one of them cannot be exported; the message says why.
+    """
+    wanted = Wanted() if wanted is None else wanted
+    labels = _labels(run, wanted.labels)
+    with run.experiment.located():
+        how = (
+            _how(run)
+            if any(isinstance(run.experiment.observers[name], ContinuousObserver) for name in labels)
+            else None
+        )
+        return [_exported(run, label, how, wanted) for label in labels]
+
+
+def _labels(run: PreparedRun, chosen: Iterable[str]) -> list[str]:
+    known = list(run.experiment.observers)
+    for label in chosen:
+        if label not in known:
+            raise ConfigError(f"--observer: no observer is called {label!r}; known: {', '.join(known)}")
+    labels = [label for label in known if not chosen or label in chosen]
+    if not labels:
+        raise ConfigError("there is no observer to export")
+    if len(run.plant.model.outputs) > _OUTPUTS:
+        raise ConfigError(f"an exported observer has at most {_OUTPUTS} outputs, a bit for each")
+    taken: dict[str, str] = {}
+    for label in labels:
+        other = taken.setdefault(identifier(label).lower(), label)
+        if other != label:
+            raise ConfigError(
+                f"observers {other!r} and {label!r} would be written to the same files; name one with --observer"
+            )
+    return labels
+
+
+def _how(run: PreparedRun) -> Pass:
+    """The method and the fixed step of a run: those of the configuration, or those that error control has found.
+
+    Raises
+    ------
+    Problem
+        Where steps are not fixed, or the method solves equations in each of them.
+    """
+    solver = run.solver
+    if solver.method == "rodas5p":
+        raise Problem(
+            ("solver", "method"),
+            "rodas5p solves linear equations in every step; exported observers take explicit steps: choose euler, rk4 "
+            "or dopri5",
+        )
+    if solver.adaptive:
+        raise Problem(("solver", "rtol"), f"the number of steps between two samples has no bound with rtol; {_ADVICE}")
+    if not solver.controlled:
+        return as_given(run)
+    from hgorun.simulation.control import controlled
+
+    found = controlled(run).integration
+    if found.step is None or found.method is None:
+        raise Problem(
+            ("solver", "step"), f"no fixed step was accurate enough for this run, so there is none; {_ADVICE}"
+        )
+    return Pass(method=found.method, step=found.step)  # type: ignore[arg-type]  # one of the methods
+
+
+def _exported(run: PreparedRun, label: str, how: Pass | None, wanted: Wanted) -> Exported:
+    experiment, plant = run.experiment, run.plant
+    design = experiment.designs[label]
+    path = "observers", label
+    if treatment_of(design.observer) in run.treatments:
+        raise Problem(
+            (*path, "late"),
+            "exported code takes late samples into the innovation or not at all: it does not go back to the time of a "
+            "sample, and leaves none out; export it from a configuration without delay",
+        )
+    flows = isinstance(design.observer, ContinuousObserver)
+    compares = flows and not isinstance(design.observer, CorrectedObserver)
+    lateness = [max(_lateness(run, i), wanted.late if compares else 0.0) for i in range(len(plant.model.outputs))]
+    try:
+        outputs = outputs_of(experiment.stretches, plant, [late > 0 for late in lateness])
+    except ValueError as error:
+        raise Problem(path, str(error)) from error
+    found = equations_of(design, plant, outputs, run.origin, inputs_given=wanted.inputs_given)
+    method, step, pieces = _method(how, flows), 1.0, 0
+    if how is not None and flows:
+        step = longest_step(run, how.step)
+        pieces = _pieces(run, how, outputs, max(lateness), step)
+    return Exported(
+        run=experiment.name,
+        label=label,
+        design=design,
+        block=found.block,
+        plant=plant,
+        outputs=outputs,
+        inputs_given=wanted.inputs_given and bool(plant.model.inputs),
+        start=_start(run, label, found),
+        method=method,
+        step=step,
+        pieces=pieces,
+        sides=bool(np.any(run.schedule.inward)),
+        origin=run.origin,
+        gap=run.longest_gap,
+        unit=experiment.blocks.time.unit,
+        equations=found.flow,
+        jump=found.jump,
+        held=found.held,
+    )
+
+
+def _method(how: Pass | None, flows: bool) -> Method:
+    method = METHODS["rk4" if how is None or not flows else how.method]
+    assert isinstance(method, Method)
+    return method
+
+
+def _start(run: PreparedRun, label: str, found: Equations) -> np.ndarray:
+    design = run.experiment.designs[label]
+    return design.initial(run.plant.parameters, has_alpha="alpha" in found.block.states)
+
+
+def _lateness(run: PreparedRun, output: int) -> float:
+    """How late samples of an output are known at most; rounding of equal times is no lateness."""
+    samples = run.channels[output].samples
+    if samples.taken is samples.arrival or not samples.arrival.size:
+        return 0.0
+    late = float(np.max(samples.arrival - samples.taken))
+    return late if late > 1e-12 * run.span else 0.0
+
+
+def _pieces(run: PreparedRun, how: Pass, outputs: tuple[Output, ...], lateness: float, step: float) -> int:
+    """Steps of history that reach back far enough."""
+    if not any(output.remembered for output in outputs):
+        return 0
+    for output in outputs:
+        if output.delay is not None and run.smallest_delay < step * (1 - 1e-9):
+            raise Problem(
+                ("solver", "step"),
+                f"the delay of {output.name} falls below the step {step:g}: it would look into the step that is being "
+                "made; shorter steps can be exported",
+            )
+    plan, _ = plan_of(run, how)
+    plan = plan.whole()
+    steps = plan.counts[:, 2] - plan.counts[:, 1]
+    return history_pieces(plan.spans[:, :2], steps, max(run.reach, lateness))

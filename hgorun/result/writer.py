@@ -1,0 +1,72 @@
+"""Data sets of a result file, each with its digest and its named dimensions."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import h5py
+import numpy as np
+
+from hgorun.result import digests
+
+_CHUNK = 2**20
+
+
+class Writer:
+    """Data sets without time stamps, each with its dimensions named."""
+
+    def __init__(self, file: h5py.File) -> None:
+        self.file = file
+        # kept, since h5py needs as long to find one as to write it
+        self._groups: dict[str, h5py.Group] = {"": file}
+        self._scales: dict[str, h5py.Dataset] = {}
+
+    def group(self, path: str) -> h5py.Group:
+        if path not in self._groups:
+            self._groups[path] = self.file.create_group(path, track_order=True)
+        return self._groups[path]
+
+    def data(self, path: str, values: Any, dimensions: tuple[str, ...] = (), **attributes: Any) -> h5py.Dataset:
+        parent, _, name = path.rpartition("/")
+        group, array = self.group(parent), np.asarray(values)
+        if array.dtype.kind == "O":
+            data = group.create_dataset(name, data=values, track_times=False)
+            data.attrs[digests.ATTRIBUTE] = digests.of_names([str(name) for name in array])
+        else:
+            data = group.create_dataset(name, data=array, track_times=False, **_checked(array))
+            data.attrs[digests.ATTRIBUTE] = digests.of_numbers(array)
+        for axis, dimension in enumerate(dimensions):
+            data.dims[axis].attach_scale(self._scales[dimension])
+        for key, value in attributes.items():
+            if value is not None:
+                data.attrs[key] = value
+        return data
+
+    def scale(self, path: str, values: Any, **attributes: Any) -> None:
+        data = self.data(path, values, **attributes)
+        data.make_scale(path.rpartition("/")[2])
+        self._scales[path] = data
+
+    def index(self, data: h5py.Dataset, axis: int, size: int) -> None:
+        """A dimension without coordinates: netCDF wants every axis to have one, and those of one length share it."""
+        dimension = f"index_{size}"
+        if dimension not in self._scales:
+            self.scale(dimension, np.arange(1, size + 1))
+        data.dims[axis].attach_scale(self._scales[dimension])
+
+    def names(self, path: str, names: tuple[str, ...]) -> None:
+        """A dimension whose coordinate is a list of names."""
+        if names:
+            self.scale(path, np.array(names, dtype=object).astype(h5py.string_dtype()))
+
+
+def _checked(array: np.ndarray) -> dict[str, Any]:
+    """Checksums in the file, which HDF5 keeps for each chunk: whole rows, of about a MiB."""
+    if not array.ndim or not array.size:
+        return {}
+    rows = max(1, min(len(array), _CHUNK // max(array[:1].nbytes, 1)))
+    return {"fletcher32": True, "chunks": (rows, *array.shape[1:])}
+
+
+def labels_of(names: tuple[str, ...]) -> Any:
+    return np.array(names, dtype=object).astype(h5py.string_dtype()) if names else None

@@ -1,0 +1,142 @@
+"""An observer's block with the numbers that follow from it for a plant: gains and initial values."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import cast
+
+import numpy as np
+
+from hgorun.errors import PluginError, Problem, called
+from hgorun.memo import same
+from hgorun.observers.base import AnyObserver
+from hgorun.symbolic.forms import ChosenChains, Form
+from hgorun.symbolic.parameters import flat
+from hgorun.symbolic.states import StateBlock, Symmetric
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Design:
+    """An observer with the numbers that its keys give for a plant.
+
+    Attributes
+    ----------
+    form, origin : Form
+        The plant as the observer sees it, and the form that was first found: the same equations, maybe of
+        other numbers.
+    gains : dict of str to ndarray
+        What the equations use.
+    defaults : dict of str to ndarray or Symmetric
+        Initial values where none are given: of xhat and of the observer's own states.
+    """
+
+    label: str
+    observer: AnyObserver
+    form: Form
+    origin: Form
+    gains: Mapping[str, np.ndarray]
+    defaults: dict[str, np.ndarray | Symmetric]
+    _last: dict[str, object] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, label: str, observer: AnyObserver, form: Form, origin: Form | None = None) -> Design:
+        """Design the gains.
+
+        Raises
+        ------
+        Problem
+            When the observer's block does not fit the plant.
+        """
+        canonical = observer.coordinates == "canonical"
+        if canonical and isinstance(form, ChosenChains) and form.no_inverse is not None:
+            raise Problem(("observers", label, "coordinates"), form.no_inverse)
+        for key, known in (("initial", form.plant.states), ("saturation", form.saturable(canonical))):
+            for name in getattr(observer, key):
+                if not known:
+                    raise Problem(("observers", label, key), f"{observer.type} has no state that could be given here")
+                if name not in known:
+                    raise Problem(("observers", label, key), f"unknown state {name!r}; known here: {', '.join(known)}")
+        try:
+            found = observer.design(form)
+            with called("observer", observer.type, "design"):
+                gains = {name: np.asarray(value, dtype=float) for name, value in found.items()}
+        except Problem as problem:
+            raise Problem(("observers", label, *problem.path), problem.message) from problem
+        defaults = {"xhat": np.zeros(form.plant.n), **observer.states(form)}
+        for name, value in defaults.items():
+            if not isinstance(value, (np.ndarray, Symmetric)):
+                kind = type(value).__name__
+                raise PluginError(f"observer {observer.type!r}: states has a {kind} for {name}, expected an array")
+        return cls(label, observer, form, form if origin is None else origin, gains, defaults)
+
+    def initial(self, parameters: np.ndarray, *, has_alpha: bool) -> np.ndarray:
+        """Its part of z at the start.
+
+        Raises
+        ------
+        Problem
+            When ``initial`` or ``internal`` does not fit.
+        """
+        key = parameters.tobytes(), has_alpha
+        if self._last.get("of") != key:  # the runs of a family often have the same parameters
+            try:
+                xhat = self.form.start(self._estimate, parameters, self.observer.coordinates == "canonical")
+            except ValueError as error:
+                at = "" if self.observer.initial else "; that is where estimates start by default: give initial"
+                raise self._fail("initial", f"{error}{at}") from error
+            own = self._own_alpha if has_alpha else self._own
+            self._last.update(of=key, values=np.concatenate([np.ravel(xhat), own]))
+        return cast(np.ndarray, self._last["values"])
+
+    @cached_property
+    def _estimate(self) -> np.ndarray:
+        """The initial estimate in the plant's coordinates."""
+        return np.array([self.observer.initial.get(s, 0.0) for s in self.form.plant.states])
+
+    @cached_property
+    def _own(self) -> np.ndarray:
+        """Initial values of the observer's own states."""
+        return self._own_values({})
+
+    @cached_property
+    def _own_alpha(self) -> np.ndarray:
+        """The same with alpha behind them."""
+        return self._own_values({"alpha": np.zeros(len(self.form.plant.outputs))})
+
+    def _own_values(self, more: dict[str, np.ndarray]) -> np.ndarray:
+        defaults = {name: value for name, value in (self.defaults | more).items() if name != "xhat"}
+        places = {name: StateBlock.of(0, value) for name, value in defaults.items()}
+        values = {n: v.values if isinstance(v, Symmetric) else v for n, v in defaults.items()}
+        for name, given in self.observer.internal.items():
+            if name not in values:
+                known = ", ".join(values) or "none"
+                raise self._fail("internal", f"unknown internal state {name!r}; this observer has: {known}")
+            try:
+                values[name] = places[name].initial(given, values[name])
+            except ValueError as error:
+                raise self._fail("internal", f"{name}: {error}") from error
+        return np.concatenate([np.zeros(0), *(places[name].numbers(np.asarray(v)) for name, v in values.items())])
+
+    def _fail(self, key: str, message: str) -> Problem:
+        return Problem(("observers", self.label, key), message)
+
+    @cached_property
+    def structure(self) -> Hashable:
+        """What the equations depend on, besides the keys that they read themselves."""
+        gains = tuple((name, np.shape(value)) for name, value in self.gains.items())
+        states = tuple(
+            (name, True, value.values.shape) if isinstance(value, Symmetric) else (name, False, np.shape(value))
+            for name, value in self.defaults.items()
+        )
+        observer = self.observer
+        own = self.label, type(observer), observer.coordinates, tuple(observer.saturation)
+        return own, same(self.origin), gains, states
+
+    @cached_property
+    def numbers(self) -> np.ndarray:
+        """Its part of the parameters: gains, then saturation bounds."""
+        return np.concatenate(
+            [np.zeros(0), *map(flat, self.gains.values()), *map(flat, self.observer.saturation.values())]
+        )

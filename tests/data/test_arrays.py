@@ -1,0 +1,149 @@
+"""Parquet, HDF5 and netCDF, results of our own among them: the numbers of a CSV file with the same table."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pyarrow
+import pytest
+from logs import noisy
+from pyarrow import parquet
+
+from hgorun.config.data import Data
+from hgorun.data.reading import read
+from hgorun.data.recording import Recording
+from hgorun.errors import ConfigError, Problem
+
+TIMES, VALUES = noisy()
+GAPPED = np.where(np.arange(VALUES.size) % 7 == 3, np.nan, VALUES)
+STAMPS = np.datetime64("2024-05-31T12:00:00", "ns") + np.rint(TIMES * 1e9).astype("timedelta64[ns]")
+
+
+def hdf5(path: Path, **columns: Any) -> None:
+    with h5py.File(path, "w") as file:
+        for name, values in columns.items():
+            file.create_dataset(f"log/{name}", data=values)
+
+
+def parquet_file(path: Path, **columns: Any) -> None:
+    parquet.write_table(pyarrow.table(columns), path)
+
+
+def recorded(path: Path, prefix: str, **changes: Any) -> Recording:
+    block = {"file": path.name, "time": f"{prefix}t", "outputs": {"S": f"{prefix}glucose"}} | changes
+    return read(Data.model_validate(block), path.parent)
+
+
+WRITTEN = [(hdf5, "log/", "log.h5"), (parquet_file, "", "log.parquet")]
+
+
+@pytest.mark.parametrize(("write", "prefix", "name"), WRITTEN)
+def test_numbers(tmp_path: Path, write: Any, prefix: str, name: str) -> None:
+    write(tmp_path / name, t=TIMES, glucose=GAPPED, state=np.arange(TIMES.size) % 2)
+    quality = {"column": f"{prefix}glucose", "quality": {"column": f"{prefix}state", "good": [0]}}
+    recording = recorded(tmp_path / name, prefix, outputs={"S": quality})
+    kept = ~np.isnan(GAPPED) & (np.arange(TIMES.size) % 2 == 0)
+    signal = recording.outputs["S"]
+    np.testing.assert_array_equal(signal.taken, TIMES[kept])
+    np.testing.assert_array_equal(signal.values, VALUES[kept])
+    np.testing.assert_array_equal(signal.lines, np.flatnonzero(kept) + 1)
+    assert [(note.kind, note.line) for note in recording.notes] == [("missing", 4), ("quality", 2)]
+
+
+@pytest.mark.parametrize("zone", [None, "UTC"])
+def test_dates_of_parquet(tmp_path: Path, zone: str | None) -> None:
+    dates = pyarrow.array(STAMPS).cast(pyarrow.timestamp("ns", zone))
+    parquet_file(tmp_path / "log.parquet", t=dates, glucose=VALUES)
+    recording = recorded(tmp_path / "log.parquet", "")
+    np.testing.assert_allclose(recording.outputs["S"].taken, TIMES - TIMES[0], atol=1e-9)
+    assert recording.origin.epoch == STAMPS[0]
+    assert recording.origin.zone == (zone or "")
+
+
+def test_dates_as_text(tmp_path: Path) -> None:
+    hdf5(tmp_path / "log.h5", t=[str(stamp) for stamp in STAMPS], glucose=VALUES)
+    recording = recorded(tmp_path / "log.h5", "log/")
+    np.testing.assert_allclose(recording.outputs["S"].taken, TIMES - TIMES[0], atol=1e-9)
+
+
+def test_integers_and_texts_that_are_numbers(tmp_path: Path) -> None:
+    parquet_file(tmp_path / "log.parquet", t=[1, 2, 4], glucose=["1.5", None, "2.25"])
+    signal = recorded(tmp_path / "log.parquet", "").outputs["S"]
+    np.testing.assert_array_equal(signal.taken, [1, 4])
+    np.testing.assert_array_equal(signal.values, [1.5, 2.25])
+
+
+def test_labelled_columns_of_a_result(tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "run.h5", "w") as file:
+        file["time"] = TIMES
+        both = file.create_dataset("plant/x", data=np.stack([VALUES, -VALUES], axis=1))
+        both.attrs["labels"] = ["x1", "x2"]
+        both.attrs["units"] = ["g/L", "g"]
+    block = {"file": "run.h5", "time": "time", "outputs": {"y": "plant/x/x2"}}
+    recording = read(Data.model_validate(block), tmp_path, units={"y": "kg"})
+    np.testing.assert_array_equal(recording.outputs["y"].values, -VALUES)
+    assert "the file says g, the model kg" in str(recording.notes[0])
+
+
+@pytest.mark.parametrize(("write", "prefix", "name"), WRITTEN)
+@pytest.mark.parametrize(
+    ("columns", "message"),
+    [
+        ({"t": [0.0, 1, 2], "glucose": [1.0, np.inf, 2]}, r":2: .*glucose: expected a number, found an infinite one"),
+        ({"t": [0.0, 1, 2], "glucose": ["1", "bad", "2"]}, r":2: .*glucose: expected a number, found 'bad'"),
+        ({"t": [0.0, 2, 1], "glucose": [1.0, 2, 3]}, r":3: outputs\.S: the time stamp 1 lies before"),
+        ({"t": [], "glucose": []}, "no rows"),
+    ],
+)
+def test_what_is_refused(
+    tmp_path: Path, write: Any, prefix: str, name: str, columns: dict[str, Any], message: str
+) -> None:
+    write(tmp_path / name, **columns)
+    with pytest.raises(ConfigError, match=message):
+        recorded(tmp_path / name, prefix)
+
+
+def test_columns_of_different_lengths(tmp_path: Path) -> None:
+    hdf5(tmp_path / "log.h5", t=TIMES, glucose=VALUES[:-1])
+    with pytest.raises(ConfigError, match=r"39 rows|40 rows"):
+        recorded(tmp_path / "log.h5", "log/")
+
+
+def test_links_are_not_followed(tmp_path: Path) -> None:
+    hdf5(tmp_path / "other.h5", t=TIMES, glucose=VALUES)
+    with h5py.File(tmp_path / "log.h5", "w") as file:
+        file["log/t"] = TIMES
+        file["log/glucose"] = h5py.ExternalLink("other.h5", "log/glucose")
+    with pytest.raises(Problem, match="no column"):
+        recorded(tmp_path / "log.h5", "log/")
+
+
+@pytest.mark.parametrize(("write", "prefix", "name"), WRITTEN)
+def test_memory_is_bounded(tmp_path: Path, write: Any, prefix: str, name: str) -> None:
+    write(tmp_path / name, t=TIMES, glucose=VALUES)
+    with pytest.raises(ConfigError, match=r"limit of data\.max_memory"):
+        recorded(tmp_path / name, prefix, max_memory=500)
+
+
+@pytest.mark.parametrize(("write", "prefix", "name"), WRITTEN)
+def test_damaged_files(tmp_path: Path, write: Any, prefix: str, name: str) -> None:
+    write(tmp_path / name, t=TIMES, glucose=VALUES)
+    whole = (tmp_path / name).read_bytes()
+    random = np.random.default_rng(0)
+    for _ in range(8):
+        damaged = bytearray(whole[: int(random.integers(9, len(whole)))])
+        for k in random.integers(8, len(damaged), 5):
+            damaged[k] = int(random.integers(256))
+        (tmp_path / name).write_bytes(damaged)
+        with pytest.raises((ConfigError, Problem)):
+            recorded(tmp_path / name, prefix)
+
+
+@pytest.mark.parametrize("begin", [b"PK\x03\x04", b"\x1f\x8b\x08", b"CDF\x01", b"BZh9", b"\xd0\xcf\x11\xe0"])
+def test_files_that_are_not_read_say_what_they_are(tmp_path: Path, begin: bytes) -> None:
+    (tmp_path / "log.csv").write_bytes(begin + bytes(100))
+    with pytest.raises(ConfigError, match="this is"):
+        recorded(tmp_path / "log.csv", "")

@@ -1,0 +1,112 @@
+"""Stamps of every form as times, against the calendar of Python."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime, timedelta, timezone
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from logs import noisy, recorded
+
+from hgorun.errors import ConfigError, Problem
+
+TIMES, VALUES = noisy(30)
+START = datetime(2024, 2, 28, 23, 59, 50)
+DATES = [START + timedelta(seconds=t) for t in TIMES.tolist()]
+
+
+def log(stamps: list[str]) -> str:
+    return "t;glucose\n" + "".join(f"{stamp};{v}\n" for stamp, v in zip(stamps, VALUES, strict=True))
+
+
+FORMS: list[tuple[Any, list[str]]] = [
+    (None, [date.isoformat() for date in DATES]),
+    ("iso", [date.isoformat(" ") for date in DATES]),
+    ("iso", [date.isoformat(timespec="milliseconds").replace(".", ",") for date in DATES]),
+    ("iso", [date.replace(tzinfo=UTC).isoformat() for date in DATES]),
+    ("iso", [date.isoformat(timespec="milliseconds") + "Z" for date in DATES]),
+    ("iso", [(date + timedelta(hours=2)).replace(tzinfo=timezone(timedelta(hours=2))).isoformat() for date in DATES]),
+    ("unix", [repr(date.replace(tzinfo=UTC).timestamp()) for date in DATES]),
+    ("unix", [str(round(date.replace(tzinfo=UTC).timestamp() * 1000)) for date in DATES]),
+    ("excel", [repr((date - datetime(1899, 12, 30)) / timedelta(days=1)) for date in DATES]),
+    ("%d.%m.%Y %H:%M:%S.%f", [date.strftime("%d.%m.%Y %H:%M:%S.%f") for date in DATES]),
+    ("%d/%m/%y %H:%M:%S.%f%z", [date.strftime("%d/%m/%y %H:%M:%S.%f+0000") for date in DATES]),
+]
+
+
+@pytest.mark.parametrize(("form", "stamps"), FORMS)
+@pytest.mark.parametrize(("unit", "seconds"), [("s", 1), ("min", 60), ("h", 3600)])
+def test_dates_count_from_the_first_one(
+    tmp_path: Path, form: Any, stamps: list[str], unit: str, seconds: float
+) -> None:
+    clock: dict[str, Any] = {"column": "t"} | ({"format": form} if form else {})
+    if "." not in stamps[0] and form == "unix":
+        clock["unit"] = "ms"
+    recording = recorded(tmp_path, log(stamps), {"time": clock}, time_unit=unit)
+    # a day of Excel and a second since 1970 have digits down to a microsecond
+    np.testing.assert_allclose(recording.outputs["S"].taken * seconds, TIMES - TIMES[0], atol=2e-6)
+    assert recording.origin.epoch is not None
+    assert abs(recording.origin.epoch - np.datetime64(DATES[0], "ns")) < np.timedelta64(2, "us")
+    zoned = form == "unix" or stamps[0].endswith(("Z", "00:00", "02:00", "0000"))
+    assert recording.origin.zone == ("UTC" if zoned else "")
+
+
+@pytest.mark.parametrize(("form", "stamps"), [FORMS[0], FORMS[6], FORMS[8]])
+def test_or_from_the_origin_that_is_stated(tmp_path: Path, form: Any, stamps: list[str]) -> None:
+    clock: dict[str, Any] = {"column": "t"} | ({"format": form} if form else {})
+    said: Any = {None: "2024-02-28", "unix": 1709078400, "excel": 45350}[form]
+    recording = recorded(tmp_path, log(stamps), {"time": clock, "origin": said})
+    np.testing.assert_allclose(recording.outputs["S"].taken - (86400 - 10), TIMES, atol=2e-6)
+    assert recording.origin.epoch == np.datetime64("2024-02-28", "ns")
+
+
+def test_numbers_stay_on_their_own_clock(tmp_path: Path) -> None:
+    recording = recorded(tmp_path, log([repr(t) for t in TIMES.tolist()]), {"time": {"column": "t", "unit": "min"}})
+    np.testing.assert_array_equal(recording.outputs["S"].taken, TIMES * 60)
+    assert recording.origin.epoch is None
+
+
+@pytest.mark.parametrize(
+    ("stamp", "form", "message"),
+    [
+        ("2024-02-30T00:00", "iso", r":4: t: .*2024-02-30.*day"),
+        ("30.02.2024", "iso", r":4: t: expected a date such as"),
+        ("12.5", "%H:%M", r":2: t: expected a date of the form %H:%M"),
+        ("2024-03-01T00:00Z", "iso", r":4: t: dates with and without a time zone"),
+        ("1e300", "unix", r":4: t: expected a date between 1678 and 2262"),
+        ("9999-01-01", "iso", r":4: t: expected a date between 1678 and 2262"),
+        ("", "iso", r":4: outputs.S: a value without time stamp"),
+    ],
+)
+def test_stamps_that_are_none(tmp_path: Path, stamp: str, form: str, message: str) -> None:
+    stamps = [repr(t) for t in TIMES.tolist()] if form == "unix" else [date.isoformat() for date in DATES]
+    stamps[2] = stamp
+    with pytest.raises(ConfigError, match=message):
+        recorded(tmp_path, log(stamps), {"time": {"column": "t", "format": form}})
+
+
+@pytest.mark.parametrize(
+    ("origin", "message"), [("yesterday", "expected a date such as"), (5, "expected a date such as")]
+)
+def test_origins_that_are_none(tmp_path: Path, origin: Any, message: str) -> None:
+    with pytest.raises(Problem, match=message):
+        recorded(tmp_path, log([date.isoformat() for date in DATES]), {"origin": origin})
+
+
+def test_clocks_that_cannot_be_compared(tmp_path: Path) -> None:
+    tmp_path.joinpath("lab.csv").write_text("t,e\n1,2\n2,3\n")
+    other = {"outputs": {"S": "glucose", "E": {"file": "lab.csv", "column": "e"}}}
+    with pytest.raises(Problem, match="numbers here and dates elsewhere"):
+        recorded(tmp_path, log([date.isoformat() for date in DATES]), other)
+    tmp_path.joinpath("lab.csv").write_text("t,e\n2024-03-01T00:00Z,2\n2024-03-01T01:00Z,3\n")
+    with pytest.raises(Problem, match="some dates have a time zone"):
+        recorded(tmp_path, log([date.isoformat() for date in DATES]), other)
+
+
+def test_a_unit_of_the_file_for_its_time_is_told(tmp_path: Path) -> None:
+    content = log([repr(t) for t in TIMES.tolist()]).replace("glucose\n", "glucose\nh;g/L\n")
+    (note,) = recorded(tmp_path, content).notes
+    assert note.kind == "clock"
+    assert "the file says h, the run counts in s" in str(note)

@@ -1,0 +1,89 @@
+"""Faults of a column are found where they are planted, and nowhere in what is merely smooth, coarse, or at rest."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from hgorun.data import faults
+from hgorun.data.faults import Stretch
+
+TIME = np.arange(2000) * 0.02
+RANDOM = np.random.default_rng(1)
+SMOOTH = 5 + 3 * np.sin(TIME)
+NOISY = SMOOTH + 0.05 * RANDOM.normal(size=TIME.size)
+HARMLESS = {
+    "smooth": SMOOTH,
+    "noisy": NOISY,
+    "ramp": 3 * TIME,
+    "decay": 20 * np.exp(-TIME / 5),
+    "counter": np.floor(3 * TIME),
+    "square": np.sign(np.sin(TIME)),
+    "two levels": 2 * np.sign(np.sin(TIME)) + 0.01 * RANDOM.normal(size=TIME.size),
+    "around zero": 1e-3 * RANDOM.normal(size=TIME.size),
+    "walk": np.cumsum(RANDOM.normal(size=TIME.size)),
+    "angle": np.rint((np.cumsum(0.3 * np.sin(3 * TIME)) % 6.28) * 326) / 326,
+}
+
+
+@pytest.mark.parametrize("digits", [None, 1, 2, 3, 4, 6])
+@pytest.mark.parametrize("name", HARMLESS)
+def test_nothing_is_found_in_what_is_no_fault(name: str, digits: int | None) -> None:
+    values = HARMLESS[name] if digits is None else HARMLESS[name].round(digits)
+    assert faults.filled(TIME, values) == []
+    assert faults.slips(values) == []
+
+
+@pytest.mark.parametrize("digits", [None, 4, 6])
+def test_a_column_filled_between_few_samples_is_found(digits: int | None) -> None:
+    few = np.arange(0, 2000, 25)
+    filled = np.interp(TIME, TIME[few], NOISY[few])
+    found = faults.filled(TIME, filled if digits is None else filled.round(digits))
+    assert sum(stretch.size for stretch in found) > 1900
+
+
+def test_a_column_filled_at_uneven_times_is_found() -> None:
+    uneven = np.sort(TIME + 0.015 * np.random.default_rng(2).random(TIME.size))
+    few = np.arange(0, 2000, 25)
+    found = faults.filled(uneven, np.interp(uneven, uneven[few], NOISY[few]))
+    assert [(s.start, s.stop) for s in found[:2]] == [(0, 26), (25, 51)]
+
+
+@pytest.mark.parametrize("digits", [None, 3, 6])
+def test_a_filled_gap_is_found(digits: int | None) -> None:
+    values = NOISY.copy()
+    values[500:560] = np.linspace(values[500], values[559], 60)
+    found = faults.filled(TIME, values if digits is None else values.round(digits))
+    assert found == [Stretch(500, 560)]
+
+
+@pytest.mark.parametrize("digits", [None, 1, 3])
+def test_a_stuck_sensor_is_found(digits: int | None) -> None:
+    values = NOISY.copy() if digits is None else NOISY.round(digits)
+    values[900:1000] = values[900]
+    (found,) = faults.stuck(values)
+    assert found.start <= 900 < 1000 <= found.stop < 1003
+
+
+@pytest.mark.parametrize("factor", [1000, 1e-3, 100, 60, 1 / 3600, 1e6])
+@pytest.mark.parametrize("count", [20, 2000])
+def test_a_slip_of_the_unit_is_found(factor: float, count: int) -> None:
+    values = NOISY[:count].copy()
+    values[count // 3 :] *= factor
+    ((place, said),) = faults.slips(values)
+    assert place == count // 3
+    assert said == (f"a factor {factor:g}" if factor > 1 else f"a factor 1/{1 / factor:g}")
+
+
+def test_degrees_and_kelvins_are_told_apart() -> None:
+    values = NOISY + 30
+    values[700:] += 273.15
+    assert faults.slips(values) == [(700, "273.15")]
+
+
+def test_stamps() -> None:
+    np.testing.assert_array_equal(faults.backwards(np.array([0, 1, 5, 2, 3, 6, 5.5])), [3, 4, 6])
+    np.testing.assert_array_equal(faults.repeated(np.array([0, 1, 1, 1, 2.0])), [2, 3])
+    np.testing.assert_array_equal(faults.gaps(np.array([0, 1, 2, 3, 4, 5, 50, 51.0])), [6])
+    assert not faults.gaps(np.array([0.0, 1, 100])).size
+    assert not faults.gaps(np.zeros(20)).size

@@ -1,0 +1,178 @@
+"""What is done about faults: as told, with a note, or refused with the key that would allow it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from logs import noisy, recorded, table
+
+from hgorun.errors import ConfigError
+
+TIMES, VALUES = noisy(60)
+
+
+def changed(**changes: Any) -> str:
+    """The log with other times or values at some places."""
+    times, values = TIMES.copy(), VALUES.copy()
+    for name, array in (("times", times), ("values", values)):
+        for place, value in changes.get(name, {}).items():
+            array[place] = value
+    return table(times, values)
+
+
+SWAPPED = changed(times={10: TIMES[11], 11: TIMES[10]})
+AGAIN = changed(times={11: TIMES[10], 12: TIMES[10]})
+KNOTS = np.arange(0, 60, 6)
+FILLED = table(TIMES, np.interp(TIMES, TIMES[KNOTS], VALUES[KNOTS]))
+STUCK = changed(values={k: 20.5 for k in range(20, 45)})
+SLIPPED = changed(values={k: VALUES[k] * 1000 for k in range(30, 60)})
+GAP = table(np.where(np.arange(60) < 40, TIMES, TIMES + 1000), VALUES)
+WILD = changed(values={7: 900.0, 9: -5})
+HOLED = changed(values={7: np.nan})
+PLAUSIBLE = {"outputs": {"S": {"column": "glucose", "plausible": [0, 100]}}}
+
+
+@pytest.mark.parametrize(
+    ("content", "block", "fault", "message"),
+    [
+        (SWAPPED, {}, {}, r":13: outputs\.S: the time stamp .* lies before one above it; faults: \{backwards: sort\}"),
+        (AGAIN, {}, {}, r":13: outputs\.S: the time stamp .* has come before, on line 12; faults: \{repeated: first\}"),
+        (FILLED, {}, {}, r":2: outputs\.S: .* on straight lines, .* \(lines 2 to 8, .*\); faults: \{filled: drop\}"),
+        (STUCK, {}, {"stuck": "refuse"}, r":22: outputs\.S: 25 samples of equal values .*\(lines 22 to 46\)"),
+        (SLIPPED, {}, {}, r":32: outputs\.S: from here on the values differ by a factor 1000 .*slips: report"),
+        (GAP, {}, {"gaps": "refuse"}, r":42: outputs\.S: the time stamps jump by more than 20 usual steps"),
+        (WILD, PLAUSIBLE, {"implausible": "refuse"}, r":9: outputs\.S: the value is outside of \[0, 100\]"),
+        (HOLED, {}, {"missing": "refuse"}, r":9: outputs\.S: the value is missing"),
+    ],
+)
+def test_refused(tmp_path: Path, content: str, block: dict[str, Any], fault: dict[str, str], message: str) -> None:
+    with pytest.raises(ConfigError, match=r"log\.csv" + message):
+        recorded(tmp_path, content, block | {"faults": fault})
+
+
+@pytest.mark.parametrize(
+    ("content", "block", "fault", "note", "kept"),
+    [
+        (SWAPPED, {}, {"backwards": "sort"}, ("backwards", 13, 1), range(60)),
+        (SWAPPED, {}, {"backwards": "drop"}, ("backwards", 13, 1), [k for k in range(60) if k != 11]),
+        (AGAIN, {}, {"repeated": "first"}, ("repeated", 13, 2), [k for k in range(60) if k not in (11, 12)]),
+        (AGAIN, {}, {"repeated": "last"}, ("repeated", 13, 2), [k for k in range(60) if k not in (10, 11)]),
+        (AGAIN, {}, {"repeated": "keep"}, ("repeated", 13, 2), range(60)),
+        (FILLED, {}, {"filled": "report"}, ("filled", 2, 55), range(60)),
+        (FILLED, {}, {"filled": "drop"}, ("filled", 2, 55), [*KNOTS, 55, 56, 57, 58, 59]),
+        (STUCK, {}, {}, ("stuck", 22, 25), range(60)),
+        (STUCK, {}, {"stuck": "drop"}, ("stuck", 22, 25), [*range(21), *range(45, 60)]),
+        (SLIPPED, {}, {"slips": "report"}, ("slips", 32, 1), range(60)),
+        (GAP, {}, {}, ("gaps", 42, 1), range(60)),
+        (WILD, PLAUSIBLE, {}, ("implausible", 9, 2), [k for k in range(60) if k not in (7, 9)]),
+        (HOLED, {}, {}, ("missing", 9, 1), [k for k in range(60) if k != 7]),
+    ],
+)
+def test_handled_as_told(
+    tmp_path: Path,
+    content: str,
+    block: dict[str, Any],
+    fault: dict[str, str],
+    note: tuple[str, int, int],
+    kept: Any,
+) -> None:
+    recording = recorded(tmp_path, content, block | {"faults": fault})
+    (found,) = recording.notes
+    assert (found.kind, found.line, found.count) == note
+    lines = recording.outputs["S"].lines
+    assert sorted(lines - 2) == list(kept)
+    assert np.all(np.diff(recording.outputs["S"].taken) >= 0)
+
+
+def test_repeated_stamps_are_averaged(tmp_path: Path) -> None:
+    signal = recorded(tmp_path, AGAIN, {"faults": {"repeated": "mean"}}).outputs["S"]
+    assert signal.values[10] == pytest.approx(VALUES[10:13].mean(), abs=1e-12)
+    np.testing.assert_array_equal(signal.values[11:], VALUES[13:])
+
+
+def test_a_signal_may_be_treated_otherwise(tmp_path: Path) -> None:
+    column = {"column": "glucose", "faults": {"repeated": "last"}}
+    recording = recorded(tmp_path, AGAIN, {"outputs": {"S": column}, "faults": {"repeated": "refuse"}})
+    assert recording.outputs["S"].values.size == 58
+
+
+def test_nothing_is_left(tmp_path: Path) -> None:
+    block = {"outputs": {"S": {"column": "glucose", "plausible": [1000, 2000]}}}
+    with pytest.raises(ConfigError, match="no value is left"):
+        recorded(tmp_path, table(TIMES, VALUES), block)
+
+
+@pytest.mark.parametrize("good", [[0], ["0"], ["good", 0]])
+def test_only_good_values(tmp_path: Path, good: list[Any]) -> None:
+    rows = table(TIMES, VALUES).splitlines()
+    flags = ["0" if k % 4 else "192" if k % 8 else "bad" for k in range(60)]
+    content = "\n".join([rows[0] + ",q", *(f"{row},{flag}" for row, flag in zip(rows[1:], flags, strict=True))])
+    block = {"outputs": {"S": {"column": "glucose", "quality": {"column": "q", "good": good}}}}
+    recording = recorded(tmp_path, content, block)
+    np.testing.assert_array_equal(recording.outputs["S"].values, VALUES[np.arange(60) % 4 > 0])
+    assert [(note.kind, note.line, note.count) for note in recording.notes] == [("quality", 2, 15)]
+
+
+def late(rows: str) -> dict[str, str]:
+    return {"content": "t,known,glucose\n" + rows}
+
+
+LATE = {"outputs": {"S": {"column": "glucose", "available": "known"}}}
+
+
+def test_known_before_it_was_taken(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r":3: outputs\.S: known at 1, before it was taken at 2"):
+        recorded(tmp_path, changes=LATE, **late("1,5,3\n2,1,4\n"))
+
+
+def test_what_is_never_known_is_left_out(tmp_path: Path) -> None:
+    recording = recorded(tmp_path, changes=LATE, **late("1,5,3\n2,,4\n3,4,9\n"))
+    np.testing.assert_array_equal(recording.outputs["S"].taken, [1, 3])
+    assert "the time when it was known is missing" in str(recording.notes[0])
+    assert recording.span == (1, 5)
+
+
+def test_replicates_of_late_samples_by_arrival(tmp_path: Path) -> None:
+    changes = LATE | {"faults": {"repeated": "keep"}}
+    signal = recorded(tmp_path, changes=changes, **late("3,4,9\n1,7,3\n1,5,4\n")).outputs["S"]
+    np.testing.assert_array_equal(signal.taken, [1, 1, 3])
+    np.testing.assert_array_equal(signal.available, [5, 7, 4])
+
+
+@pytest.mark.parametrize(
+    ("content", "told", "message"),
+    [
+        ('t;glucose\n0;"1,234"\n1;"2,500"\n', {}, r":2: '1,234' may be a number with thousands or with decimals"),
+        ("t;glucose\n0;1.5\n1;2,5\n", {"decimal": "."}, r":3: glucose: .*for a decimal comma"),
+        ("t;glucose\n0;1.5\n1;2,5\n", {"decimal": ","}, r":2: glucose: .*for a decimal point"),
+        ("0,1.5\n1,2.5\n", {}, r":1: expected a line with the names of the columns"),
+        ("#a\n0,1.5\n1,2.5\n", {}, r":2: expected a line with the names of the columns"),
+        ("t,glucose\n0,2024-05-31\n1,2\n", {}, r":2: glucose: .*dates are read with format: iso"),
+        ("t,glucose\n0,1\n\n1,2,3\n", {}, r":4: 3 cells, where the header has 2"),
+        ("t,glucose\nh,g/L\n", {}, r":1: a header without values below it"),
+        ('t,glucose\n0,1\n1,"2" 3\n', {}, r":3: not CSV"),
+    ],
+)
+def test_text_that_is_refused(tmp_path: Path, content: str, told: dict[str, str], message: str) -> None:
+    with pytest.raises(ConfigError, match=r"log\.csv" + message):
+        recorded(tmp_path, content, {"csv": told})
+
+
+def test_thousands_or_decimals_once_it_is_told(tmp_path: Path) -> None:
+    content = 't;glucose\n0;"1,234"\n1;"2,500"\n'
+    signal = recorded(tmp_path, content, {"csv": {"decimal": ","}}).outputs["S"]
+    np.testing.assert_array_equal(signal.values, [1.234, 2.5])
+
+
+def test_lines_above_the_header(tmp_path: Path) -> None:
+    content = "Logger 7, serial 12\nStation,4,north\n" + table(TIMES, VALUES)
+    signal = recorded(tmp_path, content, {"csv": {"skip": 2}}).outputs["S"]
+    np.testing.assert_array_equal(signal.lines, np.arange(4, 64))
+
+
+def test_names_that_stand_twice(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="2 columns called 'glucose'"):
+        recorded(tmp_path, "t,glucose,glucose\n0,1,2\n1,2,3\n")

@@ -1,0 +1,212 @@
+"""What stands in a log, read as it stands there."""
+
+from __future__ import annotations
+
+import codecs
+import csv
+import io
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from logs import LOG, noisy, recorded, table
+
+from hgorun.config.data import Data
+from hgorun.data.reading import read
+from hgorun.errors import ConfigError, Problem
+
+TIMES, VALUES = noisy()
+PLAIN = table(TIMES, VALUES)
+
+
+def lines_of(text: str) -> dict[float, tuple[float, int]]:
+    """An oracle: the values by their times, with their lines, of Python's reader and numbers."""
+    rows = enumerate(csv.reader(io.StringIO(text)), start=1)
+    return {float(t): (float(v), line) for line, (t, v) in rows if line > 1}
+
+
+def semicolons(text: str) -> str:
+    return text.replace(",", ";").replace(".", ",")
+
+
+@pytest.mark.parametrize(
+    ("written", "shift"),
+    [
+        (PLAIN.encode(), 0),
+        (PLAIN.replace("\n", "\r\n").encode(), 0),
+        (PLAIN.replace("\n", "\r").encode(), 0),
+        (PLAIN.replace("\n", "\r\n", 7).encode(), 0),
+        (PLAIN.rstrip("\n").encode(), 0),
+        (codecs.BOM_UTF8 + PLAIN.encode(), 0),
+        (PLAIN.encode("utf-16"), 0),
+        (codecs.BOM_UTF16_BE + PLAIN.encode("utf-16-be"), 0),
+        (semicolons(PLAIN).encode(), 0),
+        (semicolons(PLAIN).replace("\n", ";\n").replace("glucose;", "glucose").encode(), 0),
+        (PLAIN.replace(",", "\t").encode(), 0),
+        (PLAIN.replace(",", "|").encode(), 0),
+        (PLAIN.replace(",", "   ").encode(), 0),
+        (PLAIN.replace(",", " , ").encode(), 0),
+        (("# made by a logger\n\n" + PLAIN).encode(), 2),
+        (("# t,glucose\n" + PLAIN.partition("\n")[2]).encode(), 0),
+        (PLAIN.replace("glucose\n", "glucose\nh,g/L\n").encode(), 1),
+        (PLAIN.replace("t,glucose", '"t","glucose"').encode(), 0),
+        ("\n".join(",".join(f'"{cell}"' for cell in row.split(",")) for row in PLAIN.split()).encode(), 0),
+        (("\n".join(f"{row},ok \u00b0" for row in PLAIN.split()).replace("ok", "note", 1) + "\n").encode(), 0),
+    ],
+)
+def test_however_it_is_written(tmp_path: Path, written: bytes, shift: int) -> None:
+    signal = recorded(tmp_path, written).outputs["S"]
+    found = {t: (v, line - shift) for t, v, line in zip(signal.taken, signal.values, signal.lines, strict=True)}
+    assert found == lines_of(PLAIN)
+    assert signal.available is signal.taken
+
+
+@pytest.mark.parametrize(
+    ("encoding", "told"), [("latin-1", "latin-1"), ("utf-16-le", "utf-16"), ("utf-8", "utf-8"), ("utf-16", None)]
+)
+def test_an_encoding_that_is_told(tmp_path: Path, encoding: str, told: str | None) -> None:
+    content = PLAIN.replace("glucose", "größe").encode(encoding)
+    changes = {"outputs": {"S": "größe"}, "csv": {"encoding": told} if told else {}}
+    np.testing.assert_array_equal(recorded(tmp_path, content, changes).outputs["S"].values, VALUES)
+
+
+def test_every_digit_is_read(tmp_path: Path) -> None:
+    random = np.random.default_rng(3)
+    values = random.normal(size=500) * 10.0 ** random.integers(-300, 300, 500)
+    signal = recorded(tmp_path, table(np.arange(500.0), values)).outputs["S"]
+    np.testing.assert_array_equal(signal.values, values)
+
+
+def test_missing_values_are_left_out_and_told(tmp_path: Path) -> None:
+    rows = PLAIN.splitlines()
+    for line, text in [(3, ""), (5, "NaN"), (8, "n/a"), (9, "fehlt")]:
+        rows[line - 1] = rows[line - 1].split(",")[0] + "," + text
+    changes = {"csv": {"missing": ["fehlt"]}}
+    recording = recorded(tmp_path, "\n".join(rows), changes)
+    assert set(recording.outputs["S"].lines) == set(range(2, 42)) - {3, 5, 8, 9}
+    (note,) = recording.notes
+    assert (note.kind, note.line, note.count) == ("missing", 3, 4)
+    assert str(note) == f"{tmp_path / 'log.csv'}:3: outputs.S: 4 samples left out: the value is missing"
+    with pytest.raises(ConfigError, match=r"log\.csv:3: outputs\.S: the value is missing"):
+        recorded(tmp_path, "\n".join(rows), changes | {"faults": {"missing": "refuse"}})
+
+
+def test_signals_of_one_table_have_clocks_of_their_own(tmp_path: Path) -> None:
+    text = "t,glucose,ethanol\n0,1.5,\n1,1.25,\n2,1.75,0.5\n3,1.5,\n4,,0.75\n"
+    recording = recorded(tmp_path, text, {"outputs": {"S": "glucose", "E": "ethanol"}})
+    np.testing.assert_array_equal(recording.outputs["S"].taken, [0, 1, 2, 3])
+    np.testing.assert_array_equal(recording.outputs["E"].taken, [2, 4])
+    np.testing.assert_array_equal(recording.outputs["E"].lines, [4, 6])
+    assert recording.span == (0, 4)
+    assert recording.median_gap == 1
+
+
+def test_late_samples_are_sorted_by_the_time_they_were_taken(tmp_path: Path) -> None:
+    (tmp_path / "lab.csv").write_text("drawn,known,e\n5,30,0.5\n1,20,0.1\n9,21,0.9\n")
+    late = {"file": "lab.csv", "column": "e", "time": "drawn", "available": "known"}
+    recording = recorded(tmp_path, PLAIN, {"outputs": {"S": "glucose", "E": late}})
+    signal = recording.outputs["E"]
+    assert signal.late
+    np.testing.assert_array_equal(signal.taken, [1, 5, 9])
+    np.testing.assert_array_equal(signal.available, [20, 30, 21])
+    np.testing.assert_array_equal(signal.values, [0.1, 0.5, 0.9])
+    np.testing.assert_array_equal(signal.lines, [3, 2, 4])
+    assert recording.span[1] == max(30, TIMES[-1])
+
+
+def test_parts_of_a_log_follow_each_other_and_lines_are_those_of_the_part(tmp_path: Path) -> None:
+    rows = PLAIN.splitlines()
+    (tmp_path / "a.csv").write_text("\n".join(rows[:20]))
+    (tmp_path / "b.csv").write_text("\n".join([rows[0], *rows[20:]]))
+    recording = read(Data.model_validate(LOG | {"file": ["a.csv", "b.csv"]}), tmp_path)
+    np.testing.assert_array_equal(recording.outputs["S"].values, VALUES)
+    assert recording.outputs["S"].lines[[0, 18, 19]].tolist() == [2, 20, 2]
+    (tmp_path / "b.csv").write_text("\n".join([rows[0], rows[4], *rows[20:]]))
+    with pytest.raises(ConfigError, match=r"b\.csv:2: outputs\.S: the time stamp .* lies before one above"):
+        read(Data.model_validate(LOG | {"file": ["a.csv", "b.csv"]}), tmp_path)
+
+
+def test_files_behind_the_command_take_the_place_of_those_in_the_block(tmp_path: Path) -> None:
+    (tmp_path / "mine.csv").write_text(PLAIN)
+    recording = read(Data.model_validate(LOG | {"file": "none.csv"}), tmp_path, files=[tmp_path / "mine.csv"])
+    assert recording.outputs["S"].source == tmp_path / "mine.csv"
+
+
+def test_inputs_may_be_ramps_and_levels(tmp_path: Path) -> None:
+    text = "t,glucose,feed\n" + "".join(f"{t},{v},{0.25 * t}\n" for t, v in zip(TIMES, VALUES, strict=True))
+    feed = recorded(tmp_path, text, {"inputs": {"F": {"column": "feed", "hold": "linear"}}}).inputs["F"]
+    np.testing.assert_array_equal(feed.values, 0.25 * TIMES)
+    assert feed.hold == "linear"
+
+
+@pytest.mark.parametrize(
+    ("said", "unit", "model", "expected"),
+    [
+        ("mg/L", "mg/L", "g/L", VALUES / 1000),
+        ("kg/m^3", "kg/m^3", "g/L", VALUES),
+        ("degC", "degC", "K", VALUES + 273.15),
+        ("g/L", "g/L", "g/L", VALUES),
+    ],
+)
+def test_units_are_converted(tmp_path: Path, said: str, unit: str, model: str, expected: np.ndarray) -> None:
+    changes = {"outputs": {"S": {"column": "glucose", "unit": said}}}
+    signal = recorded(tmp_path, PLAIN, changes, units={"S": model}).outputs["S"]
+    np.testing.assert_allclose(signal.values, expected, rtol=1e-12)
+    assert signal.unit == model
+
+
+def test_a_unit_of_the_file_that_is_not_the_models_is_told(tmp_path: Path) -> None:
+    content = PLAIN.replace("glucose\n", "glucose\n[s],[mg/L]\n")
+    (note,) = recorded(tmp_path, content, units={"S": "g/L"}).notes
+    assert note.kind == "units"
+    assert "the file says mg/L, the model g/L" in str(note)
+
+
+@pytest.mark.parametrize(
+    ("changes", "path", "message"),
+    [
+        (
+            {"outputs": {"S": "glucos"}},
+            ("data", "outputs", "S", "column"),
+            "no column 'glucos'. Did you mean `glucose`",
+        ),
+        ({"time": "time"}, ("data", "time", "column"), "no column 'time'"),
+        ({"file": "nowhere.csv"}, ("data", "file"), "no such file"),
+        ({"file": []}, ("data",), "no file is given"),
+        ({"file": "."}, ("data", "file"), "not a regular file"),
+        ({"time": None}, ("data",), "time is missing"),
+        ({"origin": "2024-01-01"}, ("data", "origin"), "have their own origin"),
+        ({"time": {"column": "t", "unit": "fortnight"}}, ("data", "time", "unit"), "is no unit of time"),
+        (
+            {"outputs": {"S": {"column": "glucose", "unit": "K"}}},
+            ("data", "outputs", "S", "unit"),
+            "cannot be converted",
+        ),
+        ({"outputs": {"S": {"column": "glucose", "unit": "wug"}}}, ("data", "outputs", "S", "unit"), "no known unit"),
+        (
+            {"outputs": {"S": {"column": "glucose", "unit": "m**9**9**9"}}},
+            ("data", "outputs", "S", "unit"),
+            "cannot be",
+        ),
+        (
+            {"outputs": {"S": {"column": "glucose", "quality": {"column": "q", "good": [0]}}}},
+            ("data", "outputs", "S", "quality", "column"),
+            "no column 'q'",
+        ),
+    ],
+)
+def test_keys_that_name_what_is_not_there(
+    tmp_path: Path, changes: dict[str, Any], path: tuple[str, ...], message: str
+) -> None:
+    (tmp_path / "log.csv").write_text(PLAIN)
+    block = {key: value for key, value in (LOG | changes).items() if value is not None}
+    with pytest.raises(Problem) as caught:
+        read(Data.model_validate(block), tmp_path, units={"S": "g/L"})
+    assert caught.value.path == path
+    assert message in caught.value.message
+
+
+def test_what_it_takes_is_bounded(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"limit of data\.max_memory"):
+        recorded(tmp_path, PLAIN, {"max_memory": 500})

@@ -1,0 +1,189 @@
+"""Observers on recorded data: laws, and a plain integration as an oracle."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from examples import experiment, inline
+from recordings import (
+    NOISE,
+    PENDULUM,
+    START,
+    assessed_of,
+    held_input,
+    observers,
+    of_simulation,
+    pendulum,
+    recorded_of,
+    recording,
+    signal,
+    source,
+)
+
+from hgorun.errors import ConfigError
+from hgorun.estimate.estimate import estimate
+from hgorun.estimate.holdout import HoldOut, held_out
+from hgorun.result.reading import read
+from hgorun.simulation.simulate import prepare, simulate_prepared
+from hgorun.tables.metrics import as_json, csv, text
+
+MEASUREMENT = {"sampling": {"period": 0.1, "jitter": 0.02}, "noise": NOISE}
+
+
+@pytest.mark.parametrize("delay", ["0", "0.1 + 0.05*sin(3*t)"], ids=["at once", "late"])
+@pytest.mark.parametrize("start", [0.0, 100.0])
+def test_the_recording_of_a_simulation_gives_its_bits(delay: str, start: float) -> None:
+    run = pendulum(
+        observers("shgo", "fhgo2"),
+        measurement=MEASUREMENT | {"delay": delay},
+        time={"start": start, "end": start + 6, "output_step": 0.1},
+    )
+    simulated = simulate_prepared(run)
+    found = estimate(run.experiment.source, of_simulation(run), sensitivity=False)
+    for label, one in simulated.observers.items():
+        if start == 0.0:
+            assert np.array_equal(found.observers[label].xhat, one.xhat)
+        else:  # a recording's times have the digits of its clock
+            np.testing.assert_allclose(found.observers[label].xhat, one.xhat, rtol=0, atol=1e-11)
+
+
+def test_several_rates_and_late_samples_give_the_simulations_bits() -> None:
+    plant = inline({"a": "b", "b": "-a + c", "c": "d", "d": "-c - a*b"}, ["a", "c"])
+    outputs = {"a": {"sampling": {"period": 0.1}}, "c": {"sampling": {"period": 0.17}, "delay": 0.05}}
+    blocks = {"shgo": {"type": "shgo", "theta": 2, "poles": -1, "initial": {"a": 0.0}}}
+    run = prepare(experiment(plant, blocks, end=4, step=0.01, measurement={"noise": NOISE, "outputs": outputs}))
+    found = estimate(run.experiment.source, of_simulation(run), sensitivity=False)
+    assert np.array_equal(found.observers["shgo"].xhat, simulate_prepared(run).observers["shgo"].xhat)
+
+
+def plain_observer(taken: np.ndarray, y: np.ndarray, known: np.ndarray, until: float, u: float = 0.0) -> np.ndarray:
+    """The standard high-gain observer of the pendulum on samples, by small steps of Euler's method with theta = 2."""
+    h, steps = 1e-4, round(until / 1e-4)
+    a, b, alpha, s, held = START["a"], START["b"], 0.0, 0.0, np.nan
+    past = np.empty(steps + 1)
+    arrivals = list(zip(np.round(known / h).astype(int), np.round(taken / h).astype(int), y, strict=True))
+    newest = -1
+    for i in range(steps + 1):
+        past[i] = a - alpha
+        while arrivals and arrivals[0][0] <= i:
+            _, then, value = arrivals.pop(0)
+            if then >= newest:
+                newest, s, held = then, past[then], value
+        e = 0.0 if np.isnan(held) else s + alpha - held
+        da, db = b - 4 * e, -np.sin(a) - 0.1 * b + u - 4 * e
+        a, b, alpha = a + h * da, b + h * db, alpha - h * 4 * e
+    return np.array([a, b])
+
+
+@pytest.mark.parametrize("late", [0.0, 0.4])
+def test_irregular_samples_as_a_plain_integration_has_them(late: float) -> None:
+    rng = np.random.default_rng(3)
+    taken = np.sort(np.round(rng.uniform(0.0, 5.0, 25), 3))
+    known = np.round(taken + late * rng.uniform(0, 1, taken.size), 3)
+    order = np.argsort(known, kind="stable")
+    values = np.sin(taken) + 0.05 * rng.standard_normal(taken.size)
+    log = recording(signal("a", taken, values, known if late else None))
+    config = {"time": {"start": 0, "end": 6, "output_step": 0.5}, "plant": PENDULUM, "observers": observers("shgo")}
+    found = estimate(source(config), log, sensitivity=False)
+    expected = plain_observer(taken[order], values[order], known[order], 6.0)
+    np.testing.assert_allclose(found.observers["shgo"].xhat[-1], expected, atol=2e-3)
+    out_of_order = np.count_nonzero(taken[order] < np.maximum.accumulate(taken[order]))
+    assert bool(out_of_order) == (late > 0)
+    assert np.count_nonzero(~recorded_of(found).outputs["a"].used) == out_of_order
+    assert any("after newer ones" in remark for remark in found.remarks) == bool(out_of_order)
+
+
+def test_a_recorded_input_that_is_held_is_the_same_as_an_expression() -> None:
+    plant = inline({"a": "b", "b": "-sin(a) - 0.1*b + u + v"}, "a", inputs={"v": "0.1*t"})
+    taken = np.arange(0, 5, 0.1)
+    log = recording(signal("a", taken, np.sin(taken)), u=held_input("u", [0, 2, 3], [0.3, -0.2, 0.0]))
+    config = {"plant": plant, "observers": observers("shgo"), "solver": {"step": 0.01}}
+    found = estimate(source(config), log, sensitivity=False)
+    expression = dict(plant, inputs={"u": "where(t < 2, 0.3, where(t < 3, -0.2, 0))", "v": "0.1*t"})
+    other = estimate(source(config | {"plant": expression}), recording(log.outputs["a"]), sensitivity=False)
+    np.testing.assert_allclose(found.observers["shgo"].xhat, other.observers["shgo"].xhat, rtol=0, atol=1e-12)
+    assert found.u[:, found.inputs.index("u")][[0, 25, 40]].tolist() == [0.3, -0.2, 0.0]
+
+
+def test_what_the_data_decide() -> None:
+    """Span, output step and start follow from the data where nothing says otherwise."""
+    taken = np.array([2.0, 2.5, 3.0, 3.5, 6.0])
+    log = recording(signal("a", taken, [0.7, 0.6, 0.5, 0.4, 0.1]))
+    config = {"plant": {k: v for k, v in PENDULUM.items() if k != "initial"}}
+    config["observers"] = {"o": {"type": "shgo", "theta": 2, "poles": -1}}
+    found = estimate(source(config), log, sensitivity=False)
+    assert found.time[[0, 1, -1]].tolist() == [2.0, 2.5, 6.0]
+    assert found.observers["o"].xhat[0].tolist() == [0.7, 0.0]
+    assert found.kind == "estimate"
+    assert found.status == "ok"
+
+
+def test_an_outlier_is_as_if_it_had_not_come() -> None:
+    rng = np.random.default_rng(0)
+    taken = np.arange(0, 8, 0.1)
+    values = np.sin(taken) + 0.02 * rng.standard_normal(taken.size)
+    values[[40, 60]] += 3.0
+    config = {
+        "time": {"start": 0, "end": 8, "output_step": 0.1}, "plant": PENDULUM, "solver": {"step": 0.02},
+        "observers": observers("shgo", "fhgo2"),
+    }  # fmt: skip
+    gated = estimate(source(config), recording(signal("a", taken, values, gate=6.0)), sensitivity=False)
+    used = recorded_of(gated).outputs["a"].used
+    assert np.flatnonzero(~used[:, 0]).tolist() == np.flatnonzero(~used[:, 1]).tolist() == [40, 60]
+    assert assessed_of(gated, "shgo").scores["gated"] == {"a": 2.0}
+    keep = used[:, 0]
+    without = estimate(source(config), recording(signal("a", taken[keep], values[keep])), sensitivity=False)
+    for label in ("shgo", "fhgo2"):
+        np.testing.assert_allclose(gated.observers[label].xhat, without.observers[label].xhat, rtol=0, atol=1e-6)
+
+
+def test_held_out_samples_are_not_used_and_a_reference_changes_nothing(tmp_path: Path) -> None:
+    run = pendulum(observers("shgo", "fhgo2"), measurement=MEASUREMENT, end=20.0, step=0.02)
+    whole = of_simulation(run)
+    log, aside = held_out(whole, [HoldOut("a", 5)])
+    other = replace(log, reference={"b": signal("b", [1.0, 2.0], [0.5, -0.4])})
+    found = estimate(run.experiment.source, other, held_out=aside, text="text")
+    alone = estimate(run.experiment.source, log, sensitivity=False)
+    assert np.array_equal(found.observers["shgo"].xhat, alone.observers["shgo"].xhat)
+    scores = assessed_of(found, "shgo").scores
+    assert set(scores) >= {"holdout_rmse", "holdout_coverage", "whiteness", "size", "reference_rmse", "sensitivity"}
+    assert 0.05 < scores["holdout_rmse"]["a"] < 0.1  # the noise is 0.05
+    assert 0.85 <= scores["holdout_coverage"]["a"] <= 1.0
+    assert set(scores["sensitivity"]) == {"theta"}
+    assert assessed_of(found, "shgo").no_band == {"b": "nothing measures this state"}
+    stored = read(found.save(tmp_path / "estimate.h5"))
+    assert as_json(stored) == as_json(found)
+    assert as_json(found)["kind"] == "estimate"
+    assert np.array_equal(recorded_of(stored).outputs["a"].innovation, recorded_of(found).outputs["a"].innovation)
+    assert np.array_equal(recorded_of(stored).held_out["a"].y, aside["a"].values)
+    assert np.array_equal(assessed_of(stored, "fhgo2").upper, assessed_of(found, "fhgo2").upper, True)
+    assert "holdout_rmse a" in text([stored])
+    assert "holdout_rmse" in csv([stored])
+    stored.plot(tmp_path / "estimate.png")
+    assert (tmp_path / "estimate.png").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"solver": {"method": "dopri5", "rtol": 1e-6}}, "solver.rtol"),
+        ({"plant": dict(PENDULUM, discretise="euler")}, "plant.discretise"),
+        ({"plant": dict(PENDULUM, output=["a", "b"])}, "the output b of the plant is not among them"),
+        ({"time": {"start": 50, "end": 60, "output_step": 1}}, "no sample was taken between 50 and 60"),
+        ({"plant": 3}, "plant"),
+        ({"observers": {}}, "no observers"),
+    ],
+)
+def test_what_cannot_be_is_said(change: dict[str, object], message: str) -> None:
+    config = {"plant": PENDULUM, "observers": observers("shgo")} | change
+    with pytest.raises(ConfigError, match=message):
+        estimate(source(config), recording(signal("a", [0, 1, 2], [0, 1, 2])), sensitivity=False)
+
+
+def test_a_reference_is_a_state_or_an_output() -> None:
+    log = recording(signal("a", [0, 1], [0, 1]), reference={"z": signal("z", [0], [0])})
+    with pytest.raises(ConfigError, match="neither a state nor an output"):
+        estimate(source({"plant": PENDULUM, "observers": observers("shgo")}), log)

@@ -1,0 +1,142 @@
+"""Observers on samples that come one after the other: the bits of an estimate of the whole recording."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from examples import Block, experiment, inline
+from recordings import NOISE, PENDULUM, START, observers, of_simulation, pendulum, recording
+
+import hgorun
+from hgorun.errors import ConfigError
+from hgorun.estimate.carrying import estimates, one_pass
+from hgorun.estimate.completed import completed
+from hgorun.estimate.estimator import Estimator
+from hgorun.estimate.prepared import PreparedEstimate, prepare_estimate
+from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.simulate import prepare
+
+MEASUREMENT = {"sampling": {"period": 0.1, "jitter": 0.02}, "noise": NOISE}
+
+
+def follow(estimator: Estimator, prepared: PreparedEstimate) -> np.ndarray:
+    """The estimates at every arrival, shape (samples, m, n)."""
+    (one,) = prepared.samples
+    found = []
+    for taken, known, y in zip(one.taken.tolist(), one.available.tolist(), one.values.tolist(), strict=True):
+        estimator.update(taken, {one.output: y}, available=known)
+        found.append([x.copy() for x in estimator.estimate().values()])
+    return np.array(found)
+
+
+def at_arrivals(prepared: PreparedEstimate) -> np.ndarray:
+    """The same of the whole recording at once."""
+    times = prepared.samples[0].available
+    raw, _ = one_pass(prepared, np.unique(times), prepared.run.step)
+    return np.stack(estimates(prepared, np.unique(times), raw), axis=1)
+
+
+@pytest.mark.parametrize("late", [False, True])
+@pytest.mark.parametrize("gate", [None, 2.5])
+def test_samples_one_by_one_give_the_bits_of_the_whole(late: bool, gate: float | None) -> None:
+    delay = "0.1 + 0.2*abs(sin(3*t))" if late else "0"
+    run = pendulum(observers("shgo", "fhgo2"), measurement=MEASUREMENT | {"delay": delay})
+    log = of_simulation(run)
+    log = recording(replace(log.outputs["a"], gate=gate))
+    prepared = prepare_estimate(completed(run.experiment.source, log, "x", ""), log)
+    whole = at_arrivals(prepared)
+    # the same noise is stated for both, and the same sampling
+    estimator = Estimator(prepared.experiment, gates={} if gate is None else {"a": gate})
+    found = follow(estimator, prepared)
+    assert np.array_equal(found[-1], whole[-1])
+    if late:  # samples on their way cut steps of the whole run that a stream does not know of yet
+        np.testing.assert_allclose(found, whole, rtol=0, atol=1e-6)
+    else:
+        assert np.array_equal(found, whole)
+    assert not any(estimator.lost.values())
+    assert estimator.t == prepared.samples[0].available[-1]
+
+
+@pytest.fixture(name="small")
+def of_pendulum() -> Experiment:
+    return experiment(PENDULUM, observers("shgo"), end=2, step=0.01, measurement={"sampling": {"period": 0.1}})
+
+
+def test_what_is_predicted_changes_nothing(small: Experiment) -> None:
+    one, other = Estimator(small), Estimator(small, remembered=0)
+    for k in range(1, 30):
+        one.update(0.1 * k, {"a": np.sin(0.1 * k)})
+        other.update(0.1 * k, {"a": np.sin(0.1 * k)})
+        ahead = one.predict(0.1 * k + 0.05)["shgo"]
+        assert abs(ahead[0] - np.sin(0.1 * k + 0.05)) < 0.3
+        assert np.array_equal(one.predict(0.1 * k)["shgo"], other.estimate()["shgo"])
+
+
+def test_a_checkpoint_goes_on_with_the_same_bits(small: Experiment) -> None:
+    one = Estimator(small, gates={"a": 4})
+    for k in range(1, 15):
+        one.update(0.1 * k, {"a": np.sin(0.1 * k)})
+    stored = one.checkpoint()
+    two = Estimator(small, gates={"a": 4})
+    two.restore(stored)
+    for k in range(15, 30):
+        for estimator in (one, two):
+            estimator.update(0.1 * k, {"a": np.sin(0.1 * k) + 10 * (k == 20)})
+        assert np.array_equal(one.estimate()["shgo"], two.estimate()["shgo"])
+    assert one.checkpoint() == two.checkpoint()
+    for wrong, message in ((b"", "no checkpoint"), (stored[:200], "damaged")):
+        with pytest.raises(ConfigError, match=message):
+            two.restore(wrong)
+    with pytest.raises(ConfigError, match="another configuration"):
+        Estimator(small.varied({"observers.shgo.theta": 3})).restore(stored)
+
+
+def test_inputs_come_with_samples() -> None:
+    plant = inline({"a": "b", "b": "-sin(a) - 0.1*b + u"}, "a", inputs={"u": "where(t < 0.95, 0.3, -0.2)"})
+    blocks = {"o": {"type": "shgo", "theta": 2, "poles": -1, "initial": START}}
+    whole = experiment(plant, blocks, end=2, step=0.01, measurement={"sampling": {"period": 0.1}})
+    of_time, given = Estimator(whole), Estimator(whole, inputs=("u",))
+    given.update(0.0, {}, u={"u": 0.3})
+    for k in range(1, 20):
+        if k == 10:
+            given.update(0.95, {}, u={"u": -0.2})
+        for estimator in (of_time, given):
+            estimator.update(0.1 * k, {"a": 0.1 * k})
+    np.testing.assert_allclose(of_time.estimate()["o"], given.estimate()["o"], atol=1e-3)
+
+
+def test_observers_that_jump_are_followed() -> None:
+    blocks: dict[str, Block] = {"reduced": {"type": "reduced_sampled", "H": 3, "initial": {"b": 1}}}
+    run = prepare(experiment(PENDULUM, blocks, end=4, step=0.01, measurement={"sampling": {"period": 0.1}}))
+    log = of_simulation(run)
+    prepared = prepare_estimate(completed(run.experiment.source, log, "x", ""), log)
+    assert np.array_equal(follow(Estimator(run.experiment), prepared), at_arrivals(prepared))
+
+
+def test_what_cannot_be_followed_is_said(small: Experiment) -> None:
+    estimator = Estimator(small, remembered=3)
+    estimator.update(1.0, {"a": float("nan")})
+    for call, message in (
+        (lambda: estimator.update(0.5, {"a": 1}), "before 1, which has been reached"),
+        (lambda: estimator.update(2, {"b": 1}), "no output is called 'b'"),
+        (lambda: estimator.update(2, {"a": 1}, u={"u": 1}), "not given with samples"),
+        (lambda: estimator.update(3, {"a": 1}, available=2), "after it was known"),
+        (lambda: estimator.predict(float("nan")), "is before"),
+        (lambda: Estimator(small, gates={"z": 1}), "no output is called 'z'"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            call()
+    for k in range(5):
+        estimator.update(2.0 + k, {"a": 0})
+    with pytest.raises(ValueError, match="increase remembered"):
+        estimator.update(1.5, {"a": 1}, available=7.0)
+    with pytest.raises(ConfigError, match="unknown input 'u'"):
+        Estimator(small, inputs=("u",))
+    adaptive = small.varied({"solver": {"method": "dopri5", "rtol": 1e-6}})
+    with pytest.raises(ConfigError, match="fixed"):
+        Estimator(adaptive)
+    assert estimator.states == ("a", "b")
+    assert estimator.labels == ("shgo",)
+    assert hgorun.Estimator is Estimator

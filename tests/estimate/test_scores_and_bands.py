@@ -1,0 +1,99 @@
+"""Scores and bands against laws of chance, and hold-outs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from recordings import recording, signal
+
+from hgorun.errors import ConfigError
+from hgorun.estimate.bands import Band, band_of, coverage, since_last
+from hgorun.estimate.gate import RunningDeviation
+from hgorun.estimate.holdout import HoldOut, held_out, number_of, parse_holdout
+from hgorun.estimate.scores import ljung_box, rms, settled
+
+
+def test_white_numbers_pass_the_test_of_whiteness_as_often_as_it_says() -> None:
+    rng = np.random.default_rng(1)
+    p = np.array([ljung_box(rng.standard_normal(400)) or 0.0 for _ in range(400)])
+    assert 0.02 < np.mean(p < 0.05) < 0.09
+    slow = np.convolve(rng.standard_normal(400), np.ones(3))
+    assert (ljung_box(slow) or 0.0) < 1e-6
+    assert ljung_box(np.zeros(5)) is None
+    assert ljung_box(np.ones(100)) is None
+
+
+def test_a_band_covers_what_it_should() -> None:
+    rng = np.random.default_rng(2)
+    since = rng.uniform(0, 5, 4000)
+    residuals = (0.1 + since) * rng.standard_normal(4000)
+    band = band_of(residuals, since)
+    assert band is not None
+    assert np.all(np.diff(band.widths) > 0)  # the longer ago, the wider
+    fresh = rng.uniform(0, 5, 4000)
+    new = (0.1 + fresh) * rng.standard_normal(4000)
+    assert 0.93 < np.mean(np.abs(new) <= band.at(fresh)) < 0.97
+    assert 0.93 < (coverage(residuals, since) or 0.0) < 0.97
+
+
+def test_few_residuals_make_no_band() -> None:
+    assert band_of(np.ones(18), np.ones(18)) is None
+    assert coverage(np.ones(30), np.ones(30)) is None
+    one = band_of(np.arange(19.0), np.ones(19))
+    assert one is not None
+    assert one.widths.tolist() == [18.0]  # rank ceil(0.95 * 20) = 19, the largest
+    assert Band(np.array([1.0]), np.array([2.0, 3.0])).at(np.array([0.5, 1.0, 1.5, np.inf])).tolist() == [2, 2, 3, 3]
+
+
+def test_the_time_since_the_last_sample_counts_what_was_known() -> None:
+    taken, available = np.array([0.0, 1.0, 2.0]), np.array([0.5, 3.0, 3.0])
+    times = np.array([0.0, 0.5, 2.0, 3.0])
+    assert since_last(times, taken, available).tolist() == [np.inf, 0.5, 2.0, 1.0]
+    assert since_last(times, taken, available, before=True).tolist() == [np.inf, np.inf, 2.0, 3.0]
+    assert since_last(times[:1], np.zeros(0), np.zeros(0)).tolist() == [np.inf]
+
+
+def test_the_running_deviation_is_that_of_normal_numbers_and_ignores_outliers() -> None:
+    rng, deviation = np.random.default_rng(4), RunningDeviation()
+    assert deviation.value == np.inf
+    values = 0.3 * rng.standard_normal(61)
+    values[::10] = 100.0
+    for value in values:
+        deviation.add(value)
+    assert 0.2 < deviation.value < 0.45
+    last = np.abs(values)[-61:]
+    assert deviation.value == pytest.approx(1.4826 * np.median(last))
+    deviation.add(float("nan"))
+    for value in rng.standard_normal(200):
+        deviation.add(value)
+    other = RunningDeviation()
+    other.restore(deviation.state())
+    assert other.value == deviation.value == pytest.approx(1.4826 * np.median(deviation.state()))
+    assert RunningDeviation(5.0).value == np.inf
+
+
+def test_sizes() -> None:
+    assert rms(np.zeros(0)) is None
+    assert rms(np.array([3.0, 4.0])) == pytest.approx(12.5**0.5)
+    assert rms(np.array([np.nan])) == np.inf
+    assert settled(np.arange(20.0)).tolist() == list(range(2, 20))
+
+
+def test_hold_outs() -> None:
+    assert parse_holdout("S=5") == ("S", "5")
+    assert number_of("S", "5") == HoldOut("S", 5)
+    assert number_of("S", "file.csv") is None
+    for text in ("S", "=5", "S="):
+        with pytest.raises(ConfigError, match="--holdout"):
+            parse_holdout(text)
+    with pytest.raises(ConfigError, match="at least 2"):
+        number_of("S", "1")
+    log = recording(signal("S", np.arange(12.0), np.arange(12.0), np.arange(12.0) + 1))
+    rest, aside = held_out(log, [HoldOut("S", 5)])
+    assert aside["S"].values.tolist() == [2, 7]
+    assert aside["S"].available.tolist() == [3, 8]
+    assert rest.outputs["S"].values.tolist() == [0, 1, 3, 4, 5, 6, 8, 9, 10, 11]
+    with pytest.raises(ConfigError, match="no such output"):
+        held_out(log, [HoldOut("E", 5)])
+    with pytest.raises(ConfigError, match="12 samples only"):
+        held_out(log, [HoldOut("S", 50)])

@@ -1,0 +1,82 @@
+"""``hgorun export`` as the command line has it, and what docs/export.md shows."""
+
+from __future__ import annotations
+
+import json
+import re
+import shlex
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from exported_c import STRICT, driven
+from shell import Shell
+
+from hgorun import load
+from hgorun.simulation.simulate import prepare
+
+PAGE = (Path(__file__).parents[2] / "docs" / "export.md").read_text(encoding="utf-8")
+
+
+def of_page(language: str) -> str:
+    return str(re.findall(rf"```{language}\n(.*?)```", PAGE, re.DOTALL)[0])
+
+
+@pytest.fixture
+def shell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Shell:
+    (tmp_path / "tank.yaml").write_text(of_page("yaml"))
+    return Shell(tmp_path, monkeypatch, capsys)
+
+
+def test_the_page(shell: Shell, tmp_path: Path) -> None:
+    """The command says what the page shows, and the page's program gives the numbers of the run."""
+    code, out, err = shell(*shlex.split(re.findall(r"^    hgorun (export tank.*)$", PAGE, re.MULTILINE)[0]))
+    assert (code, err) == (0, "")
+    shown = "".join(re.findall(r"^    (FHGO.*\n(?:      .*\n)+)", PAGE, re.MULTILINE)).replace("\n    ", "\n")
+    assert out == shown
+    folder = tmp_path / "results" / "tank"
+    (folder / "main.c").write_text(of_page("c"))
+    command = ["gcc", *STRICT, "-O1", "FHGO.c", "main.c", "-lm", "-o", "observer"]
+    assert subprocess.run(command, cwd=folder, capture_output=True).returncode == 0
+    found = driven(prepare(load(tmp_path / "tank.yaml")))
+    samples = [(t, y) for t, (*_, (_, _, y, _)) in zip(found.events, found.samples, strict=True)]
+    lines = "".join(f"{t!r} {y!r}\n" for t, y in np.array(samples).tolist())
+    done = subprocess.run(["./observer"], cwd=folder, input=lines, capture_output=True, text=True)
+    own = np.array([[float(word) for word in line.split()[1:]] for line in done.stdout.splitlines()])
+    np.testing.assert_allclose(own, found.estimates["FHGO"], rtol=1e-12)
+
+
+def test_json(shell: Shell) -> None:
+    code, out, _ = shell("export", "tank.yaml", "--json", "--float", "--inputs-given", "--late", "0.5", "-o", "out")
+    found = json.loads(out)
+    (observer,) = found["observers"].values()
+    assert (code, found["name"], observer["type"], observer["method"], observer["step"]) == (
+        0,
+        "tank",
+        "fhgo2",
+        "rk4",
+        0.01,
+    )
+    assert observer["files"] == ["out/FHGO.c", "out/FHGO.h"]
+    assert observer["inputs"] == ["D"]
+    assert observer["operations"]["step"]["plain"] > 100
+    assert "float z[4]" in Path("out/FHGO.h").read_text()
+    assert "HGO_FHGO_HISTORY" in Path("out/FHGO.h").read_text()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--lang", "ada"], "--lang: expected one of c"),
+        (["-o", "tank.yaml"], "--output: expected a folder"),
+        (["--observer", "SHGO"], "no observer is called 'SHGO'; known: FHGO"),
+        (["--set", "solver.method=rodas5p"], "rodas5p solves linear equations in every step"),
+        (["--late", "-1"], "Invalid value for '--late'"),
+    ],
+)
+def test_what_is_wrong(shell: Shell, arguments: list[str], message: str) -> None:
+    code, out, err = shell("export", "tank.yaml", *arguments)
+    assert (code, out) == (2, "")
+    assert message in err
+    assert not Path("results").exists()
