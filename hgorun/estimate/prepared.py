@@ -26,7 +26,7 @@ from hgorun.simulation.preparation import check_limit, in_groups, nominal_step, 
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.structure import structure_of
 from hgorun.simulation.tables import build_plan
-from hgorun.simulation.truth import Recording, SameTruth
+from hgorun.simulation.truth import Recording, SameTruth, Truth
 from hgorun.symbolic.evaluate import Floats, evaluate
 
 _DIVERGED = 1e12  # times all that is known: beyond that an observer is lost, whatever the units
@@ -189,7 +189,7 @@ def prepare_estimate(experiment: Experiment, recording: Recorded) -> PreparedEst
         designs = [design for group in of_groups for design in group]
         recorded = tuple(i for i, name in enumerate(plant.model.inputs) if name in recording.inputs)
         truth = Recording(plant.symbolic, recorded)
-        truths = [truth, *(SameTruth(truth, treatment == "replay") for treatment in treatments)]
+        truths: list[Truth] = [truth, *(SameTruth(truth, treatment == "replay") for treatment in treatments)]
         stretches = [one for _ in truths for one in experiment.stretches]
         variants, everything = schedule.variants, plant.everything
         structure = structure_of(truths, of_groups, stretches, variants, everything, innovations=True)
@@ -214,8 +214,8 @@ def prepare_estimate(experiment: Experiment, recording: Recorded) -> PreparedEst
             label = next(label for label, o in experiment.observers.items() if treatment_of(o) in treatments)
             raise Problem(
                 ("observers", label, "late"),
-                f"outliers are found when samples arrive: with a gate late samples enter the innovation, and {label} has "
-                f"late: {treatment_of(experiment.observers[label])}",
+                f"outliers are found when samples arrive: with a gate late samples enter the innovation, and {label} "
+                f"has late: {treatment_of(experiment.observers[label])}",
             )
     return prepared
 
