@@ -84,6 +84,13 @@ def _simulate(chosen: options.Simulate) -> int:
     return simulate(chosen)
 
 
+@_command("estimate", options.Estimate)
+def _estimate(chosen: options.Estimate) -> int:
+    from hgorun.commands.estimate import estimate
+
+    return estimate(chosen)
+
+
 @_command("sweep", options.Sweep)
 def _sweep(chosen: options.Sweep) -> int:
     from hgorun.commands.sweep import sweep

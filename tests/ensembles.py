@@ -45,6 +45,6 @@ def small(**keep: Any) -> Ensemble:
 
 def numbers(run: Run, quantities: Sequence[Quantity], folder: Path) -> Numbers:
     """What the members of a study's run measure."""
-    of, place = ensemble_of(run, beside_metrics(quantities), followed=False), Place.of(folder / f"{run.name}.sweep.h5")
+    of, place = ensemble_of(run, beside_metrics(quantities), followed="none"), Place.of(folder / f"{run.name}.sweep.h5")
     carried_out(of, place, workers=1)
     return of_members(run, of, read_sweep(place.file), quantities)

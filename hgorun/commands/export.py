@@ -19,7 +19,7 @@ from hgorun.files import remove_leftovers, write_text
 from hgorun.simulation.simulate import prepare
 from hgorun.study.loading import load
 
-_LANGUAGES = ("c",)
+_LANGUAGES = ("c", "latex")
 
 
 def export(options: Export) -> int:
@@ -31,7 +31,11 @@ def export(options: Export) -> int:
         raise ConfigError(f"--output: {options.output} is a file; name a folder")
     require_file(options.config)
     experiment = load(options.config, options.overrides, seed=options.seed, run=options.run)
-    wanted = Wanted(labels=tuple(options.observers), late=options.late, inputs_given=options.inputs_given)
+    in_c = options.lang == "c"
+    if not in_c and (options.single or options.late or options.inputs_given):
+        raise ConfigError("--float, --late and --inputs-given are for --lang c; equations have symbols for the inputs")
+    labels = tuple(options.observers)
+    wanted = Wanted(labels=labels, late=options.late, inputs_given=options.inputs_given, steps=in_c)
     observers = exported(prepare(experiment), wanted)
     texts = {observer.label: _texts(observer, options) for observer in observers}
     folder = options.output or RESULTS / options.config.stem
@@ -45,13 +49,17 @@ def export(options: Export) -> int:
     elif options.text:
         for observer in observers:
             print(f"{observer.label} ({observer.design.observer.type})")
-            for name, cost in costs(_source(observer, options)).items():
+            for name, cost in costs(_source(observer, options)).items() if in_c else ():
                 print(f"  {name}: at most {cost}")
             print("  written: " + ", ".join(str(folder / name) for name in texts[observer.label]))
     return 0
 
 
 def _texts(observer: Exported, options: Export) -> dict[str, str]:
+    if options.lang == "latex":
+        from hgorun.export.latex import latex
+
+        return {f"{observer.name}.tex": latex(observer)}
     return dict(c_files(observer, single=options.single))
 
 
@@ -67,9 +75,10 @@ def _told(observer: Exported, files: list[Path], options: Export) -> dict[str, o
         "states": list(observer.states),
         "outputs": [output.name for output in observer.outputs],
         "inputs": list(observer.inputs),
-        "bytes": bytes_of(source),
-        "operations": {name: vars(cost) for name, cost in costs(source).items()},
     }
+    if options.lang != "c":
+        return found
+    found |= {"bytes": bytes_of(source), "operations": {name: vars(cost) for name, cost in costs(source).items()}}
     if observer.flows:
         found |= {"method": observer.method.name, "step": observer.step}
     return found

@@ -50,6 +50,43 @@ class Simulate(Configured):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Estimate(Configured):
+    """Run the observers of a configuration on recorded data, and score them without a truth.
+
+    The key data of the configuration says which columns are the measurements; nothing is simulated. Writes
+    results/NAME.h5.
+    """
+
+    config: Annotated[Path, typer.Argument(metavar="CONFIG", help="A YAML configuration with the key data.")]
+    data: Annotated[
+        list[Path],
+        typer.Argument(metavar="[DATA...]", help="Files with the data, in place of data.file; - follows a stream."),
+    ] = field(default_factory=list)
+    holdout: Annotated[
+        list[str],
+        typer.Option(
+            "--holdout",
+            metavar="OUTPUT=N|FILE",
+            help="Set every N-th sample of an output aside, or compare with those in a file; repeatable.",
+        ),
+    ] = field(default_factory=list)
+    every: Annotated[
+        float | None, typer.Option("--every", metavar="STEP", help="Of a stream: estimates at multiples of this time.")
+    ] = None
+    checkpoint: Annotated[
+        Path | None, typer.Option("--checkpoint", metavar="FILE", help="Of a stream: go on from here, and write it.")
+    ] = None
+    export_csv: Annotated[
+        Path | None, typer.Option("--export-csv", metavar="FILE", help="Write the estimates as CSV, too.")
+    ] = None
+    sensitivity: Annotated[
+        bool, typer.Option("--sensitivity/--no-sensitivity", help="Tell how the scores depend on each gain.")
+    ] = True
+    plots: Annotated[bool, typer.Option("--plots/--no-plots", help="Draw the estimates (PNG and PDF).")] = True
+    strict: Annotated[bool, typer.Option("--strict", help="Exit with code 3 if a status is not ok.")] = False
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Sweep(Printing):
     """Carry out the members of a sweep file, and collect them in results/NAME.sweep.h5.
 
@@ -176,14 +213,14 @@ class Export(Configured):
     """Write the observers of a configuration in another language, to results/NAME/.
 
     As C: one file and a header for each observer, without libraries but libm and without allocation, with the method
-    and the step of the run.
+    and the step of the run. As LaTeX: its equations with the numbers in them.
     """
 
     config: Annotated[Path, typer.Argument(metavar="CONFIG", help="A YAML configuration.")]
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="Folder to write to (default: results/NAME).")
     ] = None
-    lang: Annotated[str, typer.Option("--lang", metavar="LANGUAGE", help="c.")] = "c"
+    lang: Annotated[str, typer.Option("--lang", metavar="LANGUAGE", help="c or latex.")] = "c"
     observers: Annotated[
         list[str], typer.Option("--observer", metavar="LABEL", help="Only this observer; repeatable.")
     ] = field(default_factory=list)

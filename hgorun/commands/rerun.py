@@ -26,6 +26,8 @@ def rerun(options: Rerun) -> int:
     """Make a result again, and say which of its data sets are the same."""
     refuse_other_kinds(options.output, RESULT_SUFFIXES)
     before = read(options.file)
+    if before.recorded is not None:
+        raise ConfigError("an estimate of recorded data is made again by hgorun estimate", file=str(options.file))
     stored = stored_digests(options.file)
     if not stored:
         raise ConfigError(

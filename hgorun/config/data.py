@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
+from pydantic import BeforeValidator, Field, GetJsonSchemaHandler, WithJsonSchema, model_validator
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema
 
 from hgorun.config.types import Block, Interval, Name, NonEmpty, Number, Positive, describe
 
@@ -68,6 +70,13 @@ class Faults(Block):
         return other.model_copy(update={key: value for key, value in self if value is not None})
 
 
+class _OrText:
+    """The JSON schema of a block that may also be a text."""
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        return {"anyOf": [{"type": "string"}, handler(schema)]}
+
+
 def _column(value: Any) -> Any:
     """A column may be given by its name alone."""
     if isinstance(value, str):
@@ -99,9 +108,7 @@ class Clock(Block):
         return self
 
 
-ClockKey = Annotated[
-    Clock, BeforeValidator(_column), WithJsonSchema({"anyOf": [{"type": "string"}, {"$ref": "#/$defs/Clock"}]})
-]
+ClockKey = Annotated[Clock, BeforeValidator(_column), _OrText()]
 
 
 class Quality(Block):
@@ -142,12 +149,8 @@ class Recorded(Column):
     hold: Literal["zero", "linear"] = Field(default="zero", description="what it is between its values")
 
 
-MeasuredKey = Annotated[
-    Measured, BeforeValidator(_column), WithJsonSchema({"anyOf": [{"type": "string"}, {"$ref": "#/$defs/Measured"}]})
-]
-RecordedKey = Annotated[
-    Recorded, BeforeValidator(_column), WithJsonSchema({"anyOf": [{"type": "string"}, {"$ref": "#/$defs/Recorded"}]})
-]
+MeasuredKey = Annotated[Measured, BeforeValidator(_column), _OrText()]
+RecordedKey = Annotated[Recorded, BeforeValidator(_column), _OrText()]
 
 
 def _files(value: Any) -> Any:

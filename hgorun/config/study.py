@@ -42,6 +42,10 @@ class Panel(Block):
         default=None, description="labels, with several runs also run/label (default: all)"
     )
     measurements: bool = Field(default=False, description="show the measurements of the state that is an output")
+    members: Literal["lines", "bands"] | None = Field(
+        default=None,
+        description="of an ensemble: a line for each member (default without seeds), or median and quantiles",
+    )
     window: Window | None = Field(default=None, description="time shown (default: the whole run)")
     limits: Window | None = Field(default=None, description="range of the vertical axis")
     inset: Inset | None = Field(default=None, description="a detail, enlarged inside the panel")

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from hgorun.estimate.bands import FEWEST, band_of
@@ -16,35 +14,14 @@ from hgorun.symbolic.evaluate import Floats
 _WIDE = 1.959963984540054  # standard deviations to either side that hold 95 % of normal numbers
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Normal:
-    """What an observer knows of its own errors.
-
-    Attributes
-    ----------
-    deviation : ndarray, shape (Nt, n)
-        Their standard deviation on the output grid.
-    nis : list of ndarray, shape (n_k,) each
-        Of every output the innovations squared over their variance.
-    """
-
-    deviation: Floats
-    nis: list[Floats]
-
-    @classmethod
-    def of(cls, prepared: PreparedEstimate, found: Evaluated, j: int) -> Normal | None:
-        """None of an observer that does not."""
-        return None
-
-
-def assess(prepared: PreparedEstimate, found: Evaluated, j: int, normal: Normal | None) -> Assessed:
+def assess(prepared: PreparedEstimate, found: Evaluated, j: int) -> Assessed:
     """The band and the scores of observer j."""
-    scores = scores_of(prepared, found, j)
+    scores, normal = scores_of(prepared, found, j), found.normal[j]
     xhat = found.xhat[j]
     if normal is not None:
         width = _WIDE * normal.deviation
         for one, nis in zip(prepared.samples, normal.nis, strict=True):
-            sound = settled(nis)
+            sound = settled(nis[one.used])
             if sound.size:
                 scores.setdefault("nis", {})[one.output] = float(np.mean(sound))
         return Assessed(xhat - width, xhat + width, {}, scores)

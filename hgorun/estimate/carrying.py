@@ -12,6 +12,7 @@ from hgorun.engine.layout import HybridSystem
 from hgorun.engine.memory import Raw
 from hgorun.engine.methods import METHODS
 from hgorun.engine.session import Session, with_stops
+from hgorun.estimate.covariance import Covariance
 from hgorun.estimate.gate import RunningDeviation
 from hgorun.estimate.prepared import PreparedEstimate
 from hgorun.estimate.samples import stated
@@ -85,7 +86,7 @@ def one_pass(
     used = prepared.used()
     if not prepared.gated:
         return prepared.program().run(plan, start, progress=progress), used
-    gate = Gate(prepared.experiment, [one.gate for one in prepared.samples])
+    gate = Gate(prepared.experiment, [one.gate for one in prepared.samples], prepared.covariances())
     watched = list(_watched(prepared))
     events = prepared.run.schedule.events
     slots_at: dict[int, list[tuple[int, int]]] = {}
@@ -99,7 +100,7 @@ def one_pass(
         z, w = session.z.copy(), session.w.copy()
         session.advance(stop + 1)
         for output, slot in slots_at[event]:
-            for j in gate.outliers(output, session.innovations[slot]):
+            for j in gate.outliers(output, session.innovations[slot], float(events[event]), z, w):
                 used[slot, j] = False
                 leave_out(prepared.run.structure.system, session, output, j, z, w)
     return session.finish(), used
@@ -122,21 +123,36 @@ class Gate:
     experiment : Experiment
     limits : sequence of float or None
         Of every output the standard deviations beyond which a sample is an outlier.
+    covariances : sequence of Covariance or None
+        Of every observer.
     """
 
-    def __init__(self, experiment: Experiment, limits: Sequence[float | None]) -> None:
-        self._model, self._limits = experiment.plant.model, limits
+    def __init__(
+        self, experiment: Experiment, limits: Sequence[float | None], covariances: Sequence[Covariance | None]
+    ) -> None:
+        self._model, self._limits, self._covariances = experiment.plant.model, limits, covariances
         known = stated(experiment)
         self.deviations = [
             [RunningDeviation(known.get(output, 0.0)) for _ in experiment.observers] for output in self._model.outputs
         ]
 
-    def outliers(self, output: int, innovations: Floats) -> list[int]:
-        """The observers to which a sample of an output is an outlier, from the innovation of each, shape (m,)."""
+    def outliers(self, output: int, innovations: Floats, t: float, z: Floats, w: Floats) -> list[int]:
+        """The observers to which a sample of an output is an outlier, from the innovation of each, shape (m,).
+
+        Parameters
+        ----------
+        t : float
+        z, w : ndarray
+            The states, and what was held, before the sample arrived.
+        """
         limit, found = self._limits[output], []
         for j, one in enumerate(self._model.wrapped(output, innovations).tolist()):
-            deviation = self.deviations[output][j]
-            if limit is not None and abs(one) > limit * deviation.value:
+            deviation, covariance = self.deviations[output][j], self._covariances[j]
+            size = deviation.value
+            if covariance is not None:
+                known = float(covariance.variance(np.array([t]), z[None], w)[0, output])
+                size = known**0.5 if known >= 0 else size
+            if limit is not None and abs(one) > limit * size:
                 found.append(j)
             deviation.add(one)
         return found

@@ -92,8 +92,9 @@ def streamed(source: Source, inputs: tuple[str, ...], deviations: Mapping[str, f
     outputs = dict(measurement.get("outputs") or {})
     for output, std in deviations.items():
         outputs[output] = {"noise": [{"type": "gaussian", "std": std}]} | dict(outputs.get(output) or {})
-    if outputs:
-        changes["measurement"] = {**measurement, "outputs": outputs}
+    # that outputs are sampled is known; how often, only where the block says so
+    start = changes.get("time", {}).get("start", 0.0)
+    changes["measurement"] = {"sampling": {"times": [start]}} | measurement | {"outputs": outputs}
     return Experiment(_with_plant(_with(source, changes), inputs)[0], name=name)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy as np
 from hgorun.config.yaml_source import Source
 from hgorun.data.recording import Recording, Signal
 from hgorun.errors import ConfigError
-from hgorun.estimate.assessed import Normal, assess
+from hgorun.estimate.assessed import assess
 from hgorun.estimate.completed import completed
 from hgorun.estimate.evaluated import Compared, Evaluated, evaluate_run
 from hgorun.estimate.prepared import PreparedEstimate, prepare_estimate
@@ -67,8 +67,7 @@ def estimate_prepared(
     if not prepared.run.observers:
         raise ConfigError("there are no observers")
     found = evaluate_run(prepared, held_out, recording.reference)
-    normals = [Normal.of(prepared, found, j) for j in range(len(prepared.run.observers))]
-    result = _result(prepared, recording, found, normals)
+    result = _result(prepared, recording, found)
     if not sensitivity:
         return result
     from hgorun.estimate.sensitivity import with_sensitivity
@@ -76,7 +75,7 @@ def estimate_prepared(
     return with_sensitivity(result, prepared, recording, held_out)
 
 
-def _result(prepared: PreparedEstimate, recording: Recording, found: Evaluated, normals: list[Normal | None]) -> Result:
+def _result(prepared: PreparedEstimate, recording: Recording, found: Evaluated) -> Result:
     run, experiment = prepared.run, prepared.experiment
     model, origin, grid = run.plant.model, run.origin, found.grid
     units = {"time": run.time.unit, **run.plant.units}
@@ -92,7 +91,7 @@ def _result(prepared: PreparedEstimate, recording: Recording, found: Evaluated, 
         outputs=model.outputs,
         units=units,
         measurements=Measurements.nothing(len(model.outputs)),
-        observers=_observers(prepared, found, normals),
+        observers=_observers(prepared, found),
         config=experiment.text,
         resolved=experiment.resolved_later,
         seed=experiment.blocks.seed,
@@ -105,7 +104,7 @@ def _result(prepared: PreparedEstimate, recording: Recording, found: Evaluated, 
         ),
         measures=model.measures,
         remarks=tuple(_remarks(prepared, recording)),
-        recorded=_recorded(prepared, found, normals),
+        recorded=_recorded(prepared, found),
     )
 
 
@@ -124,15 +123,13 @@ def _remarks(prepared: PreparedEstimate, recording: Recording) -> list[str]:
     return told
 
 
-def _observers(
-    prepared: PreparedEstimate, found: Evaluated, normals: Sequence[Normal | None]
-) -> dict[str, ObserverResult]:
+def _observers(prepared: PreparedEstimate, found: Evaluated) -> dict[str, ObserverResult]:
     """Those of all observers in the order of the configuration."""
-    of = {b.label: _observer(prepared, found, j, normals[j]) for j, b in enumerate(prepared.run.observers)}
+    of = {b.label: _observer(prepared, found, j) for j, b in enumerate(prepared.run.observers)}
     return {label: of[label] for label in prepared.experiment.observers}
 
 
-def _observer(prepared: PreparedEstimate, found: Evaluated, j: int, normal: Normal | None) -> ObserverResult:
+def _observer(prepared: PreparedEstimate, found: Evaluated, j: int) -> ObserverResult:
     block = prepared.run.observers[j]
     return ObserverResult(
         type=block.observer.type,
@@ -143,7 +140,7 @@ def _observer(prepared: PreparedEstimate, found: Evaluated, j: int, normal: Norm
         verdict=_verdict(prepared, found, j),
         metrics={},
         coordinates=prepared.experiment.coordinates.get(block.label),
-        assessed=assess(prepared, found, j, normal),
+        assessed=assess(prepared, found, j),
     )
 
 
@@ -161,12 +158,12 @@ def _verdict(prepared: PreparedEstimate, found: Evaluated, j: int) -> Verdict:
     return OK
 
 
-def _recorded(prepared: PreparedEstimate, found: Evaluated, normals: list[Normal | None]) -> Recorded:
+def _recorded(prepared: PreparedEstimate, found: Evaluated) -> Recorded:
     origin = prepared.run.origin
     outputs = {}
     for i, (one, slots) in enumerate(zip(prepared.samples, prepared.slots, strict=True)):
         nothing = np.full(one.values.size, np.nan)
-        nis = [nothing if normal is None else normal.nis[i] for normal in normals]
+        nis = [nothing if normal is None else normal.nis[i] for normal in found.normal]
         outputs[one.output] = RecordedOutput(
             origin + one.taken,
             origin + one.available,

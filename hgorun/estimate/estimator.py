@@ -19,6 +19,7 @@ from hgorun.engine.memory import Start
 from hgorun.engine.plan import Floats, Integers
 from hgorun.errors import ConfigError, HgorunError, Problem
 from hgorun.estimate.carrying import Gate, leave_out
+from hgorun.estimate.covariance import Covariance
 from hgorun.measurement.variants import HELD, SILENT
 from hgorun.observers.base import SampledObserver, treatment_of
 from hgorun.simulation.experiment import Experiment
@@ -100,7 +101,7 @@ class Estimator:
         for name in gates:
             self._output(name)
         limits = [gates.get(name) for name in model.outputs]
-        self._gate = Gate(experiment, limits) if gates else None
+        self._gate = Gate(experiment, limits, self._covariances) if gates else None
         self._gated = [limit is not None for limit in limits]
         self._heard = [False] * len(model.outputs)
         self._newest = [-np.inf] * len(model.outputs)
@@ -131,6 +132,7 @@ class Estimator:
         structure = structure_of([truth], [designs], stretches, variants, plant.everything, innovations=True)
         numbers = numbers_of(structure, plant, experiment, designs)
         self._structure, self._p = structure, numbers.p
+        self._covariances = [Covariance.of(experiment, structure, numbers.p, b) for b in numbers.observers]
         self._labels = [b.label for b in numbers.observers]
         corrections = structure.system.corrections
         self._corrections = [number for number, _, _ in corrections]
@@ -318,7 +320,7 @@ class Estimator:
                 self._heard[i] = True
                 self._newest[i] = event.taken
                 if self._gate is not None and self._gated[i]:
-                    for j in self._gate.outliers(i, live.innovations[slot]):
+                    for j in self._gate.outliers(i, live.innovations[slot], event.t, z, w):
                         leave_out(self._structure.system, live, i, j, z, w)
 
     def _jumps(self, event: _Event) -> list[int]:

@@ -9,8 +9,11 @@ import numpy as np
 
 from hgorun.data.recording import Signal
 from hgorun.estimate.carrying import Carried, carry_out, estimates
+from hgorun.estimate.covariance import Covariance
 from hgorun.estimate.prepared import PreparedEstimate
 from hgorun.symbolic.evaluate import Floats
+
+_LITTLE = 1e-6  # of the shortest time between samples
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -34,6 +37,22 @@ class Compared:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
+class Normal:
+    """What an observer knows of its own errors.
+
+    Attributes
+    ----------
+    deviation : ndarray, shape (Nt, n)
+        Their standard deviation on the output grid.
+    nis : list of ndarray, shape (n_k,) each
+        Of every output the innovations squared over their variance.
+    """
+
+    deviation: Floats
+    nis: list[Floats]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Evaluated:
     """A run, its estimates on the output grid, and what they are compared with.
 
@@ -48,6 +67,8 @@ class Evaluated:
     predicted : sequence of ndarray, shape (m, n_k)
         Of every output measured minus estimated at the time of each sample, as it was estimated without that sample.
     held_out, reference : mapping of str to Compared
+    normal : sequence of Normal or None
+        Of every observer what it knows of its own errors.
     """
 
     carried: Carried
@@ -57,6 +78,7 @@ class Evaluated:
     predicted: Sequence[Floats]
     held_out: Mapping[str, Compared]
     reference: Mapping[str, Compared]
+    normal: Sequence[Normal | None]
 
 
 def evaluate_run(
@@ -80,7 +102,9 @@ def evaluate_run(
     every = experiment.grid[1]
     shown = grid[::every]
     late = [one.taken for one in prepared.samples if one.taken is not one.available]
-    times = np.unique(np.concatenate([shown, *(taken for taken, _ in chosen.values()), *late]))
+    covariances = prepared.covariances()
+    before = [_before(one.available) for one in prepared.samples] if any(covariances) else []
+    times = np.unique(np.concatenate([shown, *(taken for taken, _ in chosen.values()), *late, *before]))
     carried = carry_out(prepared, times)
     everywhere = estimates(prepared, times, carried.raw)
     on_grid = np.searchsorted(times, shown)
@@ -88,15 +112,48 @@ def evaluate_run(
         key: _compared(prepared, key[1], taken, values, [x[np.searchsorted(times, taken)] for x in everywhere])
         for key, (taken, values) in chosen.items()
     }
+    predicted = [_predicted(prepared, i, times, everywhere, carried) for i in range(len(prepared.samples))]
+    normal = [
+        None if one is None else _normal(prepared, one, carried.raw.rows[:, :, 0], times, shown, before, predicted, j)
+        for j, one in enumerate(covariances)
+    ]
     return Evaluated(
         carried,
         shown,
         [x[on_grid] for x in everywhere],
         carried.raw.rows[on_grid, :, 0],
-        [_predicted(prepared, i, times, everywhere, carried) for i in range(len(prepared.samples))],
+        predicted,
         {name: one for (which, name), one in compared.items() if which == 0},
         {name: one for (which, name), one in compared.items() if which == 1},
+        normal,
     )
+
+
+def _before(available: Floats) -> Floats:
+    """Moments before samples arrive, when nothing has jumped yet."""
+    gaps = np.diff(np.unique(available))
+    little = _LITTLE * (float(gaps.min()) if gaps.size else 1.0)
+    return np.maximum(available - little, 0.0)
+
+
+def _normal(
+    prepared: PreparedEstimate,
+    covariance: Covariance,
+    rows: Floats,
+    times: Floats,
+    shown: Floats,
+    before: Sequence[Floats],
+    predicted: Sequence[Floats],
+    j: int,
+) -> Normal:
+    """What observer j knows of its errors, and what its innovations are in its own eyes."""
+    layout, nis = prepared.run.structure.system.held, []
+    for i, moments in enumerate(before):
+        held = prepared.held(moments)
+        w = np.zeros(layout.size) if held is None else held
+        variance = covariance.variance(moments, rows[np.searchsorted(times, moments)], w)[:, i]
+        nis.append(predicted[i][j] ** 2 / variance)
+    return Normal(covariance.deviation(rows[np.searchsorted(times, shown)]), nis)
 
 
 def _inside(signal: Signal, origin: float, end: float) -> tuple[Floats, Floats]:

@@ -14,6 +14,7 @@ from hgorun.engine.methods import METHODS
 from hgorun.engine.plan import Plan
 from hgorun.engine.program import Program
 from hgorun.errors import Problem
+from hgorun.estimate.covariance import Covariance
 from hgorun.estimate.samples import Sampled, all_sampled, channel, recorded_inputs
 from hgorun.measurement.late import HeardOtherwise, heard
 from hgorun.measurement.schedule import build_schedule
@@ -152,6 +153,11 @@ class PreparedEstimate:
         if not times.size:
             return np.zeros((0, len(model.outputs)))
         return evaluate(model.output_function, times[:, None], x, self.u(times), self.run.plant.parameters)[0]
+
+    def covariances(self) -> list[Covariance | None]:
+        """Of every observer what it knows of its errors."""
+        run = self.run
+        return [Covariance.of(run.experiment, run.structure, run.numbers.p, b) for b in run.observers]
 
     @property
     def _truth(self) -> Recording:

@@ -202,6 +202,88 @@ def outputs_of(stretches: Sequence[Sequence[Stretch]], plant: BuiltPlant, late: 
     return tuple(found)
 
 
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Symbolic:
+    """An observer by itself as expressions.
+
+    Attributes
+    ----------
+    block : ObserverBlock
+        Its states lie in z from 0 on.
+    arguments, jump_arguments : list of casadi.SX
+        t, p, z and w of the equations, and of the jump.
+    values : ndarray
+        Of p.
+    outputs : dict of str to casadi.SX
+        ``rate``, ``estimate``, ``guess`` and what a history needs.
+    jump : casadi.SX or None
+        What z becomes at a sample.
+    held : Held
+        The layout of w of the jump.
+    """
+
+    block: ObserverBlock
+    arguments: list[ca.SX]
+    values: np.ndarray
+    outputs: dict[str, ca.SX]
+    jump: ca.SX | None
+    jump_arguments: list[ca.SX]
+    held: Held
+
+
+def symbolic(
+    design: Design, plant: BuiltPlant, outputs: Sequence[Output], origin: float, *, inputs_given: bool
+) -> Symbolic:
+    """The equations of an observer by itself."""
+    has_alpha = _compares(design.observer) and any(o.sampled or o.delay for o in outputs)
+    t, parameters, model = plant.model.t, Parameters(), plant.model
+    count = model.p.numel()
+    symbols = PlantNumbers(
+        parameters.add("plant", plant.everything[:count]), parameters.add("numbers", plant.everything[count:])
+    )
+    block = ObserverBlock.place(design, 0, has_alpha, parameters)
+    p, own = parameters.symbol, symbols.parameters
+    z, q, m = ca.SX.sym("z", block.end), len(model.outputs), len(model.inputs) if inputs_given else 0
+    w = ca.SX.sym("w", 2 * m + q + block.end)
+    u, du, e, dz = ca.vertsplit(w, [0, m, 2 * m, 2 * m + q, w.numel()])
+    if not inputs_given:
+        u = symbols.of(plant.symbolic, plant.symbolic.inputs)
+    guess = block.guess(t, u, own, z)
+    results = {"estimate": block.estimate(t, u, own, z), "guess": guess}
+    if isinstance(design.observer, ContinuousObserver):
+        results["rate"] = block.flow(t, u, own, z, e)
+    remembered = [i for i, output in enumerate(outputs) if output.remembered]
+    if remembered:
+        past = (guess - block.symbols(z).alpha)[remembered]
+        slope = ca.jtimes(past, z, dz) + ca.jacobian(past, t)
+        results["past"] = past
+        results["past_rate"] = slope + ca.jtimes(past, u, du) if m else slope
+        clock = {"t": on_the_clock(t, origin)}
+        delays = [parse(o.delay, names=("t",)).symbol(clock) for o in outputs if o.delay is not None]
+        if delays:
+            results["delay"] = ca.vertcat(*delays)
+    jump, held, told = None, Held(q, 1, m), w
+    if isinstance(design.observer, (SampledObserver, CorrectedObserver)):
+        truth = Recording(plant.symbolic, tuple(range(m)))
+        variants = [((HELD, 0),) * q] if has_alpha else []
+        system = build_system([Group(truth, 0, (block,))], t, p, symbols, {}, variants)
+        ((_, _, function),) = system.jumps
+        held, told = system.held, ca.SX.sym("w", system.held.size)
+        still = ca.SX(told)
+        for _, slope_at, since, _ in map(held.input, range(m)):
+            still[slope_at] = still[since] = 0  # inputs are told as they are at the sample
+        jump = function(t, p, z, still)
+    return Symbolic(
+        block=block,
+        arguments=[t, p, z, w],
+        values=parameters.values,
+        outputs=results,
+        jump=jump,
+        jump_arguments=[t, p, z, told],
+        held=held,
+    )
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Equations:
     """The operations of an observer, and the block that they belong to."""
@@ -216,48 +298,12 @@ def equations_of(
     design: Design, plant: BuiltPlant, outputs: Sequence[Output], origin: float, *, inputs_given: bool
 ) -> Equations:
     """The operations of an observer by itself, with the numbers of its design and of the plant in them."""
-    has_alpha = _compares(design.observer) and any(o.sampled or o.delay for o in outputs)
-    t, parameters, model = plant.model.t, Parameters(), plant.model
-    count = model.p.numel()
-    symbols = PlantNumbers(
-        parameters.add("plant", plant.everything[:count]), parameters.add("numbers", plant.everything[count:])
-    )
-    block = ObserverBlock.place(design, 0, has_alpha, parameters)
-    p, values = parameters.symbol, parameters.values
-    z, q, m = ca.SX.sym("z", block.end), len(model.outputs), len(model.inputs) if inputs_given else 0
-    w = ca.SX.sym("w", 2 * m + q + block.end)
-    u, du, e, dz = ca.vertsplit(w, [0, m, 2 * m, 2 * m + q, w.numel()])
-    if not inputs_given:
-        u = symbols.of(plant.symbolic, plant.symbolic.inputs)
-    own = symbols.parameters
-    guess = block.guess(t, u, own, z)
-    results = {"estimate": block.estimate(t, u, own, z), "guess": guess}
-    if isinstance(design.observer, ContinuousObserver):
-        results["rate"] = block.flow(t, u, own, z, e)
-    remembered = [i for i, output in enumerate(outputs) if output.remembered]
-    if remembered:
-        past = (guess - block.symbols(z).alpha)[remembered]
-        slope = ca.jtimes(past, z, dz) + ca.jacobian(past, t)
-        results["past"] = past
-        results["past_rate"] = slope + ca.jtimes(past, u, du) if m else slope
-        delays = [output.delay for output in outputs if output.delay is not None]
-        clock = {"t": on_the_clock(t, origin)}
-        if delays:
-            results["delay"] = ca.vertcat(*[parse(text, names=("t",)).symbol(clock) for text in delays])
-    flow = _operations("equations", [t, p, z, w], results, values)
-    jump, held = None, Held(q, 1, m)
-    if isinstance(design.observer, (SampledObserver, CorrectedObserver)):
-        truth = Recording(plant.symbolic, tuple(range(m)))
-        variants = [((HELD, 0),) * q] if has_alpha else []
-        system = build_system([Group(truth, 0, (block,))], t, p, symbols, {}, variants)
-        ((_, _, function),) = system.jumps
-        held = system.held
-        w = ca.SX.sym("w", held.size)
-        still = ca.SX(w)
-        for _, slope, since, _ in map(held.input, range(m)):
-            still[slope] = still[since] = 0  # inputs are told as they are at the sample
-        jump = _operations("jump", [t, p, z, w], {"jump": function(t, p, z, still)}, values)
-    return Equations(block, flow, jump, held)
+    found = symbolic(design, plant, outputs, origin, inputs_given=inputs_given)
+    flow = _operations("equations", found.arguments, found.outputs, found.values)
+    jump = None
+    if found.jump is not None:
+        jump = _operations("jump", found.jump_arguments, {"jump": found.jump}, found.values)
+    return Equations(found.block, flow, jump, found.held)
 
 
 def _compares(observer: AnyObserver) -> bool:

@@ -33,11 +33,14 @@ class Wanted:
         How late samples may be known; the longest delay of the configuration where that is more.
     inputs_given : bool
         Whether inputs are told to the observer, in place of the configuration's functions of time.
+    steps : bool
+        Whether it is integrated where it is exported to: otherwise any method will do.
     """
 
     labels: tuple[str, ...] = ()
     late: float = 0.0
     inputs_given: bool = False
+    steps: bool = True
 
 
 def exported(run: PreparedRun, wanted: Wanted | None = None) -> list[Exported]:
@@ -51,11 +54,8 @@ def exported(run: PreparedRun, wanted: Wanted | None = None) -> list[Exported]:
     wanted = Wanted() if wanted is None else wanted
     labels = _labels(run, wanted.labels)
     with run.experiment.located():
-        how = (
-            _how(run)
-            if any(isinstance(run.experiment.observers[name], ContinuousObserver) for name in labels)
-            else None
-        )
+        flows = any(isinstance(run.experiment.observers[label], ContinuousObserver) for label in labels)
+        how = _how(run) if flows and wanted.steps else None
         return [_exported(run, label, how, wanted) for label in labels]
 
 

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from hgorun.figures.scaling import ScalingData
 from hgorun.result.data import ObserverResult, ResultData
 from hgorun.result.run_names import run_names
 from hgorun.tables.typeset import words
+
+if TYPE_CHECKING:
+    from hgorun.figures.followed import MembersData
 
 
 @dataclass(frozen=True)
@@ -58,16 +62,14 @@ def _cast(results: Sequence[ResultData]) -> Iterator[Simulated]:
             order += 1
 
 
-def cast_scalings(scalings: Mapping[int, ScalingData], first: int) -> dict[int, list[Actor]]:
-    """The observers of every scaling panel, the same one where two panels are of one run; places from ``first``."""
+def cast_ensembles(panels: Mapping[int, ScalingData | MembersData], first: int) -> dict[int, list[Actor]]:
+    """The observers of every panel of an ensemble, the same one where two are of one run; places from ``first``."""
     known: dict[tuple[str, str], Actor] = {}
-    for scaling in scalings.values():
-        for label, observer in scaling.observers.items():
+    for panel in panels.values():
+        for label, observer in panel.observers.items():
             order = first + len(known)
-            known.setdefault(
-                (scaling.run, label), Actor(order, scaling.run, label, observer.type, observer.filter_order)
-            )
-    return {i: [known[scaling.run, label] for label in scaling.observers] for i, scaling in scalings.items()}
+            known.setdefault((panel.run, label), Actor(order, panel.run, label, observer.type, observer.filter_order))
+    return {i: [known[panel.run, label] for label in panel.observers] for i, panel in panels.items()}
 
 
 def texts(actors: Sequence[Actor], labels: Mapping[str, str], *, with_run: bool = False) -> dict[int, str]:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 _WIDTH, _ROW = 7.2, 1.8
 _WIDE, _NARROW = 0.13, 0.22
-_POINTS = 1_000  # of a band, along time
+POINTS = 1_000  # of a band, along time
 _FEWEST = 20  # members whose quantiles are drawn: of fewer there is no 5 %
 _TICKS = 8  # of a scale of colours
 
@@ -38,7 +38,7 @@ def bands(members: Collected) -> Figure:
         When no trajectories were kept.
     """
     cast, kept = Cast(members), _kept(members)
-    step = max(len(kept.time) // _POINTS, 1)
+    step = max(len(kept.time) // POINTS, 1)
     time = kept.time[::step]
     one_truth = bool(np.all(kept.x == kept.x[:1]))
     with styled():
@@ -49,9 +49,9 @@ def bands(members: Collected) -> Figure:
             right.set_yscale("log")
             for i, look in enumerate(cast.looks.values()):
                 xhat = kept.xhat[:, i, ::step, j]
-                estimates.append(_band(left, time, xhat, look))
-                sizes.append(_band(right, time, np.abs(xhat - truth), look))
-            left.plot(*thinned(Curve(time, truth[0] if one_truth else np.median(truth, axis=0))), **_truth(one_truth))
+                estimates.append(band(left, time, xhat, look))
+                sizes.append(band(right, time, np.abs(xhat - truth), look))
+            left.plot(*thinned(Curve(time, truth[0] if one_truth else np.median(truth, axis=0))), **truth_of(one_truth))
             healthy = [found[np.isfinite(found)] for found in estimates]
             left.set_ylim(state_limits([truth[np.isfinite(truth)]], healthy, []) or (0, 1))
             right.set_ylim(magnitude_limits([found[np.isfinite(found)] for found in sizes], []) or (0.1, 1))
@@ -77,7 +77,8 @@ def _kept(members: Collected) -> Trajectories:
     return kept
 
 
-def _truth(one: bool) -> dict[str, Any]:
+def truth_of(one: bool) -> dict[str, Any]:
+    """How the truth is drawn: that of all members, or else their median."""
     return TRUTH if one else {**TRUTH, "label": "true (median)"}
 
 
@@ -86,8 +87,8 @@ def _time_axis(ax: Axes, members: Collected, kept: Trajectories) -> None:
     ax.set_xlabel("time" + unit(members.units.get("time", "")))
 
 
-def _band(ax: Axes, time: Floats, values: Floats, look: Look) -> Floats:
-    """Draw quantiles over the members, (K, Nt); those drawn, with NaN where most members are lost."""
+def band(ax: Axes, time: Floats, values: Floats, look: Look) -> Floats:
+    """Draw quantiles over the members, (K, Nt), of fewer than twenty a line each too; NaN where most are lost."""
     sound = np.isfinite(values)
     q05, q25, median, q75, q95 = (drawable(q) for q in quantiles(values, sound, QUANTILES.values()))
     if len(values) < _FEWEST:

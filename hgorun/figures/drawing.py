@@ -11,9 +11,11 @@ import numpy as np
 from hgorun.config.study import Figure as FigureBlock
 from hgorun.config.study import Inset, Panel
 from hgorun.errors import ConfigError, printable
-from hgorun.figures.actors import Actor, Simulated, cast, cast_scalings, texts
+from hgorun.figures.actors import Actor, Simulated, cast, cast_ensembles, texts
+from hgorun.figures.followed import MembersData
 from hgorun.figures.layout import TOP, finished, grid, time_axis
 from hgorun.figures.looks import Look, looks
+from hgorun.figures.members import draw_members
 from hgorun.figures.names import check, names_of
 from hgorun.figures.panels import draw_error, draw_magnitude, draw_output, draw_state, moving_window
 from hgorun.figures.scaling import ScalingData, draw_scaling
@@ -39,13 +41,15 @@ class _Stage:
     panel: Panel
     actors: Sequence[Actor]
     results: Mapping[str, ResultData]
-    scaling: ScalingData | None
+    ensemble: ScalingData | MembersData | None
 
     @property
     def span(self) -> tuple[float, float] | None:
         """The time shown."""
-        if self.panel.window is not None or self.scaling is not None:
+        if self.panel.window is not None or isinstance(self.ensemble, ScalingData):
             return self.panel.window
+        if self.ensemble is not None:
+            return self.ensemble.span
         return _span(list(self.results.values()))
 
 
@@ -100,6 +104,7 @@ def draw(
     name: str = "figure",
     *,
     scalings: Mapping[int, ScalingData] | None = None,
+    members: Mapping[int, MembersData] | None = None,
 ) -> Figure:
     """A figure of the configuration's ``figures`` block.
 
@@ -115,6 +120,8 @@ def draw(
         Its key, for messages.
     scalings : mapping of int to ScalingData, optional
         What scaling panels show, by the panel's place.
+    members : mapping of int to MembersData, optional
+        What panels of the trajectories of ensembles show, by the panel's place.
 
     Returns
     -------
@@ -125,10 +132,11 @@ def draw(
     Problem
         When a panel names what does not exist; see :func:`hgorun.figures.names.check`.
     """
-    scalings = scalings or {}
-    runs = _runs(results) if results or not scalings else {}
-    check({name: figure}, names_of(list(runs.values()), scalings.values()))
-    stages = _stages(figure.panels, runs, scalings)
+    scalings, members = scalings or {}, members or {}
+    ensembles: dict[int, ScalingData | MembersData] = {**scalings, **members}
+    runs = _runs(results) if results or not ensembles else {}
+    check({name: figure}, names_of(list(runs.values()), scalings.values(), members.values()))
+    stages = _stages(figure.panels, runs, ensembles)
     shown = [stage.actors for stage in stages]
     look = looks(shown, texts([a for group in shown for a in group], figure.labels))
     truths = truth_looks([list(stage.results) for stage in stages], runs)
@@ -175,17 +183,17 @@ def _runs(results: ResultData | Sequence[ResultData]) -> dict[str, ResultData]:
 
 
 def _stages(
-    panels: Sequence[Panel], runs: Mapping[str, ResultData], scalings: Mapping[int, ScalingData]
+    panels: Sequence[Panel], runs: Mapping[str, ResultData], ensembles: Mapping[int, ScalingData | MembersData]
 ) -> list[_Stage]:
     everybody = cast(list(runs.values()))
-    scaled = cast_scalings(scalings, len(everybody))
+    theirs = cast_ensembles(ensembles, len(everybody))
     stages = []
     for i, panel in enumerate(panels):
-        if panel.scaling is not None:
-            if i not in scalings:
-                raise ValueError(f"panel {i} shows scaling, but no data were given for it")
-            stages.append(_Stage(panel, [a for a in scaled[i] if a.among(panel.observers)], {}, scalings[i]))
+        if i in ensembles:
+            stages.append(_Stage(panel, [a for a in theirs[i] if a.among(panel.observers)], {}, ensembles[i]))
             continue
+        if panel.scaling is not None:
+            raise ValueError(f"panel {i} shows scaling, but no data were given for it")
         own = {run: r for run, r in runs.items() if panel.run in (None, run)}
         actors = [a for a in everybody if panel.output is None and a.run in own and a.among(panel.observers)]
         if panel.observers and actors:  # the truth of those picked, or everybody's
@@ -207,7 +215,7 @@ def _titles(stages: Sequence[_Stage], look: Mapping[int, Look]) -> list[str | No
         title = stage.panel.title
         if title is None and differ and len(stage.actors) == 1:
             title = look[stage.actors[0].order].text
-        if title is None and stage.panel.magnitude is not None and not said:
+        if title is None and stage.panel.magnitude is not None and stage.ensemble is None and not said:
             title, said = _magnitude_title(list(stage.results.values())), True
         titles.append(title)
     return titles
@@ -218,8 +226,11 @@ def _draw_panel(
 ) -> Scene | None:
     """Draw a panel; the scene that an inset is drawn from, too."""
     panel, scene = stage.panel, None
-    if panel.scaling is not None and stage.scaling is not None:
-        draw_scaling(ax, stage.scaling, {a.label: a.order for a in stage.actors}, look, panel.scaling.of)
+    labels = {a.label: a.order for a in stage.actors}
+    if isinstance(stage.ensemble, MembersData):
+        draw_members(ax, stage.ensemble, labels, look, panel)
+    elif panel.scaling is not None and stage.ensemble is not None:
+        draw_scaling(ax, stage.ensemble, labels, look, panel.scaling.of)
     else:
         actors = [a for a in stage.actors if isinstance(a, Simulated)]
         scene = Scene(stage.results, actors, look, truths, panel.window)

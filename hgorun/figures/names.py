@@ -14,6 +14,7 @@ from hgorun.result.data import ResultData
 from hgorun.result.run_names import run_names
 
 if TYPE_CHECKING:
+    from hgorun.figures.followed import MembersData
     from hgorun.figures.scaling import ScalingData
 
 
@@ -32,6 +33,8 @@ class RunNames:
         The states that outputs measure; by default those that are called like an output.
     ensemble : str
         What members of an ensemble differ in: ``seeds``, ``vary``, ``seeds and vary``; nothing for a single run.
+    one_grid : bool
+        Whether all members have the same output grid.
     """
 
     states: tuple[str, ...]
@@ -40,13 +43,16 @@ class RunNames:
     span: tuple[float, float] | None = None
     ensemble: str = ""
     measured: tuple[str, ...] | None = None
+    one_grid: bool = True
 
 
 # By the name of the run. A file without ``runs`` has one, called by its stem.
 Names = Mapping[str, RunNames]
 
 
-def names_of(results: Sequence[ResultData], scalings: Iterable[ScalingData] = ()) -> dict[str, RunNames]:
+def names_of(
+    results: Sequence[ResultData], scalings: Iterable[ScalingData] = (), members: Iterable[MembersData] = ()
+) -> dict[str, RunNames]:
     """The names of finished runs."""
     found = {}
     for run, r in zip(run_names(results), results, strict=True):
@@ -58,6 +64,10 @@ def names_of(results: Sequence[ResultData], scalings: Iterable[ScalingData] = ()
         known = found.get(s.run, RunNames((), (), ()))
         states, observers = dict.fromkeys((*known.states, s.state)), dict.fromkeys((*known.observers, *s.observers))
         found[s.run] = replace(known, states=tuple(states), observers=tuple(observers), ensemble="vary")
+    for m in members:
+        known = found.get(m.run, RunNames((), (), ()))
+        own = replace(known, states=m.members.states, observers=m.members.observers, span=m.span, ensemble=m.kind)
+        found[m.run] = own
     return found
 
 
@@ -135,6 +145,8 @@ def _scaling_run(panel: Panel, names: Names, path: KeyPath) -> Names:
     assert panel.scaling is not None
     varied = [run for run, n in names.items() if "vary" in n.ensemble]
     key = (*path, "scaling", "run")
+    if panel.members is not None:
+        raise Problem((*path, "members"), "a scaling panel shows median and bars of members")
     if panel.run is not None:
         raise Problem((*path, "run"), "a scaling panel names its run inside scaling: {state: ..., run: ...}")
     if panel.scaling.run is not None:
@@ -150,16 +162,24 @@ def _scaling_run(panel: Panel, names: Names, path: KeyPath) -> Names:
 
 
 def _shown_runs(panel: Panel, names: Names, path: KeyPath) -> Names:
-    """The runs whose trajectories a panel may show."""
+    """The runs whose trajectories a panel may show: all single ones, or the one that it names."""
     single = {run: n for run, n in names.items() if not n.ensemble}
     if panel.run is None:
+        if panel.members is not None:
+            raise Problem((*path, "members"), "members are those of an ensemble: name it with run")
         return single
     _require(panel.run, "run", list(names), (*path, "run"))
-    if panel.run not in single:
-        raise Problem(
-            (*path, "run"), f"run {panel.run!r} is an ensemble, of which only numbers are kept, no trajectories"
-        )
-    return {panel.run: single[panel.run]}
+    run = names[panel.run]
+    if run.ensemble and not run.one_grid:
+        raise Problem((*path, "run"), f"run {panel.run!r} varies time, so that its members have no common grid")
+    if run.ensemble and panel.output is not None:
+        raise Problem((*path, "output"), f"of ensembles such as {panel.run!r} states are kept, no outputs")
+    for key in ("inset", "measurements"):
+        if run.ensemble and getattr(panel, key):
+            raise Problem((*path, key), f"a panel of an ensemble such as {panel.run!r} has no {key}")
+    if panel.members is not None and not run.ensemble:
+        raise Problem((*path, "members"), f"run {panel.run!r} is a single run, without members")
+    return {panel.run: run}
 
 
 def _check_fit(panel: Panel, measured: Sequence[str], path: KeyPath) -> None:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
+from hgorun.ensemble.collected import Collected
 from hgorun.ensemble.reading import read
 from hgorun.ensemble.sweep import Place
 from hgorun.errors import ConfigError
@@ -174,6 +175,7 @@ class Work:
         total = len(runs) + len(self.stale_figures)
         results: dict[str, Result] = {}
         ensembles: dict[str, Numbers] = {}
+        members: dict[str, Collected] = {}
         for i, run in enumerate(runs):
 
             def inside(part: float, i: int = i, run: Run = run) -> None:
@@ -183,10 +185,10 @@ class Work:
             if run.single:
                 results[run.name] = self._single(run, inside)
             else:
-                ensembles[run.name] = self._ensemble(run, inside, threads)
+                members[run.name], ensembles[run.name] = self._ensemble(run, inside, threads)
         for i, name in enumerate(self.stale_figures):
             report((len(runs) + i) / total, f"figure {name}")
-            self._draw(name, results, ensembles)
+            self._draw(name, results, ensembles, members)
         theory = theory_of(self.study, results)
         for i in self.stale_claims:
             with self.study.located():
@@ -224,35 +226,46 @@ class Work:
         )
         return result
 
-    def _ensemble(self, run: Run, report: Callable[[float], None], threads: int | None) -> Numbers:
-        """Numbers of a run's members, carried out as far as they are missing.
+    def _ensemble(self, run: Run, report: Callable[[float], None], threads: int | None) -> tuple[Collected, Numbers]:
+        """A run's members, carried out as far as they are missing, and their numbers.
 
         Whatever the file asks of them is measured, so that it does not matter what of it is made first.
         """
         study = self.study
         everything = asked_of(study, run.name, range(len(study.claims)), list(study.figures))
-        ensemble = ensemble_of(run, beside_metrics(everything), followed=False)
+        drawn = any(run.name in study.followed(figure).values() for figure in study.figures)
+        ensemble = ensemble_of(run, beside_metrics(everything), followed="some" if drawn else "none")
         place = Place.of(self.state.folder / f"{run.name}.sweep.h5")
         carried_out(ensemble, place, lambda count: report(count.done / count.members), workers=threads)
-        return of_members(run, ensemble, read(place.file, max_memory=_OWN), everything)
+        found = read(place.file, max_memory=_OWN)
+        return found, of_members(run, ensemble, found, everything)
 
     @property
     def _figure_folder(self) -> Path:
         return self.job.folders.figures / self.job.group
 
-    def _draw(self, name: str, results: Mapping[str, Result], ensembles: Mapping[str, Numbers]) -> None:
+    def _draw(
+        self,
+        name: str,
+        results: Mapping[str, Result],
+        ensembles: Mapping[str, Numbers],
+        members: Mapping[str, Collected],
+    ) -> None:
         from hgorun.figures.drawing import draw
         from hgorun.figures.files import save, thumbnail
-        from hgorun.study.scaling import refused, scaling_data
+        from hgorun.study.scaling import members_data, refused, scaling_data
 
         shown = [results[run] for run in self.study.runs_of(name) if run in results]
         scalings = scaling_data(self.study, name, ensembles)
+        followed = {i: members_data(self.study.runs[run], members[run]) for i, run in self.study.followed(name).items()}
         block = self.study.figures[name]
         known = {text for r in shown for label in r.observers for text in (label, f"{r.name}/{label}")}
-        known |= {text for s in scalings.values() for label in s.observers for text in (label, f"{s.run}/{label}")}
+        theirs = [(one.run, list(one.observers)) for one in scalings.values()]
+        theirs += [(one.run, list(one.observers)) for one in followed.values()]
+        known |= {text for run, labels in theirs for label in labels for text in (label, f"{run}/{label}")}
         # a legend may name an observer that no panel shows
         block = block.model_copy(update={"labels": {k: v for k, v in block.labels.items() if k in known}})
-        figure = draw(shown, block, name, scalings=scalings)
+        figure = draw(shown, block, name, scalings=scalings, members=followed)
         written = save(figure, self._figure_folder / name)
         written.append(thumbnail(figure, self.state.folder / "small" / f"{name}.png"))
         files = [relative(path, self.state.folder) for path in written]

@@ -65,6 +65,8 @@ def of_figure(study: Study, name: str) -> Ingredients:
     runs = [study.runs[run] for run in study.runs_of(name)]
     groups = [RUN, FIGURE]
     scalings = [panel.scaling for panel in figure.panels if panel.scaling is not None]
+    if study.followed(name):
+        groups.append(QUANTITY)
     if scalings:
         groups += [QUANTITY, SCALING]
     if any(scaling.theory for scaling in scalings):

@@ -10,6 +10,7 @@ import numpy as np
 
 from hgorun.errors import Problem, called
 from hgorun.observers.base import AnyObserver, Arrival, ContinuousObserver, CorrectedObserver, Sample, SampledObserver
+from hgorun.observers.kalman import KalmanFilter
 from hgorun.simulation.design import Design
 from hgorun.symbolic.forms import Copy, Form, ModelCopy
 from hgorun.symbolic.parameters import Parameters
@@ -97,6 +98,14 @@ class ObserverBlock:
     def guess(self, t: ca.SX, u: ca.SX, p: ca.SX, z: ca.SX) -> ca.SX:
         """C xhat."""
         return self.copy(t, u, p).output(self.symbols(z).xhat)
+
+    def spread(self, t: ca.SX, u: ca.SX, p: ca.SX, z: ca.SX) -> ca.SX | None:
+        """The diagonal of H P H^T, shape (q,): the variance of C xhat where the observer knows that of xhat."""
+        if not isinstance(self.observer, KalmanFilter):
+            return None
+        s = self.symbols(z)
+        H = ca.jacobian(self.copy(t, u, p).output(s.xhat), s.xhat)
+        return ca.densify(ca.diag(H @ s.P @ H.T))
 
     def estimate(self, t: ca.SX, u: ca.SX, p: ca.SX, z: ca.SX) -> ca.SX:
         """The estimate in the plant's coordinates."""

@@ -83,6 +83,9 @@ class Structure:
         xhat of every observer in the plant's coordinates.
     reads : tuple of Reads
         The keys that the observers' equations depend on.
+    spreads : tuple of Readout or None
+        Of every observer that has a covariance P of its errors, what P makes of its outputs: the diagonal of H P H^T,
+        shape (q,); only where innovations are kept.
     """
 
     groups: tuple[Group, ...]
@@ -94,6 +97,7 @@ class Structure:
     outputs: Readout
     estimates: tuple[Readout, ...]
     reads: tuple[Reads[AnyObserver], ...]
+    spreads: tuple[Readout | None, ...] = ()
     _programs: dict[Hashable, Program] = field(default_factory=dict, repr=False)
     _ensembles: dict[Hashable, Ensemble] = field(default_factory=dict, repr=False)
 
@@ -218,6 +222,7 @@ def _build(
     system = build_system(groups, t, p, symbols, signals, variants, innovations=innovations)
     z, w = ca.SX.sym("z", system.states), ca.SX.sym("w", system.held.size)
     estimates: list[Readout] = []
+    spreads: list[Readout | None] = []
 
     def readout(expression: ca.SX, among: slice) -> Readout:
         """``among``: states that it may be."""
@@ -230,6 +235,8 @@ def _build(
             xhat = b.states["xhat"]
             shown = b.estimate(t, placed.u, symbols.parameters, z)
             estimates.insert(0, readout(shown, slice(xhat.start, xhat.start + xhat.size)))
+            spread = b.spread(t, placed.u, symbols.parameters, z) if innovations else None
+            spreads.insert(0, None if spread is None else readout(spread, slice(0, 0)))
     nothing, of_truth = slice(0, 0), slice(0, truths[0].size)
     return Structure(
         tuple(groups),
@@ -241,6 +248,7 @@ def _build(
         readout(placed.y, of_truth),
         tuple(estimates),
         tuple(reads),
+        tuple(spreads),
     )
 
 

@@ -41,7 +41,9 @@ def check_figures(study: Study) -> None:
     ConfigError
     """
     with study.located():
-        _check(study.figures, {run.name: (run.experiment, run.ensemble.kind) for run in study.runs.values()})
+        _check(
+            study.figures, {run.name: (run.experiment, run.ensemble.kind, run.one_grid) for run in study.runs.values()}
+        )
 
 
 def check_figures_of(experiment: Experiment) -> None:
@@ -55,19 +57,21 @@ def check_figures_of(experiment: Experiment) -> None:
     if "figures" in data:
         blocks = validate(StudyBlocks, {"figures": data["figures"]}, experiment.source, ())
         with experiment.located():
-            _check(blocks.figures, {experiment.name: (experiment, "")})
+            _check(blocks.figures, {experiment.name: (experiment, "", True)})
 
 
-def _check(figures: Mapping[str, Figure], runs: Mapping[str, tuple[Experiment, str]]) -> None:
+def _check(figures: Mapping[str, Figure], runs: Mapping[str, tuple[Experiment, str, bool]]) -> None:
     if not figures:
         return
     from hgorun.figures.names import RunNames, check
 
     names = {}
-    for name, (experiment, kind) in runs.items():
+    for name, (experiment, kind, one_grid) in runs.items():
         model, time = experiment.plant.model, experiment.blocks.time
         span, labels = (time.start, time.end), tuple(experiment.observers)
-        names[name] = RunNames(model.states, model.outputs, labels, span, kind, tuple(model.measures.values()))
+        names[name] = RunNames(
+            model.states, model.outputs, labels, span, kind, tuple(model.measures.values()), one_grid
+        )
     check(figures, names)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, Literal
 
 from hgorun.config.sweeps import SweepBlocks
 from hgorun.ensemble.ensemble import Ensemble
@@ -15,10 +15,14 @@ from hgorun.files import remove_file
 from hgorun.process import processors
 from hgorun.study.study import Run
 
+Followed = Literal["all", "some", "none"]
+
 _FEW = 60  # members of what is varied, whose trajectories are kept
+_DRAWN = 200  # members that a figure shows at most
+_NUMBERS = 4e7  # of their trajectories, likewise
 
 
-def ensemble_of(run: Run, quantities: Sequence[str] = (), *, followed: bool | None = None) -> Ensemble:
+def ensemble_of(run: Run, quantities: Sequence[str] = (), *, followed: Followed | None = None) -> Ensemble:
     """The ensemble that a run with ``seeds`` or ``vary`` is.
 
     Values come one after the other, each with all seeds. Where one path is set, members are a product of axes; where
@@ -28,8 +32,9 @@ def ensemble_of(run: Run, quantities: Sequence[str] = (), *, followed: bool | No
     ----------
     quantities : sequence of str
         What is measured besides all metrics.
-    followed : bool, optional
-        Whether trajectories are kept; by default those of what is varied, if members are few.
+    followed : {"all", "some", "none"}, optional
+        Whose trajectories are kept: some are as many as a figure shows. By default all of what is varied, if
+        members are few.
 
     Raises
     ------
@@ -38,12 +43,21 @@ def ensemble_of(run: Run, quantities: Sequence[str] = (), *, followed: bool | No
     """
     axes = _axes(run)
     if followed is None:
-        one_grid = not any(path.partition(".")[0] == "time" for path in axes)
-        followed = run.ensemble.kind == "vary" and len(run.values) <= _FEW and one_grid
-    keep = {"trajectories": "all" if followed else "none", "quantities": list(quantities)}
+        few = run.ensemble.kind == "vary" and len(run.values) <= _FEW and run.one_grid
+        followed = "all" if few else "none"
+    keep = {"trajectories": _some(run) if followed == "some" else followed, "quantities": list(quantities)}
     combine = "zip" if len(axes.keys() - {"seed"}) > 1 else "product"
     blocks = SweepBlocks.model_validate({"axes": axes, "combine": combine, "keep": keep})
     return Ensemble(name=run.name, base=run.base, blocks=blocks, text=run.text)
+
+
+def _some(run: Run) -> str | dict[str, int]:
+    """Members whose trajectories a figure can show: all, or some at regular places."""
+    base, size = run.base, run.shape[0] * run.shape[1]
+    points = base.grid[0].size // base.grid[1] + 1
+    each = points * len(base.plant.model.states) * (len(base.observers) + 1)
+    most = int(min(_DRAWN, max(_NUMBERS // each, 1)))
+    return "all" if size <= most else {"every": -(-size // most)}
 
 
 def _axes(run: Run) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Data of scaling panels: what the members of an ensemble have measured, beside what theory predicts."""
+"""Data of panels of ensembles: what members have measured, beside what theory predicts, and their trajectories."""
 
 from __future__ import annotations
 
@@ -11,8 +11,9 @@ import numpy as np
 from hgorun.analysis.noise.deviation import deviation_in_window
 from hgorun.analysis.noise.prediction import has_noise, without_noise
 from hgorun.analysis.reasons import NoValue, Outcome, outcome
-from hgorun.ensemble.collected import Floats
+from hgorun.ensemble.collected import Collected, Floats
 from hgorun.ensemble.statistics import quantiles
+from hgorun.figures.followed import MembersData
 from hgorun.figures.scaling import ScaledObserver, ScalingData
 from hgorun.observers.capabilities import FilterOrder
 from hgorun.result.metrics.base import all_metrics
@@ -62,6 +63,13 @@ def scaling_data(study: Study, figure: str, ensembles: Mapping[str, Numbers]) ->
         unit = run.experiment.plant.units.get(panel.state, "")
         found[i] = ScalingData(name, panel.state, run.ensemble.vary.name, np.array(run.values), observers, unit)
     return found
+
+
+def members_data(run: Run, members: Collected) -> MembersData:
+    """What a panel of the trajectories of a run's members shows."""
+    vary = run.ensemble.vary
+    values = np.repeat(np.array(run.values), run.shape[1]) if vary is not None else np.zeros(len(members))
+    return MembersData(run.name, run.ensemble.kind, members, vary.name if vary is not None else "", values)
 
 
 def _median(values: Floats) -> Floats:

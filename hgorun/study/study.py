@@ -72,6 +72,12 @@ class Run:
         return range(first, first + (self.ensemble.seeds or 1))
 
     @property
+    def one_grid(self) -> bool:
+        """Whether all members have the same output grid."""
+        vary = self.ensemble.vary
+        return vary is None or not any(path.partition(".")[0] == "time" for path in vary.set)
+
+    @property
     def shape(self) -> tuple[int, int]:
         """How many values and how many seeds there are, one at least; every seed is carried out with every value."""
         return len(self.values) or 1, len(self.seeds)
@@ -173,6 +179,11 @@ class Study:
             labels = [label.rpartition("/")[2] for label in panel.observers or self.runs[run].source.data["observers"]]
             found[i] = run, [Quantity(panel.scaling.of, ((run, label),), panel.scaling.state) for label in labels]
         return found
+
+    def followed(self, figure: str) -> dict[int, str]:
+        """For each panel of a figure that shows trajectories of an ensemble: its run."""
+        panels = enumerate(self.figures[figure].panels)
+        return {i: p.run for i, p in panels if p.scaling is None and p.run and not self.runs[p.run].single}
 
     def located(self) -> AbstractContextManager[None]:
         """Turn a problem at a key into an error that names file, line and key."""

@@ -110,6 +110,7 @@ def test_automatic_steps(measured: str, axes: str) -> None:
         alone(base, members, i, block)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("root", [False, True])
 @pytest.mark.parametrize("step", [0.01, None])
 def test_members_whose_plant_or_estimate_is_lost(step: float | None, root: bool) -> None:

@@ -65,10 +65,21 @@ def test_json(shell: Shell) -> None:
     assert "HGO_FHGO_HISTORY" in Path("out/FHGO.h").read_text()
 
 
+def test_latex(shell: Shell) -> None:
+    """Whatever integrates the run, and without a run."""
+    code, out, _ = shell("export", "tank.yaml", "--lang", "latex", "--set", "solver.method=rodas5p")
+    assert (code, out) == (0, "FHGO (fhgo2)\n  written: results/tank/FHGO.tex\n")
+    assert json.loads(shell("export", "tank.yaml", "--lang", "latex", "--json")[1])["observers"]["FHGO"]["inputs"] == []
+    lines = Path("results/tank/FHGO.tex").read_text().splitlines()
+    shown = re.findall(r"```latex\n(.*?)```", PAGE, re.DOTALL)[0]
+    assert "\n".join(lines).startswith("\n".join([*lines[:3], shown.strip()]))
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--lang", "ada"], "--lang: expected one of c"),
+        (["--lang", "ada"], "--lang: expected one of c, latex"),
+        (["--lang", "latex", "--float"], "--float, --late and --inputs-given are for --lang c"),
         (["-o", "tank.yaml"], "--output: expected a folder"),
         (["--observer", "SHGO"], "no observer is called 'SHGO'; known: FHGO"),
         (["--set", "solver.method=rodas5p"], "rodas5p solves linear equations in every step"),

@@ -238,6 +238,7 @@ NAMES = {
     "b": RunNames(("x1", "x2", "z"), ("x1",), ("SHGO", "deadbeat"), (0, 20)),
     "mc": RunNames(("x1", "x2"), ("x1",), ("SHGO",), (0, 10), "seeds"),
     "eps": RunNames(("x1", "x2"), ("x1",), ("SHGO", "FHGO"), (0, 10), "vary"),
+    "ends": RunNames(("x1",), ("x1",), ("SHGO",), (0, 10), "seeds", one_grid=False),
 }
 INSET: dict[str, Any] = {"window": [1, 2]}
 
@@ -246,8 +247,16 @@ INSET: dict[str, Any] = {"window": [1, 2]}
     ("panel", "key", "message"),
     [
         ({"magnitude": "x3"}, ["magnitude"], "no state is called 'x3'"),
-        ({"state": "x1", "run": "d"}, ["run"], "no run is called 'd'. Known: a, b, mc, eps"),
-        ({"state": "x1", "run": "mc"}, ["run"], "'mc' is an ensemble"),
+        ({"state": "x1", "run": "d"}, ["run"], "no run is called 'd'. Known: a, b, mc, eps, ends"),
+        ({"output": "x1", "run": "mc"}, ["output"], "no outputs"),
+        ({"state": "x1", "run": "mc", "inset": INSET}, ["inset"], "has no inset"),
+        ({"state": "x1", "run": "mc", "measurements": True}, ["measurements"], "has no measurements"),
+        ({"state": "x1", "run": "mc", "observers": ["FHGO"]}, ["observers"], "in run 'mc'"),
+        ({"state": "x1", "run": "mc", "window": [12, 13]}, ["window"], "lasts from 0 to 10"),
+        ({"state": "x1", "run": "ends"}, ["run"], "no common grid"),
+        ({"state": "x1", "run": "a", "members": "lines"}, ["members"], "a single run"),
+        ({"state": "x1", "members": "bands"}, ["members"], "name it with run"),
+        ({"scaling": {"state": "x1", "run": "eps"}, "members": "bands"}, ["members"], "median and bars"),
         ({"state": "z", "run": "a"}, ["state"], "no state in run 'a' is called 'z'"),
         ({"state": "z", "observers": ["a/SHGO"]}, ["state"], "no state is called 'z'"),
         ({"state": "x1", "observers": ["a/deadbeat"]}, ["observers"], "'a/deadbeat'. Did you mean `b/deadbeat`"),
@@ -290,6 +299,8 @@ def test_wrong_panels_are_refused_before_any_run(panel: dict[str, Any], key: lis
         {"error": "x1", "run": "b", "observers": ["SHGO", "b/deadbeat"], "window": [12, 13]},
         {"scaling": {"state": "x1", "of": "hf"}, "observers": ["eps/SHGO", "FHGO"], "limits": [1e-3, 1]},
         {"scaling": {"state": "x1", "run": "eps"}, "title": "scaling"},
+        {"state": "x1", "run": "mc", "members": "lines", "window": [2, 3]},
+        {"magnitude": "x2", "run": "eps", "observers": ["SHGO", "eps/FHGO"]},
     ],
 )
 def test_right_panels_pass(panel: dict[str, Any]) -> None:

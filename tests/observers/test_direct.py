@@ -86,6 +86,7 @@ def noisy_runs(end: float) -> list[hgorun.Result]:
     return [hgorun.simulate(experiment(OBSERVERS, end, measurement=noise, seed=seed)) for seed in range(20)]
 
 
+@pytest.mark.slow
 def test_without_noise_the_paths_are_those_of_the_loop() -> None:
     result = hgorun.simulate(experiment(OBSERVERS, 0.5))
     expected = naive(np.zeros((501, 1)))

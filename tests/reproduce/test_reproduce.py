@@ -11,6 +11,7 @@ from pathlib import Path
 import h5py
 import pytest
 
+from hgorun import read_sweep
 from hgorun.commands.figures import figures
 from hgorun.commands.options import Figures
 from hgorun.files import _MACHINE, remove_leftovers, written_whole
@@ -93,7 +94,7 @@ def test_only_what_changed_is_made(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_processes_give_the_same_files_as_one(tmp_path: Path) -> None:
-    names = studies(tmp_path, count=3)
+    names = studies(tmp_path)
     made(names, tmp_path / "one", workers=1)
     made(names, tmp_path / "two", workers=2)
     assert files(tmp_path / "one") == files(tmp_path / "two")
@@ -134,6 +135,18 @@ def test_a_damaged_state_is_made_anew(tmp_path: Path) -> None:
     state = output / "runs" / "study0" / "state.json"
     state.write_text('{"runs": 3, "figures": {"first": [1]}}')
     assert len(made(names, output)) == 4
+
+
+def test_trajectories_of_an_ensemble_are_drawn(tmp_path: Path) -> None:
+    (name,), output = studies(tmp_path, count=1), tmp_path / "out"
+    path = Path(name)
+    path.write_text(path.read_text().replace("{error: x2, observers: [one/A]}", "{error: x2, run: many}"))
+    assert made([name], output) == ["study0/first", "study0/second", "study0/0", "study0/1"]
+    assert (output / "study0" / "second.png").stat().st_size > 10_000
+    collected = read_sweep(output / "runs" / "study0" / "many.sweep.h5")
+    assert collected.trajectories is not None
+    assert collected.trajectories.member.tolist() == [0, 1, 2]
+    assert made([name], output) == []
 
 
 def test_leftovers_of_dead_processes_go_and_of_living_ones_stay(tmp_path: Path) -> None:

@@ -1,0 +1,173 @@
+"""``estimate``: observers on recorded data."""
+
+from __future__ import annotations
+
+import json as json_text
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from hgorun.commands.options import Estimate
+from hgorun.commands.outputs import NOT_OK, RESULT_SUFFIXES, RESULTS, refuse_other_kinds
+from hgorun.commands.run import require_file, warn
+from hgorun.config.data import Data, Measured
+from hgorun.config.models import Time
+from hgorun.config.reading import read_source
+from hgorun.config.validation import validate
+from hgorun.config.yaml_source import Source
+from hgorun.data.reading import read
+from hgorun.data.recording import Recording, Signal
+from hgorun.errors import ConfigError
+from hgorun.estimate.completed import plant_units
+from hgorun.estimate.estimate import estimate as estimated
+from hgorun.estimate.holdout import held_out, number_of, parse_holdout
+from hgorun.files import remove_leftovers, written_whole
+from hgorun.result.result import Result
+from hgorun.study.split import split
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class _Log:
+    """The block ``data``, and how it is read."""
+
+    block: Data
+    folder: Path
+    unit: str
+    units: Mapping[str, str]
+    files: tuple[Path, ...]
+
+    def read(self) -> Recording:
+        return read(self.block, self.folder, time_unit=self.unit, units=self.units, files=self.files)
+
+    def from_file(self, output: str, file: Path) -> Signal:
+        """An output as it stands in another file."""
+        column = self.block.outputs.get(output) or self.block.reference.get(output)
+        if column is None:
+            raise ConfigError(f"--holdout {output}={file}: data.outputs does not say in which column {output} stands")
+        other = Measured(**{**column.model_dump(exclude_none=True), "file": str(file.absolute())})
+        return read(
+            self.block.model_copy(update={"outputs": {output: other}, "inputs": {}, "reference": {}}),
+            self.folder,
+            time_unit=self.unit,
+            units=self.units,
+        ).outputs[output]
+
+
+def estimate(options: Estimate) -> int:
+    """Run the observers of a configuration on recorded data and write the result."""
+    refuse_other_kinds(options.output, RESULT_SUFFIXES)
+    require_file(options.config)
+    text, source = read_source(options.config, options.overrides, seed=options.seed)
+    source, name = _one_run(source, options)
+    if Path("-") in options.data:
+        from hgorun.commands.stream import follow
+
+        return follow(source, name, options)
+    if options.every is not None or options.checkpoint is not None:
+        raise ConfigError("--every and --checkpoint are for streams: hgorun estimate CONFIG -")
+    log = _log(source, options)
+    with source.located():
+        recording, aside = _held_out(log, log.read(), options)
+    result = estimated(source, recording, name=name, text=text, held_out=aside, sensitivity=options.sensitivity)
+    target = _target(options, name)
+    remove_leftovers(target.parent)
+    file = str(result.save(target))
+    warn(result)
+    written = [str(target), *_also_written(options, result, target)]
+    if options.json:
+        from hgorun.tables.metrics import as_json
+
+        print(json_text.dumps(as_json(result, file), indent=2, allow_nan=False))
+    elif options.text:
+        from hgorun.tables.metrics import text as table
+
+        print(table([result]))
+        print(f"written: {', '.join(written)}")
+    return NOT_OK if options.strict and result.status != "ok" else 0
+
+
+def _one_run(source: Source, options: Estimate) -> tuple[Source, str]:
+    """The run that is meant, and what it is called."""
+    name = options.config.stem
+    if not isinstance(source.data, dict) or "runs" not in source.data:
+        if options.run is not None:
+            message = f"the file has no runs, so none is called {options.run!r}"
+            raise ConfigError(message, file=str(options.config))
+        return source, name
+    runs = split(source)
+    if options.run not in runs:
+        file, line = source.where(("runs",))
+        known = ", ".join(runs)
+        raise ConfigError(f"name one of the runs {known} with --run", file=file, line=line, key="runs")
+    return runs[options.run][0], options.run
+
+
+def _log(source: Source, options: Estimate) -> _Log:
+    data: dict[str, Any] = source.data if isinstance(source.data, dict) else {}
+    if "data" not in data:
+        message = "the key data is missing: it says which columns of which files are the measurements"
+        raise ConfigError(message, file=str(options.config))
+    block = validate(Data, data["data"], source, ("data",))
+    time = data.get("time")
+    unit = time.get("unit") if isinstance(time, dict) else None
+    default = str(Time.model_fields["unit"].default)
+    return _Log(
+        block,
+        options.config.parent,
+        unit if isinstance(unit, str) else default,
+        plant_units(source),
+        tuple(options.data),
+    )
+
+
+def _held_out(log: _Log, recording: Recording, options: Estimate) -> tuple[Recording, dict[str, Signal]]:
+    chosen, aside = [], {}
+    for text in options.holdout:
+        output, what = parse_holdout(text)
+        every = number_of(output, what)
+        if every is None:
+            aside[output] = log.from_file(output, Path(what))
+        else:
+            chosen.append(every)
+    recording, found = held_out(recording, chosen)
+    return recording, {**aside, **found}
+
+
+def _target(options: Estimate, name: str) -> Path:
+    if options.output is not None and options.output.suffix.lower() in RESULT_SUFFIXES:
+        return options.output
+    return (options.output or RESULTS) / f"{name}.h5"
+
+
+def _also_written(options: Estimate, result: Result, target: Path) -> list[str]:
+    """Figures, and the estimates as text."""
+    written = []
+    if options.export_csv is not None:
+        with written_whole(options.export_csv) as part:
+            part.write_text(as_csv(result), encoding="utf-8")
+        written.append(str(options.export_csv))
+    if options.plots:
+        from hgorun.figures.drawing import comparison
+        from hgorun.figures.files import save
+
+        written += map(str, save(comparison(result), target.with_suffix("")))
+    return written
+
+
+def as_csv(result: Result) -> str:
+    """Estimates and their bands, a line for every time and observer."""
+    import csv
+    import io
+
+    buffer = io.StringIO()
+    writer = csv.writer(buffer, lineterminator="\n")
+    bands = [f"{state}_{end}" for state in result.states for end in ("lower", "upper")]
+    writer.writerow(["t", "observer", *result.states, *bands])
+    for label, one in result.observers.items():
+        assert one.assessed is not None
+        for k, t in enumerate(result.time.tolist()):
+            ends = zip(one.assessed.lower[k].tolist(), one.assessed.upper[k].tolist(), strict=True)
+            numbers = [*one.xhat[k].tolist(), *(number for pair in ends for number in pair)]
+            writer.writerow([repr(t), label, *(repr(v) if v == v else "" for v in numbers)])
+    return buffer.getvalue()

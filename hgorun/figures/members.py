@@ -1,0 +1,123 @@
+"""Trajectories of the members of a study's ensemble in one panel: a line for each of them, or how they are spread."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hgorun.config.study import Panel
+from hgorun.ensemble.collected import Floats
+from hgorun.figures.bands import POINTS, band, truth_of
+from hgorun.figures.data import Curve, error_limits, magnitude_limits, state_limits, thinned
+from hgorun.figures.ensemble import drawable
+from hgorun.figures.followed import MembersData
+from hgorun.figures.looks import Look
+from hgorun.figures.style import TRUTH
+from hgorun.tables.typeset import symbol, unit
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+_MOST_NAMED = 8  # values that the legend names; of more the first and the last
+_MOST_CLEAR = 20  # members whose lines are told apart
+_COLOURS = "viridis"
+_DARKEST, _LIGHTEST = 0.0, 0.85  # of the colours: the lightest are not seen on white
+
+
+def draw_members(
+    ax: Axes, data: MembersData, labels: Mapping[str, int], looks: Mapping[int, Look], panel: Panel
+) -> None:
+    """Draw a state, its error or the size of that, of the observers shown.
+
+    Parameters
+    ----------
+    labels : mapping of str to int
+        The observers shown: their places, keys of ``looks``.
+    """
+    name = str(panel.state or panel.error or panel.magnitude)
+    kept, members, j = data.kept, data.members, data.members.states.index(name)
+    points = _shown(kept.time, panel.window)
+    t, x = kept.time[points], kept.x[:, points, j]
+    own = {label: _of(panel, kept.xhat[:, members.observers.index(label), points, j], x) for label in labels}
+    if panel.magnitude is not None:
+        ax.set_yscale("log")
+        ax.set_ylim(1e-16, 1.0)  # stays when there is no error to show
+    elif panel.error is not None:
+        ax.axhline(0, color="black", linewidth=0.5, zorder=1)
+    as_lines = (panel.members or ("bands" if "seeds" in data.kind else "lines")) == "lines"
+    drawn: list[Floats] = []
+    for label, values in own.items():
+        look = looks[labels[label]]
+        drawn += _lines(ax, data, t, values, look, len(own) == 1) if as_lines else _bands(ax, t, values, look)
+    truths = _truths(ax, t, x, as_lines) if panel.state is not None else []
+    if panel.state is not None:
+        limits = state_limits(truths, drawn, [])
+    else:
+        limits = (error_limits if panel.error is not None else magnitude_limits)(drawn, [])
+    if limits is not None:
+        ax.set_ylim(limits)
+    ax.set_xlim(panel.window or data.span)
+    units, hat = members.units, symbol(name, hat=True)
+    both = rf"${symbol(name)},\ {hat}$" if own else f"${symbol(name)}$"
+    said = {"state": both, "error": f"${hat} - {symbol(name)}$", "magnitude": f"$|{hat} - {symbol(name)}|$"}
+    ax.set_ylabel(said[panel.subject] + unit(units.get(name, "")))
+    ax.set_xlabel("time" + unit(units.get("time", "")))
+
+
+def _shown(time: Floats, window: tuple[float, float] | None) -> slice:
+    """The points in a window of time, with one more at either end so that lines reach the edges."""
+    if window is None:
+        return slice(None)
+    return slice(max(int(np.searchsorted(time, window[0])) - 1, 0), int(np.searchsorted(time, window[1], "right")) + 1)
+
+
+def _of(panel: Panel, xhat: Floats, x: Floats) -> Floats:
+    """What is shown of estimates, shape (members, times)."""
+    if panel.state is not None:
+        return xhat
+    return xhat - x if panel.error is not None else np.abs(xhat - x)
+
+
+def _lines(ax: Axes, data: MembersData, t: Floats, values: Floats, look: Look, alone: bool) -> list[Floats]:
+    """A line for every member: of one observer coloured by what is varied, of several each in its own colour."""
+    varied = data.values[data.kept.member]
+    known = np.unique(varied) if data.name else np.empty(0)
+    named = set(known.tolist() if known.size <= _MOST_NAMED else known[[0, -1]].tolist()) if alone else set()
+    told = False
+    thin: dict[str, Any] = {"linewidth": 0.9} if len(values) <= _MOST_CLEAR else {"linewidth": 0.6, "alpha": 0.4}
+    for one, value in zip(values, varied, strict=True):
+        how: dict[str, Any] = {"color": look.colour, "linestyle": look.dashes, "label": "_" if told else look.text}
+        if alone and known.size:
+            how = {"color": _colour(float(np.searchsorted(known, value)) / max(known.size - 1, 1)), "label": "_"}
+            if float(value) in named:
+                how["label"] = f"${symbol(data.name)} = {value:g}$"
+                named.discard(float(value))
+        ax.plot(*thinned(Curve(t, drawable(one))), zorder=3, **thin, **how)
+        told = True
+    return [one[np.isfinite(one)] for one in values]
+
+
+def _colour(place: float) -> Any:
+    """Along the scale of colours, from 0 to 1."""
+    from matplotlib import colormaps
+
+    return colormaps[_COLOURS](_DARKEST + (_LIGHTEST - _DARKEST) * place)
+
+
+def _bands(ax: Axes, t: Floats, values: Floats, look: Look) -> list[Floats]:
+    """Median, 50 % and 90 % of the members at each time."""
+    step = max(t.size // POINTS, 1)
+    found = band(ax, t[::step], values[:, ::step], look)
+    return [found[np.isfinite(found)]]
+
+
+def _truths(ax: Axes, t: Floats, x: Floats, as_lines: bool) -> list[Floats]:
+    """The truth, once where members have the same one; of several each, or their median; what is drawn."""
+    one = bool(np.all(x == x[:1]))
+    shown = x[:1] if one else x if as_lines else np.median(x, axis=0)[None]
+    for k, values in enumerate(shown):
+        how = truth_of(one or as_lines) if k == 0 else {**TRUTH, "label": "_"}
+        ax.plot(*thinned(Curve(t, drawable(values))), **how)
+    return [values[np.isfinite(values)] for values in shown]

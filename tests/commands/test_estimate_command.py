@@ -1,0 +1,172 @@
+"""``hgorun estimate``: recordings from files, hold-outs, streams."""
+
+from __future__ import annotations
+
+import io
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from shell import Shell
+
+from hgorun.result.reading import read
+
+CONFIG = """
+plant:
+  states: [a, b]
+  dynamics: {a: b, b: -sin(a) - 0.1*b}
+  output: a
+solver: {step: 0.02}
+data:
+  file: log.csv
+  time: t
+  outputs: {a: {column: angle, std: 0.02, gate: 6}}
+observers:
+  o: {type: shgo, theta: 2, poles: -1, initial: {a: 0, b: 1}}
+"""
+
+
+@pytest.fixture(name="shell")
+def in_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Shell:
+    rng = np.random.default_rng(5)
+    t = np.arange(0, 10, 0.1)
+    y = np.sin(t) + 0.02 * rng.standard_normal(t.size)
+    lines = [f"{a:.1f},{b:.4f}" for a, b in zip(t, y, strict=True)]
+    (tmp_path / "log.csv").write_text("t,angle\n" + "\n".join(lines) + "\n")
+    (tmp_path / "more.csv").write_text("t,angle\n2.05,0.88\n3.05,0.09\n")
+    (tmp_path / "pendulum.yaml").write_text(CONFIG)
+    return Shell(tmp_path, monkeypatch, capsys)
+
+
+def test_a_recording_becomes_a_result_with_scores_and_a_figure(shell: Shell) -> None:
+    code, out, err = shell("estimate", "pendulum.yaml", "--holdout", "a=5", "--export-csv", "out.csv")
+    assert (code, err) == (0, "")
+    assert "holdout_rmse a" in out
+    assert "written: results/pendulum.h5, out.csv, results/pendulum.png, results/pendulum.pdf" in out
+    found = read(shell.folder / "results" / "pendulum.h5")
+    assert found.kind == "estimate"
+    rows = (shell.folder / "out.csv").read_text().splitlines()
+    assert rows[0] == "t,observer,a,b,a_lower,a_upper,b_lower,b_upper"
+    assert rows[1].startswith("0.0,o,0.0,1.0,")
+    assert len(rows) == found.time.size + 1
+    code, out, _ = shell("compare", "results/pendulum.h5", "--no-plots")
+    assert code == 0
+    assert "innovation_rms a" in out
+    assert shell("rerun", "results/pendulum.h5", "--check")[0] == 2
+
+
+def test_json_and_a_hold_out_in_a_file(shell: Shell) -> None:
+    code, out, _ = shell(
+        "estimate", "pendulum.yaml", "log.csv", "--holdout", "a=more.csv", "--json", "--no-plots", "-o", "x.h5"
+    )
+    told = json.loads(out)
+    assert code == 0
+    assert (told["kind"], told["file"], told["status"]) == ("estimate", "x.h5", "ok")
+    assert set(told["observers"]["o"]) >= {"status", "scores"}
+    assert told["observers"]["o"]["scores"]["holdout_rmse"]["a"] < 0.2
+
+
+def test_one_of_several_runs(shell: Shell) -> None:
+    file = shell.folder / "pendulum.yaml"
+    file.write_text(CONFIG + "runs: {slow: {observers: {o: {theta: 1}}}, fast: {}}\n")
+    code, _, err = shell("estimate", "pendulum.yaml")
+    assert code == 2
+    assert "slow, fast with --run" in err
+    assert shell("estimate", "pendulum.yaml", "--run", "slow", "--no-plots", "-q", "--no-sensitivity")[0] == 0
+    assert read(shell.folder / "results" / "slow.h5").observers["o"].gains["theta"] == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--holdout", "b=5"), "no such output"),
+        (("--holdout", "a=1"), "at least 2"),
+        (("--holdout", "z=more.csv"), "does not say in which column z stands"),
+        (("--run", "x"), "has no runs"),
+        (("--every", "1"), "for streams"),
+        (("--set", "data.outputs.a.column=nothing"), "no column"),
+        (("nothing.csv",), "nothing.csv"),
+        (("-", "log.csv"), "no files beside it"),
+        (("-", "--holdout", "a=5"), "leave --holdout"),
+        (("-", "--every", "0"), "above 0"),
+    ],
+)
+def test_what_is_wrong_is_said(shell: Shell, arguments: tuple[str, ...], message: str) -> None:
+    code, out, err = shell("estimate", "pendulum.yaml", *arguments)
+    assert (code, out) == (2, "")
+    assert message in err
+
+
+def test_without_data_there_is_nothing_to_estimate(shell: Shell) -> None:
+    (shell.folder / "none.yaml").write_text(CONFIG.replace("data:", "figures:").split("figures:", maxsplit=1)[0])
+    code, _, err = shell("estimate", "none.yaml")
+    assert code == 2
+    assert "the key data is missing" in err
+
+
+def piped(shell: Shell, monkeypatch: pytest.MonkeyPatch, text: str, *arguments: str) -> tuple[int, list[str], str]:
+    monkeypatch.setattr(sys, "stdin", io.StringIO(text))
+    code, out, err = shell("estimate", "pendulum.yaml", "-", *arguments)
+    return code, out.splitlines(), err
+
+
+def stream(count: int) -> list[str]:
+    return [f"{0.1 * k:.1f},a,{np.sin(0.1 * k):.4f}" for k in range(1, count)]
+
+
+def test_a_stream_gives_a_line_as_soon_as_it_is_known(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
+    code, out, err = piped(shell, monkeypatch, "\n".join(["t,signal,y", *stream(30), ""]))
+    assert (code, err) == (0, "")
+    assert out[0] == "t,observer,a,b,status"
+    assert len(out) == 30
+    assert out[-1].startswith("2.9,o,")
+    assert out[-1].endswith(",ok")
+    objects = [{"t": float(t), "signal": s, "y": float(y)} for t, s, y in (row.split(",") for row in stream(30))]
+    code, lines, _ = piped(shell, monkeypatch, "\n".join(map(json.dumps, objects)))
+    assert code == 0
+    last = json.loads(lines[-1])
+    assert [repr(last["a"]), repr(last["b"])] == out[-1].split(",")[2:4]
+
+
+def test_a_stream_on_a_grid_of_its_own(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
+    _, out, _ = piped(
+        shell, monkeypatch, "\n".join(["t,signal,y,available", "0.1,a,0.1,0.3", "1.0,a,0.8,"]), "--every", "0.25"
+    )
+    assert [row.split(",")[0] for row in out[1:]] == ["0.0", "0.25", "0.5", "0.75"]
+
+
+def test_a_stream_goes_on_from_its_checkpoint(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
+    lines = stream(40)
+    _, whole, _ = piped(shell, monkeypatch, "\n".join(["t,signal,y", *lines]))
+    _, first, _ = piped(shell, monkeypatch, "\n".join(["t,signal,y", *lines[:13]]), "--checkpoint", "state")
+    _, rest, _ = piped(shell, monkeypatch, "\n".join(["t,signal,y", *lines]), "--checkpoint", "state")
+    assert first + rest[1:] == whole
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("time,y\n", "standard input:1: expected the header t,signal,y"),
+        ("t,signal,y\n0.1,a,0.1\n0.05,a,1\n", "standard input:3: t = 0.05 is before 0.1"),
+        ("t,signal,y\n0.1,b,0.1\n", "standard input:2: no output is called 'b'"),
+        ("t,signal,y\n0.1,a\n", "standard input:2: expected 3 cells, found 2"),
+        ("t,signal,y\n0.1,a,x\n", "standard input:2: y: expected a number"),
+        ("t,signal,y\nnan,a,1\n", "standard input:2: t: expected a number"),
+        ("t,signal,y\n0.1,,1\n", "standard input:2: signal: expected a name"),
+        ('{"t": 0.1, "signal": "a", "y": 1}\n{"t"\n', "standard input:2: not JSON"),
+        ('{"t": 0.1, "signal": "a", "y": 1}\n[1]\n', "standard input:2: expected an object"),
+        ("{}\n", "standard input:1: signal"),
+    ],
+)
+def test_a_wrong_line_is_named(shell: Shell, monkeypatch: pytest.MonkeyPatch, text: str, message: str) -> None:
+    code, _, err = piped(shell, monkeypatch, text)
+    assert code == 2
+    assert message in err
+
+
+def test_a_stream_needs_a_step(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
+    code, _, err = piped(shell, monkeypatch, "t,signal,y\n", "--set", "solver.step=auto")
+    assert code == 2
+    assert "needs solver.step" in err
