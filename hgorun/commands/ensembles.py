@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json as json_text
 from collections.abc import Callable, Sequence
+from functools import partial
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ from hgorun.ensemble.collected import Collected, levels
 from hgorun.ensemble.growing import read_sweep
 from hgorun.ensemble.outcome import outcome_of
 from hgorun.ensemble.reading import is_sweep
+from hgorun.ensemble.refused import told_where
 from hgorun.ensemble.sweep import Place
 from hgorun.errors import ConfigError, SimulationError
 from hgorun.process import say
@@ -75,7 +77,7 @@ def simulate_ensemble(run: Run, target: Path, options: Simulate) -> tuple[dict[s
     with progress(ensemble.size, run.name, "members", show=options.text) as bar:
         carried_out(ensemble, place, lambda count: bar.update(count.done, failed=count.failed))
     outcome = outcome_of(place.file)
-    for words in outcome.troubles():
+    for words in outcome.troubles(partial(told_where, ensemble)):
         say(f"hgorun: {run.name}: {words}")
     if outcome.nothing:
         raise SimulationError(f"{run.name}: none of its {outcome.members} members could be carried out")

@@ -6,7 +6,7 @@ import json as json_text
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 
 from hgorun.commands.options import Merge, Printing, Sweep
@@ -17,7 +17,7 @@ from hgorun.ensemble.ensemble import Ensemble
 from hgorun.ensemble.executors import EXECUTORS, Executor, processes, threads
 from hgorun.ensemble.manifest import Manifest
 from hgorun.ensemble.outcome import Outcome, outcome_of
-from hgorun.ensemble.refused import refuse_base
+from hgorun.ensemble.refused import refuse_base, told_where
 from hgorun.ensemble.store import Store
 from hgorun.ensemble.sweep import SUFFIX, Count, Part, Place, carry_out, finished
 from hgorun.errors import ConfigError, HgorunError
@@ -55,7 +55,7 @@ def _one(options: Sweep, ensemble: Ensemble, place: Place, executor: Executor, j
     store = Store.opened(place.folder, ensemble, fresh=options.fresh)
     if options.collect:
         collect(store, place.file)
-        return Told(store, place.file, part)
+        return Told(store, place.file, part, ensemble)
 
     def missing() -> None:
         with shown(_members(store, part), ensemble.name, "members", show=options.text) as progress:
@@ -66,7 +66,7 @@ def _one(options: Sweep, ensemble: Ensemble, place: Place, executor: Executor, j
             carry_out(store, executor, part=part, workers=jobs, told=told)
 
     missing()
-    return Told(store, place.file if finished(store, place.file, missing) else None, part)
+    return Told(store, place.file if finished(store, place.file, missing) else None, part, ensemble)
 
 
 def merge(options: Merge) -> int:
@@ -122,11 +122,15 @@ def _members(store: Store, part: Part | None) -> int:
 
 @dataclass(frozen=True)
 class Told:
-    """What there is of an ensemble: its file, once nothing is missing, and which part was carried out."""
+    """What there is of an ensemble: its file, once nothing is missing, and which part was carried out.
+
+    The ensemble as it was read, if it was, knows where in the file everything stands.
+    """
 
     store: Store
     file: Path | None
     part: Part | None = None
+    ensemble: Ensemble | None = None
 
     @cached_property
     def outcome(self) -> Outcome | None:
@@ -162,7 +166,8 @@ class Told:
 def _said(options: Sweep | Merge, found: Sequence[Told]) -> int:
     """Say what has become of the members."""
     for one in found:
-        for words in one.outcome.troubles() if one.outcome is not None else ():
+        where = partial(told_where, one.ensemble or one.store.ensemble)
+        for words in one.outcome.troubles(where) if one.outcome is not None else ():
             print(f"hgorun: {one.store.ensemble.name}: {words}", file=sys.stderr)
     if options.json:
         records = [one.as_json() for one in found]

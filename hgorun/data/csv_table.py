@@ -6,13 +6,18 @@ from collections.abc import Iterator, Sequence
 from itertools import chain
 from pathlib import Path
 
+import numpy as np
+
 from hgorun.config.data import Csv
+from hgorun.data.bulk import Bulk
 from hgorun.data.cells import Cells
 from hgorun.data.dialect import Dialect, dialect_of
 from hgorun.data.rows import Rows
 from hgorun.data.table import Columns, Table
 from hgorun.data.text import Block, blocks
 from hgorun.errors import ConfigError
+
+_MANY = 10_000  # lines that are read one by one before plain ones are tried again
 
 
 class CsvFile:
@@ -57,19 +62,57 @@ class CsvFile:
             For the first thing wrong in a row, and when the values take more memory than allowed.
         """
         dialect, size = self.dialect, self._path.stat().st_size
-        rows = Rows(self._path, dialect, wanted)
-        columns = None
         rest = _from_line(blocks(self._path, self._told.encoding), dialect.first)
-        for block in rest:
-            if columns is None:
-                columns = Columns(wanted, _expected_rows(block, size), budget, self._path)
-            # quotes may hold ends of lines: from here on only who reads quotes knows where a row ends
-            onwards = chain([block], rest) if b'"' in block.text else iter([block])
-            for lines, parts in rows.arrays(onwards):
-                columns.add(lines, parts)
-        if columns is None:
+        block = next(rest, None)
+        if block is None:
             raise ConfigError("no rows", file=str(self._path))
+        columns = Columns(wanted, _expected_rows(block, size), budget, self._path)
+        _Reading(Rows(self._path, dialect, wanted), Bulk(dialect, wanted), columns).read(chain([block], rest))
         return columns.table()
+
+
+class _Reading:
+    """Takes plain rows in bulk, and the others one by one."""
+
+    def __init__(self, rows: Rows, bulk: Bulk, columns: Columns) -> None:
+        self._rows, self._bulk, self._columns = rows, bulk, columns
+
+    def read(self, parts: Iterator[Block]) -> None:
+        """All rows."""
+        if not self._bulk.suits:
+            return self._one_by_one(parts)
+        lines = 1  # that are read one by one when a row is not plain: more and more of them, as long as none is
+        for block in parts:
+            start, line = 0, block.line
+            while start < len(block.text):
+                end, values = self._bulk.rows(block, start)
+                count = values[0].size
+                self._columns.add(np.arange(line, line + count, dtype=np.int32), values)
+                start, line, lines = end, line + count, 1 if count > lines else min(4 * lines, _MANY)
+                if start == len(block.text):
+                    break
+                end = _behind(block.text, start, lines)
+                some = Block(block.text[start:end], line)
+                if b'"' in some.text:
+                    # quotes may hold ends of lines: from here on only who reads quotes knows where a row ends
+                    return self._one_by_one(chain([Block(block.text[start:], line)], parts))
+                self._one_by_one(iter([some]))
+                start, line = end, line + some.lines
+        return None
+
+    def _one_by_one(self, parts: Iterator[Block]) -> None:
+        for lines, values in self._rows.arrays(parts):
+            self._columns.add(lines, values)
+
+
+def _behind(text: bytes, start: int, lines: int) -> int:
+    """The byte behind some lines, or the end."""
+    for _ in range(lines):
+        end = text.find(b"\n", start)
+        if end < 0:
+            return len(text)
+        start = end + 1
+    return start
 
 
 def _from_line(parts: Iterator[Block], first: int) -> Iterator[Block]:

@@ -5,11 +5,14 @@ from __future__ import annotations
 import codecs
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
+
+import numpy as np
 
 from hgorun.errors import ConfigError
 
-BLOCK = 2**23
+BLOCK = 2**20  # bytes read at once: as many as a cache of the processor holds
 LONGEST = 2**20  # bytes of a line
 _MARKS = ((codecs.BOM_UTF8, "utf-8"), (codecs.BOM_UTF16_LE, "utf-16-le"), (codecs.BOM_UTF16_BE, "utf-16-be"))
 
@@ -29,14 +32,14 @@ class Block:
     text: bytes
     line: int
 
-    @property
+    @cached_property
     def lines(self) -> int:
         """How many."""
-        return self.text.count(b"\n")
+        return int(np.count_nonzero(np.frombuffer(self.text, dtype=np.uint8) == ord("\n")))
 
 
 def blocks(path: Path, encoding: str | None = None, size: int = BLOCK) -> Iterator[Block]:
-    """The lines of a text file, some megabytes at a time.
+    """The lines of a text file, a megabyte at a time.
 
     Parameters
     ----------

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from hgorun.errors import printable
 from hgorun.result.status import STATUSES
 
-_SHOWN = 200  # characters of a member's error
+_SHOWN = 400  # characters of a member's error
 
 
 @dataclass(frozen=True)
@@ -53,15 +53,22 @@ class Outcome:
             lines.append(f"  {printable(label):<{width}}  " + ", ".join(f"{n} {word}" for word, n in counts.items()))
         return "\n".join(lines)
 
-    def troubles(self) -> Iterator[str]:
-        """What is not ok, in words."""
+    def troubles(self, where: Callable[[int, str], str] = lambda number, error: error) -> Iterator[str]:
+        """What is not ok, in words.
+
+        Parameters
+        ----------
+        where : callable
+            From the number of a member and its error to the error with its place in a file.
+        """
         for label, counts in self.observers.items():
             words = [f"{n} {word}" for word, n in counts.items() if word not in ("ok", "failed")]
             if words:
                 yield f"observer {printable(label)}: of {self.members} members {', '.join(words)}"
         if self.first is not None:
             number, error = self.first
-            yield f"{self.failed} of {self.members} members failed; the first is member {number}: {error[:_SHOWN]}"
+            told = where(number, error)[:_SHOWN]
+            yield f"{self.failed} of {self.members} members failed; the first is member {number}: {told}"
 
 
 def outcome_of(path: Path) -> Outcome:

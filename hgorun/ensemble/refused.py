@@ -20,8 +20,19 @@ def refuse_base(ensemble: Ensemble) -> None:
     HgorunError
         What is wrong with the base, with its place in the file.
     """
-    refused = _refused(ensemble.base)
-    if refused is not None and all(map(_refused, _some(ensemble))):
+    refuse(ensemble.base, _some(ensemble))
+
+
+def refuse(base: Experiment, varied: Iterator[Experiment]) -> None:
+    """Refuse an experiment that cannot be run, unless some variation of it can.
+
+    Raises
+    ------
+    HgorunError
+        What is wrong with it, with its place in the file.
+    """
+    refused = _refused(base)
+    if refused is not None and all(map(_refused, varied)):
         raise refused
 
 

@@ -11,7 +11,7 @@ from hgorun.errors import Problem
 from hgorun.observers.base import Flow, Role, observer
 from hgorun.observers.capabilities import HighGain, Switching
 from hgorun.observers.levant import levant_flow, levant_gains
-from hgorun.observers.output_injection import Blend, OutputInjection
+from hgorun.observers.output_injection import Blend, OutputInjection, slopes_of_l
 from hgorun.symbolic.lower_triangular import LowerTriangularCopy, LowerTriangularForm
 from hgorun.symbolic.states import Symmetric
 from hgorun.symbolic.symbols import Symbols
@@ -76,11 +76,9 @@ class DirectObserver(HighGain, Switching, OutputInjection):
     def _require_stable(self, form: LowerTriangularForm) -> None:
         """Refuse poles, which are meant for slopes of 1, where the plant's own slopes make the error grow.
 
-        With y = c x_1 and x_i' = s_i x_(i+1) + ... the eigenvalues of (3) at theta = 1 are the roots of
-        s^n + l_1 c s^(n-1) + l_2 c s_1 s^(n-2) + ...: with l_i over c s_1 ... s_(i-1) they are the poles.
+        With l_i over what it counts with there (:func:`slopes_of_l`) the eigenvalues are the poles.
         """
-        l, factors = self.injection(form), np.cumprod(form.links, axis=1)  # noqa: E741  # the paper's letter
-        usable = factors[np.all(np.isfinite(factors) & (factors != 0), axis=1)]
+        l, usable = self.injection(form), slopes_of_l(form)  # noqa: E741  # the paper's letter
         largest = [float(np.max(np.roots([1.0, *(l * row)]).real)) for row in usable]
         if not largest or min(largest) < 0:
             return

@@ -59,4 +59,22 @@ class OutputInjection(ContinuousObserver[LowerTriangularForm, LowerTriangularCop
         return None
 
     def _rate(self, form: LowerTriangularForm) -> float:
-        return float(np.max(np.abs(np.roots([1.0, *self.injection(form)])), initial=0.0))
+        """The fastest eigenvalue of A - l c at theta = 1, for the plant's slopes near the start."""
+        rows = slopes_of_l(form)
+        rows = rows if len(rows) else np.ones((1, form.n))
+        return max(float(np.max(np.abs(np.roots([1.0, *(self.injection(form) * row)])), initial=0.0)) for row in rows)
+
+
+def slopes_of_l(form: LowerTriangularForm) -> np.ndarray:
+    """What each entry of l counts with in the error's characteristic polynomial, near the start.
+
+    With y = c x_1 and x_i' = s_i x_(i+1) + ... the eigenvalues at theta = 1 are the roots of
+    s^n + l_1 c s^(n-1) + l_2 c s_1 s^(n-2) + ...
+
+    Returns
+    -------
+    ndarray, shape (points, n)
+        c, c s_1, c s_1 s_2, ...; points where one of them vanishes or is not a number are left out.
+    """
+    factors = np.cumprod(form.links, axis=1)
+    return np.asarray(factors[np.all(np.isfinite(factors) & (factors != 0), axis=1)])

@@ -45,6 +45,7 @@ class Plant(Plugin):
     valid: ClassVar[str] = ""
     known_parameters: ClassVar[Mapping[str, Parameter]] = {}
     known_inputs: ClassVar[Mapping[str, Input]] = {}
+    parameters_as_written: ClassVar[bool] = False  # parameters stand in expressions of the block alone
     units: ClassVar[Mapping[str, str]]  # may be left out; for your own model it is a key
 
     type: str = Field(description="name of the plant")

@@ -35,6 +35,8 @@ Output = Annotated[str | PeriodicOutput, BeforeValidator(_output)]
 class InlinePlant(Plant):
     """A model given by its equations: states, dynamics, output."""
 
+    parameters_as_written = True
+
     type: str = "inline"
     states: Annotated[tuple[Name, ...], NonEmpty] = Field(description="names of the states")
     dynamics: dict[Name, ExpressionText] = Field(description="state: right-hand side")

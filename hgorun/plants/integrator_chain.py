@@ -25,6 +25,7 @@ class IntegratorChain(Plant):
 
     reference = "Astolfi, Marconi, Praly, Teel 2016, (1)"
     valid = "everywhere"
+    parameters_as_written = True
 
     n: int = Field(default=2, ge=1, le=50, strict=True, description="number of integrators")
     phi: ExpressionText = Field(default="0", description="right-hand side of the last equation")

@@ -19,6 +19,7 @@ class LeeSecondOrder(Plant):
 
     reference = "Lee, Choi, Khalil 2016, (38)"
     valid = "everywhere"
+    parameters_as_written = True  # those of inputs and disturbances
 
     @property
     def state_names(self) -> tuple[str, ...]:

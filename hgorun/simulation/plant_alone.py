@@ -137,14 +137,17 @@ class PlantRun:
         times_of_change = plant_kinks(self.plant, self.time, self.origin).times
         if self.stiff:  # no controlled step may pass over a pulse
             times_of_change = np.concatenate([times_of_change, plant_extremes(self.plant, self.time).times])
-        kinks = merge(times_of_change, 16 * np.spacing(max(abs(start), abs(end))))
-        ends = np.concatenate([[start], kinks[(kinks > start) & (kinks < end)], [end]])
+        apart = 16 * np.spacing(max(abs(start), abs(end)))
+        kinks = merge(times_of_change, apart)
+        ends = np.concatenate([[start], kinks[(kinks > start + apart) & (kinks < end - apart)], [end]])
         steps = count_steps(np.diff(ends), np.inf if self.stiff else self.step)
         zero = np.zeros_like(steps)
         spans = np.column_stack([ends[:-1], ends[1:]] * 2)
         inward = 4 * np.spacing(np.maximum(np.abs(ends), self.step))
-        spans[1:, 2] += inward[1:-1]
-        spans[:-1, 3] -= inward[1:-1]
+        inward[0] = inward[0] + apart if np.any(kinks <= start + apart) else 0.0
+        inward[-1] = inward[-1] + apart if np.any(kinks >= end - apart) else 0.0
+        spans[:, 2] += inward[:-1]
+        spans[:, 3] -= inward[1:]
         spans, counts = in_pieces(spans, np.column_stack([steps, zero, steps, zero, zero, zero, zero + 1]))
         nothing = np.zeros(0)
         plan = Plan(

@@ -1,7 +1,7 @@
 """Parameters of a plant written in the configuration that nothing uses: names that were mistyped, as a rule.
 
-A plant with a class of its own knows its parameters, and refuses others. One that is written in place has those that
-its block names, so that a mistyped one would change nothing, and a sweep of it would compare equal runs.
+A plant that knows its parameters refuses others. One that is written in place, or a chain with an expression, has those
+that its block names, so that a mistyped one would change nothing, and a sweep of it would compare equal runs.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def refuse_unused_changes(touched: Collection[KeyPath], plant: Plant, observers:
 
 
 def _refuse(names: list[str], plant: Plant, observers: Mapping[str, AnyObserver]) -> None:
-    if not names or plant.known_parameters or plant.type != "inline":
+    if not names or plant.known_parameters or not plant.parameters_as_written:
         return
     own = _names(_texts_of(plant))
     taken = {*plant.state_names, *plant.input_names, "t"}

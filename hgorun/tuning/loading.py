@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 from hgorun.config.reading import read_source
 from hgorun.config.tuning import Tune, TuneFile
 from hgorun.config.validation import validate
-from hgorun.errors import ConfigError
+from hgorun.ensemble.refused import refuse
+from hgorun.errors import ConfigError, HgorunError
+from hgorun.simulation.experiment import Experiment
 from hgorun.study.loading import load
 from hgorun.tuning.task import Task, tasks
 
@@ -65,4 +68,14 @@ def load_tuning(path: Path, overrides: Sequence[str] = (), *, seed: int | None =
     experiment = load(config, run=run)
     block = validate(Tune, data["tune"], source, ("tune",))
     with source.located():
-        return Asked(path.stem, text, config, run, tasks(experiment, block))
+        asked = Asked(path.stem, text, config, run, tasks(experiment, block))
+    for task in asked.tasks:
+        refuse(task.base, _ends(task))
+    return asked
+
+
+def _ends(task: Task) -> Iterator[Experiment]:
+    """With all gains at the lower ends of their ranges, and at the upper ones, as far as that is admitted."""
+    for end in ("low", "high"):
+        with suppress(HgorunError):
+            yield task.base.varied({gain.path: getattr(gain, end) for gain in task.gains})

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -156,6 +157,7 @@ VARYING = inline(
 THETA, OMEGA = 3.0, 30.0
 
 
+@cache
 def gain_at_the_end(theta: float, end: float = 30.0) -> np.ndarray:
     """P of P' = theta (P + F P + P F^T - P C^T C P) from I, in the scaled coordinates."""
 

@@ -56,6 +56,7 @@ PIECES += [
 ]
 
 
+@pytest.mark.slow
 @given(st.text(max_size=40) | st.lists(st.sampled_from(PIECES), max_size=12).map("".join))
 @settings(max_examples=800)
 def test_any_text_is_an_expression_or_an_expression_error(text: str) -> None:

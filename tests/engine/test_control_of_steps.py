@@ -46,6 +46,7 @@ def test_a_rejected_step_leaves_nothing_behind(seed: int) -> None:
     np.testing.assert_allclose(found.diverged[:, 0], expected.diverged, rtol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 2])
 def test_a_rejected_step_leaves_nothing_in_the_history(seed: int) -> None:
     """Delays repeat every event, where steps are tried again; what observers heard late is what fixed steps tell."""

@@ -196,7 +196,7 @@ def test_adaptive_steps(seed: int) -> None:
     np.testing.assert_allclose(found.diverged[:, 0], expected.diverged, rtol=1e-7)
 
 
-@pytest.mark.parametrize("lanes", [2, 4, 8])
+@pytest.mark.parametrize("lanes", [2, pytest.param(4, marks=pytest.mark.slow), 8])
 @pytest.mark.parametrize("delayed", [False, True])
 @pytest.mark.parametrize("method", ["rk4", "rodas5p"])
 def test_lanes_are_runs_of_their_own(method: str, lanes: int, delayed: bool) -> None:
@@ -215,6 +215,7 @@ def test_lanes_are_runs_of_their_own(method: str, lanes: int, delayed: bool) -> 
             np.testing.assert_array_equal(a, b, err_msg=name)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("delayed", [False, True])
 @pytest.mark.parametrize("method", ["dopri5", "rodas5p"])
 def test_lanes_with_error_control_are_as_accurate_as_runs_of_their_own(method: str, delayed: bool) -> None:

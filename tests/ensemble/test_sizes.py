@@ -37,6 +37,7 @@ OF: dict[str, Experiment] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("what", OF)
 def test_every_number_of_members_from_1_to_40(what: str) -> None:
     base = OF[what]

@@ -14,6 +14,8 @@ pytest.importorskip("bokeh", reason="needs hgorun[explore]")
 
 import browser
 
+from hgorun.explore import drawing
+
 THETA, PERIOD = "observers.F.theta", "measurement.sampling.period"
 FEW_BYTES = 10_000_000
 
@@ -65,7 +67,7 @@ def test_names_from_a_file_are_text_on_the_page(shell: Shell) -> None:
     made(shell.folder / "b.sweep.h5", other="</script><i>")
     pages = []
     for name in "ab":
-        shell("report", f"{name}.sweep.h5")
+        shell("report", f"{name}.sweep.h5", "--metric", "rmse")
         pages.append((shell.folder / "results" / f"{name}.html").read_text())
     assert pages[0].count("</script>") == pages[1].count("</script>")
 
@@ -145,3 +147,11 @@ var deep = (what, root = document) => [...root.querySelectorAll(what)].concat(
   ...[...root.querySelectorAll('*')].filter(one => one.shadowRoot).map(one => deep(what, one.shadowRoot)));
 true
 """
+
+
+def test_logarithmic_axes_have_few_ticks_with_short_numbers() -> None:
+    """Bokeh's own are evenly spaced where a range is short, and crowd at its upper end."""
+    plot = drawing._plot("hf", "rmse", x_axis_type="log")
+    assert plot.xaxis[0].ticker.desired_num_ticks == 3
+    assert "toPrecision" in plot.xaxis[0].formatter.code
+    assert plot.yaxis[0].ticker.desired_num_ticks > 4

@@ -108,6 +108,7 @@ NESTED = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("text", NESTED)
 def test_nothing_changes_between_kinks(text: str) -> None:
     """What floor, signs and comparisons give is constant between kinks; where it is constant there is no kink."""

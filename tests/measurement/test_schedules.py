@@ -174,6 +174,7 @@ def near(found: np.ndarray, expected: Sequence[Fraction]) -> None:
     np.testing.assert_allclose(found, [float(t) for t in expected], rtol=0, atol=NEAR)
 
 
+@pytest.mark.slow
 @given(cases(delays=st.one_of(CONSTANT, VARYING)))
 @settings(max_examples=150)
 def test_samples_are_those_of_the_naive_list(case: Any) -> None:
@@ -193,6 +194,7 @@ def test_samples_are_those_of_the_naive_list(case: Any) -> None:
             np.testing.assert_allclose(noise.sampled(found.arrival[own], found.number[own]), values, atol=1e-8)
 
 
+@pytest.mark.slow
 @given(cases(delays=CONSTANT))
 @settings(max_examples=150)
 def test_events_and_what_holds_between_them(case: Any) -> None:

@@ -86,6 +86,7 @@ def noisy_runs(end: float) -> list[hgorun.Result]:
     return [hgorun.simulate(experiment(OBSERVERS, end, measurement=noise, seed=seed)) for seed in range(20)]
 
 
+@pytest.mark.slow
 def test_without_noise_the_paths_are_those_of_the_loop() -> None:
     result = hgorun.simulate(experiment(OBSERVERS, 0.5))
     expected = naive(np.zeros((501, 1)))
@@ -247,3 +248,16 @@ def test_fastest_rate(theta: float) -> None:
     rates = {label: made.observers[label].fastest_rate(prepare(made).forms[label]) for label in ("plain", "pulled")}
     assert rates["plain"] == pytest.approx(theta * np.sqrt(0.5), rel=1e-9)
     assert rates["pulled"] == pytest.approx(2000)
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e9, 1e-9])
+def test_the_fastest_rate_knows_no_units(unit: float) -> None:
+    """x_2 in another unit, and l_2 with it: the eigenvalues stay at -3."""
+    plant = {
+        "states": ["x1", "x2"],
+        "dynamics": {"x1": f"x2/{unit!r}", "x2": f"-{unit!r}*x1 - x2"},
+        "output": "x1",
+        "initial": {"x1": 1, "x2": 0},
+    }
+    made = examples.experiment(plant, {"D": {"type": "direct", "theta": 3, "l": [2, unit]}})
+    assert made.observers["D"].fastest_rate(prepare(made).forms["D"]) == pytest.approx(3, rel=1e-6)

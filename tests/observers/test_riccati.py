@@ -482,6 +482,7 @@ EVERY = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("solver", [{"step": 0.01}, {"step": "auto"}, {"method": "dopri5", "step": "auto"}], ids=str)
 @pytest.mark.parametrize("block", EVERY, ids=str)
 @pytest.mark.parametrize("silence", [0.5, 1.0, 40])

@@ -94,7 +94,7 @@ def test_only_what_changed_is_made(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_processes_give_the_same_files_as_one(tmp_path: Path) -> None:
-    names = studies(tmp_path, count=3)
+    names = studies(tmp_path)
     made(names, tmp_path / "one", workers=1)
     made(names, tmp_path / "two", workers=2)
     assert files(tmp_path / "one") == files(tmp_path / "two")

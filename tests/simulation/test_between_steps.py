@@ -104,6 +104,7 @@ def test_friction_of_which_the_observer_has_a_copy() -> None:
     assert_right(result, rows)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "force",
     [

@@ -128,6 +128,7 @@ def sizes(x: np.ndarray, xhat: np.ndarray, time: np.ndarray, end: float) -> dict
     return {"rmse": np.sqrt(np.mean(late**2, axis=0)), "sup": late.max(axis=0), "peak": early.max(axis=0)}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_default_settings_are_right(name: str) -> None:
     case = CASES[name]
@@ -330,6 +331,7 @@ def test_a_pulse_is_met_whenever_the_clock_began() -> None:
     assert result.status == "ok"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("end", [500, 2000])
 def test_a_pulse_among_many_extremes_is_met(end: float) -> None:
     """x' = 200 cos(200 t) + pulse: 30,000 or 120,000 extremes, and a pulse of a millisecond at t = 333.3."""

@@ -90,6 +90,7 @@ def test_filter_of_order_zero_is_the_standard_observer(name: str, tmp_path: Path
     assert np.all(np.isfinite(one.xhat))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["sampled", "delayed", "phases"])
 def test_an_observer_does_not_feel_the_others(name: str, tmp_path: Path) -> None:
     """Alone, before and behind others, and beside one that diverges."""
@@ -414,6 +415,7 @@ def test_largest_theta_times_period_or_delay(measurement: dict[str, Any], limits
 # ---- divergence ----
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "solver", [{"step": 0.01}, *({"method": name, "rtol": 1e-9, "atol": 1e-11} for name in ("dopri5", "rodas5p"))]
 )

@@ -72,6 +72,7 @@ def test_the_defaults_point_to_the_method_that_solves_it(tmp_path: Path) -> None
         run(tmp_path, config)
 
 
+@pytest.mark.slow
 def test_van_der_pol_with_jumps_between_slow_arcs(tmp_path: Path) -> None:
     """mu = 1e5, two periods: x creeps along the arcs and jumps within 1e-5 of a period."""
     mu = 1e5
@@ -130,6 +131,7 @@ MEASUREMENTS: dict[str, dict[str, Any]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MEASUREMENTS)
 def test_the_same_as_an_explicit_method(name: str, tmp_path: Path) -> None:
     config = {

@@ -115,6 +115,7 @@ def counted(monkeypatch: pytest.MonkeyPatch) -> Iterator[dict[str, int]]:
         yield counts
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", OBSERVED)
 @pytest.mark.parametrize("change", CHANGES)
 def test_a_run_through_the_cache_has_the_bits_of_a_fresh_one(name: str, change: str) -> None:

@@ -675,6 +675,7 @@ def test_adaptive_steps_against_dop853(model: Model, is_sampled: bool, tmp_path:
         assert_near(result, exact, label, 1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("solver", [PRECISE, {"step": 0.002}], ids=["dopri5", "rk4"])
 @pytest.mark.parametrize("model", [VAN_DER_POL, CONTOIS], ids=["vdp", "contois"])
 def test_phases(model: Model, solver: dict[str, Any], tmp_path: Path) -> None:
@@ -729,6 +730,7 @@ def test_delay_that_grows_from_zero(solver: dict[str, Any], tmp_path: Path) -> N
         assert_near(result, exact, label, 1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "delay",
     ["0.1*(1 - cos(2*t))", "0.15 + 0.15*sin(2*t)", "0.3*abs(sin(2*t))", "max(0, 0.3*sin(2*t))", "0.0004"],

@@ -44,6 +44,15 @@ def test_what_nothing_uses_is_refused_with_what_was_meant() -> None:
     assert one.varied({"plant.parameters.l": 3}).plant.parameters.tolist() == [3]
 
 
+@pytest.mark.parametrize("plant", ["integrator_chain", "lee_second_order"])
+def test_a_built_in_plant_without_parameters_of_its_own_refuses_what_nothing_uses(plant: str) -> None:
+    block: Block = {"type": plant, "initial": {"x1": 1, "x2": 0}, "parameters": {"a": 2, "b": 3}}
+    block["disturbance"] = {"x2": "a*sin(t)"}
+    with pytest.raises(ConfigError, match=r"plant\.parameters\.b: nothing uses the parameter 'b'"):
+        experiment(block, SHGO)
+    assert experiment({**block, "parameters": {"a": 2}}, SHGO).plant.parameters.tolist() == [2]
+
+
 @pytest.mark.parametrize(
     "more",
     [

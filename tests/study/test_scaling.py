@@ -58,6 +58,7 @@ CASES: dict[str, Block] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("of", ["amplitude", "rmse", "sup", "hf"])
 @pytest.mark.parametrize("case", CASES)
 def test_the_line_is_what_is_simulated(tmp_path: Path, case: str, of: str) -> None:

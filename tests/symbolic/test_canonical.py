@@ -188,6 +188,7 @@ def test_adaptive_steps_end_at_time_zero() -> None:
         hgorun.simulate(experiment(plant, {}, measurement={}, **config))
 
 
+@pytest.mark.slow
 def test_an_observer_that_asks_for_hopeless_steps_does_not_stop_the_others() -> None:
     """Unstable gains make it grow and get stiff: it counts as diverged, the run ends."""
     observers = {"S": {"type": "shgo", "theta": 2}, "B": {"type": "shgo", "theta": 2, "gains": [-2, 1]}}

@@ -380,3 +380,13 @@ def test_a_gain_has_the_scale_of_its_range_and_the_minimum_its_whole_interval(lo
     (ax,) = tuning([drawn(np.array([[1.0]]), 0.4, goals=goals, logarithmic=logarithmic)], ["a"]).axes
     assert ax.get_xscale() == ("log" if logarithmic else "linear")
     assert ax.get_ylim()[0] < 0.6
+
+
+def test_a_base_that_cannot_be_run_is_refused_before_anything_is_tried(shell: Shell) -> None:
+    """Unless a gain changes what is wrong."""
+    wrong = CONFIG.replace("x1: x2, x2: -x1", "x1: 0, x2: -x1")  # x2 is not seen
+    text = wrong + f"tune: {{gains: {{{THETA}: {{linear: [1, 9]}}}}, minimise: 'rmse(SHGO, x2)', budget: 160}}\n"
+    (shell.folder / "c.yaml").write_text(text)
+    code, out, err = shell("tune", "c.yaml", "-q")
+    assert (code, out) == (2, "")
+    assert "c.yaml:3: plant: " in err

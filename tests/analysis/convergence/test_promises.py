@@ -127,6 +127,7 @@ def assert_near(found: Findings, transient: Transient | None) -> None:
     assert np.nanmin(transient.sharp / error) < 100
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "r"), OBSERVERS)
 @settings(max_examples=5)
 @given(seed=seeds, n=st.integers(2, 4), noisy=st.booleans())
@@ -142,6 +143,7 @@ def test_no_error_is_above_its_bound(kind: str, r: int, seed: int, n: int, noisy
         assert_near(found, transient)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "r"), [("shgo", 0), ("fhgo2", 1)])
 @settings(max_examples=4)
 @given(seed=seeds, noisy=st.booleans(), sampled=st.booleans())
@@ -163,6 +165,7 @@ def test_no_error_is_above_its_bound_with_late_outputs(
     assert_bounded(found, transient)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "r"), [("shgo", 0), ("fhgo2", 2), ("treangle", 0)])
 @settings(max_examples=5)
 @given(seed=seeds, noisy=st.booleans())

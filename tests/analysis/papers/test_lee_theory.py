@@ -62,6 +62,7 @@ def test_one_matrix_solves_36_for_every_step() -> None:
         assert np.linalg.eigvalsh(left)[-1] <= -a * (1 - 1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("period", [0.0004, 0.006, 0.0095])
 def test_bounded_input_bounded_state(period: float) -> None:
     """The worst of many inputs of modulus 1, with steps that stay and steps that fall."""

@@ -1,0 +1,191 @@
+"""Plain rows in machine code: the bits of Python's numbers, and the rows that are read one by one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hgorun.config.data import Csv
+from hgorun.data.bulk import Bulk
+from hgorun.data.cells import Cells, Flags, Numbers
+from hgorun.data.csv_table import CsvFile
+from hgorun.data.dialect import dialect_of
+from hgorun.data.rows import Rows
+from hgorun.data.table import Table
+from hgorun.data.text import Block
+from hgorun.errors import ConfigError
+
+WANTED = [Numbers("t"), Numbers("a")]
+HARD = [
+    "9007199254740993",  # half-way between two doubles
+    "9007199254740992.5",
+    "1.7976931348623157e308",
+    "2.2250738585072014e-308",
+    "2.2250738585072011e-308",
+    "4.9e-324",
+    "1e23",
+    "8.41e21",
+    "9.5367431640625e-07",
+    "0.1",
+    "-0.0",
+    "-0",
+    "+7",
+    ".5",
+    "5.",
+    "1e-400",
+    "0e999",
+    "000000000000000000000000012.5",
+    "0.00000000000000000000000000000012345678901234567",
+    "1234567890123456789012345678901234567890",
+    "123456789012345678e-40",
+    "12345678",
+    "1234567812345678",
+    "00000000",
+    "0000000012345678",
+]
+
+
+def bulk_of(text: str, wanted: list[Cells] | None = None) -> tuple[int, list[np.ndarray]]:
+    block = Block(text.encode(), 1)
+    dialect = dialect_of(block, Path("log.csv"), Csv())
+    return Bulk(dialect, wanted or list(WANTED)).rows(block, text.index("\n") + 1)
+
+
+def read_of(cells: list[str]) -> np.ndarray:
+    """Cells in machine code, and those that it leaves to others by Python."""
+    rows = [f"{cell},1\n" for cell in cells]
+    text = "t,a\n" + "".join(rows)
+    values: list[float] = []
+    while len(values) < len(cells):
+        text = "t,a\n" + "".join(rows[len(values) :])
+        values += bulk_of(text)[1][0].tolist()
+        if len(values) < len(cells):
+            values.append(float("nan"))
+    return np.array(values)
+
+
+def same_bits(cells: list[str]) -> float:
+    """The share of cells that machine code reads; fails where it reads other bits than Python."""
+    found, expected = read_of(cells), np.array(list(map(float, cells)))
+    known = ~np.isnan(found)
+    np.testing.assert_array_equal(found[known].view(np.int64), expected[known].view(np.int64))
+    return float(known.mean())
+
+
+def test_hard_numbers() -> None:
+    same_bits(HARD)
+
+
+@pytest.mark.parametrize("digits", [1, 3, 8, 15, 16, 17, 18])
+def test_numbers_of_any_length_and_size(digits: int) -> None:
+    random = np.random.default_rng(digits)
+    values = random.normal(size=4000) * 10.0 ** random.integers(-30, 30, 4000)
+    assert same_bits([f"{value:.{digits}e}" for value in values]) > 0.98  # some are exact, which takes longer to see
+    assert same_bits([f"{value:.{digits}e}" for value in np.arange(4000) / 64]) > 0.99
+    assert same_bits([f"{value:.{digits}f}" for value in random.normal(size=4000)]) > 0.99
+    everywhere = [f"{m}e{e}" for m, e in random.integers([1, -345], [10**18, 300], (2000, 2)).tolist()]
+    assert same_bits(everywhere) > 0.9
+
+
+def test_doubles_and_what_lies_half_way_between_them() -> None:
+    random = np.random.default_rng(1)
+    words = random.integers(0x0010000000000000, 0x7FE0000000000000, 4000)
+    assert same_bits([repr(value) for value in words.view(float).tolist()]) > 0.99
+    whole = random.integers(2**53, 2**62, 2000) >> 10 << 10
+    assert same_bits([str(value + (1 << 9)) for value in whole.tolist()]) >= 0
+
+
+@pytest.mark.parametrize(
+    ("row", "plain"),
+    [
+        ("1,2", True),
+        ("1 , 2 ", True),
+        (" 1,2", False),
+        (",2", True),
+        ("1,", True),
+        ("NaN,nan", True),
+        ("1,2,3", False),
+        ("1", False),
+        ("", False),
+        ("# 1,2", False),
+        ("1,inf", False),
+        ("1,2e", False),
+        ("1,.", False),
+        ("1,-", False),
+        ("1,1e999999", False),
+        ("1,0x1", False),
+        ('"1",2', False),
+        ("1,nano", False),
+        ("1,12 34", False),
+    ],
+)
+def test_it_stops_at_the_first_row_that_is_not_plain(row: str, plain: bool) -> None:
+    text = f"t,a\n7,8\n{row}\n5,6\n"
+    end, (first, _) = bulk_of(text)
+    assert first[0] == 7
+    assert first.size == (3 if plain else 1)
+    assert end == (len(text) if plain else text.index("7,8\n") + 4)
+
+
+def test_columns_that_nobody_wants_may_hold_text() -> None:
+    text = "t,note,a,more\n" + "1,good,2,\n3,b\u00e4d # ; x,4,y\n"
+    end, (first, second) = bulk_of(text)
+    assert end == len(text.encode())
+    np.testing.assert_array_equal([first, second], [[1, 3], [2, 4]])
+    assert bulk_of('t,note,a\n1,"a,b",2\n')[0] == 9
+
+
+def table(path: Path, wanted: list[Cells]) -> Table:
+    return CsvFile(path, Csv()).table(wanted, 1e9)
+
+
+def by_rows(path: Path, wanted: list[Cells]) -> tuple[np.ndarray, list[np.ndarray]]:
+    """The oracle: every row by Python's reader."""
+    block = Block(path.read_bytes(), 1)
+    parts = list(Rows(path, dialect_of(block, path, Csv()), wanted).arrays(iter([block])))
+    return np.concatenate([lines for lines, _ in parts]), [
+        np.concatenate(c) for c in zip(*(v for _, v in parts), strict=True)
+    ]
+
+
+@pytest.mark.parametrize(
+    "odd", ["", "# a comment", "\n", "3,NULL,5", "3,1.00000000000000000000001,0", '3,"4",5', "3,4,n/a"]
+)
+def test_rows_between_plain_ones(tmp_path: Path, odd: str) -> None:
+    random = np.random.default_rng(0)
+    path = tmp_path / "log.csv"
+    rows = [
+        f"{t},{a!r},{q}"
+        for t, a, q in zip(range(12_000), random.normal(size=12_000).tolist(), [0, 1] * 6_000, strict=True)
+    ]
+    for place in (0, 17, 18, 19, 20, 1000, 11_000, 11_999) if odd else ():
+        rows[place] = odd
+    path.write_text("t,a,q\n" + "\n".join(rows) + "\n")
+    wanted: list[Cells] = [Numbers("t"), Numbers("a"), Flags("q", (0.0,))]
+    found = table(path, wanted)
+    lines, values = by_rows(path, wanted)
+    np.testing.assert_array_equal(found.lines, lines)
+    for cells, column in zip(wanted, values, strict=True):
+        np.testing.assert_array_equal(found.columns[cells], column)
+
+
+@pytest.mark.parametrize("place", [1, 7_000, 11_999])
+def test_a_fault_far_down_has_its_line(tmp_path: Path, place: int) -> None:
+    rows = [f"{t},{t / 7!r}" for t in range(12_000)]
+    rows[place] = "12,bad"
+    (tmp_path / "log.csv").write_text("t,a\n" + "\n".join(rows))
+    with pytest.raises(ConfigError, match=rf":{place + 2}: a: expected a number, found 'bad'"):
+        table(tmp_path / "log.csv", list(WANTED))
+
+
+def test_blocks_and_lines_meet_anywhere(tmp_path: Path) -> None:
+    random = np.random.default_rng(5)
+    for end in ("\n", "\r\n"):
+        values = random.normal(size=90_000)  # some two megabytes
+        text = end.join(["t,a", *(f"{t},{a!r}" for t, a in enumerate(values.tolist()))])
+        (tmp_path / "log.csv").write_bytes(text.encode())
+        found = table(tmp_path / "log.csv", list(WANTED))
+        np.testing.assert_array_equal(found.columns[WANTED[1]], values)
+        np.testing.assert_array_equal(found.lines, np.arange(2, 90_002))
