@@ -28,7 +28,8 @@ def _begin() -> None:
         return
     parent.stop()
     file = os.environ.get("COVERAGE_FILE", str(ROOT / ".coverage"))
-    own = coverage.Coverage(file, data_suffix=True, branch=True, include=[str(ROOT / "hgorun" / "*")], config_file=False)
+    inside = [str(ROOT / "hgorun" / "*")]
+    own = coverage.Coverage(file, data_suffix=True, branch=True, include=inside, config_file=False)
     own.start()
     leave = os._exit
 
