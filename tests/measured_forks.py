@@ -1,7 +1,7 @@
 """Coverage of forked children, where files are read and figures are made.
 
-coverage's own patches for forks prepare, search the package and save all that the parent has seen, too, which takes
-half a second for every file that is read. Here a child measures nothing but itself, unless its parent does not measure.
+coverage's own patches for forks search the whole package and save what the parent has run, too: half a second for
+every file that is read. Here a child saves only what it has run itself, and nothing where its parent does not measure.
 """
 
 from __future__ import annotations
