@@ -5,7 +5,6 @@ import signal
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the command does; NumPy reads it when it is imported
 
-import pytest
 from hypothesis import HealthCheck, settings
 from measured_forks import measure_forks
 
@@ -18,10 +17,3 @@ measure_forks()
 # what is started in the background of a shell ignores Ctrl-C, and so would all that the tests start and interrupt
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
-
-
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Slow tests are not measured for coverage, which would make them half as slow again; others cover the code."""
-    for item in items:
-        if item.get_closest_marker("slow"):
-            item.add_marker("no_cover")

@@ -23,20 +23,22 @@ def measure_forks() -> None:
 
 
 def _begin() -> None:
+    import posix  # where there is no fork, there is none
+
     parent = coverage.Coverage.current()
     if parent is None:
+        os._exit = posix._exit
         return
     parent.stop()
     file = os.environ.get("COVERAGE_FILE", str(ROOT / ".coverage"))
     inside = [str(ROOT / "hgorun" / "*")]
     own = coverage.Coverage(file, data_suffix=True, branch=True, include=inside, config_file=False)
     own.start()
-    leave = os._exit
 
     def saved(status: int) -> NoReturn:
         with suppress(Exception):
             own.stop()
             own.save()
-        leave(status)
+        posix._exit(status)  # os._exit is coverage's, which saves what the parent has run
 
     os._exit = saved
