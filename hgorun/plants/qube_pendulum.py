@@ -22,9 +22,9 @@ class QubePendulum(Plant):
             [ -D_p alpha' + m_p L_p^2/8 sin(2 alpha) theta'^2 + m_p g L_p/2 sin alpha                       ]
 
     alpha = 0 upright, +-pi hanging, known up to whole turns; J_r = m_r L_r^2/12, J_p = m_p L_p^2/12 (rods),
-    tau = -k_m (V - k_m theta')/R_m. The defaults are identified on one machine; its D_p is negative. In the sign convention of
-    their authors the electromotive force k_m theta' drives the arm instead of braking it; k_m^2/R_m = 7e-6
-    N m s/rad is 1.4 % of D_r, which hides it.
+    tau = -k_m (V - k_m theta')/R_m. The defaults are identified on one machine; its D_p is negative. In the sign
+    convention of their authors the electromotive force k_m theta' drives the arm instead of braking it;
+    k_m^2/R_m = 7e-6 N m s/rad is 1.4 % of D_r, which hides it.
     """
 
     reference = "Quanser Qube-Servo 2; parameters: Centre Automatique et Systemes, Mines ParisTech, 2022"
