@@ -152,6 +152,7 @@ class Memory:
             "initial": np.zeros(max(channels, 1) * lanes),
             "hints": np.zeros(max(s.outputs, 1) * lanes, dtype=np.int64),
             "error": np.zeros((s.states, lanes)),
+            "snapshots": np.zeros(max(plan.snapshots * s.snapshot, 1) * lanes),
             "size": _sizes(start.z),
             "own": np.zeros(own_words * lanes, dtype=np.int64),
             "innovations": np.full((plan.slots if s.innovations else 1, max(s.observers, 1), lanes), np.nan),

@@ -21,7 +21,7 @@ from hgorun.errors import ConfigError, HgorunError, Problem
 from hgorun.estimate.carrying import Gate, leave_out
 from hgorun.estimate.covariance import Covariance
 from hgorun.measurement.variants import HELD, SILENT
-from hgorun.observers.base import SampledObserver
+from hgorun.observers.base import SampledObserver, treatment_of
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.preparation import check_limit, nominal_step, numbers_of
 from hgorun.simulation.structure import structure_of
@@ -135,8 +135,9 @@ class Estimator:
         self._covariances = [Covariance.of(experiment, structure, numbers.p, b) for b in numbers.observers]
         self._labels = [b.label for b in numbers.observers]
         corrections = structure.system.corrections
-        self._corrections = list(corrections)
-        self._steps = [number for number in range(len(structure.system.jumps)) if number not in corrections]
+        self._corrections = [number for number, _, _ in corrections]
+        self._steps = [number for number in range(len(structure.system.jumps)) if number not in self._corrections]
+        self._otherwise = [label for label, o in experiment.observers.items() if treatment_of(o) != "innovation"]
         jumping = [b for b in numbers.observers if isinstance(b.observer, SampledObserver)]
         if jumping and len(model.outputs) > 1:
             raise Problem(("observers", jumping[0].label), "of a stream it can follow a single output")
@@ -239,6 +240,13 @@ class Estimator:
             self._go_on(_Event(now, tuple((i, slot) for i, slot, _, _ in samples), samples, changed, now))
             return
         now, taken = self._since_start(available), float(t) - self._experiment.origin
+        if taken < now and self._otherwise:
+            label = self._otherwise[0]
+            treatment = treatment_of(self._experiment.observers[label])
+            raise ValueError(
+                f"a sample taken at {t:g} is known at {available:g}, and {label} has late: {treatment}: a stream takes "
+                "late samples into the innovation alone; estimate a recording, or take another observer"
+            )
         if taken > now:
             raise ValueError(f"taken at {t:g}, after it was known at {available:g}")
         slots = tuple((i, self._next_slot(i)) for i, _ in values)
