@@ -75,7 +75,7 @@ def test_numbers(folder: Path) -> None:
         own = []
         for t, samples in zip(events, arriving, strict=True):
             assert observer.predict(t) == 0
-            for i in np.flatnonzero(changes == t):
+            for i in np.flatnonzero(changes == t).tolist():
                 end = changes[i + 1] if i + 1 < changes.size else events[-1]
                 level, slope = prepared.inputs.levels[i], prepared.inputs.slopes[i]
                 assert observer.input(t, level) == observer.input(end, level + slope * (end - t)) == 0
