@@ -45,7 +45,7 @@ def native_time() -> Iterator[list[float]]:
     try:
         yield spent
     finally:
-        Program.__init__ = make  # type: ignore[method-assign]
+        Program.__init__ = make  # type: ignore[method-assign]  # as it was
 
 
 def beside(experiment: hgorun.Experiment, changes: list[dict[str, Any]], spent: list[float]) -> list[float]:

@@ -13,7 +13,9 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from hgorun.errors import HgorunError, SimulationError
+from hgorun.observers.base import treatment_of
 from hgorun.result.data import ObserverResult
+from hgorun.simulation.prepared import PreparedRun
 
 T = TypeVar("T")
 K = TypeVar("K")
@@ -96,6 +98,18 @@ def first_of(*functions: Callable[[], T]) -> T:
         if one.reason is None:
             return one.value
     return last()
+
+
+def require_innovation(run: PreparedRun, label: str) -> None:
+    """Late samples must enter the common innovation, which linear theory with a delay is about.
+
+    Raises
+    ------
+    NoValue
+    """
+    treatment = treatment_of(run.experiment.observers[label])
+    if treatment in run.treatments:
+        raise NoValue(f"late samples do not enter the innovation (late: {treatment}), which theory reckons with")
 
 
 def no_spectrum(*kinds: str) -> str:

@@ -13,9 +13,11 @@ from hgorun.export.c_code import Real
 from hgorun.export.c_files import c_files
 from hgorun.export.c_header import bytes_of, costs
 from hgorun.export.c_source import Source
+from hgorun.export.fmu_code import VERSIONS, Version
 from hgorun.export.observer import Exported
 from hgorun.export.prepared import Wanted, exported
-from hgorun.files import remove_leftovers, write_text
+from hgorun.files import remove_leftovers, written_whole
+from hgorun.process import say
 from hgorun.simulation.simulate import prepare
 from hgorun.study.loading import load
 
@@ -32,35 +34,54 @@ def export(options: Export) -> int:
     require_file(options.config)
     experiment = load(options.config, options.overrides, seed=options.seed, run=options.run)
     in_c = options.lang == "c"
+    _version(options)
+    if options.fmu and not in_c:
+        raise ConfigError("--fmu: a unit has C inside; leave out --lang")
     if not in_c and (options.single or options.late or options.inputs_given):
         raise ConfigError("--float, --late and --inputs-given are for --lang c; equations have symbols for the inputs")
     labels = tuple(options.observers)
     wanted = Wanted(labels=labels, late=options.late, inputs_given=options.inputs_given, steps=in_c)
     observers = exported(prepare(experiment), wanted)
-    texts = {observer.label: _texts(observer, options) for observer in observers}
+    contents = {observer.label: _contents(observer, options) for observer in observers}
     folder = options.output or RESULTS / options.config.stem
     remove_leftovers(folder)
-    for files in texts.values():
-        for name, text in files.items():
-            write_text(folder / name, text)
+    for files in contents.values():
+        for name, content in files.items():
+            with written_whole(folder / name) as part:
+                part.write_bytes(content)
     if options.json:
-        told = {o.label: _told(o, [folder / name for name in texts[o.label]], options) for o in observers}
+        told = {o.label: _told(o, [folder / name for name in contents[o.label]], options) for o in observers}
         print(json.dumps({"name": experiment.name, "observers": told}, indent=2))
     elif options.text:
         for observer in observers:
             print(f"{observer.label} ({observer.design.observer.type})")
             for name, cost in costs(_source(observer, options)).items() if in_c else ():
                 print(f"  {name}: at most {cost}")
-            print("  written: " + ", ".join(str(folder / name) for name in texts[observer.label]))
+            print("  written: " + ", ".join(str(folder / name) for name in contents[observer.label]))
     return 0
 
 
-def _texts(observer: Exported, options: Export) -> dict[str, str]:
+def _contents(observer: Exported, options: Export) -> dict[str, bytes]:
+    """The files of an observer, by their names."""
+    if options.fmu:
+        from hgorun.export.fmu import compilers, fmu
+
+        made_by = compilers()
+        if not made_by:
+            say("hgorun: there is no C compiler (cc, gcc, clang or the package ziglang): units have their sources only")
+        return {f"{observer.name}.fmu": fmu(observer, _version(options), made_by, single=options.single)}
     if options.lang == "latex":
         from hgorun.export.latex import latex
 
-        return {f"{observer.name}.tex": latex(observer)}
-    return dict(c_files(observer, single=options.single))
+        return {f"{observer.name}.tex": latex(observer).encode()}
+    return {name: text.encode() for name, text in c_files(observer, single=options.single).items()}
+
+
+def _version(options: Export) -> Version:
+    for version in VERSIONS:
+        if options.fmi == version:
+            return version
+    raise ConfigError(f"--fmi: expected one of {', '.join(VERSIONS)}, found {options.fmi!r}")
 
 
 def _source(observer: Exported, options: Export) -> Source:

@@ -213,7 +213,8 @@ class Export(Configured):
     """Write the observers of a configuration in another language, to results/NAME/.
 
     As C: one file and a header for each observer, without libraries but libm and without allocation, with the method
-    and the step of the run. As LaTeX: its equations with the numbers in them.
+    and the step of the run. As LaTeX: its equations with the numbers in them. As a
+    unit (FMU): for other simulators.
     """
 
     config: Annotated[Path, typer.Argument(metavar="CONFIG", help="A YAML configuration.")]
@@ -221,6 +222,10 @@ class Export(Configured):
         Path | None, typer.Option("-o", "--output", help="Folder to write to (default: results/NAME).")
     ] = None
     lang: Annotated[str, typer.Option("--lang", metavar="LANGUAGE", help="c or latex.")] = "c"
+    fmu: Annotated[
+        bool, typer.Option("--fmu", help="Write units for co-simulation (FMI), with the C inside, in place of C files.")
+    ] = False
+    fmi: Annotated[str, typer.Option("--fmi", metavar="VERSION", help="Of --fmu: 3.0 or 2.0.")] = "3.0"
     observers: Annotated[
         list[str], typer.Option("--observer", metavar="LABEL", help="Only this observer; repeatable.")
     ] = field(default_factory=list)

@@ -6,6 +6,7 @@ and machines at rest are not taken for faults; what is done about a find is deci
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,10 +18,12 @@ STUCK = 20
 LINE = 10
 """Points on a line that noise does not leave there."""
 _SHORT_LINE = 4
-_EXACT = 1e-9  # of the size of the values: interpolation in doubles, written with nine digits or more
+_EXACT = 1e-12  # of the size of the values: what rounding may leave of a line in doubles
 _FACTORS = np.array([60.0, 100.0, 1000.0, 3600.0, 1e6])
 _KELVIN = 273.15
-_WINDOW = 5  # samples beside a slip that have to agree
+_FIRST = 100_000  # samples that show what is usual
+_PIECE = 2**15
+_LEAST, _MOST = 3, 20  # samples on each side of a slip that have to agree, in a short and in a long log
 
 
 @dataclass(frozen=True)
@@ -50,11 +53,16 @@ def repeated(taken: np.ndarray) -> np.ndarray:
 
 def gaps(taken: np.ndarray) -> np.ndarray:
     """Samples that follow a gap of more than ``GAP`` median steps."""
-    steps = np.diff(taken)
-    if steps.size < 5:
+    if taken.size < 6:
         return np.empty(0, dtype=int)
-    usual = float(np.median(steps[: 10**6]))
-    return np.flatnonzero(steps > GAP * usual) + 1 if usual > 0 else np.empty(0, dtype=int)
+    usual = float(np.median(np.diff(taken[:_FIRST])))
+    if not usual > 0:
+        return np.empty(0, dtype=int)
+    found = [
+        np.flatnonzero(np.diff(taken[some.start : some.stop + 1]) > GAP * usual) + some.start + 1
+        for some in _pieces(taken.size - 1)
+    ]
+    return np.concatenate(found)
 
 
 def stuck(values: np.ndarray) -> list[Stretch]:
@@ -71,43 +79,66 @@ def stuck(values: np.ndarray) -> list[Stretch]:
 def filled(taken: np.ndarray, values: np.ndarray) -> list[Stretch]:
     """Stretches of points on one straight line that is not level: filled in by interpolation.
 
-    A line counts if it has ``LINE`` points, or if such lines, of at least four points, make up half of the signal. In
-    numbers with few digits neighbours lie on a line by chance, so there the line must climb by several digits a sample.
+    Such a line begins and ends at a sharp bend, which tells it from a signal that is merely smooth. It counts if it has
+    ``LINE`` points, or if such lines, of at least four points, make up half of the signal.
     """
     if values.size < LINE:
         return []
-    rise = np.diff(values)
-    quantum = _quantum(rise)
-    bend = np.abs(_bend(taken, values, rise))
-    level = np.maximum(np.abs(values[1:-1]), np.abs(rise[1:]))
-    straight = bend <= np.maximum(_EXACT * level, 2.02 * quantum)
-    straight &= np.abs(rise[1:]) > 5 * quantum
-    straight &= rise[1:] != 0
-    lines = [Stretch(run.start, run.stop + 1) for run in _true_runs(straight)]
-    if quantum and lines and not _bends_elsewhere(bend, straight, quantum):
-        return []
-    lines = [line for line in lines if line.size >= _SHORT_LINE]
+    quantum = _quantum(np.diff(values[:_FIRST]))
+    straight = np.empty(values.size - 2, dtype=bool)
+    for some in _pieces(straight.size):
+        straight[some] = _Threes(taken[some.start : some.stop + 2], values[some.start : some.stop + 2]).straight(quantum)
+    lines = [Stretch(run.start, run.stop + 1) for run in _true_runs(straight) if run.size + 1 >= _SHORT_LINE]
+    if lines:
+        lines = _between_bends(taken, values, lines, quantum)
     if sum(line.size for line in lines) >= values.size / 2:
         return lines
     return [line for line in lines if line.size >= LINE]
 
 
-def _bend(taken: np.ndarray, values: np.ndarray, rise: np.ndarray) -> np.ndarray:
-    """How far the middle of every three points lies from the line through the others, twice."""
-    steps = np.diff(taken)
-    whole = steps[1:] + steps[:-1]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        share = np.where(whole > 0, steps[:-1] / whole, 0.5)
-    by_time = 2 * (values[:-2] + share * (values[2:] - values[:-2]) - values[1:-1])
-    by_place = rise[1:] - rise[:-1]  # filled in row by row, whatever the rounded stamps say
-    even = np.abs(share - 0.5) < 0.01
-    bend: np.ndarray = np.where(even & (np.abs(by_place) < np.abs(by_time)), by_place, by_time)
-    return bend
+class _Threes:
+    """Every three neighbours of some samples, or given ones."""
+
+    def __init__(self, taken: np.ndarray, values: np.ndarray, first: np.ndarray | None = None) -> None:
+        places = [slice(k, k - 2 or None) if first is None else first + k for k in range(3)]
+        before, middle, after = (taken[place] for place in places)
+        self._values = [values[place] for place in places]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = (middle - before) / (after - before)
+        low, here, high = self._values
+        self.rise = high - here
+        by_time = low + share * (high - low) - here
+        by_place = 0.5 * (low + high) - here  # filled in row by row, whatever the rounded stamps say
+        even = np.abs(share - 0.5) < 0.005
+        self.bend = np.abs(np.where(even & (np.abs(by_place) < np.abs(by_time)), by_place, by_time))
+
+    def exact(self) -> np.ndarray:
+        """What rounding leaves of a bend, in doubles."""
+        level: np.ndarray = np.maximum(np.abs(self._values[1]), np.abs(self.rise))
+        return _EXACT * level
+
+    def straight(self, quantum: float) -> np.ndarray:
+        """Those on a line that is not level: it climbs by more than its digits and its rounding."""
+        exact, climbs = self.exact(), np.abs(self.rise)
+        on_line: np.ndarray = (self.bend <= np.maximum(exact, quantum)) & (climbs > 1000 * exact)
+        on_line &= climbs > 5 * quantum
+        return on_line
+
+
+def _between_bends(taken: np.ndarray, values: np.ndarray, lines: list[Stretch], quantum: float) -> list[Stretch]:
+    """The lines with a sharp bend at both ends, or at the one that is not an end of the log."""
+    last = values.size - 3
+    ends = np.array([[line.start - 1, line.stop - 2] for line in lines])
+    threes = _Threes(taken, values, np.clip(ends, 0, last).ravel())
+    sharp = threes.bend > 5 * np.maximum(threes.exact(), quantum)
+    sharp, outside = sharp.reshape(-1, 2), (ends < 0) | (ends > last)
+    kept = (sharp | outside).all(axis=1) & ~outside.all(axis=1)  # a log that is one line is a ramp
+    return [line for line, true in zip(lines, kept, strict=True) if true]
 
 
 def _quantum(rise: np.ndarray) -> float:
     """The step that all differences are multiples of; 0 where there is none."""
-    sizes = np.abs(rise[:100_000])
+    sizes = np.abs(rise)
     sizes = sizes[sizes > 0]
     if not sizes.size:
         return 0.0
@@ -116,28 +147,31 @@ def _quantum(rise: np.ndarray) -> float:
     for step in (smallest, *10.0 ** (decimal - np.arange(4))):
         parts = sizes / step
         # rounding leaves differences of rounded numbers off by some last bits
-        if np.median(parts) < 1e6 and np.mean(np.abs(parts - np.rint(parts)) < 1e-3) > 0.9:
+        if np.median(parts) < 1e9 and np.mean(np.abs(parts - np.rint(parts)) < 1e-3) > 0.9:
             return float(step)
     return 0.0
 
 
-def _bends_elsewhere(bend: np.ndarray, straight: np.ndarray, quantum: float) -> bool:
-    """Whether points off the lines are far off, compared with the digits: else it is a smooth signal."""
-    rest = bend[~straight]
-    return bool(rest.size >= 2 and np.median(rest) > 40 * quantum)
+def _pieces(count: int) -> Iterator[slice]:
+    """Indices in pieces that the caches of a processor hold."""
+    return (slice(start, min(start + _PIECE, count)) for start in range(0, count, _PIECE))
 
 
 def slips(values: np.ndarray) -> list[tuple[int, str]]:
     """Where values change by the factor between two units from one sample on, and what they change by."""
-    width = _WINDOW if values.size >= 6 * _WINDOW else 3
+    width = max(_LEAST, min(values.size // 12, _MOST))
     if values.size < 2 * width:
         return []
-    before, after = values[:-1], values[1:]
-    small, large = np.minimum(np.abs(before), np.abs(after)), np.maximum(np.abs(before), np.abs(after))
-    candidates = np.flatnonzero((large > 45 * small) & (small > 0)) + 1
-    found = [(int(k), _said(factor)) for k, factor in _confirmed(values, candidates, width)]
-    shifts = np.flatnonzero(np.abs(np.abs(after - before) - _KELVIN) < 5) + 1
-    return sorted(found + [(int(k), "273.15") for k in _shifted(values, shifts, width)])
+    factors, shifts = [], []
+    for some in _pieces(values.size - 1):
+        before, after = values[some], values[some.start + 1 : some.stop + 1]
+        moved = np.abs(after - before)
+        before, after = np.abs(before), np.abs(after)
+        small, large = np.minimum(before, after), np.maximum(before, after)
+        factors.append(np.flatnonzero((large > 45 * small) & (small > 0)) + some.start + 1)
+        shifts.append(np.flatnonzero(np.abs(moved - _KELVIN) < 5) + some.start + 1)
+    found = [(int(k), _said(factor)) for k, factor in _confirmed(values, np.concatenate(factors), width)]
+    return sorted(found + [(int(k), "273.15") for k in _shifted(values, np.concatenate(shifts), width)])
 
 
 def _said(factor: float) -> str:

@@ -177,8 +177,7 @@ class Sorting:
 
     def _by_arrival(self, samples: Samples) -> Samples:
         """By the time they were taken, then by when they were known."""
-        steps = np.diff(samples.taken)
-        if np.all(steps > 0):
+        if np.all(samples.taken[1:] > samples.taken[:-1]):
             return samples
         order = np.lexsort((samples.available, samples.taken))
         return samples if np.all(np.diff(order) == 1) else samples.at(order)

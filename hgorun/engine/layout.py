@@ -11,7 +11,7 @@ CONTEXT = (
     "p", "c", "z", "w", "channels", "spans", "counts", "actions", "grid", "rows", "slots", "gain", "bias",
     "measured", "holds", "alpha", "blocks", "diverged", "lost", "largest", "ring", "initial", "hints", "error", "size",
     "own", "row", "ring_count", "ring_mask", "bound_offset", "bound_factor", "t_start", "rtol", "atol", "small",
-    "max_step", "step", "now", "budget", "segment", "paused", "hopeless", "innovations",
+    "max_step", "step", "now", "budget", "segment", "paused", "hopeless", "snapshots", "innovations",
 )  # fmt: skip
 WORD = {name: index for index, name in enumerate(CONTEXT)}
 
@@ -21,7 +21,7 @@ COUNT = ("steps", "first", "last", "regime", "action_first", "action_last", "end
 
 # What happens at an event, one row of integers each.
 ACTION_WORDS = 5
-TAKE, ARRIVE, RECORD, SET, REBASE, JUMP = range(6)
+TAKE, ARRIVE, RECORD, SET, REBASE, JUMP, SAVE, RESTORE, RETAKE = range(9)
 
 # What the native loop returns.
 DONE, PLANT_DIVERGED, HISTORY_TOO_SHORT, STEP_TOO_SMALL, PAUSED = range(5)
@@ -128,8 +128,11 @@ class HybridSystem:
     jumps : tuple of (start, stop, casadi.Function)
         What z[start:stop] becomes, from (t, p, z, w), when a sample arrives: the plant's where it is stepped,
         then those of the discrete-time observers and of those that are corrected.
-    corrections : tuple of int
-        Which of the jumps are made whenever a sample of any output arrives; the others from the second sample on.
+    corrections : tuple of (number, first output, last output + 1)
+        Those of the jumps that are made whenever a sample of some of the outputs arrives; the others are from the
+        second sample on.
+    replayed : (int, int) or None
+        From where on the states and what is held can be taken back to what they have been.
     channel_slopes : casadi.Function
         The channels, then their time derivatives, from (t, p, z, z'); used where something is delayed.
     innovations : bool
@@ -146,7 +149,8 @@ class HybridSystem:
     channels: ca.Function
     channel_slopes: ca.Function
     jumps: tuple[tuple[int, int, ca.Function], ...] = ()
-    corrections: tuple[int, ...] = ()
+    corrections: tuple[tuple[int, int, int], ...] = ()
+    replayed: tuple[int, int] | None = None
     innovations: bool = False
 
     @property
@@ -168,6 +172,11 @@ class HybridSystem:
     def has_alpha(self) -> bool:
         """Whether the observers compare with the past."""
         return bool(self.alpha)
+
+    @property
+    def snapshot(self) -> int:
+        """How many numbers are kept to go back to them."""
+        return 0 if self.replayed is None else self.states - self.replayed[0] + self.held.size - self.replayed[1]
 
     @property
     def remembers(self) -> bool:

@@ -12,6 +12,9 @@ from hgorun.engine.layout import (
     JUMP,
     REBASE,
     RECORD,
+    RESTORE,
+    RETAKE,
+    SAVE,
     SET,
     SPAN,
     TAKE,
@@ -157,7 +160,8 @@ def add_actions(m: Module) -> None:
     in the slot becomes what the observers compare with; RECORD: it came after a newer one and is only
     noted. SET (place, index): a new value of the held noise or of the time between samples, in w. REBASE
     (output, first, last): count alpha from zero again, also in the slots that are still on their way. JUMP
-    (number): a part of the state becomes what its jump says.
+    (number): a part of the state becomes what its jump says. SAVE, RESTORE (-, number): keep a part of all states
+    and go back to it; RETAKE (output, slot): as TAKE, of every observer's s alone.
     """
     s, lanes = m.system, m.lanes
     f = m.function("act", "ptr %ctx, i64 %segment", attributes="nounwind noinline")
@@ -175,6 +179,12 @@ def add_actions(m: Module) -> None:
         with f.when(f.test("eq", op, str(SET))):
             value = f.at(f.word("%ctx", WORD["holds"], "ptr"), f.scalar("mul", slot, str(lanes)))
             copy(f, value, f.at(w, f.scalar("mul", output, str(lanes))), 1)
+        if s.replayed is not None:
+            with f.when(f.test("eq", op, str(RETAKE))):
+                f.call("channels", f"ptr %ctx, double {t}")
+                of_output = f.at(channels, f.scalar("mul", output, str(s.width * lanes)))
+                copy(f, f.at(of_output, lanes), f.at(here, lanes), s.observers)
+            _add_snapshots(m, f, op, slot)
         for number in range(len(s.jumps)):
             wanted = f.test("eq", output, str(number))
             with f.when(f.let(f"and i1 {f.test('eq', op, str(JUMP))}, {wanted}")):
@@ -208,6 +218,32 @@ def add_actions(m: Module) -> None:
     m.finish(f)
 
 
+def _add_snapshots(m: Module, f: Function, op: str, number: str) -> None:
+    """Keep states and what is held as they are, or go back to them; what has diverged stays masked."""
+    s, lanes = m.system, m.lanes
+    assert s.replayed is not None
+    first, held = s.replayed
+    place = f.scalar("mul", number, str(s.snapshot * lanes))
+    kept = f.at(f.word("%ctx", WORD["snapshots"], "ptr"), place)
+    z, w = f.word("%ctx", WORD["z"], "ptr"), f.word("%ctx", WORD["w"], "ptr")
+    states, numbers = s.states - first, s.held.size - held
+    parts = (f.at(z, first * lanes), kept, states), (f.at(w, held * lanes), f.at(kept, states * lanes), numbers)
+    with f.when(f.test("eq", op, str(SAVE))):
+        for own, saved, count in parts:
+            copy(f, own, saved, count)
+    with f.when(f.test("eq", op, str(RESTORE))):
+        for own, saved, count in parts:
+            copy(f, saved, own, count)
+        diverged = f.word("%ctx", WORD["diverged"], "ptr")
+        for j, (start, _, end) in enumerate(s.blocks):
+            if start >= first:
+                with f.count(0, lanes) as lane:
+                    when = f.word(f.at(diverged, j * lanes), lane, "double")
+                    with f.when(f.test("one", when, hexadecimal(float("inf")))), f.count(start, end) as i:
+                        state = f.scalar("add", f.scalar("mul", i, str(lanes)), lane)
+                        f.store(hexadecimal(float("nan")), f.at(z, state))
+
+
 def _keep_innovations(m: Module, f: Function, output: str, slot: str, here: str, measured: str) -> None:
     """C xhat - y of every observer as it is compared when a sample arrives, before anything follows from it."""
     s, lanes = m.system, m.lanes
@@ -219,7 +255,11 @@ def _keep_innovations(m: Module, f: Function, output: str, slot: str, here: str,
         if s.alpha:
             place = f.scalar("add", f.scalar("mul", output, str(s.observers * lanes)), i)
             guess = f.scalar("fadd", guess, f.load(f.at(z, f.word(f.word("%ctx", WORD["alpha"], "ptr"), place))))
-        f.store(f.scalar("fsub", guess, f.load(f.at(measured, lane))), f.at(kept, i))
+        found = f.scalar("fsub", guess, f.load(f.at(measured, lane)))
+        if s.replayed is not None:  # what was thought at first, and not when it was carried out again
+            first = f.load(f.at(kept, i))
+            found = f.let(f"select i1 {f.test('uno', first, first)}, double {found}, double {first}")
+        f.store(found, f.at(kept, i))
 
 
 def _add_jump(m: Module, number: int) -> None:

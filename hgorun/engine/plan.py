@@ -74,6 +74,8 @@ class Plan:
         The longest continuous delay.
     origin : float
         What is added to a time where it is told to somebody.
+    snapshots : int
+        States that are kept at a time, to go back to them.
     following : Following, optional
         What comes behind these segments, where they are not those of the whole run.
     """
@@ -88,6 +90,7 @@ class Plan:
     holds: Floats
     reach: float = 0.0
     origin: float = 0.0
+    snapshots: int = 0
     following: Following | None = None
 
     def whole(self) -> Plan:

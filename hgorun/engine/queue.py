@@ -26,7 +26,7 @@ class Queue:
                 told(self.done)
             return
         with ThreadPoolExecutor(len(workers)) as pool:
-            futures = [pool.submit(lambda one=worker: list(self._work(one))) for worker in workers]  # type: ignore[misc]
+            futures = [pool.submit(lambda one=worker: list(self._work(one))) for worker in workers]  # type: ignore[misc]  # of a default
             try:
                 while wait(futures, timeout=2 * _SLICE).not_done:
                     told(self.done)

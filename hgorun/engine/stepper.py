@@ -184,7 +184,7 @@ class Stepper(ABC):
             end_clock = f.slot("double", self.flow.clocked * self.m.lanes)
             self.tick(t_end, end_clock)
             self.flow_at(t_end, end_clock, self.z, self.slope)
-            self.history.follow(f, t_end, self.z, self.slope, self.trace)  # type: ignore[union-attr]
+            self.history.follow(f, t_end, self.z, self.slope, self.trace)  # type: ignore[union-attr]  # callers have one
             f.store("0", self.flags, "i64")
             f.jump(again)
             f.place(settled)

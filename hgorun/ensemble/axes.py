@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from hgorun.config.expressions import parse
 from hgorun.ensemble.members import Column, Members
 from hgorun.measurement.noise import is_relative
-from hgorun.noise.gaussian import GaussianNoise
+from hgorun.noise.base import RandomNoise
 from hgorun.simulation.experiment import Experiment
 
 Place = tuple[int, int, int]  # of an item of noise: output, stretch, number
@@ -122,14 +122,14 @@ def _is_number(base: Experiment, label: str, key: str) -> bool:
 
 
 def _deviations(base: Experiment, path: str) -> tuple[Place, ...]:
-    """The items of noise whose standard deviation a path is."""
+    """The items of noise whose draws the number at a path multiplies."""
     found = []
     for i, stretches in enumerate(base.stretches):
         for k, s in enumerate(stretches):
             for j, item in enumerate(s.noise):
-                own = ".".join(map(str, (*s.paths["noise"], j, "std")))
-                if own == path and isinstance(item, GaussianNoise) and item.std is not None:
-                    found.append((i, k, j))
+                if isinstance(item, RandomNoise) and item.scaled_by is not None and not item.relative():
+                    own = ".".join(map(str, (*s.paths["noise"], j, item.scaled_by)))
+                    found += [(i, k, j)] if own == path else []
     return tuple(found)
 
 

@@ -20,6 +20,7 @@ from hgorun.ensemble.lot import Lot, Numbers, times_of
 from hgorun.ensemble.members import Members
 from hgorun.errors import HgorunError, Problem
 from hgorun.measurement.channels import Channel
+from hgorun.measurement.schedule import Schedule
 from hgorun.memo import Memo, same
 from hgorun.simulation.checks import check_run
 from hgorun.simulation.experiment import Experiment
@@ -165,10 +166,14 @@ class Family:
         if step == self.run.step:
             return self.run
         if step not in self._runs:
-            run = replace(self.run, step=step, schedule=schedule_of(self.run.experiment, self.run.channels, step))
+            run = replace(self.run, step=step, schedule=self._schedule(step))
             check_run(run)
             self._runs[step] = run
         return self._runs[step]
+
+    def _schedule(self, step: float) -> Schedule:
+        run = self.run
+        return schedule_of(run.experiment, run.channels, step, treatments=run.treatments)
 
     @cached_property
     def _runs(self) -> dict[float, PreparedRun]:

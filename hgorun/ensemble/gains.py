@@ -124,7 +124,8 @@ class _Block:
     @cached_property
     def parameters(self) -> slice:
         """Where its numbers are in p: they are last, one observer after the other."""
-        sizes = [design.numbers.size for design in self.run.experiment.designs.values()]
+        designs = self.run.experiment.designs
+        sizes = [designs[b.label].numbers.size for b in self.run.observers]
         start = self.run.numbers.p.size - sum(sizes[self._place :])
         return slice(start, start + sizes[self._place])
 

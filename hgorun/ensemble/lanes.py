@@ -27,7 +27,7 @@ def fits(run: PreparedRun, method: Method) -> bool:
     """Whether runs like this one can be carried out side by side."""
     readout = run.structure.outputs.places is not None  # else outputs are looked at along the whole run
     estimates = all(of.places is not None for of in run.structure.estimates) or run.experiment.grid[2] == 1
-    return not run.adaptive and method in _IN_LANES and readout and estimates
+    return not run.adaptive and not run.treatments and method in _IN_LANES and readout and estimates
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -30,6 +30,11 @@ def assess(prepared: PreparedEstimate, found: Evaluated, j: int) -> Assessed:
     for k, state in enumerate(model.states):
         outputs = [i for i, name in enumerate(model.outputs) if model.measures.get(name) == state]
         widths = [_width(prepared, found, j, i) for i in outputs]
+        aside = found.held_out.get(state)
+        if not outputs and aside is not None:  # what is not measured on line may have been measured otherwise
+            band = band_of(aside.residuals[j], np.zeros(aside.taken.size))
+            widths.append(None if band is None else band.at(np.zeros(xhat.shape[0])))
+            outputs = [-1]
         known = [one for one in widths if one is not None]
         if known:
             width[:, k] = np.min(known, axis=0)

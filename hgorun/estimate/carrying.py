@@ -83,8 +83,7 @@ def one_pass(
 ) -> tuple[Raw, np.ndarray]:
     """The engine's arrays, and which samples were used, shape (samples, m)."""
     plan, start = prepared.plan(grid, step, uneven), prepared.start()
-    taken = np.concatenate([one.used for one in prepared.samples])
-    used = np.repeat(taken[:, None], len(prepared.run.observers), axis=1)
+    used = prepared.used()
     if not prepared.gated:
         return prepared.program().run(plan, start, progress=progress), used
     gate = Gate(prepared.experiment, [one.gate for one in prepared.samples], prepared.covariances())

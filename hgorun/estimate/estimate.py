@@ -14,6 +14,7 @@ from hgorun.estimate.assessed import assess
 from hgorun.estimate.completed import completed
 from hgorun.estimate.evaluated import Compared, Evaluated, evaluate_run
 from hgorun.estimate.prepared import PreparedEstimate, prepare_estimate
+from hgorun.observers.base import treatment_of
 from hgorun.result.data import Integration, Measurements, ObserverResult, Recorded, RecordedOutput, Unseen
 from hgorun.result.result import Result
 from hgorun.result.status import OK, Verdict
@@ -90,7 +91,7 @@ def _result(prepared: PreparedEstimate, recording: Recording, found: Evaluated) 
         outputs=model.outputs,
         units=units,
         measurements=Measurements.nothing(len(model.outputs)),
-        observers={b.label: _observer(prepared, found, j) for j, b in enumerate(run.observers)},
+        observers=_observers(prepared, found),
         config=experiment.text,
         resolved=experiment.resolved_later,
         seed=experiment.blocks.seed,
@@ -112,12 +113,20 @@ def _remarks(prepared: PreparedEstimate, recording: Recording) -> list[str]:
     told = [str(note) for note in recording.notes]
     for one in prepared.samples:
         late = int(np.count_nonzero(~one.used))
-        if late:
-            told.append(f"{one.output}: {late} samples became known after newer ones and are not used")
+        labels = [label for label, o in prepared.experiment.observers.items() if treatment_of(o) == "innovation"]
+        if late and labels:
+            by = "" if len(labels) == len(prepared.run.observers) else f" by {', '.join(labels)}"
+            told.append(f"{one.output}: {late} samples became known after newer ones and are not used{by}")
         outside = recording.outputs[one.output].values.size - one.values.size
         if outside:
             told.append(f"{one.output}: {outside} samples lie outside of the run")
     return told
+
+
+def _observers(prepared: PreparedEstimate, found: Evaluated) -> dict[str, ObserverResult]:
+    """Those of all observers in the order of the configuration."""
+    of = {b.label: _observer(prepared, found, j) for j, b in enumerate(prepared.run.observers)}
+    return {label: of[label] for label in prepared.experiment.observers}
 
 
 def _observer(prepared: PreparedEstimate, found: Evaluated, j: int) -> ObserverResult:

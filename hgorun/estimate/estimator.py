@@ -21,7 +21,7 @@ from hgorun.errors import ConfigError, HgorunError, Problem
 from hgorun.estimate.carrying import Gate, leave_out
 from hgorun.estimate.covariance import Covariance
 from hgorun.measurement.variants import HELD, SILENT
-from hgorun.observers.base import SampledObserver
+from hgorun.observers.base import SampledObserver, treatment_of
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.preparation import check_limit, nominal_step, numbers_of
 from hgorun.simulation.structure import structure_of
@@ -56,6 +56,11 @@ class _Event:
     samples: tuple[tuple[int, int, float, bool], ...] = ()
     inputs: tuple[tuple[int, float], ...] = ()
     taken: float = np.nan
+
+    def joined(self, other: _Event) -> _Event:
+        """With the samples of another event at the same time."""
+        take, samples = sorted(self.take + other.take), sorted(self.samples + other.samples)
+        return _Event(self.t, tuple(take), tuple(samples), self.inputs, self.taken)
 
 
 class Estimator:
@@ -135,8 +140,9 @@ class Estimator:
         self._covariances = [Covariance.of(experiment, structure, numbers.p, b) for b in numbers.observers]
         self._labels = [b.label for b in numbers.observers]
         corrections = structure.system.corrections
-        self._corrections = list(corrections)
-        self._steps = [number for number in range(len(structure.system.jumps)) if number not in corrections]
+        self._corrections = [number for number, _, _ in corrections]
+        self._steps = [number for number in range(len(structure.system.jumps)) if number not in self._corrections]
+        self._treatments = {label: treatment_of(observer) for label, observer in experiment.observers.items()}
         jumping = [b for b in numbers.observers if isinstance(b.observer, SampledObserver)]
         if jumping and len(model.outputs) > 1:
             raise Problem(("observers", jumping[0].label), "of a stream it can follow a single output")
@@ -241,10 +247,29 @@ class Estimator:
         now, taken = self._since_start(available), float(t) - self._experiment.origin
         if taken > now:
             raise ValueError(f"taken at {t:g}, after it was known at {available:g}")
+        if taken < now and not self._by_innovation(t):
+            if "replay" in self._treatments.values():
+                slots = tuple((i, i * (_LATE + 1)) for i, _ in values)
+                samples = tuple((i, slot, value, True) for (i, slot), (_, value) in zip(slots, values, strict=True))
+                self._go_back(_Event(taken, slots, samples, (), taken), together=True)
+            self._go_on(_Event(now, (), (), changed, now))
+            return
         slots = tuple((i, self._next_slot(i)) for i, _ in values)
         self._go_back(_Event(taken, slots))
         used = tuple((i, slot, v, taken >= self._newest[i]) for (i, slot), (_, v) in zip(slots, values, strict=True))
         self._go_on(_Event(now, (), used, changed, taken))
+
+    def _by_innovation(self, t: float) -> bool:
+        """Whether late samples enter the innovation of all observers; otherwise all go back, or none takes them."""
+        found = {treatment: label for label, treatment in self._treatments.items()}
+        if len(found) > 1:
+            said = ", ".join(f"{label}: {treatment}" for treatment, label in found.items())
+            raise ValueError(
+                f"the sample taken at {t:g} is late, and in a stream all observers treat late samples alike ({said})"
+            )
+        if "replay" in found and self._gate is not None:
+            raise ValueError(f"the sample taken at {t:g} is late: with a gate late samples enter the innovation alone")
+        return "innovation" in found
 
     def _input(self, name: str) -> int:
         if name not in self._inputs:
@@ -264,11 +289,17 @@ class Estimator:
             self._events.append(event)
         self._carry_out(event)
 
-    def _go_back(self, event: _Event) -> None:
-        """Keep what was estimated at an earlier time: from there all is carried out again."""
-        times = [one.t for one in self._events]
-        place = bisect_right(times, event.t)
-        if event.t >= self._live.t:
+    def _go_back(self, event: _Event, *, together: bool = False) -> None:
+        """Let something happen at an earlier time: from there all is carried out again.
+
+        Parameters
+        ----------
+        together : bool
+            With samples of other outputs that were taken at the same time, as if they had come at once.
+        """
+        place = bisect_right([one.t for one in self._events], event.t)
+        other = self._beside(event, place) if together else None
+        if event.t >= self._live.t and other is None:
             self._go_on(event)
             return
         if place == 0 and len(self._events) == self._events.maxlen:
@@ -276,18 +307,32 @@ class Estimator:
                 f"a sample taken at {self._experiment.origin + event.t:g} is older than all that is remembered: "
                 "increase remembered"
             )
-        again = list(self._events)[place:]
-        if again:
+        again = [event, *list(self._events)[place:]]
+        if other is not None:
+            again = list(self._events)[other:]
+            again[0], place = again[0].joined(event), other
+        if place < len(self._events):
             state, notes = self._before[place]
             pending = self._pending
             self._live.restore(state)
             self._restore_notes(notes)
             self._pending = pending  # no slot of a sample that is on its way is given to another
-            for _ in again:
+            for _ in range(place, len(self._events)):
                 self._events.pop()
                 self._before.pop()
-        for one in [event, *again]:
+        for one in again:
             self._go_on(one)
+
+    def _beside(self, event: _Event, place: int) -> int | None:
+        """Among the events before ``place`` one at the same time with samples of other outputs alone."""
+        own = {i for i, *_ in event.samples}
+        for number in range(place - 1, -1, -1):
+            one = self._events[number]
+            if one.t != event.t:
+                return None
+            if one.samples and own.isdisjoint(i for i, *_ in one.samples):
+                return number
+        return None
 
     def _carry_out(self, event: _Event) -> None:
         live = self._live

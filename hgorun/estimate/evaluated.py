@@ -181,9 +181,10 @@ def _predicted(
 
     The innovation where a sample was known at once. Of a late one what had been estimated when it was taken.
     """
-    one, slots = prepared.samples[output], prepared.slots[output]
-    model = prepared.run.plant.model
-    found = -model.wrapped(output, carried.raw.innovations[slots, :, 0]).T
+    one, model = prepared.samples[output], prepared.run.plant.model
+    innovations, observers = carried.raw.innovations, range(len(prepared.run.observers))
+    own = [innovations[prepared.own_slots(output, j), j, 0] for j in observers]
+    found = -model.wrapped(output, np.reshape(own, (len(observers), one.values.size)))
     late = one.available > one.taken
     if np.any(late):
         taken = one.taken[late]

@@ -16,16 +16,18 @@ from hgorun.engine.program import Program
 from hgorun.errors import Problem
 from hgorun.estimate.covariance import Covariance
 from hgorun.estimate.samples import Sampled, all_sampled, channel, recorded_inputs
+from hgorun.measurement.late import HeardOtherwise, heard
 from hgorun.measurement.schedule import build_schedule
+from hgorun.observers.base import treatment_of
 from hgorun.simulation.actions import RecordedInputs
 from hgorun.simulation.checks import check_corrections, check_jumps, check_start
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.plant_alone import plant_kinks
-from hgorun.simulation.preparation import check_limit, nominal_step, numbers_of
+from hgorun.simulation.preparation import check_limit, in_groups, nominal_step, numbers_of, treatments_of
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.structure import structure_of
 from hgorun.simulation.tables import build_plan
-from hgorun.simulation.truth import Recording
+from hgorun.simulation.truth import Recording, SameTruth, Truth
 from hgorun.symbolic.evaluate import Floats, evaluate
 
 _DIVERGED = 1e12  # times all that is known: beyond that an observer is lost, whatever the units
@@ -60,6 +62,33 @@ class PreparedEstimate:
         ends = np.cumsum([0, *(one.values.size for one in self.samples)]).tolist()
         return [slice(a, b) for a, b in pairwise(ends)]
 
+    def own_slots(self, output: int, j: int) -> np.ndarray:
+        """Where observer j hears the samples of an output, shape (n_k,); -1 for those that are left out for it."""
+        observer = self.run.observers[j].observer
+        channels, treatment = self.run.heard, treatment_of(observer)
+        group = 1 + self.run.treatments.index(treatment) if treatment in self.run.treatments else 0
+        number = group * len(self.samples) + output
+        first = sum(c.samples.arrival.size for c in channels[:number])
+        channel, found = channels[number], np.full(self.samples[output].values.size, -1)
+        which = channel.which if isinstance(channel, HeardOtherwise) else np.arange(found.size)
+        found[which] = first + np.arange(which.size)
+        return found
+
+    def used(self) -> np.ndarray:
+        """Which samples each observer takes, but for outliers, shape (samples, m)."""
+        columns = []
+        for b in self.run.observers:
+            treatment = treatment_of(b.observer)
+            if treatment == "drop" and self.run.treatments:
+                columns.append(np.concatenate([one.available <= one.taken for one in self.samples]))
+            elif treatment == "replay" and self.run.treatments:
+                columns.append(np.ones(sum(one.used.size for one in self.samples), dtype=bool))
+            else:
+                columns.append(np.concatenate([one.used for one in self.samples]))
+        return (
+            np.column_stack(columns) if columns else np.zeros((sum(o.used.size for o in self.samples), 0), dtype=bool)
+        )
+
     @property
     def gated(self) -> bool:
         """Whether samples may be found to be outliers."""
@@ -78,7 +107,7 @@ class PreparedEstimate:
         """The tables of a run; arguments as of :func:`~hgorun.simulation.tables.build_plan`."""
         return build_plan(
             self.run.schedule,
-            self.run.channels,
+            self.run.heard,
             grid,
             self.run.structure.system,
             always_slope=bool(METHODS[self.method].error),
@@ -160,13 +189,16 @@ def prepare_estimate(experiment: Experiment, recording: Recorded) -> PreparedEst
         step = nominal_step(experiment)
         kinks = plant_kinks(plant, time, experiment.origin).times
         changes = np.zeros(0) if inputs is None else inputs.times
-        schedule = build_schedule(channels, time, kinks, step, changes)
-        designs = list(experiment.designs.values())
+        treatments = treatments_of(experiment, channels)
+        schedule = build_schedule(heard(channels, treatments), time, kinks, step, changes)
+        of_groups = in_groups(experiment, treatments)
+        designs = [design for group in of_groups for design in group]
         recorded = tuple(i for i, name in enumerate(plant.model.inputs) if name in recording.inputs)
         truth = Recording(plant.symbolic, recorded)
-        stretches = experiment.stretches
+        truths: list[Truth] = [truth, *(SameTruth(truth, treatment == "replay") for treatment in treatments)]
+        stretches = [one for _ in truths for one in experiment.stretches]
         variants, everything = schedule.variants, plant.everything
-        structure = structure_of([truth], [designs], stretches, variants, everything, innovations=True)
+        structure = structure_of(truths, of_groups, stretches, variants, everything, innovations=True)
         numbers = numbers_of(structure, plant, experiment, designs)
         numbers = replace(numbers, z0=numbers.z0[plant.model.n :])
         run = PreparedRun(
@@ -178,11 +210,20 @@ def prepare_estimate(experiment: Experiment, recording: Recorded) -> PreparedEst
             schedule=schedule,
             smallest_delay=np.inf,
             reach=0.0,
+            treatments=treatments,
         )
         check_jumps(run)
         check_corrections(run)
         check_start(run)
-    return PreparedEstimate(run=run, samples=samples, inputs=inputs)
+        prepared = PreparedEstimate(run=run, samples=samples, inputs=inputs)
+        if prepared.gated and treatments:
+            label = next(label for label, o in experiment.observers.items() if treatment_of(o) in treatments)
+            raise Problem(
+                ("observers", label, "late"),
+                f"outliers are found when samples arrive: with a gate late samples enter the innovation, and {label} "
+                f"has late: {treatment_of(experiment.observers[label])}",
+            )
+    return prepared
 
 
 def _refuse(experiment: Experiment) -> None:

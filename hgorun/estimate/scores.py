@@ -63,9 +63,10 @@ def scores_of(prepared: PreparedEstimate, found: Evaluated, j: int) -> dict[str,
     return scores
 
 
-def _since(prepared: PreparedEstimate, output: str, times: Floats) -> Floats:
-    sampled = next(one for one in prepared.samples if one.output == output)
-    return since(sampled, times)
+def _since(prepared: PreparedEstimate, name: str, times: Floats) -> Floats:
+    """The time since the last sample of an output; of a state that is none no sample is ever taken."""
+    sampled = next((one for one in prepared.samples if one.output == name), None)
+    return np.zeros(times.size) if sampled is None else since(sampled, times)
 
 
 def since(sampled: Sampled, times: Floats, *, before: bool = False) -> Floats:

@@ -10,10 +10,12 @@ import numpy as np
 from bokeh.models import (
     ColorBar,
     ColumnDataSource,
+    CustomJSTickFormatter,
     FactorRange,
     HoverTool,
     LinearColorMapper,
     LogColorMapper,
+    LogTicker,
     Range1d,
     Whisker,
 )
@@ -34,6 +36,7 @@ _MARKERS = {
     "o": "circle", "s": "square", "^": "triangle", "D": "diamond", "v": "inverted_triangle", "P": "plus", "X": "x",
     "<": "triangle", ">": "triangle", "h": "hex",
 }  # fmt: skip
+_ACROSS, _UP = 3, 4  # ticks of a logarithmic axis, about
 _LOGARITHMIC = 5.0
 _MOST_LEVEL = 5  # labels of an axis, without turning them
 _MOST_POINTS = 3_000  # of a scatter
@@ -238,6 +241,10 @@ def _plot(x: str, y: str, **options: Any) -> Plot:
     plot = new_figure(**_SIZE, tools=_TOOLS, x_axis_label=x, y_axis_label=y, output_backend="canvas", **options)
     plot.toolbar.logo = None
     plot.toolbar.autohide = True
+    for axis, few in ((plot.xaxis, _ACROSS), (plot.yaxis, _UP)):
+        if isinstance(axis[0].ticker, LogTicker):  # evenly spaced numbers crowd at the upper end of a logarithmic axis
+            axis.ticker.desired_num_ticks = few
+            axis.formatter = CustomJSTickFormatter(code="return String(Number(tick.toPrecision(4)))")
     return plot
 
 

@@ -12,7 +12,7 @@ from hgorun.engine.methods import METHODS, Method
 from hgorun.errors import ConfigError, Problem
 from hgorun.export.names import identifier
 from hgorun.export.observer import Equations, Exported, Output, equations_of, outputs_of
-from hgorun.observers.base import ContinuousObserver, CorrectedObserver
+from hgorun.observers.base import ContinuousObserver, CorrectedObserver, treatment_of
 from hgorun.simulation.checks import longest_step
 from hgorun.simulation.passes import Pass, as_given, plan_of
 from hgorun.simulation.prepared import PreparedRun
@@ -112,6 +112,12 @@ def _exported(run: PreparedRun, label: str, how: Pass | None, wanted: Wanted) ->
     experiment, plant = run.experiment, run.plant
     design = experiment.designs[label]
     path = "observers", label
+    if treatment_of(design.observer) in run.treatments:
+        raise Problem(
+            (*path, "late"),
+            "exported code takes late samples into the innovation or not at all: it does not go back to the time of a "
+            "sample, and leaves none out; export it from a configuration without delay",
+        )
     flows = isinstance(design.observer, ContinuousObserver)
     compares = flows and not isinstance(design.observer, CorrectedObserver)
     lateness = [max(_lateness(run, i), wanted.late if compares else 0.0) for i in range(len(plant.model.outputs))]

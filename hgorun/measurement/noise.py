@@ -19,6 +19,8 @@ from hgorun.noise.base import Noise, RandomNoise, TimeFunction
 from hgorun.noise.streams import Streams
 from hgorun.symbolic.levels import distinct
 
+_LONG = 100_000  # draws that are made as those of many runs are, in machine code
+
 
 def generator(seed: int, *channel: object) -> np.random.Generator:
     """The random numbers of a channel."""
@@ -170,10 +172,12 @@ class StretchNoise:
         """The first draws of an item: the same ones at every call."""
         item, of = self.random[j], streams(self._seeds, "noise", self._channel, j)
         if not self.many:
-            return self._drawn(item, item.draw(of.generator(0), count), (count,))
+            by_array = count >= _LONG and type(item).draw_many is not RandomNoise.draw_many
+            drawn = item.draw_many(of, count)[0] if by_array else item.draw(of.generator(0), count)
+            return self._drawn(item, drawn, (count,))
         shape = len(of), count
         if j in self._deviations:
-            unit = item.model_copy(update={"std": 1.0})
+            unit = item.model_copy(update={str(item.scaled_by): 1.0})
             drawn = self._drawn(item, unit.draw_many(of, count), shape)
             return np.asarray(drawn * self._deviations[j][:, None])
         return self._drawn(item, item.draw_many(of, count), shape)

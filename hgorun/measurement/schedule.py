@@ -10,8 +10,9 @@ from hgorun.config.models import Time
 from hgorun.errors import Problem
 from hgorun.measurement.channels import Channel, continuous_delays
 from hgorun.measurement.events import LEVELS, merge, repeated
+from hgorun.measurement.late import HeardOtherwise, Order, order_of
 from hgorun.measurement.sampling import EVENT_BYTES
-from hgorun.measurement.variants import Variant
+from hgorun.measurement.variants import FROZEN, Variant
 from hgorun.symbolic.levels import distinct
 
 _SHORT = 1e-9  # events closer than this part of a step are one
@@ -31,13 +32,16 @@ class Schedule:
     variants : tuple of Variant
         Every combination of what the outputs are.
     variant : ndarray of int
-        Which of them holds from each event on (the last event has none).
+        Which of them holds from each event on (the last event has none), or from each place of ``order`` on.
+    order : Order, optional
+        In which events are carried out, where some of them are repeated.
     """
 
     events: np.ndarray
     inward: np.ndarray
     variants: tuple[Variant, ...]
     variant: np.ndarray
+    order: Order | None = None
 
 
 def build_schedule(
@@ -92,10 +96,37 @@ def build_schedule(
     inward, at = np.zeros(events.size), nearest_event(events, sides)
     margin = 4 * np.spacing(np.maximum(np.abs(sides), step))
     np.maximum.at(inward, at, np.abs(sides - events[at]) + margin)
-    kinds = np.concatenate([_kinds(channels, events[k : k + _PIECE + 1]) for k in range(0, events.size - 1, _PIECE)])
+    heard = [c for c in channels if not (isinstance(c, HeardOtherwise) and c.known is not None)]
+    kinds = np.concatenate([_kinds(heard, events[k : k + _PIECE + 1]) for k in range(0, events.size - 1, _PIECE)])
+    order, kinds = _in_order(channels, events, kinds, time)
     distinct, variant = _distinct(kinds)
     variants = tuple(tuple((int(a), int(b)) for a, b in row.reshape(-1, 2)) for row in distinct)
-    return Schedule(events=events, inward=inward, variants=variants, variant=variant.ravel())
+    return Schedule(events=events, inward=inward, variants=variants, variant=variant.ravel(), order=order)
+
+
+def _in_order(
+    channels: list[Channel], events: np.ndarray, kinds: np.ndarray, time: Time
+) -> tuple[Order | None, np.ndarray]:
+    """The order of events where late samples are replayed, and what all outputs are in it."""
+    replayed = [(c, c.known) for c in channels if isinstance(c, HeardOtherwise) and c.known is not None]
+    if not replayed:
+        return None, kinds
+    samples = [(nearest_event(events, c.samples.taken), nearest_event(events, known)) for c, known in replayed]
+    order = order_of(events.size, samples)
+    if order.event.size * _REPEATED_BYTES > time.max_memory:
+        raise Problem(
+            replayed[0][0].stretches[0].paths["delay"],
+            f"going back to the time of every late sample repeats {order.event.size} events, about "
+            f"{order.event.size * _REPEATED_BYTES / 2**30:.3g} GiB; time.max_memory allows "
+            f"{time.max_memory / 2**30:.3g} GiB",
+        )
+    others = kinds[order.event[:-1]].reshape(order.event.size - 1, -1, 2)
+    others[order.again[:-1]] = FROZEN, 0
+    own = [order.kinds(*one) for one in samples]
+    return order, np.concatenate([others.reshape(len(others), -1), *own], axis=1).astype(np.int32)
+
+
+_REPEATED_BYTES = 500  # of memory that the tables take for each event that is carried out
 
 
 _PIECE = 1 << 15  # events at a time: there may be many of them
@@ -134,5 +165,9 @@ def _clipped(times: np.ndarray, time: Time, tolerance: float) -> np.ndarray:
 
 def nearest_event(events: np.ndarray, times: np.ndarray) -> np.ndarray:
     """Index of the event nearest to each time."""
+    if times.size and events.size:  # where times are events one after the other, as those of samples, nothing is sought
+        first = int(np.searchsorted(events, times[0]))
+        if np.array_equal(events[first : first + times.size], times):
+            return np.arange(first, first + times.size)
     right = np.clip(np.searchsorted(events, times), 1, events.size - 1)
     return np.where(times - events[right - 1] <= events[right] - times, right - 1, right)

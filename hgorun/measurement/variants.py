@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-# nothing yet; as it is now; the last sample; as it was a delay ago
-SILENT, CONTINUOUS, HELD, DELAYED = range(4)
+# nothing yet; as it is now; the last sample; as it was a delay ago; observers and plant stand still
+SILENT, CONTINUOUS, HELD, DELAYED, FROZEN = range(5)
 
 Variant = tuple[tuple[int, int], ...]  # for each output: what it is, and in which phase
 

@@ -138,6 +138,7 @@ class RandomNoise(Noise):
     hold: Positive | None = Field(default=None, description="a new draw every hold from start, constant between")
 
     bounded: ClassVar[bool] = False  # whether draws cannot be as large as they like
+    scaled_by: ClassVar[str | None] = None  # a key that multiplies draws, so that members of an ensemble share them
 
     @abstractmethod
     def draw(self, random: np.random.Generator, count: int) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -20,6 +20,8 @@ class GaussianNoise(RandomNoise):
 
     The ratio is 10 log10(mean of the noise-free output squared over the run / std^2) dB.
     """
+
+    scaled_by: ClassVar[str | None] = "std"
 
     std: NonNegative | None = Field(default=None, description="standard deviation")
     snr_db: Annotated[Number, Field(ge=-1000, le=1000)] | None = Field(

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from hgorun.noise.normal import TAIL, beyond, standard_normal
 
-_FEW = 4  # generators, for which loading machine code does not pay
+_FEW, _MANY = 4, 100_000  # generators, and draws of fewer, for which loading machine code does not pay
 _POOL = 4  # words of 32 bits
 _WORD = 0xFFFFFFFF
 _SHIFT = np.uint32(16)
@@ -47,7 +47,7 @@ class Streams:
 
     def normal(self, count: int) -> NDArray[np.float64]:
         """The first normal draws of every generator, shape (N, count)."""
-        if len(self) < _FEW:
+        if self._few(count):
             return np.array([standard_normal(self.generator(i), count) for i in range(len(self))]).reshape(-1, count)
         from hgorun.noise.compiled import normal
 
@@ -62,11 +62,15 @@ class Streams:
 
     def uniform(self, count: int) -> NDArray[np.float64]:
         """The first draws from [0, 1) of every generator, shape (N, count)."""
-        if len(self) < _FEW:
+        if self._few(count):
             return np.array([self.generator(i).random(count) for i in range(len(self))]).reshape(-1, count)
         from hgorun.noise.compiled import uniform
 
         return uniform(self.states, count)
+
+    def _few(self, count: int) -> bool:
+        """Whether draws are made one generator after the other."""
+        return len(self) < _FEW and len(self) * count < _MANY
 
     @cached_property
     def states(self) -> NDArray[np.uint64]:

@@ -167,6 +167,13 @@ class Observer(Plugin, Generic[FormT, CopyT]):
         description="output: length of its chain, for all outputs, n or more in total; chosen by default",
     )
 
+    late: Literal["innovation", "replay", "drop"] | None = Field(
+        default=None,
+        description="what is done with samples that come late: they enter the innovation, compared with what had been "
+        "estimated when they were taken; the observer goes back to that time and is integrated again; or they are left "
+        "out. By default innovation, and replay for observers that are corrected at samples",
+    )
+
     @abstractmethod
     def design(self, form: FormT) -> Mapping[str, np.ndarray]:
         """The numbers that the equations use, from the gains of the block: ``k`` of the equations.
@@ -305,6 +312,13 @@ class CorrectedObserver(ContinuousObserver[FormT, CopyT]):
 
 # Any observer, where its class of plants does not matter.
 AnyObserver: TypeAlias = "Observer[Any, Any]"
+
+
+def treatment_of(observer: AnyObserver) -> Literal["innovation", "replay", "drop"]:
+    """What an observer does with samples that come late."""
+    if observer.late is not None:
+        return observer.late
+    return "replay" if isinstance(observer, CorrectedObserver) else "innovation"
 
 
 def is_observer(thing: object) -> TypeGuard[type[AnyObserver]]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from hgorun.result.data import ResultData
 
 if TYPE_CHECKING:
+    import pandas
     import xarray
 
 
@@ -25,6 +26,12 @@ class Result(ResultData):
         from hgorun.result.labelled import to_xarray
 
         return to_xarray(self)
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """Truth and estimates as a table, a row for every time; needs the package pandas."""
+        from hgorun.result.labelled import to_pandas
+
+        return to_pandas(self)
 
     def plot(self, path: str | Path | None = None) -> Any:
         """A comparison figure (matplotlib); saved where ``path`` (png, pdf or svg) is given."""

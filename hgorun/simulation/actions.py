@@ -3,64 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from hgorun.engine.layout import ARRIVE, JUMP, REBASE, RECORD, SET, TAKE, Held, HybridSystem
 from hgorun.measurement.channels import Channel
+from hgorun.measurement.late import HeardOtherwise, Order
 from hgorun.measurement.schedule import nearest_event
+from hgorun.simulation.kinds import Kind, Numbered
+from hgorun.simulation.replay import Replay, Replayed
 from hgorun.symbolic.levels import distinct
 
-_RANKS = 8  # what happens at one event has ranks from -3 to 4
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Numbered:
-    """The number of each thing, counted from ``first`` on: an array that takes no memory."""
-
-    first: int
-
-    def __getitem__(self, items: slice) -> np.ndarray:
-        return self.first + np.arange(items.start, items.stop)
-
-
-Column = int | np.ndarray | Numbered
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Kind:
-    """Actions of one kind, in the order of their events.
-
-    Attributes
-    ----------
-    event : ndarray of int, shape (N,)
-        At which each happens, ascending.
-    rank : int
-        Before which others at the same event, -3 to 4.
-    columns : tuple
-        Of the action table: one number for all, or an array, shape (N,).
-    """
-
-    event: np.ndarray
-    rank: int
-    columns: tuple[Column, ...]
-
-    @classmethod
-    def of(cls, event: np.ndarray, rank: int, *columns: Column) -> Kind:
-        """In the order of their events."""
-        if np.any(event[1:] < event[:-1]):
-            order = np.argsort(event, kind="stable")
-            every = slice(0, event.size)
-            columns = tuple(c if isinstance(c, int) else np.asarray(c[every])[order] for c in columns)
-            event = event[order]
-        return cls(event, rank, columns)
-
-    def write(self, rows: np.ndarray, items: slice) -> None:
-        """Some of them as rows of the table; missing columns are zero."""
-        rows[:, len(self.columns) :] = 0
-        for i, column in enumerate(self.columns):
-            rows[:, i] = column if isinstance(column, int) else column[items]
+_FIRST = -5  # the smallest rank of what happens at one event
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -129,18 +84,30 @@ class Actions:
         Samples on their way, over all outputs.
     values : ndarray
         What is set beside noise: the times between samples, for what jumps at them, and flags.
+    snapshots : int
+        States that are kept at a time, to go back to them.
     """
 
     def __init__(
-        self, events: np.ndarray, channels: Sequence[Channel], system: HybridSystem, inputs: RecordedInputs | None
+        self,
+        events: np.ndarray,
+        channels: Sequence[Channel],
+        system: HybridSystem,
+        inputs: RecordedInputs | None,
+        order: Order | None = None,
     ) -> None:
         layout = system.held
         rebase = system.has_alpha and not system.remembers
         kinds: list[Kind] = []
         arrivals: list[np.ndarray] = []
-        base, held = 0, 0
+        base, held, self.snapshots = 0, 0, 0
+        replayed: list[Replayed] = []
         for i, c in enumerate(channels):
             s = c.samples
+            if isinstance(c, HeardOtherwise) and c.known is not None:
+                replayed.append(Replayed(i, base, nearest_event(events, s.taken), nearest_event(events, c.known)))
+                base += s.arrival.size
+                continue
             arrive = nearest_event(events, s.arrival)
             take = arrive if s.taken is s.arrival else nearest_event(events, s.taken)
             kinds.append(Kind.of(take, 0, TAKE, i, Numbered(base)))
@@ -169,12 +136,18 @@ class Actions:
             kinds += _corrections(arrivals, system, held)
             self.values = np.concatenate([self.values, _FLAGS])
             held += _FLAGS.size
-        if inputs is not None:
-            kinds += inputs.actions(events, channels, layout, held)
-        self.slots, self._kinds = base, kinds
+        lines = [] if inputs is None else list(inputs.actions(events, channels, layout, held))
+        if order is not None:
+            kinds = [replace(kind, event=order.first[kind.event]) for kind in kinds]
+            lines = [kind.at(*order.places(kind.event)) for kind in lines]
+            replay = Replay(order, replayed, system, held - _FLAGS.size)
+            self.snapshots = replay.snapshots
+            kinds += replay.kinds()
+        self.slots, self._kinds = base, kinds + lines
+        self._ranks = max((kind.rank for kind in self._kinds), default=0) - _FIRST + 1
 
     def at(self, first: int, stop: int) -> tuple[np.ndarray, np.ndarray]:
-        """What happens at the events from ``first`` to ``stop`` - 1.
+        """What happens at the events from ``first`` to ``stop`` - 1, or at those places of the order of events.
 
         Returns
         -------
@@ -183,16 +156,39 @@ class Actions:
             Where the rows of each event begin, and the end of the last ones.
         """
         found = [(kind, slice(*np.searchsorted(kind.event, (first, stop)).tolist())) for kind in self._kinds]
+        found = [(kind, items) for kind, items in found if items.start < items.stop]
+        if found and _alike(found):
+            return _interleaved(found, first, stop)
         sizes = [items.stop - items.start for _, items in found]
         rows, keys = np.empty((sum(sizes), 5), dtype=np.int64), np.empty(sum(sizes), dtype=np.int64)
         end = 0
         for (kind, items), size in zip(found, sizes, strict=True):
             own = slice(end, end := end + size)
             kind.write(rows[own], items)
-            keys[own] = (kind.event[items] - first) * _RANKS + (kind.rank + 3)
+            keys[own] = (kind.event[items] - first) * self._ranks + (kind.rank - _FIRST)
         order = np.argsort(keys, kind="stable")
-        count = np.bincount(keys // _RANKS, minlength=stop - first)
+        count = np.bincount(keys // self._ranks, minlength=stop - first)
         return rows[order], np.concatenate([[0], np.cumsum(count)])
+
+
+def _alike(found: Sequence[tuple[Kind, slice]]) -> bool:
+    """Whether everything happens once at each of the same events, as where samples arrive when they are taken."""
+    (kind, items), *others = found
+    events = kind.event[items]
+    return bool(np.all(events[1:] > events[:-1])) and all(
+        np.array_equal(other.event[own], events) for other, own in others
+    )
+
+
+def _interleaved(found: Sequence[tuple[Kind, slice]], first: int, stop: int) -> tuple[np.ndarray, np.ndarray]:
+    """What :meth:`Actions.at` gives of what is alike: nothing has to be sorted."""
+    kind, items = found[0]
+    events = kind.event[items]
+    rows = np.empty((events.size, len(found), 5), dtype=np.int64)
+    for j, (own, which) in enumerate(sorted(found, key=lambda each: each[0].rank)):
+        own.write(rows[:, j], which)
+    count = len(found) * np.bincount(events - first, minlength=stop - first)
+    return rows.reshape(-1, 5), np.concatenate([[0], np.cumsum(count)])
 
 
 _FLAGS = np.array([1.0, 0.0])  # a sample arrives just now, or does not
@@ -204,18 +200,19 @@ def _corrections(arrivals: Sequence[np.ndarray], system: HybridSystem, first: in
     Parameters
     ----------
     arrivals : sequence of ndarray
-        Of every output the events at which its samples arrive.
+        Of every output that is not replayed the events at which its samples arrive.
     first : int
         Place of the flags among all that is set.
     """
-    if len(arrivals) == 1:  # then it is the one that arrives, whenever there is a correction
+    if len(arrivals) == 1 == system.outputs:  # then it is the one that arrives, whenever there is a correction
         yield Kind.of(arrivals[0][:1], 2, SET, system.held.fresh(0), first)
     else:
         for i, event in enumerate(arrivals):
             yield Kind.of(event, 2, SET, system.held.fresh(i), first)
             yield Kind.of(event, 4, SET, system.held.fresh(i), first + 1)
-    for number in system.corrections:
-        yield Kind.of(distinct(np.concatenate(arrivals)), 3, JUMP, number)
+    for number, start, stop in system.corrections:
+        if stop <= len(arrivals):
+            yield Kind.of(distinct(np.concatenate(arrivals[start:stop])), 3, JUMP, number)
 
 
 def _counted_anew(take: np.ndarray, arrive: np.ndarray, used: np.ndarray, output: int, base: int) -> Kind:
@@ -243,5 +240,7 @@ def _taken_by(take: np.ndarray, arrive: np.ndarray) -> np.ndarray:
     Samples are numbered by arrival, so those on their way are the ones behind; with delays that change,
     some in between may not have been taken yet.
     """
+    if take is arrive and np.all(take[1:] > take[:-1]):  # none is ever on its way
+        return np.arange(1, take.size + 1)
     earliest = np.minimum.accumulate(take[::-1])[::-1]
     return np.searchsorted(earliest, arrive, side="right")

@@ -131,15 +131,13 @@ def check_jumps(run: PreparedRun) -> None:
 
 
 def check_corrections(run: PreparedRun) -> None:
-    """What is corrected at samples needs all outputs sampled, and in time."""
+    """What is corrected at samples needs all outputs sampled."""
     for b in run.observers:
         if isinstance(b.observer, CorrectedObserver):
             for channel in run.channels:
                 if any(s.continuous for s in channel.stretches):
                     message = f"this needs sampled outputs, but {channel.name} is continuous"
                     raise Problem(("observers", b.label), message)
-                if np.any(channel.samples.taken < channel.samples.arrival):
-                    raise Problem(("observers", b.label), "this takes samples without delay")
 
 
 def _check_schedules(run: PreparedRun, intervals: np.ndarray) -> None:

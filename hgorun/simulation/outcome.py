@@ -86,7 +86,7 @@ def _observers(run: PreparedRun, measured: Measured) -> dict[str, ObserverResult
             metrics=own,
             coordinates=coordinates.get(b.label),
         )
-    return found
+    return {label: found[label] for label in run.experiment.observers}
 
 
 def since_start(run: PreparedRun, result: Result) -> Result:

@@ -117,7 +117,7 @@ def plan_of(run: PreparedRun, how: Pass, *, in_parts: bool = False) -> tuple[Pla
     check_steps(run, how.step, adaptive=adaptive)
     plan = build_plan(
         run.schedule,
-        run.channels,
+        run.heard,
         run.grid,
         run.structure.system,
         always_slope=bool(METHODS[how.method].error),

@@ -12,11 +12,12 @@ from hgorun.config.models import Time
 from hgorun.errors import Problem
 from hgorun.measurement.channels import Channel, check_delays, find_channels
 from hgorun.measurement.extremes import Unknown
+from hgorun.measurement.late import Treatment, are_late, heard
 from hgorun.measurement.noise import is_relative
 from hgorun.measurement.schedule import Schedule, build_schedule
 from hgorun.measurement.signals import extremes_of, kinks_of, signal_remarks, unknown_extremes
 from hgorun.memo import Memo, same
-from hgorun.observers.base import AnyObserver
+from hgorun.observers.base import AnyObserver, CorrectedObserver, SampledObserver, treatment_of
 from hgorun.observers.capabilities import Switching
 from hgorun.plants.build import BuiltPlant, SymbolicPlant
 from hgorun.result.data import DesignNumbers
@@ -26,7 +27,7 @@ from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.plant_alone import PlantRun, plant_extremes, plant_kinks, plant_remarks, plant_unknown
 from hgorun.simulation.prepared import Numbers, PreparedRun
 from hgorun.simulation.structure import Structure, parameter_values, structure_of
-from hgorun.simulation.truth import SimulatedPlant
+from hgorun.simulation.truth import SameTruth, SimulatedPlant
 from hgorun.symbolic.evaluate import evaluate
 from hgorun.symbolic.forms import Form
 
@@ -89,11 +90,15 @@ def _prepared(experiment: Experiment, design: DesignNumbers | None) -> PreparedR
     key = same(stretches), chance, None if sizes is None else tuple(sizes)
     channels = _CHANNELS.get(key, lambda: find_channels(stretches, plant.model.outputs, time, seed, sizes))
     smallest_delay, reach = check_delays(channels)
-    schedule = schedule_of(experiment, channels, step)
-    designs = list(experiment.designs.values())
+    treatments = treatments_of(experiment, channels)
+    schedule = schedule_of(experiment, channels, step, treatments=treatments)
+    of_groups = in_groups(experiment, treatments)
+    designs = [design for group in of_groups for design in group]
     stepped = plant.block.discretise == "euler"
     truth = _TRUTHS.get((plant.symbolic, stepped), lambda: SimulatedPlant(plant.symbolic, stepped))
-    structure = structure_of([truth], [designs], stretches, schedule.variants, plant.everything)
+    others = [SameTruth(truth, treatment == "replay") for treatment in treatments]
+    every = [*stretches, *(one for _ in treatments for one in stretches)]
+    structure = structure_of([truth, *others], of_groups, every, schedule.variants, plant.everything)
     numbers = numbers_of(structure, plant, experiment, designs)
     return PreparedRun(
         experiment=experiment,
@@ -104,9 +109,45 @@ def _prepared(experiment: Experiment, design: DesignNumbers | None) -> PreparedR
         schedule=schedule,
         smallest_delay=smallest_delay,
         reach=reach,
+        treatments=treatments,
         remarks=_remarks(experiment),
         unknown=_unknown(experiment),
     )
+
+
+def treatments_of(experiment: Experiment, channels: list[Channel]) -> tuple[Treatment, ...]:
+    """What observers do with late samples beside the common innovation; nothing where no sample is late.
+
+    Raises
+    ------
+    Problem
+        Where an observer cannot do what it is asked to.
+    """
+    found = {label: treatment_of(observer) for label, observer in experiment.observers.items()}
+    late = are_late(channels)
+    for label, treatment in found.items():
+        observer = experiment.observers[label]
+        if isinstance(observer, SampledObserver) and observer.late is not None:
+            raise Problem(("observers", label, "late"), "this observer takes samples without delay")
+        if treatment == "innovation" and isinstance(observer, CorrectedObserver):
+            message = f"{observer.type} is corrected by samples and has no innovation between them: replay or drop"
+            raise Problem(("observers", label, "late"), message)
+        continuous = [c for c in channels if any(s.continuous for s in c.stretches)]
+        delayed = late or any(not s.undelayed for c in continuous for s in c.stretches)
+        if treatment != "innovation" and observer.late is not None and continuous and delayed:
+            message = f"{treatment} needs sampled outputs, but {continuous[0].name} is continuous"
+            raise Problem(("observers", label, "late"), message)
+    known: tuple[Treatment, ...] = ("drop", "replay")
+    return tuple(treatment for treatment in known if late and treatment in found.values())
+
+
+def in_groups(experiment: Experiment, treatments: tuple[Treatment, ...]) -> list[list[Design]]:
+    """The designs by what their observers do with late samples: the common innovation first."""
+    designs = experiment.designs
+    if not treatments:
+        return [list(designs.values())]
+    of = {label: treatment_of(observer) for label, observer in experiment.observers.items()}
+    return [[d for label, d in designs.items() if of[label] == one] for one in ("innovation", *treatments)]
 
 
 def numbers_of(structure: Structure, plant: BuiltPlant, experiment: Experiment, designs: list[Design]) -> Numbers:
@@ -116,7 +157,7 @@ def numbers_of(structure: Structure, plant: BuiltPlant, experiment: Experiment, 
     initial = [design.initial(plant.parameters, has_alpha=has_alpha) for design in designs]
     return Numbers(
         p=parameter_values(plant.everything, experiment.stretches, designs),
-        z0=np.concatenate([plant.initial, *initial]),
+        z0=np.concatenate([plant.initial, *initial, np.zeros(int(len(structure.groups) > 1))]),
         observers=blocks,
     )
 
@@ -144,13 +185,28 @@ _SHORTER = 1e-9  # adaptive steps may be so many times shorter than the nominal 
 
 def with_events(run: PreparedRun, times: np.ndarray) -> PreparedRun:
     """The same run with more times at which a step ends."""
-    return replace(run, schedule=schedule_of(run.experiment, run.channels, run.step, times))
+    schedule = schedule_of(run.experiment, run.channels, run.step, times, treatments=run.treatments)
+    return replace(run, schedule=schedule)
 
 
 def schedule_of(
-    experiment: Experiment, channels: list[Channel], step: float, more: np.ndarray | None = None
+    experiment: Experiment,
+    channels: list[Channel],
+    step: float,
+    more: np.ndarray | None = None,
+    treatments: tuple[Treatment, ...] = (),
 ) -> Schedule:
-    """All that happens in a run, for a nominal step; ``more``: times at which a step is to end besides."""
+    """All that happens in a run.
+
+    Parameters
+    ----------
+    step : float
+        The nominal one.
+    more : ndarray, optional
+        Times at which a step is to end besides.
+    treatments : tuple of str
+        What is done with late samples, beside the common innovation.
+    """
     time = experiment.time
     found = [plant_kinks(experiment.plant, time, experiment.origin)]
     found += [kinks_of(s, time.max_memory) for channel in channels for s in channel.stretches if s.continuous]
@@ -160,8 +216,8 @@ def schedule_of(
         looked_at = np.concatenate([looked_at, more])
     timings, changes = tuple(channel.timing for channel in channels), (kinks.tobytes(), looked_at.tobytes())
     short = _SHORTER * step if experiment.adaptive else step
-    key: Hashable = timings, time, experiment.origin, changes, short  # delays depend on the clock
-    return _SCHEDULES.get(key, lambda: build_schedule(channels, time, kinks, short, looked_at))
+    key: Hashable = timings, time, experiment.origin, changes, short, treatments  # delays depend on the clock
+    return _SCHEDULES.get(key, lambda: build_schedule(heard(channels, treatments), time, kinks, short, looked_at))
 
 
 def _extremes(experiment: Experiment, channels: list[Channel]) -> np.ndarray:

@@ -10,6 +10,7 @@ import numpy as np
 from hgorun.config.models import Solver, Time
 from hgorun.measurement.channels import Channel
 from hgorun.measurement.extremes import Unknown
+from hgorun.measurement.late import Treatment, heard
 from hgorun.measurement.schedule import Schedule
 from hgorun.plants.build import BuiltPlant
 from hgorun.simulation.experiment import Experiment
@@ -49,6 +50,8 @@ class PreparedRun:
     schedule : Schedule
     longest_step, reach : float
         No step is longer, and no continuous delay.
+    treatments : tuple of str
+        What is done with late samples by groups of observers, beside the common innovation.
     remarks : tuple of str
         What should be known of the run although nothing is wrong with it.
     unknown : tuple of Unknown
@@ -63,8 +66,14 @@ class PreparedRun:
     schedule: Schedule
     smallest_delay: float
     reach: float
+    treatments: tuple[Treatment, ...] = ()
     remarks: tuple[str, ...] = ()
     unknown: tuple[Unknown, ...] = ()
+
+    @cached_property
+    def heard(self) -> list[Channel]:
+        """The channels of all groups of observers."""
+        return heard(self.channels, self.treatments)
 
     @property
     def plant(self) -> BuiltPlant:

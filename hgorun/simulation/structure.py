@@ -230,8 +230,7 @@ def _build(
         return Readout(places, ca.Function("shown", [t, p, z, w], [ca.densify(expression)]))
 
     for group in reversed(groups):
-        x = z[group.start : group.start + group.truth.size]
-        placed = group.truth.place(t, x, symbols, w, system.held)
+        placed = group.truth.place(t, z[group.truth_states], symbols, w, system.held)
         for b in reversed(group.observers):
             xhat = b.states["xhat"]
             shown = b.estimate(t, placed.u, symbols.parameters, z)

@@ -14,10 +14,10 @@ import casadi as ca
 
 from hgorun.engine.layout import Held, HybridSystem, Regime
 from hgorun.measurement.signals import Signal
-from hgorun.measurement.variants import CONTINUOUS, DELAYED, HELD, SILENT, Variant, is_delayed
+from hgorun.measurement.variants import CONTINUOUS, DELAYED, FROZEN, HELD, SILENT, Variant, is_delayed
 from hgorun.observers.base import Arrival, CorrectedObserver, Sample, SampledObserver
 from hgorun.simulation.observer_block import ObserverBlock
-from hgorun.simulation.truth import Placed, PlantNumbers, Truth
+from hgorun.simulation.truth import Placed, PlantNumbers, SameTruth, Truth
 from hgorun.symbolic.plant import PlantModel
 
 
@@ -28,6 +28,13 @@ class Group:
     truth: Truth
     start: int
     observers: tuple[ObserverBlock, ...]
+
+    @property
+    def truth_states(self) -> slice:
+        """Where in z the states of its truth are: where it has none of its own, those of the first group."""
+        if isinstance(self.truth, SameTruth):
+            return slice(0, self.truth.truth.size)
+        return slice(self.start, self.start + self.truth.size)
 
     @property
     def end(self) -> int:
@@ -52,8 +59,8 @@ class _Part:
 
     def __init__(self, group: Group, symbols: _Symbols, first: int, before: int, has_alpha: bool) -> None:
         self.group, self.symbols, self.first, self.before = group, symbols, first, before
-        s, start = symbols, group.start
-        self.placed: Placed = group.truth.place(s.t, s.z[start : start + group.truth.size], s.plant, s.w, s.held)
+        s = symbols
+        self.placed: Placed = group.truth.place(s.t, s.z[group.truth_states], s.plant, s.w, s.held)
         q = self.placed.y.numel()
         self.outputs = range(first, first + q)
         self.guesses = [b.guess(s.t, self.placed.u, s.plant.parameters, s.z) for b in group.observers]
@@ -92,6 +99,9 @@ class _Part:
     def flow(self, variant: Variant, signals: Mapping[tuple[int, int], Signal]) -> Iterator[ca.SX]:
         """The derivative of the group's states."""
         s = self.symbols
+        if variant[self.outputs.start][0] == FROZEN:
+            yield ca.SX.zeros(self.group.end - self.group.start)
+            return
         yield self.placed.rate
         for j, b in enumerate(self.group.observers):
             yield b.flow(s.t, self.placed.u, s.plant.parameters, s.z, self.innovation(j, variant, signals))
@@ -112,7 +122,7 @@ class _Part:
         return Arrival(ca.vertcat(*y), ca.vertcat(*[w[held.fresh(i)] for i in self.outputs]))
 
     def corrections(self) -> Iterator[tuple[int, int, ca.SX]]:
-        """What becomes of which states when samples of any outputs arrive."""
+        """What becomes of which states when samples of any of its outputs arrive."""
         s = self.symbols
         for j, b in enumerate(self.group.observers):
             if isinstance(b.observer, CorrectedObserver):
@@ -196,7 +206,7 @@ def build_system(
     if any(regime.delayed for regime in regimes):
         slopes = ca.vertcat(channels, ca.jtimes(channels, z, dz) + ca.jacobian(channels, t))
     jumps = [(a, b, compiled("jump", new)) for part in parts for a, b, new in part.jumps()]
-    corrections = [(a, b, compiled("jump", new)) for part in parts for a, b, new in part.corrections()]
+    corrections = [(part.outputs, a, b, compiled("jump", new)) for part in parts for a, b, new in part.corrections()]
     return HybridSystem(
         states=size,
         plant_states=groups[0].truth.size,
@@ -207,10 +217,18 @@ def build_system(
         regimes=tuple(regimes),
         channels=compiled("channels", channels),
         channel_slopes=compiled("trace", slopes, dz),
-        jumps=(*jumps, *corrections),
-        corrections=tuple(range(len(jumps), len(jumps) + len(corrections))),
+        jumps=(*jumps, *((a, b, new) for _, a, b, new in corrections)),
+        corrections=tuple((len(jumps) + i, of.start, of.stop) for i, (of, *_) in enumerate(corrections)),
+        replayed=_replayed(groups[-1], held, parts[-1].outputs.start),
         innovations=innovations,
     )
+
+
+def _replayed(last: Group, held: Held, output: int) -> tuple[int, int] | None:
+    """From where on states and held numbers are those of observers that are taken back, which come last."""
+    if isinstance(last.truth, SameTruth) and last.truth.replayed:
+        return last.start, held.noise(output)
+    return None
 
 
 def _has_corrected(groups: Sequence[Group]) -> bool:

@@ -10,7 +10,8 @@ import numpy as np
 
 from hgorun.engine.layout import HybridSystem
 from hgorun.engine.plan import Following, Plan, Segments
-from hgorun.measurement.channels import Channel
+from hgorun.measurement.channels import Channel, joined
+from hgorun.measurement.late import HeardOtherwise
 from hgorun.measurement.schedule import Schedule
 from hgorun.memo import Memo, same
 from hgorun.simulation.actions import Actions, RecordedInputs
@@ -28,11 +29,14 @@ class Tables:
         Samples on their way, over all outputs.
     values : ndarray
         What is set beside noise and recorded inputs.
+    snapshots : int
+        States that are kept at a time.
     """
 
     segments: Segments
     slots: int
     values: np.ndarray
+    snapshots: int
 
 
 def build_plan(
@@ -73,14 +77,15 @@ def build_plan(
     inputs : RecordedInputs, optional
         Where the system takes its inputs from the tables.
     samples : sequence of ndarray, shape (Nk,) each, optional
-        What arrives of every output, where it is recorded: the system's own outputs are zero then.
+        What arrives of every output, where it is recorded: the system's own outputs are zero then. The channels of
+        the outputs come first.
     in_parts : bool
         A plan of many events may be given part by part, so that its tables need not fit into memory.
     """
     key = schedule, system, same(grid), always_slope, longest, uneven, None if inputs is None else same(inputs)
     tabulated = partial(_Tabulated, schedule, channels, grid, system, always_slope, longest, uneven, inputs)
     following = None
-    if in_parts and schedule.events.size > 2 * _PART_EVENTS and not system.remembers:
+    if in_parts and schedule.events.size > 2 * _PART_EVENTS and not system.remembers and schedule.order is None:
         tables, following = tabulated().in_parts()
     else:
         tables = _TABLES.get(key, lambda: tabulated().whole())
@@ -88,20 +93,31 @@ def build_plan(
     recorded = [] if inputs is None else [inputs.values(channels)]
     measured = [channel.gain_and_bias for channel in channels]
     if samples is not None:
-        measured = [(np.ones(values.size), np.asarray(values, dtype=float)) for values in samples]
+        measured = [(np.ones(values.size), values) for values in _recorded(channels, samples)]
     return Plan(
         spans=tables.segments.spans,
         counts=tables.segments.counts,
         actions=tables.segments.actions,
         grid=grid,
         slots=tables.slots,
-        gain=np.concatenate([np.zeros(0), *(gain for gain, _ in measured)]),
-        bias=np.concatenate([np.zeros(0), *(bias for _, bias in measured)]),
+        gain=joined([gain for gain, _ in measured]),
+        bias=joined([bias for _, bias in measured]),
         holds=np.concatenate([np.zeros(0), *changes, tables.values, *recorded]),
         reach=reach,
         origin=origin,
+        snapshots=tables.snapshots,
         following=following,
     )
+
+
+def _recorded(channels: Sequence[Channel], samples: Sequence[np.ndarray]) -> Iterator[np.ndarray]:
+    """What arrives in every channel, from what arrives of every output."""
+    known = {id(channel): np.asarray(values, dtype=float) for channel, values in zip(channels, samples, strict=False)}
+    for channel in channels:
+        if isinstance(channel, HeardOtherwise):
+            yield known[id(channel.source)][channel.which]
+        else:
+            yield known[id(channel)]
 
 
 _KEPT = 500_000  # actions and segments of tables that are kept in memory
@@ -127,14 +143,16 @@ class _Tabulated:
     ) -> None:
         self.schedule, self.grid, self.longest, self.uneven = schedule, grid, longest, uneven
         self.always_slope = system.remembers or always_slope
-        self.actions = Actions(schedule.events, channels, system, inputs)
+        self.actions = Actions(schedule.events, channels, system, inputs, schedule.order)
+        # what is carried out, one after the other
+        self.order = np.arange(schedule.events.size) if schedule.order is None else schedule.order.event
         steps = steps_between(schedule, longest)
         total = int(np.sum(steps if uneven is None else uneven_steps(steps, uneven)))
         self.steps, self.piece = total, steps_of_a_piece(total)
 
     def whole(self) -> Tables:
         """All of a run."""
-        return Tables(self.segments(0, self.schedule.events.size), self.actions.slots, self.actions.values)
+        return self._tables(self.segments(0, self.order.size))
 
     def in_parts(self) -> tuple[Tables, Following]:
         """The first events of a run, and the others part by part."""
@@ -147,38 +165,41 @@ class _Tabulated:
                 yield self.segments(start, min(start + _PART_EVENTS, count))
 
         following = Following(rest, steps, steps + count - _PART_EVENTS, float(self.schedule.events[-1]))
-        return Tables(first, self.actions.slots, self.actions.values), following
+        return self._tables(first), following
+
+    def _tables(self, segments: Segments) -> Tables:
+        return Tables(segments, self.actions.slots, self.actions.values, self.actions.snapshots)
 
     def segments(self, first: int, stop: int) -> Segments:
         """From event ``first`` on, with what happens at the events before ``stop``.
 
         Behind the last event of the run, one more segment without steps has what happens at the very end.
         """
-        events, schedule = self.schedule.events, self.schedule
-        ends = slice(first, min(stop + 1, events.size))
-        at, inward = events[ends], schedule.inward[ends]
-        steps = count_steps(np.diff(at), self.longest)
+        events, inward, variant = self.schedule.events, self.schedule.inward, self.schedule.variant
+        between = slice(first, min(stop, self.order.size - 1))
+        left = self.order[between]
+        right = left + 1
+        steps = count_steps(events[right] - events[left], self.longest)
         slope = np.full(steps.size, int(self.always_slope))
         if not self.always_slope:
-            slope = _row_in_last_step(at, steps, self.grid).astype(int)
+            slope = _row_in_last_step(events[left], events[right], steps, self.grid).astype(int)
         actions, places = self.actions.at(first, stop)
-        spans = np.column_stack([at[:-1], at[1:], at[:-1] + inward[:-1], at[1:] - inward[1:]])
-        variant, none = schedule.variant[ends.start : ends.stop - 1], np.zeros_like(steps)
+        inside = events[left] + inward[left], events[right] - inward[right]
+        spans, none = np.column_stack([events[left], events[right], *inside]), np.zeros_like(steps)
         of_segments = places[: steps.size], places[1 : steps.size + 1]
-        counts = np.column_stack([steps, none, steps, variant, *of_segments, slope])
+        counts = np.column_stack([steps, none, steps, variant[between], *of_segments, slope])
         if self.uneven is not None:
             spans, counts = unevenly(spans, counts, self.uneven)
         spans, counts = in_pieces(spans, counts, self.piece)
-        if stop == events.size:
-            last = np.array([[1, 0, 0, schedule.variant[-1], places[-2], places[-1], 0]])
+        if stop == self.order.size:
+            last = np.array([[1, 0, 0, variant[-1], places[-2], places[-1], 0]])
             spans, counts = np.concatenate([spans, np.full((1, 4), events[-1])]), np.concatenate([counts, last])
         return Segments(spans, counts.astype(np.int64, copy=False), actions)
 
 
-def _row_in_last_step(events: np.ndarray, steps: np.ndarray, grid: np.ndarray) -> np.ndarray:
+def _row_in_last_step(start: np.ndarray, end: np.ndarray, steps: np.ndarray, grid: np.ndarray) -> np.ndarray:
     """Whether an output point lies strictly inside the last step before each event."""
-    start, end = events[:-1], events[1:]
-    h = np.diff(events) / steps
+    h = (end - start) / steps
     snap = 1e-9 * h + 1e-15 * np.maximum(np.abs(start), np.abs(end))
     first = np.searchsorted(grid, end - h + snap, side="right")
     return np.asarray(np.searchsorted(grid, end - snap, side="left") > first)

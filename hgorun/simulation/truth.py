@@ -122,6 +122,39 @@ class SimulatedPlant:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
+class SameTruth:
+    """The truth of the first group once more, for observers that hear of it in another way; without states of its own.
+
+    Attributes
+    ----------
+    truth : Truth
+    replayed : bool
+        Whether its observers are taken back to the time of late samples.
+    """
+
+    truth: Truth
+    replayed: bool
+    size: int = 0
+
+    @property
+    def plant(self) -> SymbolicPlant:
+        return self.truth.plant
+
+    @property
+    def recorded_inputs(self) -> int:
+        return self.truth.recorded_inputs
+
+    @property
+    def structure(self) -> Hashable:
+        return type(self), self.truth.structure, self.replayed
+
+    def place(self, t: ca.SX, x: ca.SX, p: PlantNumbers, w: ca.SX, held: Held) -> Placed:
+        """Its equations; x is the state of the first group's truth."""
+        placed = self.truth.place(t, x, p, w, held)
+        return Placed(placed.u, placed.u_before, placed.y, ca.SX(0, 1))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Recording:
     """Samples that are there already: no states, outputs that are whatever arrives.
 

@@ -115,7 +115,7 @@ class TriangularCopy:
     def state(self, xhat: ca.SX) -> ca.SX:
         """The estimate in the plant's coordinates."""
         plant = self.form.plant
-        return xhat if plant.transform is None else plant.untransform(xhat, self.p)  # type: ignore[misc]
+        return xhat if plant.transform is None else plant.untransform(xhat, self.p)  # type: ignore[misc]  # both or none
 
     def saturated(self, x: ca.SX) -> ca.SX:
         """The estimate clipped to its bounds."""

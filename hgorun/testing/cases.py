@@ -71,6 +71,24 @@ class Case:
         form = self.cls.form(self.plant.model, self.plant.initial, self.plant.parameters)
         return Equations(observer, self.plant, form)
 
+    @cached_property
+    def first(self) -> Equations:
+        """As they were when the case was first looked at."""
+        return self.equations()
+
+    @cached_property
+    def other_numbers(self) -> dict[str, float]:
+        """Keys with which the observer is another one: every number a quarter larger, where it may be."""
+        found: dict[str, float] = {}
+        for key, value in self.observer():
+            if isinstance(value, float):
+                try:
+                    self.equations(**found, **{key: 1.25 * value})
+                except (HgorunError, Problem, Broken):
+                    continue
+                found[key] = 1.25 * value
+        return found
+
     @property
     def sampled(self) -> bool:
         """Whether it needs samples."""
@@ -131,7 +149,7 @@ class Subject:
             if len(found) == TAKEN and plant is not TWO_OUTPUTS:
                 continue
             try:
-                equations = case.equations()
+                equations = case.first
             except (HgorunError, Problem) as error:
                 refused.append(f"{plant['type']}: {error}")
                 continue
@@ -147,7 +165,7 @@ class Subject:
     def _given(self, plant: Keys) -> Case:
         case = self.case(plant)
         try:
-            case.equations()
+            _ = case.first
         except (HgorunError, Problem) as error:
             raise Broken(
                 f"the plant {plant.get('type', 'inline')} refused: {error}", "a plant that it takes"

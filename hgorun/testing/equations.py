@@ -20,6 +20,7 @@ from hgorun.symbolic.states import StateBlock, Symmetric
 from hgorun.symbolic.symbols import Symbols
 from hgorun.testing.contract import Broken, returned
 
+POINTS = 5  # random ones
 OPEN = "only t, the plant's parameters, the observer's states, its design and the innovation"
 
 
@@ -218,3 +219,27 @@ def _closed(name: str, inputs: list[ca.SX], expressions: list[ca.SX]) -> ca.Func
         if free is None:
             raise
         raise Broken(f"the free symbols {free[1]} in its equations", OPEN) from error
+
+
+def numbers_of(equations: Equations) -> np.ndarray:
+    """What the equations give at random points near the start."""
+    found = []
+    for z, e in points(equations):
+        if isinstance(equations.observer, ContinuousObserver):
+            found.append(equations.evaluate(equations.flow, 0.3, z, e)[0])
+        if isinstance(equations.observer, SampledObserver):
+            found.append(equations.evaluate(equations.leap, 0.3, z, e, e + 0.1, e, 0.1)[0])
+        if isinstance(equations.observer, CorrectedObserver):
+            found.append(equations.evaluate(equations.correct, 0.3, z, e, e + 0.1)[0])
+    return np.concatenate([np.ravel(values) for values in found])
+
+
+def points(equations: Equations) -> list[tuple[np.ndarray, np.ndarray]]:
+    """States and innovations, drawn with a fixed seed."""
+    random = np.random.default_rng(1)
+    start = equations.start(equations.plant.initial)
+    found = []
+    for _ in range(POINTS):
+        z = start + 0.05 * (np.abs(start) + 1) * random.uniform(-1, 1, start.size)
+        found.append((z, 0.1 * random.uniform(-1, 1, equations.outputs)))
+    return found

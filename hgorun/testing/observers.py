@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable
+from functools import partial
 from typing import get_args
 
 import casadi as ca
@@ -24,10 +25,9 @@ from hgorun.symbolic.states import Symmetric
 from hgorun.testing.cases import CHAINS, WRONG_PLANTS, Case, Keys, Subject, as_tuple, built, lent
 from hgorun.testing.contract import Broken, Law, NotApplicable, Report, hold_to
 from hgorun.testing.decay import decays
-from hgorun.testing.equations import Equations
+from hgorun.testing.equations import Equations, numbers_of, points
 from hgorun.testing.runs import RUN_LAWS
 
-POINTS = 5  # random ones
 CORRECTION = 1e-9  # relative difference of two ways to the same number
 RATE = 0.05  # of a rate: what it may lack
 
@@ -82,14 +82,21 @@ def _finite_design(subject: Subject) -> None:
 
 
 def _repeatable(subject: Subject) -> None:
+    """Whatever was designed before: designs for other plants and numbers leave nothing behind."""
     for case in subject.cases:
         one, other = case.equations(), case.equations()
-        for name in one.design:
-            if not np.array_equal(one.design[name], other.design[name]):
-                raise Broken(f"{name} = {one.design[name]}, then {other.design[name]}", "the same design every time")
-        for first, second in zip(_numbers(one), _numbers(other), strict=True):
-            if not np.array_equal(first, second, equal_nan=True):
-                gap = float(np.nanmax(np.abs(first - second)))
+        for earlier, later in ((case.first, one), (one, other)):
+            for name, value in earlier.design.items():
+                if not np.array_equal(value, later.design[name]):
+                    raise Broken(f"{name} = {value}, then {later.design[name]}", "the same design every time")
+        numbers = numbers_of(other)
+        of_others = [partial(each.equations) for each in subject.cases if each is not case]
+        for design_another in (partial(case.equations, **case.other_numbers), *of_others):
+            again = case.equations()
+            design_another()
+            found = numbers_of(again)  # which is asked for its equations only now
+            if not np.array_equal(numbers, found, equal_nan=True):
+                gap = np.nanmax(np.abs(numbers - found))
                 raise Broken(f"equations that differ by {gap:.3g} when they are built again", "the same equations")
 
 
@@ -126,7 +133,7 @@ def _equations(subject: Subject) -> None:
         if isinstance(equations.observer, CorrectedObserver):
             arrival = Arrival(ca.SX.sym("y", equations.outputs), ca.SX.sym("fresh", equations.outputs))
             _same_shapes(equations, equations.corrected(arrival), "values after a correction", whole=False)
-        for values in _numbers(equations):
+        for values in numbers_of(equations):
             if not np.all(np.isfinite(values)):
                 raise Broken(f"{values.ravel()} near the start {equations.where}", "finite numbers")
 
@@ -139,30 +146,6 @@ def _same_shapes(equations: Equations, found: dict[str, ca.SX], what: str, *, wh
         shape = (*equations.states[name].shape, 1, 1)[:2]
         if ca.SX(value).shape != shape:
             raise Broken(f"{what} of {name} with shape {ca.SX(value).shape}", f"{shape}, that of the state")
-
-
-def _numbers(equations: Equations) -> list[np.ndarray]:
-    """What the equations give at random points near the start."""
-    found = []
-    for z, e in _points(equations):
-        if isinstance(equations.observer, ContinuousObserver):
-            found.append(equations.evaluate(equations.flow, 0.3, z, e)[0])
-        if isinstance(equations.observer, SampledObserver):
-            found.append(equations.evaluate(equations.leap, 0.3, z, e, e + 0.1, e, 0.1)[0])
-        if isinstance(equations.observer, CorrectedObserver):
-            found.append(equations.evaluate(equations.correct, 0.3, z, e, e + 0.1)[0])
-    return found
-
-
-def _points(equations: Equations) -> list[tuple[np.ndarray, np.ndarray]]:
-    """States and innovations, drawn with a fixed seed."""
-    random = np.random.default_rng(1)
-    start = equations.start(equations.plant.initial)
-    found = []
-    for _ in range(POINTS):
-        z = start + 0.05 * (np.abs(start) + 1) * random.uniform(-1, 1, start.size)
-        found.append((z, 0.1 * random.uniform(-1, 1, equations.outputs)))
-    return found
 
 
 def _arguments(subject: Subject) -> None:
@@ -196,7 +179,7 @@ def _correction(subject: Subject) -> None:
 
 def _compare(equations: Equations, declared: ca.SX, derived: ca.SX, what: str, formula: str) -> None:
     both = equations.function("both", declared, derived)
-    for z, e in _points(equations):
+    for z, e in points(equations):
         one, other = equations.evaluate(both, 0.3, z, e)
         size = float(np.max(np.abs(one)) + np.max(np.abs(other)))
         if not np.max(np.abs(one - other)) <= CORRECTION * size + 1e-12:

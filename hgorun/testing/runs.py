@@ -54,7 +54,7 @@ def _in_company(subject: Subject) -> None:
     case = subject.cases[0]
     measurement = None if case.sampled else {"sampling": {"period": 0.1}, "delay": 0.04}
     own = {"initial": case.aside}
-    other = {"initial": {name: value - 0.03 for name, value in case.aside.items()}}
+    other = {"initial": {name: value - 0.03 for name, value in case.aside.items()}, **case.other_numbers}
     alone = simulate(case.experiment({"it": own}, measurement=measurement))
     again = simulate(case.experiment({"it": own}, measurement=measurement))
     _same_bits(alone, again, "the second time", "the same bits every time")

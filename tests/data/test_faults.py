@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from hgorun.data import faults
 from hgorun.data.faults import Stretch
@@ -21,6 +22,8 @@ HARMLESS = {
     "square": np.sign(np.sin(TIME)),
     "two levels": 2 * np.sign(np.sin(TIME)) + 0.01 * RANDOM.normal(size=TIME.size),
     "around zero": 1e-3 * RANDOM.normal(size=TIME.size),
+    "steps, filtered": lfilter([0.1], [1, -0.9], np.sign(np.sin(0.5 * TIME))),
+    "saturation": 3 / (1 + np.exp(20 - TIME)),
     "walk": np.cumsum(RANDOM.normal(size=TIME.size)),
     "angle": np.rint((np.cumsum(0.3 * np.sin(3 * TIME)) % 6.28) * 326) / 326,
 }

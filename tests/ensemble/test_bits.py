@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
 from examples import VAN_DER_POL, experiment, inline, sinusoid
+from pydantic import Field
 
 from hgorun import Experiment, HgorunError, Result, simulate
+from hgorun.config.types import Positive
+from hgorun.ensemble.axes import Axes
 from hgorun.ensemble.block import Block, compute
 from hgorun.ensemble.members import Members
+from hgorun.noise.base import NOISE, RandomNoise
 from hgorun.result.data import PLANT
 from hgorun.result.status import STATUSES
 
@@ -233,3 +237,25 @@ def test_what_is_finished_is_told() -> None:
     compute(van_der_pol(MEASURED["sampled"], 0.02), members, progress=told.append)
     assert told[-1] == 40
     assert told == sorted(told)
+
+
+class Laplace(RandomNoise):
+    """A kind of another package, whose draws a key multiplies."""
+
+    b: Positive = Field(description="scale")
+    scaled_by: ClassVar[str | None] = "b"
+
+    def draw(self, random: np.random.Generator, count: int) -> np.ndarray:
+        return random.laplace(size=count) * self.b
+
+
+def test_a_kind_of_noise_declares_what_multiplies_its_draws() -> None:
+    with NOISE.replaced("laplace", Laplace):
+        base = van_der_pol({"sampling": {"period": 0.1}, "noise": [{"type": "laplace", "b": 0.1}]}, 0.01)
+        sizes = RANDOM.choice([0.01, 0.1, 0.5, -1.0], COUNT)
+        members = Members.of({"measurement.noise.0.b": sizes, "seed": np.arange(COUNT)})
+        assert Axes.of(base, members).deviations == {"measurement.noise.0.b": ((0, 0, 0),)}
+        block = compute(base, members)
+        for i in range(0, COUNT, 3):
+            alone(base, members, i, block)
+    assert "failed" in {STATUSES[status] for status in np.unique(block.status)}

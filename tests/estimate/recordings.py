@@ -65,10 +65,10 @@ def recording(*outputs: Signal, reference: Mapping[str, Signal] | None = None, *
 def of_simulation(run: PreparedRun) -> Recording:
     """What a simulated run has measured."""
     raw = integrate(run, as_given(run))
-    counts = np.cumsum([c.samples.arrival.size for c in run.channels])[:-1]
+    counts = np.cumsum([c.samples.arrival.size for c in run.channels])
     values = np.split(raw.measured[:, 0], counts)
     found = []
-    for c, y in zip(run.channels, values, strict=True):
+    for c, y in zip(run.channels, values, strict=False):
         s = c.samples
         found.append(signal(c.name, run.origin + s.taken, y, None if s.taken is s.arrival else run.origin + s.arrival))
     return recording(*found)

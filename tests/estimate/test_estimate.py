@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from examples import experiment, inline
+from examples import Block, experiment, inline
 from recordings import (
     NOISE,
     PENDULUM,
@@ -187,3 +187,29 @@ def test_a_reference_is_a_state_or_an_output() -> None:
     log = recording(signal("a", [0, 1], [0, 1]), reference={"z": signal("z", [0], [0])})
     with pytest.raises(ConfigError, match="neither a state nor an output"):
         estimate(source({"plant": PENDULUM, "observers": observers("shgo")}), log)
+
+
+@pytest.mark.parametrize("delay", ["0.5", "0.1 + 0.3*abs(sin(3*t))"], ids=["whole periods", "out of order"])
+def test_late_samples_as_each_observer_is_told(delay: str) -> None:
+    """A filter that is taken back, an observer that is, one that drops them, and one with the innovation: the bits."""
+    blocks: dict[str, Block] = {
+        "K": {"type": "ekf", "Q": {"b": 0.1}, "R": 0.01, "initial": START},
+        "S": {"type": "shgo", "theta": 2, "initial": START},
+        "R": {"type": "shgo", "theta": 2, "initial": START, "late": "replay"},
+        "D": {"type": "shgo", "theta": 2, "initial": START, "late": "drop"},
+    }
+    measurement = {"sampling": {"period": 0.25, "offset": 0.25}, "delay": delay, "noise": NOISE}
+    run = pendulum(blocks, measurement=measurement)
+    simulated = simulate_prepared(run)
+    found = estimate(run.experiment.source, of_simulation(run), sensitivity=False)
+    assert list(found.observers) == list(blocks)
+    for label, one in simulated.observers.items():
+        assert np.array_equal(found.observers[label].xhat, one.xhat), label
+
+
+def test_a_gate_and_going_back_do_not_go_together() -> None:
+    run = pendulum({"K": {"type": "ekf", "Q": {"b": 0.1}, "R": 0.01}}, measurement={"sampling": {"period": 0.25}})
+    taken = np.arange(0, 5, 0.25)
+    log = recording(signal("a", taken, np.sin(taken), taken + 0.3, gate=4.0))
+    with pytest.raises(ConfigError, match="with a gate late samples enter the innovation, and K has late: replay"):
+        estimate(run.experiment.source, log, sensitivity=False)

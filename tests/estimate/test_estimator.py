@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from examples import Block, experiment, inline
-from recordings import NOISE, PENDULUM, START, observers, of_simulation, pendulum, recording
+from recordings import NOISE, PENDULUM, START, observers, of_simulation, pendulum, recording, signal
 
 import hgorun
 from hgorun.errors import ConfigError
@@ -140,3 +140,59 @@ def test_what_cannot_be_followed_is_said(small: Experiment) -> None:
     assert estimator.states == ("a", "b")
     assert estimator.labels == ("shgo",)
     assert hgorun.Estimator is Estimator
+
+
+TWO = inline({"a": "b", "b": "-sin(a) - 0.1*b"}, {"y": "a", "z": "b**2/2 - cos(a)"})
+EKF: Block = {"type": "ekf", "Q": {"b": 0.1}, "R": 0.01, "initial": START}
+
+
+def test_a_filter_goes_back_to_late_samples_of_another_output() -> None:
+    """One output at once, the other half a second late, both taken together at times: the bits of the whole."""
+    taken = np.array([0.25 * k for k in range(1, 17)])
+    second = taken[1:-2:2]
+    log = recording(signal("y", taken, np.sin(taken)), signal("z", second, 0.3 * np.cos(second) - 0.7, second + 0.5))
+    of_both = experiment(TWO, {"K": EKF, "R": {"type": "ekf", "Q": {"b": 1}, "R": 0.1}}, end=4, step=0.01)
+    prepared = prepare_estimate(completed(of_both.source, log, "x", ""), log)
+    since = np.asarray(taken - prepared.experiment.origin)
+    raw, _ = one_pass(prepared, since, prepared.run.step)
+    whole = estimates(prepared, since, raw)
+    estimator = Estimator(prepared.experiment)
+    for k, t in enumerate(taken.tolist()):
+        estimator.update(t, {"y": float(np.sin(t))})
+        if t - 0.5 in second:
+            estimator.update(t - 0.5, {"z": float(0.3 * np.cos(t - 0.5) - 0.7)}, available=t)
+        for j, x in enumerate(estimator.estimate().values()):
+            assert np.array_equal(x, whole[j][k])
+
+
+def test_a_filter_takes_samples_in_any_order() -> None:
+    taken = 0.25 * np.arange(1, 13)
+    known = taken + 0.25 * (5 * np.arange(12) % 4)
+    log = recording(signal("a", taken, np.sin(taken), known))
+    one = experiment(PENDULUM, {"K": EKF}, end=4, step=0.01)
+    prepared = prepare_estimate(completed(one.source, log, "x", ""), log)
+    end = np.array([3.75]) - prepared.experiment.origin
+    raw, _ = one_pass(prepared, end, prepared.run.step)
+    estimator = Estimator(prepared.experiment)
+    for t, available in sorted(zip(taken.tolist(), known.tolist(), strict=True), key=lambda pair: pair[::-1]):
+        estimator.update(t, {"a": float(np.sin(t))}, available=available)
+    found = estimator.predict(3.75)["K"]
+    np.testing.assert_allclose(found, estimates(prepared, end, raw)[0][0], rtol=0, atol=1e-9)
+
+
+def test_late_samples_that_a_stream_leaves_out_or_cannot_take() -> None:
+    drop = Estimator(experiment(PENDULUM, {"K": EKF | {"late": "drop"}}, end=4, step=0.01))
+    without = Estimator(experiment(PENDULUM, {"K": EKF | {"late": "drop"}}, end=4, step=0.01))
+    for estimator in (drop, without):
+        estimator.update(0.5, {"a": 0.4})
+    drop.update(0.3, {"a": 5.0}, available=0.8)
+    assert drop.t == 0.8
+    np.testing.assert_allclose(drop.predict(1.0)["K"], without.predict(1.0)["K"], rtol=0, atol=1e-9)
+    mixed = Estimator(experiment(PENDULUM, {"K": EKF, **observers("shgo")}, end=4, step=0.01))
+    mixed.update(0.5, {"a": 0.4})
+    with pytest.raises(ValueError, match="treat late samples alike"):
+        mixed.update(0.3, {"a": 0.4}, available=0.8)
+    gated = Estimator(experiment(PENDULUM, {"K": EKF}, end=4, step=0.01), gates={"a": 4.0})
+    gated.update(0.5, {"a": 0.4})
+    with pytest.raises(ValueError, match="with a gate"):
+        gated.update(0.3, {"a": 0.4}, available=0.8)

@@ -14,6 +14,8 @@ pytest.importorskip("bokeh", reason="needs hgorun[explore]")
 
 import browser
 
+from hgorun.explore import drawing
+
 THETA, PERIOD = "observers.F.theta", "measurement.sampling.period"
 FEW_BYTES = 10_000_000
 
@@ -145,3 +147,11 @@ var deep = (what, root = document) => [...root.querySelectorAll(what)].concat(
   ...[...root.querySelectorAll('*')].filter(one => one.shadowRoot).map(one => deep(what, one.shadowRoot)));
 true
 """
+
+
+def test_logarithmic_axes_have_few_ticks_with_short_numbers() -> None:
+    """Bokeh's own are evenly spaced where a range is short, and crowd at its upper end."""
+    plot = drawing._plot("hf", "rmse", x_axis_type="log")
+    assert plot.xaxis[0].ticker.desired_num_ticks == 3
+    assert "toPrecision" in plot.xaxis[0].formatter.code
+    assert plot.yaxis[0].ticker.desired_num_ticks > 4

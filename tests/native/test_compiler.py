@@ -59,7 +59,7 @@ def test_a_damaged_entry_is_compiled_again(folder: Path, compiled: list[str], da
     NativeModule(IR, ("number",))
     (entry,) = folder.iterdir()
     whole = entry.read_bytes()
-    entry.write_bytes(damage(whole))  # type: ignore[operator]
+    entry.write_bytes(damage(whole))  # type: ignore[operator]  # a function
     assert number(NativeModule(IR, ("number",))) == 42.0
     assert len(compiled) == 2
     assert entry.read_bytes() == whole

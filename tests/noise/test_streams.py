@@ -52,3 +52,14 @@ def test_doubtful_draws_are_left_to_exact_decisions(monkeypatch: pytest.MonkeyPa
         patched.setattr(compiled, "_code", lambda: code)
         assert np.any(compiled.normal(Streams(SEEDS[:8], KEY).states, 2000)[1].argument == 0)
         assert Streams(SEEDS[:8], KEY).normal(2000).tobytes() == sure.tobytes()
+
+
+@pytest.mark.parametrize("kind", ["normal", "uniform"])
+def test_many_draws_of_one_generator_are_the_same_as_few(kind: str) -> None:
+    """The first are those of NumPy's generator, and of this room's normal draws, whatever the count."""
+    one = Streams(np.array([11]), (1, 2, 3, 4))
+    many = getattr(one, kind)(150_000)[0]
+    generator = one.generator(0)
+    few = standard_normal(generator, 150_000) if kind == "normal" else generator.random(150_000)
+    np.testing.assert_array_equal(many, few)
+    np.testing.assert_array_equal(getattr(one, kind)(1_000)[0], many[:1_000])

@@ -69,8 +69,8 @@ def test_density_of_the_noise_is_that_of_the_measurement() -> None:
     sampled: Block = {"noise": [{"type": "uniform", "low": -0.3, "high": 0.3}], "sampling": {"period": 0.05}}
     for measurement, R in ((held, 0.09 * 0.02), (sampled, 0.03 * 0.05)):
         blocks: dict[str, Block] = {
-            "own": {"type": "kalman_bucy", "Q": {"x2": 1}},
-            "given": {"type": "kalman_bucy", "Q": {"x2": 1}, "R": R},
+            "own": {"type": "kalman_bucy", "Q": {"x2": 1}, "internal": {"P": 0.01}},
+            "given": {"type": "kalman_bucy", "Q": {"x2": 1}, "internal": {"P": 0.01}, "R": R},
         }
         found = simulated(OSCILLATOR, blocks, step=0.01, measurement=measurement).observers
         np.testing.assert_allclose(found["own"].internal["P"], found["given"].internal["P"], rtol=1e-12)

@@ -75,7 +75,7 @@ STEADY = (2.0, 6.0)
 def test_values(results: dict[str, hgorun.Result], text: str, expected: object) -> None:
     sentence = read_sentence(text, ("noisy", "quiet"))
     value = sentence.value({str(q): measure_quantity(q, results) for q in sentence.quantities})
-    assert value == pytest.approx(expected(results), rel=1e-9)  # type: ignore[operator]
+    assert value == pytest.approx(expected(results), rel=1e-9)  # type: ignore[operator]  # a function
 
 
 @pytest.mark.parametrize(

@@ -239,7 +239,7 @@ def assert_compiles(source: str) -> list[list[str]]:
     """
     begin, *lines, end, last = source.split("\n")
     assert (end, last) == (r"\end{tabular}", "")
-    width = len(re.fullmatch(r"\\begin\{tabular\}\{(l r*)\}".replace(" ", ""), begin)[1])  # type: ignore[index]
+    width = len(re.fullmatch(r"\\begin\{tabular\}\{(l r*)\}".replace(" ", ""), begin)[1])  # type: ignore[index]  # it matches
     rows = []
     for line in lines:
         bare = re.sub(r"\\[{}]", "", line)

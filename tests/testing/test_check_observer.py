@@ -245,6 +245,46 @@ class ForgetfulDesign(StandardObserver):
         return {**super().design(form), "theta": np.array(self.theta + self.calls[0])}
 
 
+class FirstDesign(StandardObserver):
+    """The first design of all is another one."""
+
+    calls: ClassVar[list[int]] = [0]
+
+    def design(self, form: CanonicalForm) -> dict[str, np.ndarray]:
+        self.calls[0] += 1
+        return {**super().design(form), "theta": np.array(self.theta + (self.calls[0] == 1))}
+
+
+class LastDesign(StandardObserver):
+    """Its equations use a number that every design leaves behind, whoever it is for."""
+
+    last: ClassVar[dict[str, float]] = {}
+
+    def design(self, form: CanonicalForm) -> dict[str, np.ndarray]:
+        self.last["theta"] = self.theta
+        return super().design(form)
+
+    def equations(self, plant: PlantCopy, s: Symbols, e: ca.SX, k: Symbols) -> Flow:
+        return super().equations(plant, s, self.last["theta"] * e, k)
+
+
+class LastPlant(LastDesign):
+    """The same with a number of the plant."""
+
+    def design(self, form: CanonicalForm) -> dict[str, np.ndarray]:
+        self.last["theta"] = form.plant.n
+        return StandardObserver.design(self, form)
+
+
+class CorrectionOfOneOutput(StandardObserver):
+    """Only the first output is told what it feels."""
+
+    def equations(self, plant: PlantCopy, s: Symbols, e: ca.SX, k: Symbols) -> Flow:
+        flow = super().equations(plant, s, e, k)
+        felt = ca.jtimes(plant.output(s.xhat), s.xhat, plant.copy(s.xhat) - flow.derivatives["xhat"])
+        return Flow(flow.derivatives, correction=ca.vertcat(felt[0], ca.SX.zeros(felt.numel() - 1)))
+
+
 class StateFromInfinity(MissingDerivative):
     def states(self, form: CanonicalForm) -> dict[str, np.ndarray]:
         return {"w": np.full(1, np.inf)}
@@ -294,6 +334,10 @@ class KeyWithoutAWord(StandardObserver):
         (DesignOfTheWrongType, "takes a plant", "design returned int 3; expected Mapping[str, ndarray]"),
         (FloatState, "takes a plant", "found states(): w is a float; expected an array"),
         (ForgetfulDesign, "repeatable", "the same design every time"),
+        (FirstDesign, "repeatable", "the same design every time"),
+        (LastDesign, "repeatable", "when they are built again"),
+        (LastPlant, "repeatable", "when they are built again"),
+        (CorrectionOfOneOutput, "correction", "on inline with 4 states"),
         (StateFromInfinity, "states", "w starting at [inf]; expected a finite number, vector or matrix"),
         (SkewMatrix, "states", "S starting at [[1.0, 2.0], [0.0, 1.0]]; expected a symmetric matrix"),
         (RoleForgotten, "states", "roles of []; expected one role each of ['w']"),

@@ -8,7 +8,7 @@ from functools import partial
 from hgorun.analysis.finding import Remarked, finding
 from hgorun.analysis.linear.error_system import ErrorSystem, error_system
 from hgorun.analysis.linear.nominal import nominal
-from hgorun.analysis.reasons import NoValue, first_of
+from hgorun.analysis.reasons import NoValue, first_of, require_innovation
 from hgorun.analysis.stability.critical import (
     Limit,
     Timing,
@@ -52,6 +52,7 @@ def _limit(
     limit: Callable[[Timing, ErrorSystem], Limit],
     system: Callable[[Subject], ErrorSystem],
 ) -> Remarked:
+    require_innovation(observer.run, observer.label)
     return _remarked(name, limit(timing_of(observer.run), system(observer)))
 
 

@@ -17,7 +17,16 @@ from hgorun.analysis.noise.along_run import noise_along
 from hgorun.analysis.noise.jumps import noise_of_jumps
 from hgorun.analysis.noise.late import noise_of_late_output
 from hgorun.analysis.noise.terms import NoiseTerms, require_spectra
-from hgorun.analysis.reasons import CORRECTED, NO_SLOPES, SLIDING, NoValue, first_of, outcome, require_estimate
+from hgorun.analysis.reasons import (
+    CORRECTED,
+    NO_SLOPES,
+    SLIDING,
+    NoValue,
+    first_of,
+    outcome,
+    require_estimate,
+    require_innovation,
+)
 from hgorun.observers.base import CorrectedObserver, SampledObserver
 from hgorun.observers.capabilities import SlidingMode
 from hgorun.result.result import Result
@@ -60,6 +69,7 @@ def deviation_in_window(
         raise NoValue(SLIDING)
     if isinstance(observer, CorrectedObserver):
         raise NoValue(CORRECTED)
+    require_innovation(run, label)
     require_estimate(noise_free.observers[label])
     inside = np.arange(noise_free.time.size)[points_in(noise_free.time, tuple(noise_free.windows["steady"]))]
     at = noise_free.time[inside]

@@ -50,7 +50,7 @@ class Certificate:
     exact: bool
 
 
-def certificate(l: Sequence[float], a: float, b: float, q: float) -> Certificate:  # noqa: E741
+def certificate(l: Sequence[float], a: float, b: float, q: float) -> Certificate:  # noqa: E741  # the paper's letter
     """Decide (9) for these constants.
 
     Cutting planes: M(Q) >= s means v^T M(Q) v >= s for all unit vectors v. The linear programme over the v
@@ -100,7 +100,7 @@ def certificate(l: Sequence[float], a: float, b: float, q: float) -> Certificate
 
 def conditions(
     Q: np.ndarray,
-    l: Sequence[float],  # noqa: E741
+    l: Sequence[float],  # noqa: E741  # the paper's letter
     a: float,
     b: float,
     q: float,
@@ -114,7 +114,7 @@ def conditions(
     return [-(Q @ closed + closed.T @ Q) - a * Q, Q - q * eye, eye - Q, b * Q - turned, b * Q + turned]
 
 
-def feasible_exactly(Q: np.ndarray, l: Sequence[float], a: float, b: float, q: float) -> bool:  # noqa: E741
+def feasible_exactly(Q: np.ndarray, l: Sequence[float], a: float, b: float, q: float) -> bool:  # noqa: E741  # the paper's letter
     """Whether Q, taken as rational numbers, satisfies (9)."""
     n = len(l)
     A, B, q_ = _decimal(a), _decimal(b), _decimal(q)
@@ -137,7 +137,7 @@ def feasible_exactly(Q: np.ndarray, l: Sequence[float], a: float, b: float, q: f
 
 def infeasible_exactly(
     Z: Sequence[np.ndarray],
-    l: Sequence[float],  # noqa: E741
+    l: Sequence[float],  # noqa: E741  # the paper's letter
     a: float,
     b: float,
     q: float,
@@ -198,7 +198,7 @@ def _identity(n: int) -> Exact:
     return [[Fraction(int(i == j)) for j in range(n)] for i in range(n)]
 
 
-def _closed(l: Sequence[float]) -> Exact:  # noqa: E741
+def _closed(l: Sequence[float]) -> Exact:  # noqa: E741  # the paper's letter
     """A - l c."""
     n = len(l)
     return [

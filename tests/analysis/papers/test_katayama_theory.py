@@ -68,7 +68,7 @@ def test_the_papers_example(period: float) -> None:
         assert one.measured <= one.bound, label
         assert one.without_noise < one.bound
     # by the paper, the deadbeat observer keeps a large error under noise, the other one does not
-    assert found["d"].measured > 3 * found["k"].measured > 0  # type: ignore[operator]
+    assert found["d"].measured > 3 * found["k"].measured > 0  # type: ignore[operator]  # both are numbers
 
 
 def test_the_constants_against_a_grid() -> None:

@@ -1,0 +1,94 @@
+"""The derivative by a least-squares polynomial: what observers are compared with."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import factorial
+
+import casadi as ca
+import numpy as np
+from pydantic import Field
+
+from hgorun.errors import Problem
+from hgorun.observers.base import Arrival, CorrectedObserver, Flow, Role, observer
+from hgorun.observers.capabilities import Differentiator
+from hgorun.symbolic.lower_triangular import DerivativeCopy, DerivativeForm, derivative_form
+from hgorun.symbolic.symbols import Symbols
+
+_TINY = 1e-60  # what is left of a column that depends on those before it: fewer samples than coefficients
+
+
+@observer("savgol")
+class SavitzkyGolayFilter(Differentiator, CorrectedObserver[DerivativeForm, DerivativeCopy]):
+    """Causal Savitzky-Golay differentiator, for lower triangular plants with one sampled output.
+
+    A polynomial c_0 + c_1 (t - t_k) + ... + c_p (t - t_k)^p is fitted to the last ``window`` samples, at whatever
+    times they were taken, by least squares. At the newest one
+
+        z_i = i! c_i,    i = 0 .. n-1
+
+    are the output and its derivatives, and the estimate is the state that belongs to them, as for ``levant``. It is
+    held until the next sample. With samples of a constant period the weights are those of Savitzky and Golay at the end
+    of the window. Before there are p + 1 samples the estimate is ``initial``; until the window is full it is fitted to
+    those that there are.
+
+    It knows nothing of the plant's equations: a wide window averages the noise and lags behind what is not a polynomial
+    of degree p, and a narrow one does the opposite. White noise of the standard deviation s leaves s |w| in z_i, w
+    being the weights. It is a baseline: an observer that knows the model should be better.
+    """
+
+    reference = "Savitzky, Golay 1964"
+    form = staticmethod(derivative_form)
+
+    window: int = Field(ge=2, le=501, strict=True, description="number of samples, more than the degree")
+    degree: int = Field(default=2, ge=0, le=9, strict=True, description="of the polynomial, n - 1 or more")
+
+    def design(self, form: DerivativeForm) -> dict[str, np.ndarray]:
+        n = form.plant.n
+        if self.degree < n - 1:
+            raise Problem(("degree",), f"{n} states take derivatives up to {n - 1}: expected that degree or more")
+        if self.window <= self.degree:
+            raise Problem(("window",), f"a polynomial of degree {self.degree} takes {self.degree + 1} samples or more")
+        return {}
+
+    def states(self, form: DerivativeForm) -> dict[str, np.ndarray]:
+        return {name: np.zeros(self.window) for name in ("y", "age", "there")}
+
+    def roles(self, form: DerivativeForm) -> Mapping[str, Role]:
+        return {"y": "signal", "age": "gain", "there": "gain"}
+
+    def equations(self, plant: DerivativeCopy, s: Symbols, e: ca.SX, k: Symbols) -> Flow:
+        still = {name: ca.SX.zeros(value.shape) for name, value in vars(s).items() if name in ("xhat", "y", "there")}
+        return Flow(still | {"age": s.there}, correction=ca.SX.zeros(1))
+
+    def correct(self, plant: DerivativeCopy, s: Symbols, arrival: Arrival, k: Symbols) -> Mapping[str, ca.SX]:
+        y, age, there = (
+            ca.vertcat(new, past[:-1]) for new, past in ((arrival.y, s.y), (0, s.age), (arrival.fresh, s.there))
+        )
+        span = ca.fmax(ca.mmax(there * age), _TINY)
+        c = _fit([there * (-age / span) ** j for j in range(self.degree + 1)], there * y)
+        z = ca.vertcat(*[factorial(i) * c[i] / span**i for i in range(s.xhat.numel())])
+        enough = ca.sum1(there) > self.degree + 0.5
+        return {"xhat": ca.if_else(enough, z, s.xhat), "y": y, "age": age, "there": there}
+
+    @classmethod
+    def example(cls, states: tuple[str, ...]) -> Mapping[str, object]:
+        return {"window": 2 * len(states) + 1, "degree": len(states)}
+
+
+def _fit(columns: list[ca.SX], y: ca.SX) -> list[ca.SX]:
+    """Coefficients of the least squares, by the modified Gram-Schmidt process."""
+    count, R = len(columns), {}
+    columns, projected = list(columns), []
+    for j in range(count):
+        R[j, j] = ca.sqrt(ca.fmax(ca.dot(columns[j], columns[j]), _TINY))
+        unit = columns[j] / R[j, j]
+        projected.append(ca.dot(unit, y))
+        y = y - projected[j] * unit
+        for i in range(j + 1, count):
+            R[j, i] = ca.dot(unit, columns[i])
+            columns[i] = columns[i] - R[j, i] * unit
+    found: list[ca.SX] = [ca.SX(0)] * count
+    for j in reversed(range(count)):
+        found[j] = (projected[j] - sum(R[j, i] * found[i] for i in range(j + 1, count))) / R[j, j]
+    return found

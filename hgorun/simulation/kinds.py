@@ -1,0 +1,61 @@
+"""Actions of one kind, as columns of the engine's action table."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Numbered:
+    """The number of each thing, counted from ``first`` on: an array that takes no memory."""
+
+    first: int
+
+    def __getitem__(self, items: slice) -> np.ndarray:
+        return self.first + np.arange(items.start, items.stop)
+
+
+Column = int | np.ndarray | Numbered
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Kind:
+    """Actions of one kind, in the order of their events.
+
+    Attributes
+    ----------
+    event : ndarray of int, shape (N,)
+        At which each happens, ascending.
+    rank : int
+        Before which others at the same event, from -5 on.
+    columns : tuple
+        Of the action table: one number for all, or an array, shape (N,).
+    """
+
+    event: np.ndarray
+    rank: int
+    columns: tuple[Column, ...]
+
+    @classmethod
+    def of(cls, event: np.ndarray, rank: int, *columns: Column) -> Kind:
+        """In the order of their events."""
+        if np.any(event[1:] < event[:-1]):
+            order = np.argsort(event, kind="stable")
+            every = slice(0, event.size)
+            columns = tuple(c if isinstance(c, int) else np.asarray(c[every])[order] for c in columns)
+            event = event[order]
+        return cls(event, rank, columns)
+
+    def at(self, items: np.ndarray, event: np.ndarray) -> Kind:
+        """Some of them, some several times, at other events."""
+        every = slice(0, self.event.size)
+        columns = [c if isinstance(c, int) else np.asarray(c[every])[items] for c in self.columns]
+        return Kind.of(event, self.rank, *columns)
+
+    def write(self, rows: np.ndarray, items: slice) -> None:
+        """Some of them as rows of the table; missing columns are zero."""
+        rows[:, len(self.columns) :] = 0
+        for i, column in enumerate(self.columns):
+            rows[:, i] = column if isinstance(column, int) else column[items]

@@ -1,0 +1,189 @@
+"""Units for other simulators: FMPy reads them, and gets the numbers of the simulated run from them."""
+
+from __future__ import annotations
+
+import io
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import fmpy
+import numpy as np
+import pytest
+from examples import CONTOIS, Block, experiment, inline
+from exported_c import STRICT, Driven, driven, load_all
+from fmpy.fmi2 import FMU2Slave
+from fmpy.fmi3 import FMU3Slave
+from fmpy.validation import validate_fmu
+from shell import Shell
+
+from hgorun.errors import HgorunError
+from hgorun.export.fmu import Compiler, compilers, fmu
+from hgorun.export.fmu_code import VERSIONS, Version
+from hgorun.export.prepared import Wanted, exported
+from hgorun.simulation.preparation import prepare
+from hgorun.simulation.prepared import PreparedRun
+
+NOISE = [{"type": "gaussian", "std": 0.05}]
+TWO = inline({"a": "b", "b": "-a + c", "c": "d", "d": "-c - a*b"}, ["a", "c"])
+RUNS: dict[str, tuple[Block, Block, Block]] = {
+    "late": (
+        CONTOIS,
+        {"type": "fhgo2", "theta": 2, "r": 1, "initial": {"x1": 1.2, "x2": 12}},
+        {"sampling": {"period": 0.1}, "noise": NOISE, "delay": 0.15},
+    ),
+    "corrected": (
+        TWO,
+        {"type": "ekf", "Q": {"b": 0.1, "d": 0.1}},
+        {"noise": NOISE, "outputs": {"a": {"sampling": {"period": 0.1}}, "c": {"sampling": {"period": 0.17}}}},
+    ),
+}
+GCC = [compiler for compiler in compilers() if len(compiler.command) == 1] or [Compiler(("gcc",), "linux", "x86_64")]
+
+
+class Unit:
+    """A unit that FMPy has loaded."""
+
+    def __init__(self, file: Path, version: Version) -> None:
+        description = fmpy.read_model_description(str(file))
+        self.number = {v.name: v.valueReference for v in description.modelVariables}
+        two = version == "2.0"
+        self.unit: Any = (FMU2Slave if two else FMU3Slave)(
+            guid=description.guid if two else description.instantiationToken,
+            unzipDirectory=fmpy.extract(str(file), str(file.with_suffix(".d"))),
+            modelIdentifier=description.coSimulation.modelIdentifier,
+            instanceName="one",
+        )
+        self.get = self.unit.getReal if two else self.unit.getFloat64
+        self.set = self.unit.setReal if two else self.unit.setFloat64
+        self.unit.instantiate()
+        if two:
+            self.unit.setupExperiment(startTime=5.0)
+        self.unit.enterInitializationMode(**({} if two else {"startTime": 5.0}))
+        self.unit.exitInitializationMode()
+
+    def tell(self, **values: float) -> None:
+        """Inputs by name, with _ for the point."""
+        for name, one in values.items():
+            number = self.number[name.replace("_", ".", 1)]
+            if name.startswith("new"):
+                self.unit.setBoolean([number], [bool(one)])
+            else:
+                self.set([number], [float(one)])
+
+    def follow(self, found: Driven, outputs: list[str]) -> np.ndarray:
+        """The estimates at all events."""
+        xhat = [number for name, number in self.number.items() if name.startswith("xhat")]
+        rows = [self.get(xhat)]
+        for k, samples in enumerate(found.samples[:-1]):
+            now = found.events[k]
+            self.tell(**{f"new_{name}": 0.0 for name in outputs})
+            for i, taken, y, _ in samples:
+                self.tell(**{f"y_{outputs[i]}": y, f"new_{outputs[i]}": 1.0})
+                if f"age.{outputs[i]}" in self.number:
+                    self.tell(**{f"age_{outputs[i]}": now - taken})
+            self.unit.doStep(5.0 + now, found.events[k + 1] - now)
+            rows.append(self.get(xhat))
+        return np.array(rows)
+
+
+def before_samples(run: PreparedRun, found: Driven, folder: Path) -> np.ndarray:
+    """What the exported C thinks at all events before their samples; after them, it thinks what the engine does."""
+    one, rows = load_all(folder, exported(run))["O"], []
+    for t, samples, theirs in zip(found.events, found.samples, found.estimates["O"], strict=True):
+        one.predict(t)
+        rows.append(one.estimate)
+        for i, taken, y, _ in [] if one.observer.corrected else samples:
+            one.update(taken, [y] * len(one.observer.outputs), 1 << i)
+        if one.observer.corrected and samples:
+            values = {i: y for i, _, y, _ in samples}
+            one.update(t, [values.get(i, 0.0) for i in range(2)], sum(1 << i for i in values))
+        np.testing.assert_allclose(one.estimate, theirs, rtol=0, atol=1e-11)
+    return np.array(rows)
+
+
+def run_of(name: str) -> PreparedRun:
+    plant, block, measurement = RUNS[name]
+    return prepare(experiment(plant, {"O": block}, measurement=measurement, step=0.01, end=3.0))
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("name", RUNS)
+def test_numbers(name: str, version: Version, tmp_path: Path) -> None:
+    run = run_of(name)
+    file = tmp_path / "O.fmu"
+    file.write_bytes(fmu(exported(run)[0], version, GCC))
+    assert validate_fmu(str(file)) == []
+    found, unit = driven(run), Unit(file, version)
+    own, expected = unit.follow(found, list(run.plant.model.outputs)), before_samples(run, found, tmp_path)
+    np.testing.assert_allclose(own, expected, rtol=0, atol=1e-12 * np.max(np.abs(expected)))
+    state = unit.unit.getFMUState() if version == "3.0" else unit.unit.getFMUstate()
+    unit.tell(y_a=1.0) if name == "corrected" else unit.tell(y_x1=1.0)
+    before = unit.get([unit.number["time"]])
+    unit.unit.doStep(8.0, 0.5)
+    (unit.unit.setFMUState if version == "3.0" else unit.unit.setFMUstate)(state)
+    assert unit.get([unit.number["time"]]) == before == [8.0]
+    unit.unit.reset()
+    assert unit.get([unit.number[v] for v in unit.number if v.startswith("xhat")]) == pytest.approx(expected[0])
+
+
+def test_continuous_outputs_and_inputs(tmp_path: Path) -> None:
+    """Held over a step: the same as a step that is told the same twice as often."""
+    plant = inline({"a": "b", "b": "-a + u"}, "a", inputs={"u": "0"})
+    run = prepare(experiment(plant, {"O": {"type": "shgo", "theta": 2}}, step=0.01, end=3.0))
+    (observer,) = exported(run, Wanted(inputs_given=True))
+    file = tmp_path / "O.fmu"
+    file.write_bytes(fmu(observer, "3.0", GCC, single=True))
+    unit = Unit(file, "3.0")
+    for k in range(400):
+        unit.tell(y_a=1.0, u_u=1.0)
+        unit.unit.doStep(5 + k / 10, 0.1)
+    assert unit.get([unit.number["xhat.a"], unit.number["xhat.b"]]) == pytest.approx([1.0, 0.0], abs=1e-5)
+
+
+def test_sources_compile_without_warnings(tmp_path: Path) -> None:
+    (observer,) = exported(run_of("late"))
+    strict = [Compiler(("gcc", *STRICT), "linux", "x86_64")]
+    for version in VERSIONS:
+        content = fmu(observer, version, strict)
+        assert fmu(observer, version, []) == fmu(observer, version, [])
+        names = zipfile.ZipFile(io.BytesIO(content)).namelist()
+        folder = "linux64" if version == "2.0" else "x86_64-linux"
+        assert f"binaries/{folder}/hgo_O.so" in names
+        assert {"modelDescription.xml", "sources/O.c", "sources/O.h", "sources/O_fmi.c"} <= set(names)
+
+
+def test_compilers(monkeypatch: pytest.MonkeyPatch) -> None:
+    (observer,) = exported(run_of("late"))
+    with pytest.raises(HgorunError, match="the C compiler fails: false"):
+        fmu(observer, "3.0", [Compiler(("false",), "linux", "x86_64")])
+    with pytest.raises(HgorunError, match="cannot be started"):
+        fmu(observer, "3.0", [Compiler(("/no/such/cc",), "linux", "x86_64")])
+    assert Compiler(("cc",), "linux", "aarch64").place("2.0", "x") is None
+    monkeypatch.setenv("CC", "gcc -O1")
+    assert [compiler.command for compiler in compilers()] == [("gcc", "-O1")]
+    monkeypatch.setenv("CC", "no-such-compiler")
+    assert compilers() == []
+    monkeypatch.delenv("CC")
+    monkeypatch.setattr("hgorun.export.fmu.find_spec", lambda name: name)
+    assert [c.command[-1] for c in compilers()][:2] == ["x86_64-linux-gnu", "x86_64-windows-gnu"]
+
+
+def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    plant, block, measurement = RUNS["late"]
+    (tmp_path / "tank.yaml").write_text(experiment(plant, {"O": block}, measurement=measurement, step=0.01).text)
+    shell = Shell(tmp_path, monkeypatch, capsys)
+    monkeypatch.setenv("CC", "gcc")
+    code, out, err = shell("export", "tank.yaml", "--fmu", "--fmi", "2.0")
+    assert (code, err) == (0, "")
+    assert out.endswith("written: results/tank/O.fmu\n")
+    monkeypatch.setenv("CC", "no-such-compiler")
+    code, _, err = shell("export", "tank.yaml", "--fmu", "-q")
+    assert code == 0
+    assert "units have their sources only" in err
+    for arguments, message in (
+        (["--fmi", "1.0"], "expected one of 2.0, 3.0"),
+        (["--lang", "latex"], "leave out --lang"),
+    ):
+        code, _, err = shell("export", "tank.yaml", "--fmu", *arguments)
+        assert (code, message in err) == (2, True)

@@ -1,0 +1,71 @@
+"""The Savitzky-Golay differentiator, against scipy's weights and numpy's least squares."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from examples import Block, chain, experiment, simulated
+from scipy.signal import savgol_coeffs
+
+import hgorun
+from hgorun.errors import ConfigError
+from hgorun.observers.savgol import SavitzkyGolayFilter
+from hgorun.testing import check_observer
+
+PLANT = chain(2, "-x1 - 0.5*x1**3", [1, 0])
+NOISE: Block = {"noise": [{"type": "gaussian", "std": 0.1}]}
+
+
+def test_contract() -> None:
+    check_observer(SavitzkyGolayFilter)
+
+
+def test_weights_are_those_of_scipy() -> None:
+    block = {"type": "savgol", "window": 11, "degree": 3, "initial": {"x1": 7}}
+    result = simulated(PLANT, {"D": block}, end=5, output_step=0.1, step=0.05,
+                       measurement={"sampling": {"period": 0.1}, **NOISE})  # fmt: skip
+    xhat, y = result.observers["D"].xhat, result.measurements.y[:, 0]
+    for deriv in (0, 1):
+        weights = savgol_coeffs(11, 3, deriv=deriv, delta=0.1, pos=10, use="dot")
+        expected = [weights @ y[k - 10 : k + 1] for k in range(10, 51)]
+        np.testing.assert_allclose(xhat[10:, deriv], expected, rtol=0, atol=1e-9)
+    assert np.all(xhat[:3] == [7, 0])
+
+
+def test_samples_at_any_times_and_a_window_that_fills() -> None:
+    times = [0.1, 0.15, 0.4, 0.55, 0.9, 1.0, 1.35, 1.4, 1.7, 1.95]
+    block = {"type": "savgol", "window": 6, "degree": 2}
+    result = simulated(PLANT, {"D": block}, end=2, output_step=0.05, step=0.01,
+                       measurement={"sampling": {"times": times}, **NOISE})  # fmt: skip
+    y = result.measurements.y[:, 0]
+    for k, t in enumerate(times):
+        row = result.observers["D"].xhat[round(t / 0.05)]
+        past = slice(max(k - 5, 0), k + 1)
+        if k < 2:
+            assert np.all(row == 0)
+        else:
+            c = np.polynomial.polynomial.polyfit(np.array(times[past]) - t, y[past], 2)
+            np.testing.assert_allclose(row, c[:2], rtol=0, atol=1e-9)
+
+
+def test_late_samples_are_put_where_they_belong() -> None:
+    """All samples of a polynomial are in the window at the end: it is found whatever the order of arrival."""
+    plant = chain(2, "0.6", [1, -2])
+    block = {"type": "savgol", "window": 8}
+    result = simulated(plant, {"D": block}, end=2, output_step=0.1, step=0.05,
+                       measurement={"sampling": {"period": 0.1}, "delay": "0.2 + 0.15*sin(30*t)"})  # fmt: skip
+    taken = np.nanmax(result.measurements.taken)
+    np.testing.assert_allclose(result.observers["D"].xhat[-1, 1], -2 + 0.6 * taken, rtol=0, atol=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("block", "measurement", "message"),
+    [
+        ({"window": 5, "degree": 0}, {"sampling": {"period": 0.1}}, "2 states take derivatives up to 1"),
+        ({"window": 3, "degree": 3}, {"sampling": {"period": 0.1}}, "takes 4 samples or more"),
+        ({"window": 5}, {}, "needs sampled outputs"),
+    ],
+)
+def test_what_does_not_fit_is_refused(block: Block, measurement: Block, message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        hgorun.simulate(experiment(PLANT, {"D": {"type": "savgol"} | block}, measurement=measurement))

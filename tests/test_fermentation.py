@@ -1,0 +1,44 @@
+"""The example of a real fermentation gives what docs/fermentation.md says of it."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from shell import Shell
+
+from hgorun.result.reading import read
+
+ROOT = Path(__file__).parents[1]
+FOLDER = ROOT / "demos" / "fermentation"
+PAGE = (ROOT / "docs" / "fermentation.md").read_text(encoding="utf-8")
+
+
+def test_ethanol_from_glucose(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (command,) = re.findall(r"^    hgorun estimate (.*)$", PAGE, re.MULTILINE)
+    arguments = command.replace("demos/fermentation", str(FOLDER)).split()
+    shell = Shell(tmp_path, monkeypatch, capsys)
+    code, out, _ = shell("estimate", *arguments, "--no-sensitivity", "--no-plots", "-o", "f.h5")
+    assert code == 0
+    assert "holdout_rmse E" in out
+    found = read(tmp_path / "f.h5")
+    assert found.status == "ok"
+    table = [float(cell) for cell in re.findall(r"^\| hold-out error.*\|$", PAGE, re.MULTILINE)[0].split("|")[2:-1]]
+    errors = {}
+    for label, one in found.observers.items():
+        assert one.assessed is not None
+        errors[label] = one.assessed.scores["holdout_rmse"]["E"]
+        k = found.states.index("E")
+        aside = found.recorded.held_out["E"] if found.recorded else None
+        assert aside is not None
+        inside = [np.interp(aside.taken, found.time, band[:, k]) for band in (one.assessed.lower, one.assessed.upper)]
+        assert np.mean((inside[0] <= aside.y) & (aside.y <= inside[1])) > 0.85
+        assert one.assessed.no_band == {"v": "nothing measures this state", "X": "nothing measures this state"} or (
+            label == "KB" and not one.assessed.no_band
+        )
+    assert errors["KR"] == pytest.approx(table[3], abs=0.01)  # theta = 8
+    assert errors["KB"] == pytest.approx(1.17, abs=0.01)
