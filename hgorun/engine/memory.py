@@ -10,6 +10,7 @@ from hgorun.engine.allowance import SMALL
 from hgorun.engine.history import piece_words
 from hgorun.engine.layout import ACTION_WORDS, CONTEXT, WORD, HybridSystem
 from hgorun.engine.plan import Floats, Integers, Plan, Segments
+from hgorun.memo import Memo, same
 from hgorun.native.compiler import address_of
 
 ADAPTIVE_HISTORY = 1 << 16  # pieces kept where the number of steps is not known before
@@ -110,6 +111,9 @@ def history_bytes(system: HybridSystem, pieces: int) -> int:
     return 8 * pieces * piece_words(system.outputs * system.width, 1)
 
 
+_ENDLESS: Memo[Floats] = Memo(8, lambda grid: grid.size < 1_000_000)  # grids with an end that is never reached
+
+
 class Memory:
     """The arrays of one run and the context that points to them."""
 
@@ -136,7 +140,7 @@ class Memory:
             "z": np.ascontiguousarray(start.z, dtype=float).copy(),
             "w": np.zeros(s.held.size * lanes),
             "channels": np.zeros(max(channels, 1) * lanes),
-            "grid": np.append(plan.grid, np.inf),
+            "grid": _ENDLESS.get(same(plan.grid), lambda: np.append(plan.grid, np.inf)),
             "rows": np.empty(self.shape),  # every row is written, by the native code or at the end
             "slots": np.zeros(max(plan.slots, 1) * s.width * lanes),
             "gain": _spread(plan.gain, lanes),

@@ -63,20 +63,31 @@ def measure_together(
     dict of str to ndarray, shape (m, n)
         {metric: values}.
     """
+    return measure_and_tell(time, x, estimated, settings, metrics)[0]
+
+
+def measure_and_tell(
+    time: np.ndarray,
+    x: np.ndarray,
+    estimated: Estimated,
+    settings: MetricSettings,
+    metrics: Sequence[Metric] | None = None,
+) -> tuple[dict[str, np.ndarray], bool]:
+    """What :func:`measure_together` gives, and whether all errors were seen to be finite."""
     wanted = tuple(all_metrics().values()) if metrics is None else metrics
     compiled = _compiled(time, x, estimated, settings)
     if compiled is not None and all(metric in compiled for metric in wanted):
-        return {metric.name: compiled[metric] for metric in wanted}
+        return {metric.name: compiled[metric] for metric in wanted}, True
     xhat = estimated.stack()
     sound = _finite(xhat)
     if sound and all(sound):
-        return by_records(time, np.ascontiguousarray(x), np.ascontiguousarray(xhat), settings, wanted)
+        return by_records(time, np.ascontiguousarray(x), np.ascontiguousarray(xhat), settings, wanted), True
     found = {m.name: np.full(xhat.shape[1:], np.inf) for m in wanted}
     if any(sound):
         rest = by_records(time, np.ascontiguousarray(x), np.ascontiguousarray(xhat[:, sound]), settings, wanted)
         for name, values in rest.items():
             found[name][sound] = values
-    return found
+    return found, False
 
 
 _FEW, _MANY = 4, 1 << 18  # passes for which loading machine code does not pay, and numbers for which it always does

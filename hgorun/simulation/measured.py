@@ -10,7 +10,7 @@ import numpy as np
 
 from hgorun.engine.memory import Raw
 from hgorun.result.estimated import Estimated
-from hgorun.result.measure import measure_together
+from hgorun.result.measure import measure_and_tell
 from hgorun.result.status import OK, Verdict
 from hgorun.result.windows import MetricSettings, points_in
 from hgorun.simulation.loss import of_estimate
@@ -67,20 +67,23 @@ def measured(run: PreparedRun, raw: Raw, known: Mapping[str, Verdict]) -> Measur
     estimates = run.structure.estimates_along(run.grid, run.numbers.p, rows)
     settings = MetricSettings.of(run.experiment.blocks.metrics, run.experiment.blocks.time)
     since, x = settings.since(run.origin), rows[points, :n]
+    metrics, finite = measure_and_tell(run.grid[points], x, estimates.at(points), since)
+    sound = (finite and every_metric == 1) or estimates.finite()
     return Measured(
         rows=kept,
         x=kept[:, :n],
         estimates=estimates.at(shown),
-        verdicts=_verdicts(run, raw, estimates, known),
-        metrics=measure_together(run.grid[points], x, estimates.at(points), since),
+        verdicts=_verdicts(run, raw, estimates, known, sound=sound),
+        metrics=metrics,
         settings=settings,
         steady=x[points_in(run.grid[points], since.steady)],
     )
 
 
-def _verdicts(run: PreparedRun, raw: Raw, estimates: Estimated, known: Mapping[str, Verdict]) -> tuple[Verdict, ...]:
-    """What is said of every observer, with times since the run's origin."""
-    sound = estimates.finite()
+def _verdicts(
+    run: PreparedRun, raw: Raw, estimates: Estimated, known: Mapping[str, Verdict], *, sound: bool
+) -> tuple[Verdict, ...]:
+    """What is said of every observer, with times since the run's origin; ``sound``: all estimates are finite."""
     return tuple(
         known[b.label] if b.label in known else OK if sound else of_estimate(run, raw, j, estimates.of(j))
         for j, b in enumerate(run.observers)

@@ -147,6 +147,7 @@ def test_two_outputs_are_two_observers(name: str) -> None:
     np.testing.assert_allclose(together, apart, rtol=0, atol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [*RELATIVES, "low_power"])
 @pytest.mark.parametrize("scenario", SCENARIOS)
 def test_a_plant_in_other_coordinates_is_observed_through_the_jacobian(name: str, scenario: str) -> None:

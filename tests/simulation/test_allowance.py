@@ -57,6 +57,7 @@ def test_a_wave_that_comes_to_states_at_zero(method: str, tmp_path: Path) -> Non
     np.testing.assert_allclose(found, exact, rtol=1e-6, atol=1e-10)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("measurement", [{}, {"sampling": {"period": 0.13}}, {"delay": 0.1}], ids=str)
 @pytest.mark.parametrize("method", METHODS)
 def test_a_filter_that_holds_nothing_but_rounding(method: str, measurement: dict[str, Any], tmp_path: Path) -> None:

@@ -50,6 +50,7 @@ def field(t: float, x: Vector) -> Vector:
     return np.array([x[1], (1 - x[0] ** 2) * x[1] - x[0] + 0.3 * np.sin(2 * t)])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["dopri5", "rodas5p"])
 @pytest.mark.parametrize("name", MEASUREMENTS)
 def test_samples(name: str, method: str, tmp_path: Path) -> None:

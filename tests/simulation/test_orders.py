@@ -110,6 +110,7 @@ RK4_SCENARIOS: dict[str, dict[str, Any]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", RK4_SCENARIOS)
 def test_rk4_is_of_order_four(name: str, tmp_path: Path) -> None:
     found = orders(tmp_path, halved(0.025), RK4_SCENARIOS[name])

@@ -44,6 +44,7 @@ def robertson(t: float, x: Any) -> list[float]:
     return [-0.04 * a + 1e4 * b * c, 0.04 * a - 1e4 * b * c - 3e7 * b**2, 3e7 * b**2]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("end", [40, 4e4])
 def test_robertsons_reaction(end: float, tmp_path: Path) -> None:
     """Sampled, with an observer that is singular where b is zero: it is masked, the plant is right."""

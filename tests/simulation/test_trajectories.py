@@ -375,6 +375,7 @@ def check(folder: Path, model: Model, scenario: Scenario) -> None:
     assert difference_to_plain(result, model, scenario.options) < CLOSE
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_every_measurement(name: str, tmp_path: Path) -> None:
     check(tmp_path, VAN_DER_POL, SCENARIOS[name])
@@ -710,6 +711,7 @@ def test_phases_begin_in_silence(tmp_path: Path) -> None:
         assert_near(result, exact, label, 1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("solver", [PRECISE, {"step": 0.005}], ids=["dopri5", "rk4"])
 def test_delay_that_grows_from_zero(solver: dict[str, Any], tmp_path: Path) -> None:
     """d = 0.2 t looks into the step being made. The reference: passes, each told the past by the last."""
