@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json as json_text
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -28,7 +28,7 @@ from hgorun.study.split import split
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class _Log:
+class Log:
     """The block ``data``, and how it is read."""
 
     block: Data
@@ -66,7 +66,7 @@ def estimate(options: Estimate) -> int:
         return follow(source, name, options)
     if options.every is not None or options.checkpoint is not None:
         raise ConfigError("--every and --checkpoint are for streams: hgorun estimate CONFIG -")
-    log = _log(source, options)
+    log = log_of(source, options.config, options.data)
     with source.located():
         recording, aside = _held_out(log, log.read(), options)
     result = estimated(source, recording, name=name, text=text, held_out=aside, sensitivity=options.sensitivity)
@@ -103,25 +103,31 @@ def _one_run(source: Source, options: Estimate) -> tuple[Source, str]:
     return runs[options.run][0], options.run
 
 
-def _log(source: Source, options: Estimate) -> _Log:
+def log_of(source: Source, config: Path, files: Sequence[Path]) -> Log:
+    """How the data of a configuration are read; ``files`` in place of those that it names.
+
+    Raises
+    ------
+    ConfigError
+    """
     data: dict[str, Any] = source.data if isinstance(source.data, dict) else {}
     if "data" not in data:
         message = "the key data is missing: it says which columns of which files are the measurements"
-        raise ConfigError(message, file=str(options.config))
+        raise ConfigError(message, file=str(config))
     block = validate(Data, data["data"], source, ("data",))
     time = data.get("time")
     unit = time.get("unit") if isinstance(time, dict) else None
     default = str(Time.model_fields["unit"].default)
-    return _Log(
+    return Log(
         block,
-        options.config.parent,
+        config.parent,
         unit if isinstance(unit, str) else default,
         plant_units(source),
-        tuple(options.data),
+        tuple(files),
     )
 
 
-def _held_out(log: _Log, recording: Recording, options: Estimate) -> tuple[Recording, dict[str, Signal]]:
+def _held_out(log: Log, recording: Recording, options: Estimate) -> tuple[Recording, dict[str, Signal]]:
     chosen, aside = [], {}
     for text in options.holdout:
         output, what = parse_holdout(text)
