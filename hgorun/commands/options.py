@@ -94,7 +94,8 @@ class Estimate(Configured):
 class Sweep(Printing):
     """Run the members of a sweep file, and collect them in results/NAME.sweep.h5.
 
-    Run again, it continues with the members that are missing. From a configuration it takes the runs with seeds or vary.
+    Run again, it continues with the members that are missing. Of a configuration it takes
+    the runs with seeds or vary.
     """
 
     file: Annotated[
