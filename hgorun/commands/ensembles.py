@@ -16,7 +16,7 @@ from hgorun.ensemble.collected import Collected, levels
 from hgorun.ensemble.growing import read_sweep
 from hgorun.ensemble.outcome import outcome_of
 from hgorun.ensemble.reading import is_sweep
-from hgorun.ensemble.refused import told_where
+from hgorun.ensemble.refused import refusal_of, told_where
 from hgorun.ensemble.sweep import Place
 from hgorun.errors import ConfigError, SimulationError
 from hgorun.process import say
@@ -77,6 +77,10 @@ def simulate_ensemble(run: Run, target: Path, options: Simulate) -> tuple[dict[s
     with progress(ensemble.size, run.name, "members", show=options.text) as bar:
         carried_out(ensemble, place, lambda count: bar.update(count.done, failed=count.failed))
     outcome = outcome_of(place.file)
+    if outcome.nothing and outcome.first is not None:
+        refusal = refusal_of(ensemble, outcome.first[0])
+        if isinstance(refusal, ConfigError):  # wrong input, such as a mistyped path of vary
+            raise refusal
     for words in outcome.troubles(partial(told_where, ensemble)):
         say(f"hgorun: {run.name}: {words}")
     if outcome.nothing:

@@ -54,16 +54,24 @@ def _refused(experiment: Experiment) -> HgorunError | None:
     return None
 
 
-def told_where(ensemble: Ensemble, number: int, error: str) -> str:
-    """The recorded error of a member with its place in the file, where the base of the ensemble knows it.
-
-    What is recorded has none, so that it does not depend on who has carried the member out.
-    """
+def refusal_of(ensemble: Ensemble, number: int) -> HgorunError | None:
+    """Why a member cannot be prepared; None where it can."""
     base = ensemble.base
     changes = ensemble.members(number, number + 1).of_observers(base).changes(0)
     try:
         prepare(base.varied(changes))
     except HgorunError as found:
-        return str(found)
-    file, line = base.source.where(("plant",))
+        return found
+    return None
+
+
+def told_where(ensemble: Ensemble, number: int, error: str) -> str:
+    """The recorded error of a member with its place in the file, where the base of the ensemble knows it.
+
+    What is recorded has none, so that it does not depend on who has carried the member out.
+    """
+    refusal = refusal_of(ensemble, number)
+    if refusal is not None:
+        return str(refusal)
+    file, line = ensemble.base.source.where(("plant",))
     return f"{file}:{line}: {error}" if file is not None and error.startswith("plant: ") else error

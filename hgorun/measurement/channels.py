@@ -91,6 +91,11 @@ class Channel:
         noise = [one.of_many(count, seeds, given) for one, given in zip(self.noise, own, strict=True)]
         return replace(self, noise=noise)
 
+    @cached_property
+    def _heard(self) -> np.ndarray:
+        """When samples arrive that are used, with one before all time."""
+        return np.concatenate([[-np.inf], self.samples.arrival[self.samples.used]])
+
     @property
     def _many(self) -> tuple[int, ...]:
         """The leading axes of noise that is drawn for several runs at once."""
@@ -111,8 +116,7 @@ class Channel:
         for i in range(1, len(starts)):
             if not continuous[i] and not continuous[i - 1]:
                 starts[i] = starts[i - 1]
-        arrivals = np.concatenate([[-np.inf], self.samples.arrival[self.samples.used]])
-        newest = arrivals[np.searchsorted(arrivals, times, side="right") - 1]
+        newest = self._heard[np.searchsorted(self._heard, times, side="right") - 1]
         heard = newest >= np.array(starts)[stretch]
         kind = np.where(continuous[stretch], late[stretch], np.where(heard, HELD, SILENT))
         return np.column_stack([kind, np.where(continuous[stretch], stretch, 0)])

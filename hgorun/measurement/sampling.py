@@ -121,6 +121,9 @@ def _arrivals(
             raise Problem((*path, "period"), f"{count:.3g} samples take {_memory(count, limit)}")
         k = np.arange(max(int(count), 0))
         times = stretch.start + sampling.offset + k * sampling.period
+        if not sampling.jitter and not sampling.dropout:  # then there is nothing to draw
+            inside = _belong(times, stretch, last)
+            return (times, k) if inside.all() else (times[inside], k[inside])
         shifts = jitter.uniform(-1.0, 1.0, k.size) * sampling.jitter
         kept = dropout.uniform(0.0, 1.0, k.size) >= sampling.dropout
         kept &= _belong(times, stretch, last)  # jitter moves no sample of the next stretch back into this one

@@ -165,5 +165,9 @@ def _clipped(times: np.ndarray, time: Time, tolerance: float) -> np.ndarray:
 
 def nearest_event(events: np.ndarray, times: np.ndarray) -> np.ndarray:
     """Index of the event nearest to each time."""
+    if times.size and events.size:  # where times are events one after the other, as those of samples, nothing is sought
+        first = int(np.searchsorted(events, times[0]))
+        if np.array_equal(events[first : first + times.size], times):
+            return np.arange(first, first + times.size)
     right = np.clip(np.searchsorted(events, times), 1, events.size - 1)
     return np.where(times - events[right - 1] <= events[right] - times, right - 1, right)

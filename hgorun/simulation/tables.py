@@ -10,7 +10,7 @@ import numpy as np
 
 from hgorun.engine.layout import HybridSystem
 from hgorun.engine.plan import Following, Plan, Segments
-from hgorun.measurement.channels import Channel
+from hgorun.measurement.channels import Channel, joined
 from hgorun.measurement.late import HeardOtherwise
 from hgorun.measurement.schedule import Schedule
 from hgorun.memo import Memo, same
@@ -100,8 +100,8 @@ def build_plan(
         actions=tables.segments.actions,
         grid=grid,
         slots=tables.slots,
-        gain=np.concatenate([np.zeros(0), *(gain for gain, _ in measured)]),
-        bias=np.concatenate([np.zeros(0), *(bias for _, bias in measured)]),
+        gain=joined([gain for gain, _ in measured]),
+        bias=joined([bias for _, bias in measured]),
         holds=np.concatenate([np.zeros(0), *changes, tables.values, *recorded]),
         reach=reach,
         origin=origin,

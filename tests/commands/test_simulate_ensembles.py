@@ -89,3 +89,12 @@ def test_trajectories_of_another_horizon_each_are_not_kept(shell: Shell) -> None
     (shell.folder / "s.yaml").write_text(FILE.replace("observers.SHGO.theta: 1/eps", "time.end: 1/eps"))
     assert ensemble_of(load_study("s.yaml").runs["gains"]).keep.trajectories == "none"
     assert shell("simulate", "s.yaml", "-q") == (0, "", "")
+
+
+def test_a_mistyped_path_of_vary_is_wrong_input(shell: Shell) -> None:
+    code, _, err = shell("simulate", "s.yaml", "--run", "one")
+    assert code == 0, err
+    Path("wrong.yaml").write_text(FILE.replace("set: {observers.SHGO.theta:", "set: {observers.SHGO.thta:"))
+    code, _, err = shell("simulate", "wrong.yaml")
+    assert code == 2
+    assert "observers.SHGO.thta: unknown key 'thta'. Did you mean `theta`?" in err

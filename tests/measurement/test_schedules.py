@@ -25,7 +25,7 @@ from hgorun.measurement.availability import resolve
 from hgorun.measurement.blocks import Measurement
 from hgorun.measurement.channels import Channel, find_channels
 from hgorun.measurement.events import Irregular
-from hgorun.measurement.schedule import Schedule, build_schedule
+from hgorun.measurement.schedule import Schedule, build_schedule, nearest_event
 
 GRID = 20  # times are decimals, multiples of 1/GRID: what coincides on paper does not in binary
 LEVELS = 4
@@ -295,3 +295,11 @@ def test_what_comes_back_onto_an_event_is_not_followed_again(delay: float, monke
     found = build_schedule(channels, time, np.zeros(0), 0.01)
     assert followed == [201, 0, 0, 0]
     np.testing.assert_allclose(found.events, 0.1 * np.arange(201), atol=1e-12)
+
+
+@pytest.mark.parametrize("times", [[0.0, 0.5, 1.0], [0.5, 1.0, 1.5], [1.5, 2.0], [0.4, 1.6], [0.5, 1.5], [2.0], []])
+def test_the_nearest_event(times: list[float]) -> None:
+    """Whether the times are events one after the other, or not."""
+    events = np.array([0.0, 0.5, 1.0, 1.5, 2.0])
+    expected = [int(np.argmin(np.abs(events - t))) for t in times]
+    assert nearest_event(events, np.array(times)).tolist() == expected

@@ -10,7 +10,7 @@ import pytest
 from examples import VAN_DER_POL, Block, experiment
 
 from hgorun.engine.plan import Plan, Segments
-from hgorun.simulation import tables
+from hgorun.simulation import actions, tables
 from hgorun.simulation.passes import as_given, carry_out, plan_of
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import prepare
@@ -79,3 +79,21 @@ def test_a_long_run_tells_its_progress(monkeypatch: pytest.MonkeyPatch) -> None:
     assert told == sorted(told)
     assert 0 < told[0] < 0.5
     assert told[-1] == pytest.approx(1.0, abs=0.05)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_what_happens_together_is_as_if_it_were_sorted(case: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Samples that arrive when they are taken, and whatever else: one table."""
+    run = prepared(**CASES[case])
+    kinds = actions.Actions(run.schedule.events, run.channels, run.structure.system, None)
+    ranges = [(0, run.schedule.events.size), (1, 9), (3, 3), (run.schedule.events.size - 2, run.schedule.events.size)]
+    found = [kinds.at(*one) for one in ranges]
+    monkeypatch.setattr(actions, "_alike", lambda found: False)
+    for one, (rows, places) in zip(ranges, found, strict=True):
+        expected = kinds.at(*one)
+        np.testing.assert_array_equal(rows, expected[0])
+        np.testing.assert_array_equal(places, expected[1])
+    if case == "sampled":
+        monkeypatch.undo()
+        monkeypatch.setattr(np, "argsort", None)  # there is nothing to sort
+        kinds.at(2, 12)
