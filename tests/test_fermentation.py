@@ -19,7 +19,7 @@ PAGE = (ROOT / "docs" / "fermentation.md").read_text(encoding="utf-8")
 def test_ethanol_from_glucose(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    (command,) = re.findall(r"^    hgorun estimate (.*)$", PAGE, re.MULTILINE)
+    command = re.findall(r"^    hgorun estimate (.*)$", PAGE, re.MULTILINE)[0]
     arguments = command.replace("demos/fermentation", str(FOLDER)).split()
     shell = Shell(tmp_path, monkeypatch, capsys)
     code, out, _ = shell("estimate", *arguments, "--no-sensitivity", "--no-plots", "-o", "f.h5")
@@ -42,3 +42,23 @@ def test_ethanol_from_glucose(
         )
     assert errors["KR"] == pytest.approx(table[3], abs=0.01)  # theta = 8
     assert errors["KB"] == pytest.approx(1.17, abs=0.01)
+
+
+def test_ethanol_between_laboratory_samples(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shell = Shell(tmp_path, monkeypatch, capsys)
+    file = str(FOLDER / "with_laboratory.yaml")
+    code, _, err = shell("estimate", file, "--no-sensitivity", "--no-plots", "-o", "f.h5")
+    assert (code, "9 samples left out: the value is outside of [-5, 46]" in err) == (0, True)
+    found = read(tmp_path / "f.h5")
+    lab = np.genfromtxt(FOLDER / "laboratory.csv", delimiter=",", names=True)
+    k = found.states.index("E")
+    for label, error, inside in re.findall(r"^\| `(EKF\w*)` \| ([\d.]+) \| (\d+) of 23 \|$", PAGE, re.MULTILINE):
+        one = found.observers[label]
+        assert one.assessed is not None
+        assert one.assessed.scores["reference_rmse"]["E"] == pytest.approx(float(error), abs=0.006)
+        lower, upper = (
+            np.interp(lab["taken_h"], found.time, b[:, k]) for b in (one.assessed.lower, one.assessed.upper)
+        )
+        assert np.sum((lower <= lab["ethanol"]) & (lab["ethanol"] <= upper)) == int(inside)

@@ -28,7 +28,7 @@ from hgorun.study.split import split
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class _Log:
+class Log:
     """The block ``data``, and how it is read."""
 
     block: Data
@@ -59,14 +59,14 @@ def estimate(options: Estimate) -> int:
     refuse_other_kinds(options.output, RESULT_SUFFIXES)
     require_file(options.config)
     text, source = read_source(options.config, options.overrides, seed=options.seed)
-    source, name = _one_run(source, options)
+    source, name = one_run(source, options.config, options.run)
     if Path("-") in options.data:
         from hgorun.commands.stream import follow
 
         return follow(source, name, options)
     if options.every is not None or options.checkpoint is not None:
         raise ConfigError("--every and --checkpoint are for streams: hgorun estimate CONFIG -")
-    log = _log(source, options)
+    log = log_of(source, options.config, tuple(options.data))
     with source.located():
         recording, aside = _held_out(log, log.read(), options)
     result = estimated(source, recording, name=name, text=text, held_out=aside, sensitivity=options.sensitivity)
@@ -87,41 +87,42 @@ def estimate(options: Estimate) -> int:
     return NOT_OK if options.strict and result.status != "ok" else 0
 
 
-def _one_run(source: Source, options: Estimate) -> tuple[Source, str]:
-    """The run that is meant, and what it is called."""
-    name = options.config.stem
+def one_run(source: Source, config: Path, run: str | None) -> tuple[Source, str]:
+    """The run of a file that is meant, and what it is called."""
+    name = config.stem
     if not isinstance(source.data, dict) or "runs" not in source.data:
-        if options.run is not None:
-            message = f"the file has no runs, so none is called {options.run!r}"
-            raise ConfigError(message, file=str(options.config))
+        if run is not None:
+            message = f"the file has no runs, so none is called {run!r}"
+            raise ConfigError(message, file=str(config))
         return source, name
     runs = split(source)
-    if options.run not in runs:
+    if run not in runs:
         file, line = source.where(("runs",))
         known = ", ".join(runs)
         raise ConfigError(f"name one of the runs {known} with --run", file=file, line=line, key="runs")
-    return runs[options.run][0], options.run
+    return runs[run][0], run
 
 
-def _log(source: Source, options: Estimate) -> _Log:
+def log_of(source: Source, config: Path, files: tuple[Path, ...] = ()) -> Log:
+    """The block ``data`` of a configuration; ``files`` stand in for those that it names."""
     data: dict[str, Any] = source.data if isinstance(source.data, dict) else {}
     if "data" not in data:
         message = "the key data is missing: it says which columns of which files are the measurements"
-        raise ConfigError(message, file=str(options.config))
+        raise ConfigError(message, file=str(config))
     block = validate(Data, data["data"], source, ("data",))
     time = data.get("time")
     unit = time.get("unit") if isinstance(time, dict) else None
     default = str(Time.model_fields["unit"].default)
-    return _Log(
+    return Log(
         block,
-        options.config.parent,
+        config.parent,
         unit if isinstance(unit, str) else default,
         plant_units(source),
-        tuple(options.data),
+        files,
     )
 
 
-def _held_out(log: _Log, recording: Recording, options: Estimate) -> tuple[Recording, dict[str, Signal]]:
+def _held_out(log: Log, recording: Recording, options: Estimate) -> tuple[Recording, dict[str, Signal]]:
     chosen, aside = [], {}
     for text in options.holdout:
         output, what = parse_holdout(text)

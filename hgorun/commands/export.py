@@ -8,14 +8,15 @@ from pathlib import Path
 from hgorun.commands.options import Export
 from hgorun.commands.outputs import RESULTS, refuse_other_kinds
 from hgorun.commands.run import require_file
+from hgorun.config.reading import read_source
 from hgorun.errors import ConfigError
 from hgorun.export.c_code import Real
 from hgorun.export.c_files import c_files
 from hgorun.export.c_header import bytes_of, costs
 from hgorun.export.c_source import Source
-from hgorun.export.fmu_code import VERSIONS, Version
+from hgorun.export.fmu_templates import VERSIONS, Version
 from hgorun.export.observer import Exported
-from hgorun.export.prepared import Wanted, exported
+from hgorun.export.prepared import Wanted, exported, exported_estimate
 from hgorun.files import remove_leftovers, written_whole
 from hgorun.process import say
 from hgorun.simulation.simulate import prepare
@@ -32,7 +33,6 @@ def export(options: Export) -> int:
     if options.output is not None and options.output.is_file():
         raise ConfigError(f"--output: {options.output} is a file; name a folder")
     require_file(options.config)
-    experiment = load(options.config, options.overrides, seed=options.seed, run=options.run)
     in_c = options.lang == "c"
     _version(options)
     if options.fmu and not in_c:
@@ -41,17 +41,17 @@ def export(options: Export) -> int:
         raise ConfigError("--float, --late and --inputs-given are for --lang c; equations have symbols for the inputs")
     labels = tuple(options.observers)
     wanted = Wanted(labels=labels, late=options.late, inputs_given=options.inputs_given, steps=in_c)
-    observers = exported(prepare(experiment), wanted)
+    name, observers = _observers(options, wanted)
     contents = {observer.label: _contents(observer, options) for observer in observers}
     folder = options.output or RESULTS / options.config.stem
     remove_leftovers(folder)
     for files in contents.values():
-        for name, content in files.items():
-            with written_whole(folder / name) as part:
+        for file, content in files.items():
+            with written_whole(folder / file) as part:
                 part.write_bytes(content)
     if options.json:
         told = {o.label: _told(o, [folder / name for name in contents[o.label]], options) for o in observers}
-        print(json.dumps({"name": experiment.name, "observers": told}, indent=2))
+        print(json.dumps({"name": name, "observers": told}, indent=2))
     elif options.text:
         for observer in observers:
             print(f"{observer.label} ({observer.design.observer.type})")
@@ -59,6 +59,26 @@ def export(options: Export) -> int:
                 print(f"  {name}: at most {cost}")
             print("  written: " + ", ".join(str(folder / name) for name in contents[observer.label]))
     return 0
+
+
+def _observers(options: Export, wanted: Wanted) -> tuple[str, list[Exported]]:
+    """The observers of a simulated run, or of recorded data where the configuration has the key ``data``."""
+    _, source = read_source(options.config, options.overrides, seed=options.seed)
+    if not isinstance(source.data, dict) or "data" not in source.data:
+        experiment = load(options.config, options.overrides, seed=options.seed, run=options.run)
+        return experiment.name, exported(prepare(experiment), wanted)
+    from hgorun.commands.estimate import log_of, one_run
+    from hgorun.estimate.completed import completed
+    from hgorun.estimate.prepared import prepare_estimate
+
+    source, name = one_run(source, options.config, options.run)
+    log = log_of(source, options.config)
+    with source.located():
+        recording = log.read()
+    prepared = prepare_estimate(completed(source, recording, name, ""), recording)
+    if prepared.gated:
+        say(f"hgorun: {name}: gates are not exported: the exported observers take every sample that they are told")
+    return name, exported_estimate(prepared, wanted)
 
 
 def _contents(observer: Exported, options: Export) -> dict[str, bytes]:

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 from hgorun.export.c_code import Real
 from hgorun.export.c_functions import Functions
-from hgorun.export.observer import Exported, Output
+from hgorun.export.equations import Output
+from hgorun.export.observer import Exported
 
 
 @dataclass(frozen=True, eq=False, repr=False)

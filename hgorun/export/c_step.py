@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from hgorun.engine.methods import Row
 from hgorun.export.c_code import Real
 from hgorun.export.c_functions import Functions
-from hgorun.export.observer import Exported, Output
+from hgorun.export.equations import Output
+from hgorun.export.observer import Exported
 
 _UNROLLED = 16  # states
 

@@ -21,7 +21,8 @@ from hgorun.errors import HgorunError
 from hgorun.export.c_code import Real
 from hgorun.export.c_files import c_files
 from hgorun.export.c_source import Source
-from hgorun.export.fmu_code import Version, wrapper
+from hgorun.export.fmu_code import wrapper
+from hgorun.export.fmu_templates import Version
 from hgorun.export.fmu_variables import variables_of
 from hgorun.export.fmu_xml import build_description, description, model_identifier
 from hgorun.export.observer import Exported

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from xml.etree import ElementTree as Xml
 
-from hgorun.export.fmu_code import Version
+from hgorun.export.fmu_templates import Version
 from hgorun.export.fmu_variables import Variable
 from hgorun.export.observer import Exported
 from hgorun.version import __version__

@@ -9,7 +9,8 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from hgorun.export.observer import Exported, Symbolic, symbolic
+from hgorun.export.equations import Symbolic, symbolic
+from hgorun.export.observer import Exported
 from hgorun.export.typeset import Formula, Written, broken, dotted, number, written
 from hgorun.symbolic.states import StateBlock
 from hgorun.tables.typeset import latex_words, symbol
@@ -42,7 +43,7 @@ class Document:
     def equations(self) -> Symbolic:
         """Of the observer, whose inputs are symbols."""
         o = self.observer
-        return symbolic(o.design, o.plant, o.outputs, o.origin, inputs_given=True)
+        return symbolic(o.design, o.plant, o.outputs, o.origin, told=tuple(range(len(o.plant.model.inputs))))
 
     @cached_property
     def states(self) -> list[str]:

@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
 from hgorun.engine.memory import history_pieces
 from hgorun.engine.methods import METHODS, Method
+from hgorun.engine.plan import Plan
 from hgorun.errors import ConfigError, Problem
+from hgorun.estimate.prepared import PreparedEstimate
+from hgorun.export.equations import Equations, Output, equations_of, outputs_of
 from hgorun.export.names import identifier
-from hgorun.export.observer import Equations, Exported, Output, equations_of, outputs_of
+from hgorun.export.observer import Exported
 from hgorun.observers.base import ContinuousObserver, CorrectedObserver, treatment_of
 from hgorun.simulation.checks import longest_step
 from hgorun.simulation.passes import Pass, as_given, plan_of
 from hgorun.simulation.prepared import PreparedRun
+from hgorun.simulation.truth import Recording
 
 _OUTPUTS = 32
 _ADVICE = "give a fixed one, as in solver: {method: rk4, step: 0.01}"
@@ -43,8 +47,26 @@ class Wanted:
     steps: bool = True
 
 
+@dataclass(frozen=True, eq=False, repr=False)
+class _Steps:
+    """How a run is integrated.
+
+    Attributes
+    ----------
+    method : str
+    step : float
+        The longest step.
+    plan : callable
+        The tables of the run with these steps.
+    """
+
+    method: str
+    step: float
+    plan: Callable[[], Plan]
+
+
 def exported(run: PreparedRun, wanted: Wanted | None = None) -> list[Exported]:
-    """The observers of a run, ready to be written.
+    """The observers of a simulated run, ready to be written.
 
     Raises
     ------
@@ -52,11 +74,32 @@ def exported(run: PreparedRun, wanted: Wanted | None = None) -> list[Exported]:
         When one of them cannot be exported; the message says why.
     """
     wanted = Wanted() if wanted is None else wanted
+    model = run.plant.model
+    told = tuple(range(len(model.inputs))) if wanted.inputs_given else ()
+    return _all(run, wanted, told, lambda: _steps(run))
+
+
+def exported_estimate(prepared: PreparedEstimate, wanted: Wanted | None = None) -> list[Exported]:
+    """The observers of recorded data, ready to be written; inputs that are recorded are told to them.
+
+    Raises
+    ------
+    ConfigError
+        When one of them cannot be exported; the message says why.
+    """
+    run, wanted = prepared.run, Wanted() if wanted is None else wanted
+    truth = run.structure.groups[0].truth
+    assert isinstance(truth, Recording)
+    told = tuple(range(len(run.plant.model.inputs))) if wanted.inputs_given else truth.recorded
+    return _all(run, wanted, told, lambda: _steps_of_data(prepared))
+
+
+def _all(run: PreparedRun, wanted: Wanted, told: tuple[int, ...], find: Callable[[], _Steps]) -> list[Exported]:
     labels = _labels(run, wanted.labels)
     with run.experiment.located():
         flows = any(isinstance(run.experiment.observers[label], ContinuousObserver) for label in labels)
-        how = _how(run) if flows and wanted.steps else None
-        return [_exported(run, label, how, wanted) for label in labels]
+        steps = find() if flows and wanted.steps else None
+        return [_exported(run, label, steps, wanted, told) for label in labels]
 
 
 def _labels(run: PreparedRun, chosen: Iterable[str]) -> list[str]:
@@ -79,7 +122,7 @@ def _labels(run: PreparedRun, chosen: Iterable[str]) -> list[str]:
     return labels
 
 
-def _how(run: PreparedRun) -> Pass:
+def _steps(run: PreparedRun) -> _Steps:
     """The method and the fixed step of a run: those of the configuration, or those that error control has found.
 
     Raises
@@ -88,27 +131,42 @@ def _how(run: PreparedRun) -> Pass:
         Where steps are not fixed, or the method solves equations in each of them.
     """
     solver = run.solver
-    if solver.method == "rodas5p":
+    _check_method(solver.method)
+    if solver.adaptive:
+        raise Problem(("solver", "rtol"), f"the number of steps between two samples has no bound with rtol; {_ADVICE}")
+    how = as_given(run)
+    if solver.controlled:
+        from hgorun.simulation.control import controlled
+
+        found = controlled(run).integration
+        if found.step is None or found.method is None:
+            raise Problem(("solver", "step"), f"no fixed step is accurate enough for this run; {_ADVICE}")
+        how = Pass(method=found.method, step=found.step)  # type: ignore[arg-type]  # one of the methods
+    return _Steps(how.method, longest_step(run, how.step), lambda: plan_of(run, how)[0])
+
+
+def _steps_of_data(prepared: PreparedEstimate) -> _Steps:
+    """Those of an estimate of recorded data."""
+    solver, grid = prepared.run.solver, np.array([0.0, prepared.run.span])
+    _check_method(solver.method)
+    step = prepared.run.step
+    if solver.controlled:
+        from hgorun.estimate.carrying import carry_out
+
+        step = carry_out(prepared, grid).step
+    return _Steps(prepared.method, step, lambda: prepared.plan(grid, step))
+
+
+def _check_method(method: str) -> None:
+    if method == "rodas5p":
         raise Problem(
             ("solver", "method"),
             "rodas5p solves linear equations in every step; exported observers take explicit steps: choose euler, rk4 "
             "or dopri5",
         )
-    if solver.adaptive:
-        raise Problem(("solver", "rtol"), f"the number of steps between two samples has no bound with rtol; {_ADVICE}")
-    if not solver.controlled:
-        return as_given(run)
-    from hgorun.simulation.control import controlled
-
-    found = controlled(run).integration
-    if found.step is None or found.method is None:
-        raise Problem(
-            ("solver", "step"), f"no fixed step was accurate enough for this run, so there is none; {_ADVICE}"
-        )
-    return Pass(method=found.method, step=found.step)  # type: ignore[arg-type]  # one of the methods
 
 
-def _exported(run: PreparedRun, label: str, how: Pass | None, wanted: Wanted) -> Exported:
+def _exported(run: PreparedRun, label: str, steps: _Steps | None, wanted: Wanted, told: tuple[int, ...]) -> Exported:
     experiment, plant = run.experiment, run.plant
     design = experiment.designs[label]
     path = "observers", label
@@ -125,11 +183,12 @@ def _exported(run: PreparedRun, label: str, how: Pass | None, wanted: Wanted) ->
         outputs = outputs_of(experiment.stretches, plant, [late > 0 for late in lateness])
     except ValueError as error:
         raise Problem(path, str(error)) from error
-    found = equations_of(design, plant, outputs, run.origin, inputs_given=wanted.inputs_given)
-    method, step, pieces = _method(how, flows), 1.0, 0
-    if how is not None and flows:
-        step = longest_step(run, how.step)
-        pieces = _pieces(run, how, outputs, max(lateness), step)
+    found = equations_of(design, plant, outputs, run.origin, told=told)
+    method, step, pieces = METHODS["rk4"], 1.0, 0
+    if steps is not None and flows:
+        method, step = METHODS[steps.method], steps.step
+        pieces = _pieces(run, steps, outputs, max(lateness))
+    assert isinstance(method, Method)
     return Exported(
         run=experiment.name,
         label=label,
@@ -137,7 +196,7 @@ def _exported(run: PreparedRun, label: str, how: Pass | None, wanted: Wanted) ->
         block=found.block,
         plant=plant,
         outputs=outputs,
-        inputs_given=wanted.inputs_given and bool(plant.model.inputs),
+        told=told,
         start=_start(run, label, found),
         method=method,
         step=step,
@@ -150,12 +209,6 @@ def _exported(run: PreparedRun, label: str, how: Pass | None, wanted: Wanted) ->
         jump=found.jump,
         held=found.held,
     )
-
-
-def _method(how: Pass | None, flows: bool) -> Method:
-    method = METHODS["rk4" if how is None or not flows else how.method]
-    assert isinstance(method, Method)
-    return method
 
 
 def _start(run: PreparedRun, label: str, found: Equations) -> np.ndarray:
@@ -172,18 +225,17 @@ def _lateness(run: PreparedRun, output: int) -> float:
     return late if late > 1e-12 * run.span else 0.0
 
 
-def _pieces(run: PreparedRun, how: Pass, outputs: tuple[Output, ...], lateness: float, step: float) -> int:
+def _pieces(run: PreparedRun, steps: _Steps, outputs: tuple[Output, ...], lateness: float) -> int:
     """Steps of history that reach back far enough."""
     if not any(output.remembered for output in outputs):
         return 0
     for output in outputs:
-        if output.delay is not None and run.smallest_delay < step * (1 - 1e-9):
+        if output.delay is not None and run.smallest_delay < steps.step * (1 - 1e-9):
             raise Problem(
                 ("solver", "step"),
-                f"the delay of {output.name} falls below the step {step:g}: it would look into the step that is being "
-                "made; shorter steps can be exported",
+                f"the delay of {output.name} falls below the step {steps.step:g}: it would look into the step that is "
+                "being made; shorter steps can be exported",
             )
-    plan, _ = plan_of(run, how)
-    plan = plan.whole()
-    steps = plan.counts[:, 2] - plan.counts[:, 1]
-    return history_pieces(plan.spans[:, :2], steps, max(run.reach, lateness))
+    plan = steps.plan().whole()
+    counts = plan.counts[:, 2] - plan.counts[:, 1]
+    return history_pieces(plan.spans[:, :2], counts, max(run.reach, lateness))

@@ -19,7 +19,7 @@ from shell import Shell
 
 from hgorun.errors import HgorunError
 from hgorun.export.fmu import Compiler, compilers, fmu
-from hgorun.export.fmu_code import VERSIONS, Version
+from hgorun.export.fmu_templates import VERSIONS, Version
 from hgorun.export.prepared import Wanted, exported
 from hgorun.simulation.preparation import prepare
 from hgorun.simulation.prepared import PreparedRun

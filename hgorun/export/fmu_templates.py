@@ -1,0 +1,387 @@
+"""The functions of FMI 2.0 and 3.0 around an observer, in C.
+
+Names between @ are filled in; ~ stands for the prefix of the observer's functions.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+Version = Literal["2.0", "3.0"]
+VERSIONS: tuple[Version, ...] = ("2.0", "3.0")
+
+TOP = """\
+/* The functions of FMI around an observer; the observer itself allocates nothing. */
+#include "@HEADER@"
+
+#include <stdbool.h>
+#include <stdlib.h>
+#include <string.h>
+
+#ifdef _WIN32
+#define EXPORT __declspec(dllexport)
+#else
+#define EXPORT
+#endif
+
+static const char token[] = "@TOKEN@";
+
+"""
+
+CORE = """\
+typedef struct {
+    ~observer observer;
+    double start;
+    double y[@Q@];
+    double age[@Q@];
+    double u[@M@];
+    int fresh[@Q@];
+} instance;
+
+static void begin(instance *m)
+{
+    (void)memset(m, 0, sizeof(*m));
+    ~init(&m->observer);
+@FRESH@
+}
+
+static instance *made(const char *given)
+{
+    instance *m = NULL;
+
+    if ((given != NULL) && (strcmp(given, token) == 0)) {
+        m = (instance *)malloc(sizeof(instance));
+        if (m != NULL) {
+            begin(m);
+        }
+    }
+    return m;
+}
+
+/* tell the observer what it is told at the start of a step, and go on to its end; 0, or 3 for an error */
+static int step(instance *m, double end)
+{
+    ~observer *s = &m->observer;
+    uint32_t status = ~~OK;
+@TELL@
+    if (status == ~~OK) {
+        const double to = end - m->start;
+
+        status = ~predict(s, (to > s->t) ? to : s->t);
+    }
+    return (status == ~~OK) ? 0 : 3;
+}
+
+static int get_real(const instance *m, const uint32_t vr[], size_t n, double values[])
+{
+    int status = 0;
+    size_t k;
+    REAL xhat[~~STATES];
+
+    ~estimate(&m->observer, xhat);
+    for (k = 0U; k < n; ++k) {
+        switch (vr[k]) {
+@GET@
+        default:
+            status = 3;
+            break;
+        }
+    }
+    return status;
+}
+
+static int set_real(instance *m, const uint32_t vr[], size_t n, const double values[])
+{
+    int status = 0;
+    size_t k;
+
+    for (k = 0U; k < n; ++k) {
+        switch (vr[k]) {
+@SET@
+        default:
+            status = 3;
+            break;
+        }
+    }
+    return status;
+}
+
+static int copied(const instance *m, void **state)
+{
+    if (*state == NULL) {
+        *state = malloc(sizeof(instance));
+    }
+    if (*state != NULL) {
+        (void)memcpy(*state, m, sizeof(instance));
+    }
+    return (*state != NULL) ? 0 : 3;
+}
+
+"""
+
+_COMMON = """\
+EXPORT const char *FMIGetVersion(void)
+{
+    return "VERSION";
+}
+
+EXPORT int FMISetDebugLogging(void *c, BOOL on, size_t n, const char *const categories[])
+{
+    (void)c;
+    (void)on;
+    (void)n;
+    (void)categories;
+    return 0;
+}
+
+EXPORT void FMIFreeInstance(void *c)
+{
+    free(c);
+}
+
+EXPORT int FMIExitInitializationMode(void *c)
+{
+    (void)c;
+    return 0;
+}
+
+EXPORT int FMITerminate(void *c)
+{
+    (void)c;
+    return 0;
+}
+
+EXPORT int FMIReset(void *c)
+{
+    begin((instance *)c);
+    return 0;
+}
+
+EXPORT int FMIGetBoolean(void *c, const uint32_t vr[], size_t n, BOOL values[]COUNT)
+{
+    const instance *m = (const instance *)c;
+    int status = 0;
+    size_t k;
+
+    (void)m;
+    (void)values;USED
+    for (k = 0U; k < n; ++k) {
+        switch (vr[k]) {
+@GETB@
+        default:
+            status = 3;
+            break;
+        }
+    }
+    return status;
+}
+
+EXPORT int FMISetBoolean(void *c, const uint32_t vr[], size_t n, const BOOL values[]COUNT)
+{
+    instance *m = (instance *)c;
+    int status = 0;
+    size_t k;
+
+    (void)m;
+    (void)values;USED
+    for (k = 0U; k < n; ++k) {
+        switch (vr[k]) {
+@SETB@
+        default:
+            status = 3;
+            break;
+        }
+    }
+    return status;
+}
+
+EXPORT int FMIGetFMUSTATE(void *c, void **state)
+{
+    return copied((const instance *)c, state);
+}
+
+EXPORT int FMISetFMUSTATE(void *c, void *state)
+{
+    (void)memcpy(c, state, sizeof(instance));
+    return 0;
+}
+
+EXPORT int FMIFreeFMUSTATE(void *c, void **state)
+{
+    (void)c;
+    free(*state);
+    *state = NULL;
+    return 0;
+}
+
+EXPORT int FMISerializedFMUSTATESize(void *c, void *state, size_t *size)
+{
+    (void)c;
+    (void)state;
+    *size = sizeof(instance);
+    return 0;
+}
+
+EXPORT int FMISerializeFMUSTATE(void *c, void *state, BYTE bytes[], size_t size)
+{
+    (void)c;
+    if (size == sizeof(instance)) {
+        (void)memcpy(bytes, state, size);
+    }
+    return (size == sizeof(instance)) ? 0 : 3;
+}
+
+EXPORT int FMIDESERIALIZEFMUSTATE(void *c, const BYTE bytes[], size_t size, void **state)
+{
+    int status = 3;
+
+    (void)c;
+    if (size == sizeof(instance)) {
+        status = 0;
+        if (*state == NULL) {
+            *state = malloc(size);
+        }
+        if (*state == NULL) {
+            status = 3;
+        } else {
+            (void)memcpy(*state, bytes, size);
+        }
+    }
+    return status;
+}
+
+"""
+
+
+def _common(version: Version) -> str:
+    """The functions that both versions have, with their names and types in one of them."""
+    two = version == "2.0"
+    words = {
+        "FMIDESERIALIZE": "fmi2DeSerialize" if two else "fmi3Deserialize",
+        "FMUSTATE": "FMUstate" if two else "FMUState",
+        "FMI": "fmi2" if two else "fmi3",
+        "VERSION": version,
+        "BOOL": "int" if two else "bool",
+        "BYTE": "char" if two else "uint8_t",
+        "COUNT": "" if two else ", size_t count",
+        "USED": "" if two else "\n    (void)count;",
+    }
+    text = _COMMON
+    for word, replacement in words.items():
+        text = text.replace(word, replacement)
+    return text
+
+
+FMI2 = (
+    _common("2.0")
+    + """\
+EXPORT const char *fmi2GetTypesPlatform(void)
+{
+    return "default";
+}
+
+EXPORT void *fmi2Instantiate(const char *name, int type, const char *guid, const char *location,
+    const void *functions, int visible, int logging)
+{
+    (void)name;
+    (void)location;
+    (void)functions;
+    (void)visible;
+    (void)logging;
+    return (type == 1) ? made(guid) : NULL;
+}
+
+EXPORT int fmi2SetupExperiment(void *c, int tolerant, double tolerance, double start, int limited, double stop)
+{
+    (void)tolerant;
+    (void)tolerance;
+    (void)limited;
+    (void)stop;
+    ((instance *)c)->start = start;
+    return 0;
+}
+
+EXPORT int fmi2EnterInitializationMode(void *c)
+{
+    (void)c;
+    return 0;
+}
+
+EXPORT int fmi2GetReal(void *c, const unsigned int vr[], size_t n, double values[])
+{
+    return get_real((const instance *)c, vr, n, values);
+}
+
+EXPORT int fmi2SetReal(void *c, const unsigned int vr[], size_t n, const double values[])
+{
+    return set_real((instance *)c, vr, n, values);
+}
+
+EXPORT int fmi2DoStep(void *c, double now, double size, int forward)
+{
+    (void)forward;
+    return step((instance *)c, now + size);
+}
+
+@STUBS@
+"""
+)
+
+FMI3 = (
+    _common("3.0")
+    + """\
+EXPORT void *fmi3InstantiateCoSimulation(const char *name, const char *given, const char *path, bool visible,
+    bool logging, bool events, bool early, const uint32_t intermediate[], size_t n, void *environment, void *log,
+    void *update)
+{
+    (void)name;
+    (void)path;
+    (void)visible;
+    (void)logging;
+    (void)events;
+    (void)early;
+    (void)intermediate;
+    (void)n;
+    (void)environment;
+    (void)log;
+    (void)update;
+    return made(given);
+}
+
+EXPORT int fmi3EnterInitializationMode(void *c, bool tolerant, double tolerance, double start, bool limited,
+    double stop)
+{
+    (void)tolerant;
+    (void)tolerance;
+    (void)limited;
+    (void)stop;
+    ((instance *)c)->start = start;
+    return 0;
+}
+
+EXPORT int fmi3GetFloat64(void *c, const uint32_t vr[], size_t n, double values[], size_t count)
+{
+    (void)count;
+    return get_real((const instance *)c, vr, n, values);
+}
+
+EXPORT int fmi3SetFloat64(void *c, const uint32_t vr[], size_t n, const double values[], size_t count)
+{
+    (void)count;
+    return set_real((instance *)c, vr, n, values);
+}
+
+EXPORT int fmi3DoStep(void *c, double now, double size, bool forward, bool *event, bool *terminate, bool *early,
+    double *last)
+{
+    (void)forward;
+    *event = false;
+    *terminate = false;
+    *early = false;
+    *last = now + size;
+    return step((instance *)c, now + size);
+}
+
+@STUBS@
+"""
+)
