@@ -46,18 +46,24 @@ class Bulk:
             and dialect.width == len(dialect.names)
         )
 
-    def rows(self, block: Block, start: int) -> tuple[int, list[np.ndarray]]:
-        """Rows from a byte of a block on, up to the first that is not plain.
+    def rows(self, block: Block, start: int, columns: Sequence[np.ndarray]) -> tuple[int, int]:
+        """Read rows from a byte of a block on, up to the first that is not plain.
+
+        Parameters
+        ----------
+        block : Block
+        start : int
+        columns : sequence of ndarray, each with a place for every line from there on
+            Written to: the columns wanted.
 
         Returns
         -------
         int
-            The byte at which that one begins, or the end.
-        list of ndarray, shape (n,)
-            The columns wanted.
+            How many rows there were.
+        int
+            The byte behind them.
         """
         dialect, text = self._dialect, np.frombuffer(block.text, dtype=np.uint8)
-        columns = [np.empty(block.lines) for _ in self._wanted]
         plan = np.zeros(dialect.width, dtype=np.int64)
         for place, column in zip(self._places, columns, strict=True):
             plan[place] = column.ctypes.data
@@ -65,18 +71,17 @@ class Bulk:
         taken = (ctypes.c_int64 * len(_WORDS))(
             text.ctypes.data, text.size, dialect.width, *map(ord, signs), plan.ctypes.data, powers().ctypes.data, start
         )
-        count = _code().run(ctypes.addressof(taken))
-        return taken[-1], [_cells(cells, column[:count]) for cells, column in zip(self._wanted, columns, strict=True)]
+        count = int(_code().run(ctypes.addressof(taken)))
+        for cells, column in zip(self._wanted, columns, strict=True):
+            if isinstance(cells, Flags):
+                column[:count] = np.isin(column[:count], cells.good)
+        return count, taken[-1]
 
 
 def _is_number(cells: Cells) -> bool:
     return isinstance(cells, Numbers) or (
         isinstance(cells, Flags) and not any(isinstance(good, str) for good in cells.good)
     )
-
-
-def _cells(cells: Cells, column: np.ndarray) -> np.ndarray:
-    return np.isin(column, cells.good).astype(float) if isinstance(cells, Flags) else column
 
 
 class _Code:

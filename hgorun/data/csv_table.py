@@ -85,10 +85,9 @@ class _Reading:
         for block in parts:
             start, line = 0, block.line
             while start < len(block.text):
-                end, values = self._bulk.rows(block, start)
-                count = values[0].size
-                self._columns.add(np.arange(line, line + count, dtype=np.int32), values)
-                start, line, lines = end, line + count, 1 if count > lines else min(4 * lines, _MANY)
+                count, start = self._bulk.rows(block, start, self._columns.room(block.line + block.lines - line, line))
+                self._columns.fill(np.arange(line, line + count, dtype=np.int32))
+                line, lines = line + count, 1 if count > lines else min(4 * lines, _MANY)
                 if start == len(block.text):
                     break
                 end = _behind(block.text, start, lines)

@@ -170,7 +170,8 @@ def slips(values: np.ndarray) -> list[tuple[int, str]]:
         small, large = np.minimum(before, after), np.maximum(before, after)
         factors.append(np.flatnonzero((large > 45 * small) & (small > 0)) + some.start + 1)
         shifts.append(np.flatnonzero(np.abs(moved - _KELVIN) < 5) + some.start + 1)
-    found = [(int(k), _said(factor)) for k, factor in _confirmed(values, np.concatenate(factors), width)]
+    near = _steadily(values, np.concatenate(factors), _LEAST)  # of noise around zero few are left
+    found = [(int(k), _said(factor)) for k, factor in _confirmed(values, _steadily(values, near, width), width)]
     return sorted(found + [(int(k), "273.15") for k in _shifted(values, np.concatenate(shifts), width)])
 
 
@@ -186,11 +187,17 @@ def _beside(values: np.ndarray, places: np.ndarray, width: int) -> tuple[np.ndar
     return places, before, after
 
 
-def _confirmed(values: np.ndarray, places: np.ndarray, width: int) -> list[tuple[int, float]]:
-    """Those on whose sides the values agree among each other, and differ by a factor between units."""
+def _steadily(values: np.ndarray, places: np.ndarray, width: int) -> np.ndarray:
+    """Places on whose sides the values agree among each other."""
     places, before, after = _beside(values, places, width)
-    kept = _steady(before) & _steady(after)
-    places, ratio = places[kept], np.median(after[kept], axis=1) / np.median(before[kept], axis=1)
+    steady: np.ndarray = places[_steady(before) & _steady(after)]
+    return steady
+
+
+def _confirmed(values: np.ndarray, places: np.ndarray, width: int) -> list[tuple[int, float]]:
+    """Those on whose sides the values differ by a factor between units."""
+    places, before, after = _beside(values, places, width)
+    ratio = np.median(after, axis=1) / np.median(before, axis=1)
     factors = np.concatenate([_FACTORS, 1 / _FACTORS])
     # a unit's factor is exact; what the quantity itself has changed meanwhile is little
     off = np.abs(np.log(np.abs(ratio)[:, None] / factors))

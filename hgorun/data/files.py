@@ -25,7 +25,7 @@ _NOT_READ = {
 }
 
 
-def open_table(path: Path, told: Csv, key: KeyPath) -> TableFile:
+def open_table(path: Path, told: Csv, key: KeyPath | None) -> TableFile:
     """A file whose columns are known and not yet read.
 
     Raises
@@ -33,10 +33,13 @@ def open_table(path: Path, told: Csv, key: KeyPath) -> TableFile:
     Problem
         At the key that names it, when there is no such file.
     ConfigError
-        When it is no file of measurements.
+        When it is no file of measurements, or there is none and no key names it.
     """
     if not os.path.isfile(path):
-        raise Problem(key, f"{path}: {'not a regular file' if os.path.exists(path) else 'no such file'}")
+        what = "not a regular file" if os.path.exists(path) else "no such file"
+        if key is None:
+            raise ConfigError(what, file=str(path))
+        raise Problem(key, f"{path}: {what}")
     try:
         with path.open("rb") as stream:
             begin = stream.read(8)

@@ -70,6 +70,28 @@ class Columns:
         self._lines = np.empty(rows, dtype=np.int32)
         self._values = [np.empty(rows, dtype=cells.dtype) for cells in wanted]
 
+    def room(self, rows: int, line: int) -> list[np.ndarray]:
+        """Places for the next rows, a part of every column, to be written to.
+
+        Raises
+        ------
+        ConfigError
+            At a line, when they take more memory than allowed.
+        """
+        end = self._filled + rows
+        if end * self._row > self._budget:
+            message = f"the values take more than {self._budget / 2**30:.3g} GiB, the limit of data.max_memory"
+            raise ConfigError(message, file=str(self._path), line=line)
+        if end > self._lines.size:
+            self._resize(max(end, self._lines.size * 5 // 4))
+        return [column[self._filled : end] for column in self._values]
+
+    def fill(self, lines: np.ndarray) -> None:
+        """The next rows, which have been written, stand on these lines."""
+        end = self._filled + len(lines)
+        self._lines[self._filled : end] = lines
+        self._filled = end
+
     def add(self, lines: np.ndarray, values: Sequence[np.ndarray]) -> None:
         """The next rows.
 
@@ -78,16 +100,9 @@ class Columns:
         ConfigError
             When they take more memory than allowed.
         """
-        end = self._filled + lines.size
-        if end * self._row > self._budget:
-            message = f"the values take more than {self._budget / 2**30:.3g} GiB, the limit of data.max_memory"
-            raise ConfigError(message, file=str(self._path), line=int(lines[0]))
-        if end > self._lines.size:
-            self._resize(max(end, self._lines.size * 5 // 4))
-        self._lines[self._filled : end] = lines
-        for column, part in zip(self._values, values, strict=True):
-            column[self._filled : end] = part
-        self._filled = end
+        for column, part in zip(self.room(lines.size, int(lines[0])), values, strict=True):
+            column[:] = part
+        self.fill(lines)
 
     def _resize(self, rows: int) -> None:
         # in place: a copy of all would double the memory for a moment

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 
@@ -177,11 +176,3 @@ def _recorded(prepared: PreparedEstimate, found: Evaluated) -> Recorded:
 
 def _unseen(compared: Mapping[str, Compared], origin: float) -> dict[str, Unseen]:
     return {name: Unseen(origin + one.taken, one.values) for name, one in compared.items()}
-
-
-def with_scores(result: Result, label: str, more: Mapping[str, Mapping[str, float]]) -> Result:
-    """The result with more scores of an observer."""
-    one = result.observers[label]
-    assert one.assessed is not None
-    assessed = replace(one.assessed, scores={**one.assessed.scores, **more})
-    return replace(result, observers={**result.observers, label: replace(one, assessed=assessed)})

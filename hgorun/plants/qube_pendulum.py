@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
+
 import casadi as ca
 
 from hgorun.plants.base import Expressions, Input, Parameter, Plant, plant
@@ -18,10 +21,10 @@ class QubePendulum(Plant):
           = [ tau - D_r theta' - m_p L_p^2/4 sin(2 alpha) theta' alpha' - m_p L_p L_r/2 sin(alpha) alpha'^2 ]
             [ -D_p alpha' + m_p L_p^2/8 sin(2 alpha) theta'^2 + m_p g L_p/2 sin alpha                       ]
 
-    alpha = 0 upright, +-pi hanging; J_r = m_r L_r^2/12, J_p = m_p L_p^2/12 (rods), tau = -k_m (V - k_m
-    theta')/R_m. The defaults are identified on one machine; its D_p is negative. In the sign convention of
-    their authors the electromotive force k_m theta' drives the arm instead of braking it; k_m^2/R_m = 7e-6
-    N m s/rad is 1.4 % of D_r, which hides it.
+    alpha = 0 upright, +-pi hanging, known up to whole turns; J_r = m_r L_r^2/12, J_p = m_p L_p^2/12 (rods),
+    tau = -k_m (V - k_m theta')/R_m. The defaults are identified on one machine; its D_p is negative. In the sign
+    convention of their authors the electromotive force k_m theta' drives the arm instead of braking it;
+    k_m^2/R_m = 7e-6 N m s/rad is 1.4 % of D_r, which hides it.
     """
 
     reference = "Quanser Qube-Servo 2; parameters: Centre Automatique et Systemes, Mines ParisTech, 2022"
@@ -47,6 +50,10 @@ class QubePendulum(Plant):
     @property
     def output_names(self) -> tuple[str, ...]:
         return ("theta", "alpha")
+
+    @property
+    def periods(self) -> Mapping[str, float]:
+        return {"alpha": 2 * math.pi}
 
     def equations(self, t: ca.SX, x: Symbols, u: Symbols, p: Symbols) -> tuple[Expressions, Expressions]:
         sin, cos, sin2 = ca.sin(x.alpha), ca.cos(x.alpha), ca.sin(2 * x.alpha)

@@ -50,7 +50,9 @@ HARD = [
 def bulk_of(text: str, wanted: list[Cells] | None = None) -> tuple[int, list[np.ndarray]]:
     block = Block(text.encode(), 1)
     dialect = dialect_of(block, Path("log.csv"), Csv())
-    return Bulk(dialect, wanted or list(WANTED)).rows(block, text.index("\n") + 1)
+    columns = [np.empty(block.lines) for _ in wanted or WANTED]
+    count, end = Bulk(dialect, wanted or list(WANTED)).rows(block, text.index("\n") + 1, columns)
+    return end, [column[:count] for column in columns]
 
 
 def read_of(cells: list[str]) -> np.ndarray:

@@ -10,7 +10,9 @@ from typing import TypeAlias
 
 import numpy as np
 import pytest
+import yaml
 from logs import LOG, noisy
+from shell import Shell
 
 from hgorun.config.data import Data
 from hgorun.data.reading import read
@@ -240,3 +242,25 @@ def test_corrupted_files_are_refused_with_their_line_or_read_right(tmp_path: Pat
             assert outcome.line == made.line or not made.line, (seed, outcome)
         else:  # the names of the columns are gone
             assert not made.line, (seed, outcome)
+
+
+def test_the_command_ends_with_two_and_writes_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    plant = {"states": ["S"], "dynamics": {"S": "-S"}, "output": {"S": "S"}}
+    observers = {"SHGO": {"type": "shgo", "theta": 1, "poles": -1}}
+    (tmp_path / "c.yaml").write_text(yaml.safe_dump({"plant": plant, "data": LOG, "observers": observers}))
+    shell = Shell(tmp_path, monkeypatch, capsys)
+    refused = 0
+    for seed in range(60):
+        made = case(seed)
+        if not isinstance(attempt(tmp_path, made), Signal):
+            code, out, err = shell("estimate", "c.yaml", "log.csv", "-o", "found.h5")
+            assert (code, out) == (2, ""), seed
+            assert err.startswith(("hgorun: log.csv", "hgorun: c.yaml:")), seed
+            assert err.count("\n") == 1, seed
+            refused += 1
+    assert refused > 40
+    code, _, err = shell("estimate", "c.yaml", "nowhere.csv")
+    assert (code, err) == (2, "hgorun: nowhere.csv: no such file\n")
+    assert {path.name for path in tmp_path.iterdir()} == {"c.yaml", "log.csv"}

@@ -1,0 +1,168 @@
+"""Which columns of which files are wanted, and the tables that are read of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from hgorun.config.data import Clock, Column, Csv, Data, Measured
+from hgorun.config.expressions import nearest
+from hgorun.data.cells import Cells, Flags, Numbers
+from hgorun.data.clocks import ClockColumn, clock_column
+from hgorun.data.files import open_table
+from hgorun.data.table import Table, TableFile
+from hgorun.errors import KeyPath, Problem
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Part:
+    """Where a signal stands in one file."""
+
+    file: LogFile
+    value: Numbers
+    time: ClockColumn
+    available: ClockColumn | None
+    quality: Flags | None
+
+    @property
+    def cells(self) -> Iterator[Cells]:
+        yield self.value
+        yield self.time.cells
+        if self.available is not None:
+            yield self.available.cells
+        if self.quality is not None:
+            yield self.quality
+
+
+@dataclass(eq=False, repr=False)
+class LogFile:
+    """An open file, and which of its columns are wanted."""
+
+    path: Path
+    table: TableFile
+    wanted: dict[Cells, None] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Wanted:
+    """A signal whose time stamps are still what they are in the files."""
+
+    name: str
+    path: KeyPath
+    block: Column
+    parts: tuple[Part, ...]
+
+    @property
+    def key(self) -> str:
+        return ".".join(map(str, self.path[1:]))
+
+
+class Sources:
+    """The files of a block, opened as signals ask for their columns, and read once.
+
+    Parameters
+    ----------
+    block : Data
+    folder : Path
+        That names in the block are relative to.
+    files : sequence of Path
+        In place of those that the block names for all signals.
+    """
+
+    def __init__(self, block: Data, folder: Path, files: Sequence[Path]) -> None:
+        self._block, self._folder = block, folder
+        self._key: KeyPath | None = None if files else ("data", "file")  # that names the files of all signals
+        self._given = list(files) or [folder / name for name in block.file]
+        self._files: dict[tuple[Path, Csv], LogFile] = {}
+
+    def wanted(self, name: str, column: Column, path: KeyPath) -> Wanted:
+        """Where a signal stands.
+
+        Raises
+        ------
+        Problem
+            When a key names what is not there.
+        ConfigError
+            When a file is none of measurements.
+        """
+        clock, clock_path = column.time, (*path, "time")
+        if clock is None:
+            clock, clock_path = self._block.time, ("data", "time")
+        if clock is None:
+            raise Problem(("data",), "time is missing: the column with the time stamps")
+        files = self._having(column, path)
+        parts = tuple(self._part(file, column, clock, path, clock_path) for file in files)
+        return Wanted(name, path, column, parts)
+
+    def _having(self, column: Column, path: KeyPath) -> list[LogFile]:
+        """The files in which a column stands: its own, or those of all signals that have it."""
+        csv = column.csv or self._block.csv
+        if column.file is not None:
+            file = self._open(self._folder / column.file, csv, (*path, "file"))
+            self._known(file, column.column, (*path, "column"))
+            return [file]
+        if not self._given:
+            raise Problem(("data",), "no file is given: name one as file, or behind the configuration")
+        files = [self._open(given, csv, self._key) for given in self._given]
+        found = [file for file in files if column.column in file.table.names]
+        if not found:
+            self._known(files[0], column.column, (*path, "column"), [n for file in files for n in file.table.names])
+        for file in found:
+            self._known(file, column.column, (*path, "column"))
+        return found
+
+    def _part(self, file: LogFile, column: Column, clock: Clock, path: KeyPath, clock_path: KeyPath) -> Part:
+        available = quality = None
+        time = self._clock(file, clock, clock_path)
+        if isinstance(column, Measured):
+            if column.available is not None:
+                available = self._clock(file, column.available, (*path, "available"))
+            if column.quality is not None:
+                self._known(file, column.quality.column, (*path, "quality", "column"))
+                quality = Flags(column.quality.column, column.quality.good)
+        part = Part(file, Numbers(column.column), time, available, quality)
+        file.wanted |= dict.fromkeys(part.cells)
+        return part
+
+    def _clock(self, file: LogFile, clock: Clock, path: KeyPath) -> ClockColumn:
+        self._known(file, clock.column, (*path, "column"))
+        return clock_column(clock, file.table, path)
+
+    def _open(self, path: Path, csv: Csv, key: KeyPath | None) -> LogFile:
+        known = self._files.get((path, csv))
+        if known is None:
+            known = self._files[path, csv] = LogFile(path, open_table(path, csv, key))
+        return known
+
+    def _known(self, file: LogFile, column: str, path: KeyPath, names: Sequence[str] = ()) -> None:
+        """Nothing, if a file has a column once.
+
+        Raises
+        ------
+        Problem
+        """
+        known = names or file.table.names
+        count = list(file.table.names).count(column)
+        if count == 1:
+            return
+        if count > 1:
+            raise Problem(path, f"{file.path} has {count} columns called {column!r}")
+        shown = ", ".join(known[:20]) + (", ..." if len(known) > 20 else "")
+        raise Problem(path, f"{file.path} has no column {column!r}.{nearest(column, known)} It has: {shown}")
+
+    def tables(self) -> dict[LogFile, Table]:
+        """What is wanted of every file.
+
+        Raises
+        ------
+        ConfigError
+            For the first thing wrong in one.
+        """
+        budget, found = self._block.max_memory, {}
+        for file in self._files.values():
+            if file.wanted:
+                table = file.table.table(list(file.wanted), budget)
+                budget -= table.lines.nbytes + sum(column.nbytes for column in table.columns.values())
+                found[file] = table
+        return found
