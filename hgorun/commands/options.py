@@ -71,16 +71,20 @@ class Estimate(Configured):
         ),
     ] = field(default_factory=list)
     every: Annotated[
-        float | None, typer.Option("--every", metavar="STEP", help="Of a stream: estimates at multiples of this time.")
+        float | None,
+        typer.Option("--every", metavar="STEP", help="With a stream: print estimates at multiples of this time."),
     ] = None
     checkpoint: Annotated[
-        Path | None, typer.Option("--checkpoint", metavar="FILE", help="Of a stream: go on from here, and write it.")
+        Path | None,
+        typer.Option(
+            "--checkpoint", metavar="FILE", help="With a stream: resume from this file, and keep it up to date."
+        ),
     ] = None
     export_csv: Annotated[
-        Path | None, typer.Option("--export-csv", metavar="FILE", help="Write the estimates as CSV, too.")
+        Path | None, typer.Option("--export-csv", metavar="FILE", help="Also write the estimates as CSV.")
     ] = None
     sensitivity: Annotated[
-        bool, typer.Option("--sensitivity/--no-sensitivity", help="Tell how the scores depend on each gain.")
+        bool, typer.Option("--sensitivity/--no-sensitivity", help="Report how the scores depend on each gain.")
     ] = True
     plots: Annotated[bool, typer.Option("--plots/--no-plots", help="Draw the estimates (PNG and PDF).")] = True
     strict: Annotated[bool, typer.Option("--strict", help="Exit with code 3 if a status is not ok.")] = False
@@ -88,26 +92,27 @@ class Estimate(Configured):
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Sweep(Printing):
-    """Carry out the members of a sweep file, and collect them in results/NAME.sweep.h5.
+    """Run the members of a sweep file, and collect them in results/NAME.sweep.h5.
 
-    Started again, it carries out what is missing. Of a configuration, the runs with seeds or vary.
+    Run again, it continues with the members that are missing. Of a configuration it takes
+    the runs with seeds or vary.
     """
 
     file: Annotated[
         Path, typer.Argument(metavar="FILE", help="A YAML file with base, axes and keep, or a configuration.")
     ]
     run: Annotated[str | None, typer.Option("--run", help="Only this run of a configuration (default: all).")] = None
-    fresh: Annotated[bool, typer.Option("--fresh", help="Begin anew, whatever was finished before.")] = False
+    fresh: Annotated[bool, typer.Option("--fresh", help="Start over, whatever was finished before.")] = False
     part: Annotated[
         str | None, typer.Option("--part", metavar="K/N", help="Only this part of N, for array jobs; see hgorun merge.")
     ] = None
-    collect: Annotated[bool, typer.Option("--collect", help="Carry nothing out; write the file of what is there.")] = (
+    collect: Annotated[bool, typer.Option("--collect", help="Run nothing; collect the members that are finished.")] = (
         False
     )
     executor: Annotated[str, typer.Option("--executor", help="threads, processes or dask.")] = "threads"
     scheduler: Annotated[
         str | None,
-        typer.Option("--scheduler", metavar="ADDRESS", help="Of dask (default: workers of its own on this machine)."),
+        typer.Option("--scheduler", metavar="ADDRESS", help="Address of a dask scheduler (default: local workers)."),
     ] = None
     jobs: Annotated[
         int | None, typer.Option("--jobs", min=1, help="Threads, processes or workers (default: one per processor).")
@@ -141,17 +146,17 @@ class OfEnsembles(Printing):
     """What is told of ensembles."""
 
     metrics: Annotated[
-        list[str], typer.Option("--metric", metavar="NAME", help="Of ensembles: only this metric; repeatable.")
+        list[str], typer.Option("--metric", metavar="NAME", help="For ensembles: only this metric; repeatable.")
     ] = field(default_factory=list)
     by: Annotated[
         list[str],
         typer.Option(
-            "--by", metavar="AXIS", help="Of ensembles: a row for each value of this axis, or `none`; repeatable."
+            "--by", metavar="AXIS", help="For ensembles: a row for each value of this axis, or `none`; repeatable."
         ),
     ] = field(default_factory=list)
     at: Annotated[
         list[str],
-        typer.Option("--at", metavar="AXIS=VALUE", help="Of ensembles: only members with this value; repeatable."),
+        typer.Option("--at", metavar="AXIS=VALUE", help="For ensembles: only members with this value; repeatable."),
     ] = field(default_factory=list)
 
 
@@ -159,7 +164,7 @@ class OfEnsembles(Printing):
 class Compare(Configured, OfEnsembles):
     """Compare metrics side by side, and draw comparison plots.
 
-    Of an ensemble (NAME.sweep.h5, or the folder NAME.sweep while it is carried out): statistics over its members.
+    For an ensemble (NAME.sweep.h5, or the folder NAME.sweep while it is running): statistics over its members.
     """
 
     sources: Annotated[
@@ -180,7 +185,7 @@ class Compare(Configured, OfEnsembles):
 class Report(OfEnsembles):
     """Write a report of an ensemble: one HTML page with figures to zoom and tables to sort.
 
-    The page holds all that it shows and needs no network. It is written to results/NAME.html; needs hgorun[explore].
+    The page is self-contained and needs no network. It is written to results/NAME.html; needs hgorun[explore].
     """
 
     source: Annotated[Path, typer.Argument(metavar="SWEEP", help="NAME.sweep.h5, or the folder NAME.sweep.")]
@@ -212,7 +217,7 @@ class Tune(Printing):
 class Export(Configured):
     """Write the observers of a configuration in another language, to results/NAME/.
 
-    As C: one file and a header for each observer, without libraries but libm and without allocation, with the method
+    As C: one file and a header for each observer, without allocation or libraries other than libm, with the method
     and the step of the run. As LaTeX: its equations with the numbers in them. As a
     unit (FMU): for other simulators.
     """
@@ -223,20 +228,21 @@ class Export(Configured):
     ] = None
     lang: Annotated[str, typer.Option("--lang", metavar="LANGUAGE", help="c or latex.")] = "c"
     fmu: Annotated[
-        bool, typer.Option("--fmu", help="Write units for co-simulation (FMI), with the C inside, in place of C files.")
+        bool,
+        typer.Option("--fmu", help="Write FMI units for co-simulation, which contain the C code, instead of C files."),
     ] = False
-    fmi: Annotated[str, typer.Option("--fmi", metavar="VERSION", help="Of --fmu: 3.0 or 2.0.")] = "3.0"
+    fmi: Annotated[str, typer.Option("--fmi", metavar="VERSION", help="FMI version for --fmu: 3.0 or 2.0.")] = "3.0"
     observers: Annotated[
         list[str], typer.Option("--observer", metavar="LABEL", help="Only this observer; repeatable.")
     ] = field(default_factory=list)
-    single: Annotated[bool, typer.Option("--float", help="Numbers of type float in place of double.")] = False
+    single: Annotated[bool, typer.Option("--float", help="Use float instead of double.")] = False
     late: Annotated[
         float,
-        typer.Option("--late", min=0, help="How late samples may be known (default: the delay of the configuration)."),
+        typer.Option("--late", min=0, help="Largest delay of a sample (default: the delay of the configuration)."),
     ] = 0.0
     inputs_given: Annotated[
         bool,
-        typer.Option("--inputs-given", help="Inputs are told to the observer; otherwise they are those of the file."),
+        typer.Option("--inputs-given", help="Pass the inputs to the observer (default: those of the file)."),
     ] = False
 
 
@@ -315,7 +321,7 @@ class Show:
 class Schema:
     """Print the JSON schema of configurations, for editors."""
 
-    sweep: Annotated[bool, typer.Option("--sweep", help="That of sweep files.")] = False
+    sweep: Annotated[bool, typer.Option("--sweep", help="The schema of sweep files instead.")] = False
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)

@@ -12,6 +12,7 @@ import numpy as np
 from hgorun.commands.options import Tune
 from hgorun.commands.outputs import RESULTS, refuse_other_kinds
 from hgorun.commands.run import require_file
+from hgorun.config.reading import read_source
 from hgorun.errors import HgorunError
 from hgorun.files import write_text
 from hgorun.observers.capabilities import FilterOrder
@@ -43,6 +44,11 @@ def tune(options: Tune) -> int:
     """
     refuse_other_kinds(options.output, ())
     require_file(options.config)
+    text, source = read_source(options.config, options.overrides)
+    if isinstance(source.data, dict) and {"data", "tune"} <= source.data.keys():
+        from hgorun.commands.tune_data import tune_data
+
+        return tune_data(options, text, source)
     asked = load_tuning(options.config, options.overrides, run=options.run)
     found = [_tuned(task, asked.name, options) for task in asked.tasks]
     files = _write(found, asked, options)

@@ -21,12 +21,13 @@ class Inset(Block):
 
 
 class Scaling(Block):
-    """How the size of an estimate's error depends on what a run varies, on logarithmic axes."""
+    """How the size of an estimate's error depends on what a run varies."""
 
     state: str = Field(description="a plant state")
     run: str | None = Field(default=None, description="a run with vary (default: the only one)")
     of: str = Field(default="amplitude", description="the quantity shown, as in claims: amplitude, rmse, sup, hf, ...")
     theory: bool = Field(default=False, description="also draw what theory predicts for the linearised observer")
+    axes: Literal["log", "linear"] = Field(default="log", description="logarithmic axes, or linear ones")
 
 
 class Panel(Block):

@@ -20,8 +20,8 @@ def assess(prepared: PreparedEstimate, found: Evaluated, j: int) -> Assessed:
     xhat = found.xhat[j]
     if normal is not None:
         width = _WIDE * normal.deviation
-        for one, nis in zip(prepared.samples, normal.nis, strict=True):
-            sound = settled(nis[one.used])
+        for i, (one, nis) in enumerate(zip(prepared.samples, normal.nis, strict=True)):
+            sound = settled(nis[found.carried.used[prepared.slots[i], j]])
             if sound.size:
                 scores.setdefault("nis", {})[one.output] = float(np.mean(sound))
         return Assessed(xhat - width, xhat + width, {}, scores)

@@ -230,7 +230,7 @@ def _draw_panel(
     if isinstance(stage.ensemble, MembersData):
         draw_members(ax, stage.ensemble, labels, look, panel)
     elif panel.scaling is not None and stage.ensemble is not None:
-        draw_scaling(ax, stage.ensemble, labels, look, panel.scaling.of)
+        draw_scaling(ax, stage.ensemble, labels, look, panel.scaling.of, panel.scaling.axes)
     else:
         actors = [a for a in stage.actors if isinstance(a, Simulated)]
         scene = Scene(stage.results, actors, look, truths, panel.window)

@@ -210,7 +210,7 @@ def _check_fit(panel: Panel, measured: Sequence[str], path: KeyPath) -> None:
 
 
 def _check_ranges(panel: Panel, spans: Sequence[tuple[float, float]], path: KeyPath) -> None:
-    logarithmic = panel.magnitude is not None or panel.scaling is not None
+    logarithmic = panel.magnitude is not None or (panel.scaling is not None and panel.scaling.axes == "log")
     span = (min(a for a, _ in spans), max(b for _, b in spans)) if spans else None
     _check_range(panel.limits, (*path, "limits"), positive=logarithmic)
     _check_range(panel.window, (*path, "window"))

@@ -114,7 +114,7 @@ def _estimates(
 
 
 def _samples(ax: Axes, scene: Scene, outputs: Mapping[str, Sequence[str]]) -> list[np.ndarray]:
-    """Measurements at their arrival: dots, or a line where there is one at every point of the output grid.
+    """Measurements: dots, or a line where a simulation has one at every point of the output grid.
 
     Parameters
     ----------
@@ -130,7 +130,8 @@ def _samples(ax: Axes, scene: Scene, outputs: Mapping[str, Sequence[str]]) -> li
             known &= (t >= scene.window[0]) & (t <= scene.window[1])
         curve = Curve(t[known], y[known])
         if not any(np.array_equal(curve.t, c.t) and np.array_equal(curve.v, c.v) for c, _ in own.values()):
-            own[run, name] = curve, _dense(curve.t, result.time)
+            recorded = result.recorded is not None  # whose samples stand for themselves, with outliers among them
+            own[run, name] = curve, np.zeros(curve.t.size, dtype=bool) if recorded else _dense(curve.t, result.time)
     several = len({name for _, name in own}) > 1
     for i, ((run, name), (curve, dense)) in enumerate(own.items()):
         light, dark, marker = OTHER_MEASUREMENTS[i % len(OTHER_MEASUREMENTS)]
@@ -149,6 +150,7 @@ def _measured(result: ResultData, output: str) -> tuple[np.ndarray, np.ndarray]:
     if result.recorded is not None:
         one = result.recorded.outputs[output]
         order = np.argsort(one.taken, kind="stable")
+        order = order[np.any(one.used, axis=1)[order]]  # others have a mark of their own
         return one.taken[order], one.y[order]
     return result.measurements.time, result.measurements.y[:, result.outputs.index(output)]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -78,9 +78,14 @@ class ScalingData:
 
 
 def draw_scaling(
-    ax: Axes, data: ScalingData, labels: Mapping[str, int], looks: Mapping[int, Look], quantity: str
+    ax: Axes,
+    data: ScalingData,
+    labels: Mapping[str, int],
+    looks: Mapping[int, Look],
+    quantity: str,
+    axes: Literal["log", "linear"] = "log",
 ) -> None:
-    """Points and lines on logarithmic axes.
+    """Points and lines.
 
     Parameters
     ----------
@@ -88,9 +93,11 @@ def draw_scaling(
         The observers shown: their places, keys of ``looks``.
     quantity : str
         One of :func:`quantities`.
+    axes : {"log", "linear"}
+        Of both axes.
     """
-    ax.set_xscale("log")
-    ax.set_yscale("log")
+    ax.set_xscale(axes)
+    ax.set_yscale(axes)
     drawn: list[np.ndarray] = []
     for label, order in labels.items():
         observer, look = data.observers[label], looks[order]
@@ -114,11 +121,16 @@ def _line(look: Look) -> dict[str, object]:
 
 
 def _plot(ax: Axes, x: np.ndarray, v: np.ndarray, **how: object) -> np.ndarray:
-    """Draw what logarithmic axes can show, in the order of x; the values drawn."""
-    shown = np.isfinite(x) & np.isfinite(v) & (x > 0) & (v > 0)
+    """Draw what the axes can show, in the order of x; the values drawn."""
+    shown = _can_show(ax, x) & _can_show(ax, v)
     order = np.argsort(x[shown], kind="stable")
     ax.plot(x[shown][order], v[shown][order], **how)  # type: ignore[arg-type]  # matplotlib wants each one's type
     return np.asarray(v[shown])
+
+
+def _can_show(ax: Axes, numbers: np.ndarray) -> np.ndarray:
+    """Which numbers the axes can show."""
+    return np.asarray(np.isfinite(numbers) & ((numbers > 0) | (ax.get_xscale() == "linear")))
 
 
 def _bars(ax: Axes, x: np.ndarray, spread: np.ndarray, look: Look) -> list[np.ndarray]:
@@ -126,14 +138,21 @@ def _bars(ax: Axes, x: np.ndarray, spread: np.ndarray, look: Look) -> list[np.nd
     q05, q25, _, q75, q95 = quantiles(spread.T, ~np.isnan(spread.T), QUANTILES.values())
     ends = []
     for low, high, width in ((q05, q95, 0.8), (q25, q75, 2.4)):
-        shown = np.isfinite(high) & (low > 0) & (x > 0)
+        shown = _can_show(ax, x) & _can_show(ax, low) & np.isfinite(high)
         ax.vlines(x[shown], low[shown], high[shown], color=look.colour, linewidth=width, alpha=0.6, zorder=3)
         ends += [low[shown], high[shown]]
     return ends
 
 
 def _limit(ax: Axes, values: np.ndarray, drawn: Sequence[np.ndarray]) -> None:
-    for axis, found in (("x", values[values > 0]), ("y", np.concatenate([*drawn, np.empty(0)]))):
+    for set_limits, found in (
+        (ax.set_xlim, values[_can_show(ax, values)]),
+        (ax.set_ylim, np.concatenate([*drawn, np.empty(0)])),
+    ):
         low, high = (float(found.min()), float(found.max())) if found.size else (0.1, 1.0)
-        margin = 1.6 if low == high else (high / low) ** 0.06
-        (ax.set_xlim if axis == "x" else ax.set_ylim)(low / margin, high * margin)
+        if ax.get_xscale() == "linear":
+            room = 0.06 * (high - low) or 0.1 * abs(high) or 0.1
+            set_limits(low - room, high + room)
+        else:
+            margin = 1.6 if low == high else (high / low) ** 0.06
+            set_limits(low / margin, high * margin)

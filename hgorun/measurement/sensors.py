@@ -16,9 +16,9 @@ class _Unknown(Exception):
 
 
 class _Strength(NamedTuple):
-    """Of the noise in a stretch: the variance of a sample, and the density; None where there is none."""
+    """Of the noise in a stretch: its variance, and the density; None where that is not known."""
 
-    variance: float | None
+    power: float
     density: float | None
 
 
@@ -35,18 +35,19 @@ def sensors_of(stretches: Iterable[Sequence[Stretch]]) -> tuple[Sensor, ...]:
 def _sensor(stretches: Sequence[Stretch]) -> Sensor:
     intervals = {_interval(s) for s in stretches}
     interval = intervals.pop() if len(intervals) == 1 else None
-    modes = {s.multiplicative for s in stretches}
     try:
-        strengths = {_strength(s) for s in stretches}
-        if len(strengths) > 1 or len(modes) > 1:
+        strengths = [_strength(s) for s in stretches]
+        if len({one.power for one in strengths}) > 1 or len({s.multiplicative for s in stretches}) > 1:
             raise _Unknown("the noise changes from one phase to the next")
     except _Unknown as unknown:
         return Sensor(None, None, interval, why=str(unknown))
-    variance, density = strengths.pop()
+    first = strengths[0]
+    variance = first.power if not any(s.continuous for s in stretches) else None
+    density = first.density if len({one.density for one in strengths}) == 1 else None
     why = "the output is continuous: it has no samples" if variance is None else ""
     if density is None:
-        why = why or "the mean time between its samples is not known"
-    return Sensor(variance, density, interval, modes.pop(), why)
+        why = why or "the mean time between its samples is not known, or changes"
+    return Sensor(variance, density, interval, stretches[0].multiplicative, why)
 
 
 def _interval(stretch: Stretch) -> float | None:
@@ -74,6 +75,6 @@ def _strength(stretch: Stretch) -> _Strength:
     if not variance > 0:
         raise _Unknown("the output has no noise")
     if stretch.continuous:
-        return _Strength(None, density)
+        return _Strength(variance, density)
     interval = _interval(stretch)
     return _Strength(variance, None if interval is None else variance * interval)

@@ -28,8 +28,9 @@ class KalmanBucyFilter(KalmanFilter):
     R_c, in [y^2 time], follows from noise that is drawn anew every dt: variance times dt. P(0) has units, so give
     ``internal: {P: ...}``: a large one listens to the first measurements, and asks for short steps then.
 
-    Samples and late outputs come through the common innovation, for which the gain is not optimal: take ``ekf`` for
-    samples, or a high-gain observer, whose error bounds hold with them. Where the plant is linear and the noise is
+    Samples and late outputs come through the common innovation, for which the gain is not optimal: a large P(0), or a
+    delay that is long against 1/theta, makes the error grow. Take ``ekf`` for samples, or a high-gain observer, whose
+    error bounds hold with them. Where the plant is linear and the noise is
     white, no observer has a smaller error. Elsewhere it may diverge from a start that is far off, where high-gain
     observers do not.
     """

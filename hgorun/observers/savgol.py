@@ -15,7 +15,8 @@ from hgorun.observers.capabilities import Differentiator
 from hgorun.symbolic.lower_triangular import DerivativeCopy, DerivativeForm, derivative_form
 from hgorun.symbolic.symbols import Symbols
 
-_TINY = 1e-60  # what is left of a column that depends on those before it: fewer samples than coefficients
+_TINY = 1e-60  # in place of zero, where that would divide
+_RANK = 1e-24  # of the square of a column: what rounding leaves where samples are at fewer times than coefficients
 
 
 @observer("savgol")
@@ -29,8 +30,8 @@ class SavitzkyGolayFilter(Differentiator, CorrectedObserver[DerivativeForm, Deri
 
     are the output and its derivatives, and the estimate is the state that belongs to them, as for ``levant``. It is
     held until the next sample. With samples of a constant period the weights are those of Savitzky and Golay at the end
-    of the window. Before there are p + 1 samples the estimate is ``initial``; until the window is full it is fitted to
-    those that there are.
+    of the window. Before there are samples at p + 1 times the estimate is ``initial``; until the window is full it is
+    fitted to those that there are.
 
     It knows nothing of the plant's equations: a wide window averages the noise and lags behind what is not a polynomial
     of degree p, and a narrow one does the opposite. White noise of the standard deviation s leaves s |w| in z_i, w
@@ -66,22 +67,23 @@ class SavitzkyGolayFilter(Differentiator, CorrectedObserver[DerivativeForm, Deri
             ca.vertcat(new, past[:-1]) for new, past in ((arrival.y, s.y), (0, s.age), (arrival.fresh, s.there))
         )
         span = ca.fmax(ca.mmax(there * age), _TINY)
-        c = _fit([there * (-age / span) ** j for j in range(self.degree + 1)], there * y)
+        c, independent = _fit([there * (-age / span) ** j for j in range(self.degree + 1)], there * y)
         z = ca.vertcat(*[factorial(i) * c[i] / span**i for i in range(s.xhat.numel())])
-        enough = ca.sum1(there) > self.degree + 0.5
-        return {"xhat": ca.if_else(enough, z, s.xhat), "y": y, "age": age, "there": there}
+        return {"xhat": ca.if_else(independent, z, s.xhat), "y": y, "age": age, "there": there}
 
     @classmethod
     def example(cls, states: tuple[str, ...]) -> Mapping[str, object]:
         return {"window": 2 * len(states) + 1, "degree": len(states)}
 
 
-def _fit(columns: list[ca.SX], y: ca.SX) -> list[ca.SX]:
-    """Coefficients of the least squares, by the modified Gram-Schmidt process."""
-    count, R = len(columns), {}
+def _fit(columns: list[ca.SX], y: ca.SX) -> tuple[list[ca.SX], ca.SX]:
+    """Coefficients of the least squares, by the modified Gram-Schmidt process, and whether they are determined."""
+    count, R, independent = len(columns), {}, ca.SX(1)
     columns, projected = list(columns), []
     for j in range(count):
-        R[j, j] = ca.sqrt(ca.fmax(ca.dot(columns[j], columns[j]), _TINY))
+        left = ca.dot(columns[j], columns[j])
+        independent = ca.logic_and(independent, left > _RANK)
+        R[j, j] = ca.sqrt(ca.fmax(left, _TINY))
         unit = columns[j] / R[j, j]
         projected.append(ca.dot(unit, y))
         y = y - projected[j] * unit
@@ -91,4 +93,4 @@ def _fit(columns: list[ca.SX], y: ca.SX) -> list[ca.SX]:
     found: list[ca.SX] = [ca.SX(0)] * count
     for j in reversed(range(count)):
         found[j] = (projected[j] - sum(R[j, i] * found[i] for i in range(j + 1, count))) / R[j, j]
-    return found
+    return found, independent

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 
 from hgorun.errors import HgorunError, NotObservableForm, Problem, called
 from hgorun.memo import Memo, same
-from hgorun.observers.base import OBSERVERS, AnyObserver, SampledObserver
+from hgorun.observers.base import OBSERVERS, AnyObserver, CorrectedObserver, SampledObserver
 from hgorun.plants.build import BuiltPlant
 from hgorun.result.data import Coordinates
 from hgorun.symbolic.forms import ChosenChains, Form, FormFinder, Redecided
@@ -16,6 +16,7 @@ _FOUND: Memo[list[tuple[Form, Redecided | None]]] = Memo(256)  # by plant and fu
 _DECIDED: Memo[tuple[Form, Form]] = Memo(256)  # by numbers, too
 _COORDINATES: Memo[Coordinates | None] = Memo(256)  # of forms; to ask for their type again takes longer
 _KEPT = 8  # forms of one plant and function
+_NEED_SAMPLES = (SampledObserver, CorrectedObserver)
 
 
 def form_of(
@@ -94,7 +95,7 @@ def _finder(
 
 def _elsewhere(plant: BuiltPlant, label: str, observer: AnyObserver) -> str:
     """Which observers take the plant, in place of one that does not."""
-    others = ", ".join(_takers(plant, sampled=isinstance(observer, SampledObserver)))
+    others = ", ".join(_takers(plant, sampled=isinstance(observer, _NEED_SAMPLES)))
     mine = f"observer {label} ({observer.type}) needs another form of the plant"
     return (
         f"{mine}; observers for this plant are {others}"
@@ -106,7 +107,7 @@ def _elsewhere(plant: BuiltPlant, label: str, observer: AnyObserver) -> str:
 def _takers(plant: BuiltPlant, *, sampled: bool) -> Iterator[str]:
     """The families that find their form of the plant, and a gain for it; those that need samples on request."""
     for name, family in OBSERVERS.all().items():
-        if issubclass(family, SampledObserver) and not sampled:
+        if issubclass(family, _NEED_SAMPLES) and not sampled:
             continue
         try:
             block = family.model_validate({"type": name, **family.example(plant.model.states)})

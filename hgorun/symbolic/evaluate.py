@@ -98,9 +98,8 @@ class _Ports:
         return cls(taken, tuple(_Matrix.of(function.sparsity_out(i)) for i in range(function.n_out())))
 
 
-# points that are evaluated in one call, which CasADi takes microseconds to prepare: of few, and of many
-_PIECES = (16, 128)
-_MAPPED: Memo[ca.Function] = Memo(64)
+# points that are evaluated in one call, which CasADi takes microseconds to prepare: all of a few, or of many so many
+_FEW, _PIECE = 16, 128
 _INTERPRETED: Memo[list[Instruction]] = Memo(256)
 
 
@@ -121,25 +120,21 @@ class _Buffer:
             self._run()
 
 
+_MAPPED: Memo[_Buffer] = Memo(64)
 _BUFFERS: Memo[tuple[_Buffer, _Ports]] = Memo(256)
 
 
 def _in_pieces(function: ca.Function, arrays: Sequence[Floats], results: Sequence[Floats], points: int) -> None:
-    """Many points, a fixed number at a time; the last piece is filled up with zeros."""
-    length = _PIECES[points > _PIECES[0]]
-    mapped = _MAPPED.get((same(function), length), lambda: function.map(length))
-    buffer, call = mapped.buffer()
+    """Few points at once, or many, a fixed number at a time; the last piece is filled up with zeros."""
+    length = max(points, 1) if points <= _FEW else _PIECE
+    mapped = _MAPPED.get((same(function), length), lambda: _Buffer(function.map(length)))
     inside = [a if a.ndim == 2 else np.full((length, a.size), a.ravel()) for a in arrays]
     whole = points - points % length
     for start in range(0, points, length):
         rest = start == whole
         given = [_piece(a, start, length) if old.ndim == 2 else a for a, old in zip(inside, arrays, strict=True)]
         found = [np.zeros((length, r.shape[1])) if rest else r[start : start + length] for r in results]
-        for i, array in enumerate(given):
-            buffer.set_arg(i, array.data)
-        for i, array in enumerate(found):
-            buffer.set_res(i, array.data)
-        call()
+        mapped.call(given, found)
         if rest:
             for result, array in zip(results, found, strict=True):
                 result[start:] = array[: points - start]

@@ -64,17 +64,15 @@ def around(at: np.ndarray, names: tuple[str, ...]) -> list[np.ndarray]:
     names : tuple of str
         Of the states.
     """
-    points = np.tile(at, (_COUNT, 1))
-    for i, name in enumerate(names):
-        points[:, i] += _draws(name) * (0.3 * np.abs(at[i]) if at[i] != 0 else np.array(_SIZES))
-    return [at, *points]
+    sizes = np.where(at != 0, 0.3 * np.abs(at), np.array(_SIZES)[:, None])
+    return [at, *(at + _draws(names) * sizes)]
 
 
-@lru_cache(maxsize=1024)
-def _draws(name: str) -> np.ndarray:
-    """Numbers in [-1, 1) that follow from a name, shape (points,)."""
-    seed = int.from_bytes(sha256(name.encode()).digest()[:8], "little")
-    return np.random.default_rng(seed).uniform(-1, 1, _COUNT)
+@lru_cache(maxsize=256)
+def _draws(names: tuple[str, ...]) -> np.ndarray:
+    """Numbers in [-1, 1) that follow from each of the names, shape (points, names)."""
+    seeds = [int.from_bytes(sha256(name.encode()).digest()[:8], "little") for name in names]
+    return np.array([np.random.default_rng(seed).uniform(-1, 1, _COUNT) for seed in seeds]).reshape(-1, _COUNT).T
 
 
 def near(at: np.ndarray) -> list[np.ndarray]:

@@ -170,3 +170,50 @@ def test_a_stream_needs_a_step(shell: Shell, monkeypatch: pytest.MonkeyPatch) ->
     code, _, err = piped(shell, monkeypatch, "t,signal,y\n", "--set", "solver.step=auto")
     assert code == 2
     assert "needs solver.step" in err
+
+
+TUNE = """
+tune: {{gains: {{observers.o.theta: {{log: [0.3, 8]}}}}, minimise: "{goal}", budget: 24, seeds: 1}}
+"""
+
+
+def test_gains_are_found_on_a_recording(shell: Shell) -> None:
+    file = shell.folder / "pendulum.yaml"
+    file.write_text(CONFIG + TUNE.format(goal="holdout_rmse(*, a)"))
+    code, out, _ = shell("tune", "pendulum.yaml", "--json")
+    assert code == 0
+    one = json.loads(out)["observers"]["o"]
+    theta = one["gains"]["observers.o.theta"]
+    assert one["runs"] <= 24
+    assert one["held_out"]["holdout_rmse(o, a)"] < 0.04
+    assert f"theta: {theta:.6g}" in (shell.folder / "results" / "pendulum.tuned.yaml").read_text()
+    for value in (0.3, 1.5 * theta):  # the search has found the least
+        change = f"tune.gains.observers.o.theta.log=[{value}, {value + 1e-6}]"
+        code, out, _ = shell("tune", "pendulum.yaml", "--set", change, "--json")
+        assert json.loads(out)["observers"]["o"]["tuned"]["holdout_rmse(o, a)"] >= one["tuned"]["holdout_rmse(o, a)"]
+
+
+def test_gains_by_a_reference_and_at_the_end_of_a_range(shell: Shell) -> None:
+    file = shell.folder / "pendulum.yaml"
+    given = CONFIG.replace("observers:", "  reference: {a: angle}\nobservers:")
+    file.write_text(given + TUNE.format(goal="reference_rmse(o, a)").replace("8]", "0.5]"))
+    code, out, err = shell("tune", "pendulum.yaml")
+    assert code == 0
+    assert "reference_rmse a: search" in out
+    assert "theta = 0.5 is at an end of its range" in err
+
+
+@pytest.mark.parametrize(
+    ("goal", "message"),
+    [
+        ("hf(o, a)", "holdout_rmse, innovation_rms, reference_rmse can be minimised"),
+        ("holdout_rmse(o, z)", "the output z is not in data.outputs"),
+        ("reference_rmse(o, z)", "z is not in data.reference"),
+        ("holdout_rmse(p, a)", "no gains of an observer 'p' are sought"),
+    ],
+)
+def test_what_cannot_be_minimised_is_said(shell: Shell, goal: str, message: str) -> None:
+    (shell.folder / "pendulum.yaml").write_text(CONFIG + TUNE.format(goal=goal))
+    code, _, err = shell("tune", "pendulum.yaml")
+    assert code == 2
+    assert message in err

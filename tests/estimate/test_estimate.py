@@ -23,6 +23,7 @@ from recordings import (
     source,
 )
 
+from hgorun.data.recording import Recording
 from hgorun.errors import ConfigError
 from hgorun.estimate.estimate import estimate
 from hgorun.estimate.holdout import HoldOut, held_out
@@ -128,7 +129,7 @@ def test_an_outlier_is_as_if_it_had_not_come() -> None:
     values[[40, 60]] += 3.0
     config = {
         "time": {"start": 0, "end": 8, "output_step": 0.1}, "plant": PENDULUM, "solver": {"step": 0.02},
-        "observers": observers("shgo", "fhgo2"),
+        "observers": observers("shgo", "fhgo2") | {"K": {"type": "ekf", "Q": {"b": 0.01}, "R": 4e-4}},
     }  # fmt: skip
     gated = estimate(source(config), recording(signal("a", taken, values, gate=6.0)), sensitivity=False)
     used = recorded_of(gated).outputs["a"].used
@@ -136,8 +137,10 @@ def test_an_outlier_is_as_if_it_had_not_come() -> None:
     assert assessed_of(gated, "shgo").scores["gated"] == {"a": 2.0}
     keep = used[:, 0]
     without = estimate(source(config), recording(signal("a", taken[keep], values[keep])), sensitivity=False)
-    for label in ("shgo", "fhgo2"):
+    for label in ("shgo", "fhgo2", "K"):
         np.testing.assert_allclose(gated.observers[label].xhat, without.observers[label].xhat, rtol=0, atol=1e-6)
+    expected = assessed_of(without, "K").scores["nis"]
+    assert assessed_of(gated, "K").scores["nis"] == pytest.approx(expected, rel=1e-4)
 
 
 def test_held_out_samples_are_not_used_and_a_reference_changes_nothing(tmp_path: Path) -> None:
@@ -181,6 +184,18 @@ def test_what_cannot_be_is_said(change: dict[str, object], message: str) -> None
     config = {"plant": PENDULUM, "observers": observers("shgo")} | change
     with pytest.raises(ConfigError, match=message):
         estimate(source(config), recording(signal("a", [0, 1, 2], [0, 1, 2])), sensitivity=False)
+
+
+@pytest.mark.parametrize(
+    ("log", "message"),
+    [
+        (recording(signal("a", [1.0], [0.5])), "all samples are of one time, 1"),
+        (recording(signal("a", [0, 1], [0, 1]), signal("z", [0, 1], [0, 1])), "data.outputs.z: no output of the plant"),
+    ],
+)
+def test_what_was_recorded_has_to_be_of_use(log: Recording, message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        estimate(source({"plant": PENDULUM, "observers": observers("shgo")}), log)
 
 
 def test_a_reference_is_a_state_or_an_output() -> None:

@@ -231,6 +231,23 @@ def test_scaling_stands_beside_other_panels_and_alone() -> None:
         draw([A], block({"scaling": {"state": "x2"}}, {"scaling": {"state": "x2"}}), scalings={0: SCALED})
 
 
+def test_linear_axes_show_what_is_not_positive_and_bars_where_seeds_lie() -> None:
+    spread = np.array([[0.0, 1.0, 2.0], [1.0, 2.0, 3.0], [2.0, np.nan, 4.0]])
+    observer = ScaledObserver("shgo", None, np.array([1.0, 2.0, 4.0]), spread=spread)
+    data = ScalingData("sweep", "x2", "k", np.array([-1.0, 0.0, 1.0]), {"SHGO": observer})
+    panel = {"state": "x2", "of": "rmse"}
+    ax = draw([], block({"scaling": {**panel, "axes": "linear"}, "limits": [-1, 5]}), scalings={0: data}).axes[0]
+    points = next(line for line in ax.lines if line.get_label() == "SHGO")
+    assert (ax.get_xscale(), ax.get_ylim()) == ("linear", (-1, 5))
+    np.testing.assert_array_equal(points.get_xdata(), [-1, 0, 1])
+    bars: Any = ax.collections
+    wide, narrow = (one.get_segments() for one in bars)
+    assert [segment[:, 1].tolist() for segment in narrow] == [[0.5, 1.5], [1.5, 2.5]]  # of the third one is lost
+    assert len(wide) == 2
+    ax = draw([], block({"scaling": panel}), scalings={0: data}).axes[0]
+    assert [np.asarray(line.get_xdata()).tolist() for line in ax.lines if line.get_label() == "SHGO"] == [[1.0]]
+
+
 # Refusals
 
 NAMES = {

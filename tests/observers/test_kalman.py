@@ -300,6 +300,16 @@ def test_phases_of_other_noise_do_not_give_one_number() -> None:
         )
 
 
+def test_phases_with_other_sampling_have_one_variance() -> None:
+    phases = [{"until": 0.5}, {"until": 1, "sampling": {"period": 0.05}}]
+    measurement = GAUSSIAN | {"phases": phases}
+    filters = {"K": {"type": "ekf", "q": 1}, "L": {"type": "ekf", "q": 1, "R": 0.01}}
+    found = simulated(OSCILLATOR, filters, measurement=measurement).observers
+    np.testing.assert_allclose(found["K"].internal["P"], found["L"].internal["P"], rtol=1e-12)
+    with pytest.raises(ConfigError, match="or changes"):
+        simulated(OSCILLATOR, {"B": {"type": "kalman_bucy", "q": 1}}, measurement=measurement)
+
+
 def test_a_battery_that_no_observer_of_chains_takes() -> None:
     """Open-circuit voltage, polarisation, ohmic drop: the state of charge within 1 % from a start 40 % off."""
     plant: Block = {

@@ -58,6 +58,16 @@ def test_late_samples_are_put_where_they_belong() -> None:
     np.testing.assert_allclose(result.observers["D"].xhat[-1, 1], -2 + 0.6 * taken, rtol=0, atol=1e-8)
 
 
+def test_samples_at_fewer_times_than_coefficients_leave_the_estimate() -> None:
+    """Late samples of the first moments were all taken at the start."""
+    block = {"type": "savgol", "window": 8, "initial": {"x1": 3}}
+    result = simulated(PLANT, {"D": block}, end=1, output_step=0.1, step=0.03,
+                       measurement={"sampling": {"period": 0.1}, "delay": "0.2", **NOISE})  # fmt: skip
+    xhat = result.observers["D"].xhat
+    assert np.all(xhat[:4] == [3, 0])
+    assert np.all(np.abs(xhat[4:, 0] - 1) < 0.5)
+
+
 @pytest.mark.parametrize(
     ("block", "measurement", "message"),
     [

@@ -13,6 +13,7 @@ import yaml
 
 import hgorun
 from hgorun.errors import ConfigError
+from hgorun.observers.base import OBSERVERS
 from hgorun.result.data import Coordinates
 from hgorun.symbolic import ranks
 
@@ -232,7 +233,8 @@ def test_a_refusal_names_only_observers_that_take_the_plant(output: dict[str, st
     if not names:
         assert "no other observer accepts this plant" in error.value.message
     for name in names.split(", ") if names else []:
-        simulated(block, {"S": {"type": name, "theta": 2}}, measurement={}, end=0.1)
+        keys = OBSERVERS.find(name).example(("s", "v"))
+        simulated(block, {"S": {"type": name, **keys}}, measurement={}, end=0.1)
 
 
 def test_ranks_do_not_depend_on_units() -> None:

@@ -102,6 +102,19 @@ def test_two_gains_against_a_grid(experiment: Experiment) -> None:
     assert found.mean(held_out=True)[0][found.chosen, 0] <= 1.05 * brute
 
 
+def test_three_gains_against_a_grid(experiment: Experiment) -> None:
+    """The coefficients of an observer, one by one."""
+    own = experiment.varied(
+        {"observers.FHGO.theta": 1, "observers.FHGO.poles": None, "observers.FHGO.gains": [3, 3, 1]}
+    )
+    gains = {f"observers.FHGO.gains.{i}": {"log": [0.5, 20]} for i in range(3)}
+    (task,) = tasks(own, block(gains=gains, minimise="rmse(FHGO, x2)", held_out=10, budget=2000))
+    found = tuned(task)
+    axis = np.geomspace(0.5, 20, 12)
+    grid = np.stack(np.meshgrid(axis, axis, axis), axis=-1).reshape(-1, 3)
+    assert found.mean(held_out=True)[0][found.chosen, 0] <= 1.05 * held_out(task, grid)[:, 0].min()
+
+
 def test_a_front_beats_what_was_tried(experiment: Experiment) -> None:
     (task,) = tasks(experiment, block(minimise=["hf(SHGO, x2)", "settling(SHGO, x2)"]))
     found = tuned(task)
