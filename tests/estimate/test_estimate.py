@@ -23,6 +23,7 @@ from recordings import (
     source,
 )
 
+from hgorun.data.recording import Recording
 from hgorun.errors import ConfigError
 from hgorun.estimate.estimate import estimate
 from hgorun.estimate.holdout import HoldOut, held_out
@@ -183,6 +184,18 @@ def test_what_cannot_be_is_said(change: dict[str, object], message: str) -> None
     config = {"plant": PENDULUM, "observers": observers("shgo")} | change
     with pytest.raises(ConfigError, match=message):
         estimate(source(config), recording(signal("a", [0, 1, 2], [0, 1, 2])), sensitivity=False)
+
+
+@pytest.mark.parametrize(
+    ("log", "message"),
+    [
+        (recording(signal("a", [1.0], [0.5])), "all samples are of one time, 1"),
+        (recording(signal("a", [0, 1], [0, 1]), signal("z", [0, 1], [0, 1])), "data.outputs.z: no output of the plant"),
+    ],
+)
+def test_what_was_recorded_has_to_be_of_use(log: Recording, message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        estimate(source({"plant": PENDULUM, "observers": observers("shgo")}), log)
 
 
 def test_a_reference_is_a_state_or_an_output() -> None:
