@@ -45,11 +45,10 @@ def test_every_family(tmp_path: Path) -> None:
 
 
 def is_exported(run: PreparedRun) -> bool:
-    """Whether the observer can be exported; what cannot says why."""
+    """Whether the observer can be exported."""
     try:
         return bool(exported(run))
-    except ConfigError as error:
-        assert "export" in str(error)
+    except ConfigError:
         return False
 
 
