@@ -111,7 +111,9 @@ def test_a_signal_at_any_time_is_answered_at_once(number: signal.Signals, delay:
     started = time.perf_counter()
     _, err = process.communicate(timeout=30)
     assert time.perf_counter() - started < 10  # a second, on a machine that has nothing else to do
-    if number == signal.SIGINT:
+    if process.returncode == -signal.SIGINT:
+        assert err == b""  # a busy machine had not yet begun with Python itself
+    elif number == signal.SIGINT:
         assert process.returncode == 130
         assert err == b"hgorun: interrupted; no file is left half-written\n"
     else:
