@@ -169,6 +169,11 @@ class Estimator:
         return tuple(self._labels)
 
     @property
+    def any_lost(self) -> bool:
+        """Whether one of the observers has no numbers any more."""
+        return bool(self._live.diverged.min() < np.inf)
+
+    @property
     def lost(self) -> dict[str, bool]:
         """Which observers have no numbers any more."""
         return {label: bool(at < np.inf) for label, at in zip(self._labels, self._live.diverged.tolist(), strict=True)}

@@ -228,3 +228,11 @@ def test_a_gate_and_going_back_do_not_go_together() -> None:
     log = recording(signal("a", taken, np.sin(taken), taken + 0.3, gate=4.0))
     with pytest.raises(ConfigError, match="with a gate late samples enter the innovation, and K has late: replay"):
         estimate(run.experiment.source, log, sensitivity=False)
+
+
+def test_long_logs_are_not_run_again_for_every_gain(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("hgorun.estimate.estimate._MOST", 10)
+    taken = np.arange(0, 2, 0.1)
+    found = estimate(source({"plant": PENDULUM, "observers": observers("shgo")}), recording(signal("a", taken, taken)))
+    assert "sensitivity" not in assessed_of(found, "shgo").scores
+    assert any("20 samples" in remark for remark in found.remarks)
