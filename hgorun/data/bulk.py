@@ -85,11 +85,11 @@ def _is_number(cells: Cells) -> bool:
 
 
 class _Code:
-    """The compiled function; alive as long as this is."""
+    """The compiled function."""
 
     def __init__(self) -> None:
-        self._native = NativeModule(_ir(), ("rows",))
-        self.run = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p)(self._native.address["rows"])
+        native = NativeModule(_ir(), ("rows",))
+        self.run = native.function("rows", ctypes.c_int64, ctypes.c_void_p)
 
 
 _code = cache(_Code)
