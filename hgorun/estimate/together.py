@@ -11,6 +11,8 @@ from hgorun.engine.live import Live
 from hgorun.engine.plan import Floats, Integers
 from hgorun.simulation.structure import Structure
 
+_Row = tuple[tuple[int, ...], str]  # of the action table, and what of it is the sample's own
+
 _ZERO, _ONE = 0, 1  # the first two numbers that are set; values and times follow
 
 
@@ -38,10 +40,10 @@ class Kinds:
         """Those of a system; ``late`` is how many samples of one output may be on their way."""
         system = structure.system
         layout = system.held
-        found: list[list[tuple[tuple[int, ...], str]]] = []
+        found: list[list[_Row]] = []
         for i in range(system.outputs):
             first = i * (late + 1)
-            rows = [((TAKE, i, 0, 0, 0), "own"), ((ARRIVE, i, 0, 0, 0), "own")]
+            rows: list[_Row] = [((TAKE, i, 0, 0, 0), "own"), ((ARRIVE, i, 0, 0, 0), "own")]
             if system.has_alpha:
                 rows.append(((REBASE, i, 0, first + 1, first + 1 + late), ""))
             rows += [((JUMP, number, 0, 0, 0), "") for number in corrections]

@@ -5,12 +5,15 @@ from __future__ import annotations
 import io
 import json
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 from shell import Shell
+from typing_extensions import Buffer
 
+from hgorun.commands.stream_lines import read as read_lines
 from hgorun.result.reading import read
 
 CONFIG = """
@@ -112,6 +115,10 @@ def piped(shell: Shell, monkeypatch: pytest.MonkeyPatch, text: str, *arguments: 
     return code, out.splitlines(), err
 
 
+def bytes_of(text: str) -> io.TextIOWrapper:
+    return io.TextIOWrapper(io.BytesIO(text.encode()), encoding="utf-8")
+
+
 def stream(count: int) -> list[str]:
     return [f"{0.1 * k:.1f},a,{np.sin(0.1 * k):.4f}" for k in range(1, count)]
 
@@ -164,6 +171,77 @@ def test_a_wrong_line_is_named(shell: Shell, monkeypatch: pytest.MonkeyPatch, te
     code, _, err = piped(shell, monkeypatch, text)
     assert code == 2
     assert message in err
+
+
+CONSTANT = "data.outputs.a={column: angle, std: 0.02}"
+
+
+def both(shell: Shell, monkeypatch: pytest.MonkeyPatch, text: str, *more: str) -> list[tuple[int, str, str]]:
+    """What a stream gives line by line, and all lines at once."""
+    found = []
+    for stdin in (io.StringIO(text), bytes_of(text)):
+        monkeypatch.setattr(sys, "stdin", stdin)
+        found.append(shell("estimate", "pendulum.yaml", "-", "--set", CONSTANT, *more))
+    return found
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda text: text,
+        lambda text: text.replace("\n", "\r\n"),
+        lambda text: text.replace("\n0.5,a,", "\n0.5, a ,"),
+        lambda text: text.replace("\n0.5,", "\n\n0.5,"),
+        lambda text: text.replace("\n2.0,", "\n1.95,a,nan\n2.0,"),
+        lambda text: text + "5.5,a,0.1\n0.1,a,0.2\n6,a,1\n",
+        lambda text: text + "5.5,b,0.1\n",
+        lambda text: text + "5.5,a,x\n",
+        lambda text: text.rstrip("\n"),
+    ],
+)
+def test_lines_that_come_together_give_what_they_give_one_by_one(
+    shell: Shell, monkeypatch: pytest.MonkeyPatch, change: Callable[[str], str]
+) -> None:
+    one_by_one, together = both(shell, monkeypatch, change("\n".join(["t,signal,y", *stream(50), ""])))
+    assert one_by_one == together
+    assert len(together[1].splitlines()) >= 50
+
+
+def test_lines_that_come_together_behind_a_checkpoint(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
+    lines = ["t,signal,y", *stream(50)]
+    whole, _ = both(shell, monkeypatch, "\n".join(lines))
+    monkeypatch.setattr(sys, "stdin", bytes_of("\n".join(lines[:20])))
+    _, first, _ = shell("estimate", "pendulum.yaml", "-", "--set", CONSTANT, "--checkpoint", "state")
+    monkeypatch.setattr(sys, "stdin", bytes_of("\n".join(lines)))
+    _, rest, _ = shell("estimate", "pendulum.yaml", "-", "--set", CONSTANT, "--checkpoint", "state")
+    assert first + rest.split("\n", 1)[1] == whole[1]
+
+
+class Pieces(io.RawIOBase):
+    """Bytes that come piece by piece."""
+
+    def __init__(self, *pieces: bytes) -> None:
+        super().__init__()
+        self.left = list(pieces)
+
+    def readable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: Buffer) -> int:
+        piece = self.left.pop(0) if self.left else b""
+        memoryview(buffer)[: len(piece)] = piece
+        return len(piece)
+
+
+def test_a_line_is_not_kept_waiting_for_the_next_one() -> None:
+    raw = Pieces(b"t,signal,y\n", b"1,a,\xc2", b"\xb5\n2,a,3\n4", b",a,5\n", b"6,a")
+    _, late, blocks = read_lines(io.TextIOWrapper(io.BufferedReader(raw), encoding="utf-8"))
+    assert not late
+    assert len(raw.left) == 4  # the header is known before anything follows
+    found = []
+    for block in blocks:
+        found.append((block.first, block.lines, len(raw.left)))
+    assert found == [(2, ["1,a,\u00b5", "2,a,3"], 2), (4, ["4,a,5"], 1), (5, ["6,a"], 0)]
 
 
 def test_a_stream_needs_a_step(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
