@@ -152,7 +152,7 @@ def test_many_samples_at_once_have_the_bits_of_one_after_the_other(blocks: dict[
     rng, count = np.random.default_rng(1), 300
     t = np.cumsum(rng.choice([0, 0.005, 0.02, 0.033], size=count))
     names = list(one.kinds)
-    kinds, values = rng.integers(0, len(names), count), rng.normal(0.0, 0.3, count).astype(np.float64)
+    kinds, values = rng.integers(0, len(names), count), rng.normal(0.0, 0.3, count)
 
     def take(estimator: Estimator, k: int) -> np.ndarray:
         sample = {names[kinds[k]]: float(values[k])}
@@ -190,7 +190,7 @@ def test_from_when_on_an_observer_is_lost_is_known_of_many_samples() -> None:
     blocks = {"o": {"type": "shgo", "theta": 60, "poles": -1, "initial": START}}
     whole = experiment(PENDULUM, blocks, end=2, step=0.05, measurement={"sampling": {"period": 0.1}})
     one, many = Estimator(whole, remembered=0), Estimator(whole, remembered=0)
-    t = 0.1 * np.arange(1, 400)
+    t = np.arange(1, 400, dtype=np.float64) * np.float64(0.1)
     lost = []
     for moment in t.tolist():
         one.update(moment, {"a": 0.1})
