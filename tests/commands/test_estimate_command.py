@@ -217,3 +217,39 @@ def test_what_cannot_be_minimised_is_said(shell: Shell, goal: str, message: str)
     code, _, err = shell("tune", "pendulum.yaml")
     assert code == 2
     assert message in err
+
+
+@pytest.mark.parametrize(
+    "options",
+    [("--export-csv", "log.csv"), ("--export-csv", "pendulum.yaml"), ("--export-csv", "./results/pendulum.h5")],
+)
+def test_nothing_that_is_read_or_written_is_overwritten(shell: Shell, file: str) -> None:
+    before = {name: (shell.folder / name).read_bytes() for name in ("log.csv", "pendulum.yaml")}
+    code, _, err = shell("estimate", "pendulum.yaml", "--export-csv", file)
+    assert code == 2
+    assert "name another file" in err
+    assert before == {name: (shell.folder / name).read_bytes() for name in before}
+
+
+def test_a_recording_is_not_replaced_by_its_result(shell: Shell) -> None:
+    (shell.folder / "results").mkdir()
+    (shell.folder / "results/pendulum.h5").write_bytes(b"a recording")
+    code, _, err = shell("estimate", "pendulum.yaml", "results/pendulum.h5")
+    assert code == 2
+    assert "--output" in err
+    assert (shell.folder / "results/pendulum.h5").read_bytes() == b"a recording"
+
+
+def test_samples_of_one_time_are_refused_in_words_of_the_data(shell: Shell) -> None:
+    lines = (shell.folder / "log.csv").read_text().splitlines()
+    (shell.folder / "log.csv").write_text("\n".join(lines[:2]) + "\n")
+    code, _, err = shell("estimate", "pendulum.yaml")
+    assert code == 2
+    assert "two times" in err
+    assert "output_step" not in err
+
+
+def test_a_matrix_that_is_a_number_is_reported_under_its_key(shell: Shell) -> None:
+    code, _, err = shell("estimate", "pendulum.yaml", "--set", "observers.E={type: ekf, Q: 1}")
+    assert code == 2
+    assert "observers.E.Q: expected a list" in err
