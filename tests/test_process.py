@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
+from waiting import wait_until_it_computes
 
 from hgorun.errors import HgorunError
 from hgorun.files import written_whole
@@ -106,7 +107,7 @@ def test_a_signal_at_any_time_is_answered_at_once(number: signal.Signals, delay:
     (folder / "c.yaml").write_text(longer.replace("period: 0.25", "period: 50").replace("step: 0.01}", "step: 0.001}"))
     command = [*HGORUN, "simulate", "c.yaml"]
     process = subprocess.Popen(command, cwd=folder, stderr=subprocess.PIPE, env=UNMEASURED)
-    time.sleep(delay)
+    wait_until_it_computes(process, delay)
     process.send_signal(number)
     started = time.perf_counter()
     _, err = process.communicate(timeout=30)

@@ -23,6 +23,7 @@ from hgorun.symbolic.evaluate import Floats
 
 _INPUT = "standard input"
 _COLUMNS = ("t", "signal", "y", "available")
+_REMEMBERED = 1000  # events that late samples may go back to
 _SECONDS = 1.0  # between two checkpoints
 
 
@@ -46,12 +47,12 @@ def follow(source: Source, name: str, options: Estimate) -> int:
     deviations = {output: one.std for output, one in outputs.items() if one.std is not None}
     experiment = streamed(source, inputs, deviations, name)
     gates = {output: one.gate for output, one in outputs.items() if one.gate is not None}
-    estimator = Estimator(experiment, gates=gates, inputs=inputs)
+    samples, as_json, late = lines_of(sys.stdin)
+    estimator = Estimator(experiment, gates=gates, inputs=inputs, remembered=_REMEMBERED if late else 0)
     reached = -math.inf
     if options.checkpoint is not None and options.checkpoint.exists():
         estimator.restore(options.checkpoint.read_bytes())
         reached = estimator.t
-    samples, as_json = lines_of(sys.stdin)
     write = _writer(sys.stdout, estimator, as_json=as_json)
     saved = clock.monotonic()
     grid = _Grid(experiment.origin, options.every, reached)
@@ -119,11 +120,13 @@ def _writer(stream: TextIO, estimator: Estimator, *, as_json: bool) -> Writer:
         stream.write(",".join(["t", "observer", *states, "status"]) + "\n")
 
     def write(t: float, estimates: Mapping[str, Floats]) -> None:
-        lost = estimator.lost
+        lost = estimator.lost if estimator.any_lost else {}
         for label, xhat in estimates.items():
-            numbers, status = xhat.tolist(), "diverged" if lost[label] else "ok"
-            if not all(map(math.isfinite, numbers)):
-                status = "diverged" if lost[label] else "undefined"
+            numbers, status = xhat.tolist(), "ok"
+            if lost.get(label):
+                status = "diverged"
+            elif not all(map(math.isfinite, numbers)):
+                status = "undefined"
             if as_json:
                 values = {s: v if math.isfinite(v) else None for s, v in zip(states, numbers, strict=True)}
                 stream.write(json.dumps({"t": t, "observer": label, **values, "status": status}) + "\n")
@@ -134,8 +137,8 @@ def _writer(stream: TextIO, estimator: Estimator, *, as_json: bool) -> Writer:
     return write
 
 
-def lines_of(stream: TextIO) -> tuple[Iterator[Sample], bool]:
-    """The samples of a stream, and whether they are JSON.
+def lines_of(stream: TextIO) -> tuple[Iterator[Sample], bool, bool]:
+    """The samples of a stream, whether they are JSON, and whether some may be late.
 
     Raises
     ------
@@ -144,8 +147,8 @@ def lines_of(stream: TextIO) -> tuple[Iterator[Sample], bool]:
     """
     first = stream.readline()
     if first.lstrip().startswith("{"):
-        return _json_lines(first, stream), True
-    return _csv_lines(first, stream), False
+        return _json_lines(first, stream), True, True
+    return _csv_lines(first, stream), False, _COLUMNS[3] in first
 
 
 def _csv_lines(header: str, stream: TextIO) -> Iterator[Sample]:

@@ -135,7 +135,9 @@ class Measured(Column):
     available: ClockKey | None = Field(
         default=None, description="the column that says when each value was known (default: when it was taken)"
     )
-    plausible: Interval | None = Field(default=None, description="[low, high]: values outside are not used")
+    plausible: Interval | None = Field(
+        default=None, description="[low, high] in the model's unit: values outside are not used"
+    )
     gate: Positive | None = Field(
         default=None, description="standard deviations of the innovation beyond which a sample is not used"
     )

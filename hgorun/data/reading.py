@@ -134,7 +134,7 @@ class _Reader:
         return None, False
 
     def _to_times(self, signals: Sequence[Wanted], epoch: int | None) -> None:
-        for file, clock in self._clocks(signals):
+        for file, clock in dict.fromkeys(self._clocks(signals)):
             found = self._stamps[file, clock]
             self._times[file, clock] = found if epoch is None else times_since(found, epoch, self._unit)
 

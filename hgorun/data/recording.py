@@ -28,6 +28,7 @@ class Signal:
     lines : ndarray of integers, shape (n,)
         Where in the file each sample stands, from 1 on: its line, or its row where the file has no lines.
     source : Path
+        The file; of a log in several parts the first one, and lines are those of each part.
     column : str
         What it is called there.
     std : float, optional

@@ -49,6 +49,8 @@ def completed(source: Source, recording: Recording, name: str, text: str) -> Exp
         changes["time"] = _time(given.get("time") or {}, recording)
     if not (given.get("plant") and all(isinstance(given.get(key) or {}, dict) for key in ("plant", "measurement"))):
         return Experiment(_with(source, changes), name=name, text=text)  # which says what is wrong
+    with source.located():
+        _check_outputs(plant_of(source).output_names, recording)
     changes["measurement"] = _measurement(given.get("measurement") or {}, recording)
     whole, states = _with_plant(_with(source, changes), tuple(recording.inputs))
     experiment = Experiment(whole, name=name, text=text)
@@ -164,16 +166,26 @@ def plant_units(source: Source) -> dict[str, str]:
     return units_of(plant_of(source)) if isinstance(block, dict) else {}
 
 
+def _check_outputs(outputs: tuple[str, ...], recording: Recording) -> None:
+    """Every output has to be recorded, nothing else can be, and there has to be some time between samples."""
+    for name in recording.outputs:
+        if name not in outputs:
+            raise Problem(("data", "outputs", name), f"no output of the plant; there are {', '.join(outputs)}")
+    missing = [name for name in outputs if name not in recording.outputs]
+    if missing:
+        raise Problem(("data", "outputs"), f"the output {missing[0]} of the plant is not among them")
+    start, end = recording.span
+    if not end > start:
+        raise Problem(("data",), f"all samples are of one time, {start:g}: there is nothing to follow")
+
+
 def _check_names(experiment: Experiment, recording: Recording) -> None:
-    """What is recorded has to be something of the plant."""
+    """What is recorded for comparison has to be something of the plant."""
     model = experiment.plant.model
     for name in recording.reference:
         if name not in {*model.states, *model.outputs}:
             known = ", ".join(dict.fromkeys((*model.states, *model.outputs)))
             raise Problem(("data", "reference", name), f"neither a state nor an output; there are {known}")
-    missing = [name for name in model.outputs if name not in recording.outputs]
-    if missing:
-        raise Problem(("data", "outputs"), f"the output {missing[0]} of the plant is not among them")
 
 
 def first_values(experiment: Experiment, recording: Recording) -> dict[str, float]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from hgorun.result.data import Integration, Measurements, ObserverResult, Record
 from hgorun.result.result import Result
 from hgorun.result.status import OK, Verdict
 
+_MOST = 200_000  # samples for which runs with other gains are made
 _LARGE = "an integration error above the accuracy asked for"
 
 
@@ -69,6 +71,10 @@ def estimate_prepared(
     result = _result(prepared, recording, found)
     if not sensitivity:
         return result
+    count = sum(one.values.size for one in prepared.samples)
+    if count > _MOST:  # each gain takes two more runs
+        told = f"{count} samples: how the scores depend on the gains is told up to {_MOST}"
+        return replace(result, remarks=(*result.remarks, told))
     from hgorun.estimate.sensitivity import with_sensitivity
 
     return with_sensitivity(result, prepared, recording, held_out)

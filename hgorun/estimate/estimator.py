@@ -10,6 +10,7 @@ from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import product
+from typing import Any
 
 import numpy as np
 
@@ -168,6 +169,11 @@ class Estimator:
         return tuple(self._labels)
 
     @property
+    def any_lost(self) -> bool:
+        """Whether one of the observers has no numbers any more."""
+        return bool(self._live.diverged.min() < np.inf)
+
+    @property
     def lost(self) -> dict[str, bool]:
         """Which observers have no numbers any more."""
         return {label: bool(at < np.inf) for label, at in zip(self._labels, self._live.diverged.tolist(), strict=True)}
@@ -302,7 +308,7 @@ class Estimator:
         if event.t >= self._live.t and other is None:
             self._go_on(event)
             return
-        if place == 0 and len(self._events) == self._events.maxlen:
+        if event.t < (float(self._before[0][0]["t"][0]) if self._before else self._live.t):
             raise ValueError(
                 f"a sample taken at {self._experiment.origin + event.t:g} is older than all that is remembered: "
                 "increase remembered"
@@ -407,10 +413,15 @@ class Estimator:
         return hashlib.sha256(text.encode()).hexdigest()
 
     def checkpoint(self) -> bytes:
-        """All that the estimator goes on from; samples taken before it cannot be used later."""
+        """All that the estimator goes on from, with what is remembered for samples that come late."""
+        states = {name: values[None] for name, values in self._live.state().items()}
+        for name in states:
+            states[name] = np.concatenate([states[name], *(state[name][None] for state, _ in self._before)])
         file = io.BytesIO()
-        np.savez(file, allow_pickle=False, **self._live.state())
-        notes = self._notes()
+        np.savez(file, allow_pickle=False, **states)
+        events = [[one.t, one.take, one.samples, one.inputs, one.taken] for one in self._events]
+        told = [self._notes().decode(), [notes.decode() for _, notes in self._before], events]
+        notes = json.dumps(told).encode()
         head = json.dumps({"of": self._identity(), "notes": len(notes)}).encode()
         return _MAGIC + head + b"\n" + notes + file.getvalue()
 
@@ -431,12 +442,28 @@ class Estimator:
                 raise ConfigError("the checkpoint is of another configuration")
             size = int(told["notes"])
             with np.load(io.BytesIO(rest[size:]), allow_pickle=False) as arrays:
-                state = {name: np.array(arrays[name], dtype=float) for name in arrays.files}
-            self._restore_notes(rest[:size])
-            self._live.restore(state)
+                states = {name: np.array(arrays[name], dtype=float) for name in arrays.files}
+            now, before, events = json.loads(rest[:size])
+            remembered = [{name: values[k + 1] for name, values in states.items()} for k in range(len(before))]
+            known = deque((_event_of(*one) for one in events), self._events.maxlen)
+            kept = deque(zip(remembered, (notes.encode() for notes in before), strict=True), self._before.maxlen)
+            self._restore_notes(now.encode())
+            self._live.restore({name: values[0] for name, values in states.items()})
+            self._events, self._before = known, kept
         except HgorunError:
             raise
         except Exception as error:
             raise ConfigError(f"the checkpoint is damaged: {error}") from error
-        self._events.clear()
-        self._before.clear()
+
+
+def _event_of(
+    t: float, take: list[list[int]], samples: list[list[Any]], inputs: list[list[Any]], taken: float
+) -> _Event:
+    """An event from the lists of a checkpoint."""
+    return _Event(
+        t,
+        tuple((int(i), int(slot)) for i, slot in take),
+        tuple((int(i), int(slot), float(value), bool(used)) for i, slot, value, used in samples),
+        tuple((int(i), float(value)) for i, value in inputs),
+        taken,
+    )

@@ -57,8 +57,14 @@ class Source:
             yield self._filled(_LINES)
         if observer.remembered:
             yield self._filled(HISTORY)
-        if observer.inputs:
+        interface = list(self._interface())
+        if f"{self.prefix}inputs(" in "\n".join(interface):  # an observer may do without the inputs
             yield self._filled(_INPUTS)
+        yield from interface
+
+    def _interface(self) -> Iterator[str]:
+        """What is called from outside, and the steps."""
+        observer = self.observer
         yield from self._init()
         yield from Steps(observer, self.functions).text() if observer.flows else [self._filled(_WAIT)]
         if observer.sampled:

@@ -11,7 +11,7 @@ from hgorun.export.c_functions import Functions
 from hgorun.export.equations import Output
 from hgorun.export.observer import Exported
 
-_UNROLLED = 16  # states
+_UNROLLED = 64  # states
 
 
 @dataclass(frozen=True, eq=False, repr=False)

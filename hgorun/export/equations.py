@@ -75,7 +75,7 @@ def outputs_of(stretches: Sequence[Sequence[Stretch]], plant: BuiltPlant, late: 
                 continuous=bool(delays),
                 delay=None if undelayed else delays.pop(),
                 period=period,
-                late=is_late,
+                late=is_late and any(not stretch.continuous for stretch in of),
             )
         )
     return tuple(found)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import cast
 
 import numpy as np
 
@@ -38,7 +37,7 @@ class Design:
     origin: Form
     gains: Mapping[str, np.ndarray]
     defaults: dict[str, np.ndarray | Symmetric]
-    _last: dict[str, object] = field(default_factory=dict)
+    _last: dict[str, tuple[tuple[bytes, bool], np.ndarray]] = field(default_factory=dict)
 
     @classmethod
     def of(cls, label: str, observer: AnyObserver, form: Form, origin: Form | None = None) -> Design:
@@ -80,15 +79,17 @@ class Design:
             When ``initial`` or ``internal`` does not fit.
         """
         key = parameters.tobytes(), has_alpha
-        if self._last.get("of") != key:  # the runs of a family often have the same parameters
+        known = self._last.get("start")
+        if known is None or known[0] != key:  # the runs of a family often have the same parameters
             try:
                 xhat = self.form.start(self._estimate, parameters, self.observer.coordinates == "canonical")
             except ValueError as error:
                 at = "" if self.observer.initial else "; that is where estimates start by default: give initial"
                 raise self._fail("initial", f"{error}{at}") from error
             own = self._own_alpha if has_alpha else self._own
-            self._last.update(of=key, values=np.concatenate([np.ravel(xhat), own]))
-        return cast(np.ndarray, self._last["values"])
+            # in one piece: runs in other threads may share the design
+            known = self._last["start"] = key, np.concatenate([np.ravel(xhat), own])
+        return known[1]
 
     @cached_property
     def _estimate(self) -> np.ndarray:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import signal
 import subprocess
 import sys
@@ -17,6 +16,7 @@ import pytest
 import yaml
 from outside import installed
 from shell import Shell
+from waiting import wait_until_it_computes
 
 from hgorun.commands.catalogue import build_schema
 from hgorun.files import _MACHINE
@@ -202,20 +202,6 @@ def test_the_schema_refuses_what_the_loader_refuses(schema: jsonschema.protocols
     for wrong in wrongs:
         with pytest.raises(jsonschema.ValidationError):
             schema.validate(wrong)
-
-
-def wait_until_it_computes(process: subprocess.Popen[bytes], seconds: float) -> None:
-    """Wait until a process has had this much processor time, which imports and compilation do not take."""
-    usage = Path(f"/proc/{process.pid}/stat")
-    if not usage.exists():
-        time.sleep(2 * seconds)
-        return
-    deadline = time.monotonic() + 60
-    while process.poll() is None and time.monotonic() < deadline:
-        user, system = map(int, usage.read_text().rpartition(")")[2].split()[11:13])
-        if (user + system) / os.sysconf("SC_CLK_TCK") > seconds:
-            return
-        time.sleep(0.05)
 
 
 @pytest.mark.slow

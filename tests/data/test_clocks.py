@@ -110,3 +110,10 @@ def test_a_unit_of_the_file_for_its_time_is_told(tmp_path: Path) -> None:
     (note,) = recorded(tmp_path, content).notes
     assert note.kind == "clock"
     assert "the file says h, the run counts in s" in str(note)
+
+
+def test_signals_of_one_file_share_their_clock(tmp_path: Path) -> None:
+    content = "t,glucose,ethanol\n" + "".join(f"{d.isoformat()},{v},{-v}\n" for d, v in zip(DATES, VALUES, strict=True))
+    outputs = recorded(tmp_path, content, {"outputs": {"S": "glucose", "E": "ethanol"}}).outputs
+    assert outputs["S"].taken is outputs["E"].taken
+    assert outputs["S"].lines is outputs["E"].lines

@@ -23,6 +23,7 @@ from recordings import (
     source,
 )
 
+from hgorun.data.recording import Recording
 from hgorun.errors import ConfigError
 from hgorun.estimate.estimate import estimate
 from hgorun.estimate.holdout import HoldOut, held_out
@@ -185,6 +186,18 @@ def test_what_cannot_be_is_said(change: dict[str, object], message: str) -> None
         estimate(source(config), recording(signal("a", [0, 1, 2], [0, 1, 2])), sensitivity=False)
 
 
+@pytest.mark.parametrize(
+    ("log", "message"),
+    [
+        (recording(signal("a", [1.0], [0.5])), "all samples are of one time, 1"),
+        (recording(signal("a", [0, 1], [0, 1]), signal("z", [0, 1], [0, 1])), "data.outputs.z: no output of the plant"),
+    ],
+)
+def test_what_was_recorded_has_to_be_of_use(log: Recording, message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        estimate(source({"plant": PENDULUM, "observers": observers("shgo")}), log)
+
+
 def test_a_reference_is_a_state_or_an_output() -> None:
     log = recording(signal("a", [0, 1], [0, 1]), reference={"z": signal("z", [0], [0])})
     with pytest.raises(ConfigError, match="neither a state nor an output"):
@@ -215,3 +228,11 @@ def test_a_gate_and_going_back_do_not_go_together() -> None:
     log = recording(signal("a", taken, np.sin(taken), taken + 0.3, gate=4.0))
     with pytest.raises(ConfigError, match="with a gate late samples enter the innovation, and K has late: replay"):
         estimate(run.experiment.source, log, sensitivity=False)
+
+
+def test_long_logs_are_not_run_again_for_every_gain(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("hgorun.estimate.estimate._MOST", 10)
+    taken = np.arange(0, 2, 0.1)
+    found = estimate(source({"plant": PENDULUM, "observers": observers("shgo")}), recording(signal("a", taken, taken)))
+    assert "sensitivity" not in assessed_of(found, "shgo").scores
+    assert any("20 samples" in remark for remark in found.remarks)

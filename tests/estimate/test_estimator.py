@@ -196,3 +196,26 @@ def test_late_samples_that_a_stream_leaves_out_or_cannot_take() -> None:
     gated.update(0.5, {"a": 0.4})
     with pytest.raises(ValueError, match="with a gate"):
         gated.update(0.3, {"a": 0.4}, available=0.8)
+
+
+def test_late_samples_after_a_checkpoint_are_taken_in_as_without_it(small: Experiment) -> None:
+    """A stream that is killed and restored at any moment goes on with the same bits."""
+    rng = np.random.default_rng(8)
+    taken = np.arange(1, 30) * 0.1
+    known = taken + rng.uniform(0, 0.35, taken.size)
+    order = np.argsort(known)
+    whole, restored = Estimator(small), Estimator(small)
+    for k in order:
+        for estimator in (whole, restored):
+            estimator.update(float(taken[k]), {"a": np.sin(taken[k])}, available=float(known[k]))
+        assert np.array_equal(whole.estimate()["shgo"], restored.estimate()["shgo"])
+        stored = restored.checkpoint()
+        restored = Estimator(small)
+        restored.restore(stored)
+
+
+def test_a_sample_older_than_all_that_is_remembered_is_refused(small: Experiment) -> None:
+    estimator = Estimator(small, remembered=0)
+    estimator.update(1.0, {"a": 0.5})
+    with pytest.raises(ValueError, match="increase remembered"):
+        estimator.update(0.5, {"a": 0.5}, available=1.2)

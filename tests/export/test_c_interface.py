@@ -215,6 +215,18 @@ def test_compilers(compiler: str, options: tuple[str, ...], tmp_path: Path) -> N
     assert compile_c(tmp_path, files, *options, compiler=compiler).exists()
 
 
+def test_what_an_observer_does_without_is_not_there(tmp_path: Path) -> None:
+    """No warning of functions that nothing calls: differentiators read no inputs, for example."""
+    files: dict[str, str] = {}
+    blocks: list[Block] = [{"type": "levant", "G": 3}, {"type": "savgol", "window": 3, "degree": 1}]
+    for block in blocks:
+        run = run_of(DRIVEN, block, {"sampling": {"period": 0.1}})
+        (observer,) = exported(run, Wanted(inputs_given=True, late=0.3))
+        files |= c_files(replace(observer, label=str(block["type"])))
+    (observer,) = exported(run_of(DRIVEN, {"type": "shgo", "theta": 2}, {}), Wanted(late=0.3))
+    assert compile_c(tmp_path, {**files, **c_files(observer)}).exists()
+
+
 def test_float_numbers(tmp_path: Path) -> None:
     run = RUNS["kinks"]
     one = load_all(tmp_path, exported(run), single=True)["O"]

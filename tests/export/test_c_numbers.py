@@ -10,6 +10,7 @@ from examples import Block
 from exported_c import Compiled, driven, follow, load_all
 
 from hgorun import Experiment
+from hgorun.errors import ConfigError
 from hgorun.export.names import identifier
 from hgorun.export.prepared import exported
 from hgorun.observers.base import OBSERVERS, SampledObserver
@@ -17,6 +18,7 @@ from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import prepare
 from hgorun.testing.cases import Subject
 
+REFUSED = {"kkl", "mhe"}  # families whose estimate is no formula of the samples
 NOISE = [{"type": "gaussian", "std": 0.02}]
 
 
@@ -34,10 +36,20 @@ def run_of(name: str) -> PreparedRun:
 @pytest.mark.slow
 def test_every_family(tmp_path: Path) -> None:
     runs = {name: run_of(name) for name in OBSERVERS.names()}
+    assert {name for name, run in runs.items() if not is_exported(run)} <= REFUSED
+    runs = {name: run for name, run in runs.items() if is_exported(run)}
     observers = [exported(run)[0] for run in runs.values()]
     compiled = load_all(tmp_path, observers, "-O1", "-march=native")
     worst = {name: difference(run, compiled[identifier(name)], name) for name, run in runs.items()}
     assert max(worst.values()) <= 1e-12, worst
+
+
+def is_exported(run: PreparedRun) -> bool:
+    """Whether the observer can be exported."""
+    try:
+        return bool(exported(run))
+    except ConfigError:
+        return False
 
 
 def difference(run: PreparedRun, observer: Compiled, label: str) -> float:

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import pickle
+import sys
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from copy import copy, deepcopy
 from pathlib import Path
+from threading import Barrier
 from typing import Any
 
 import numpy as np
@@ -151,6 +154,25 @@ def test_a_design_is_made_once_for_a_family(base: Experiment) -> None:
     starts = [e.designs["S"].initial(e.plant.parameters, has_alpha=a) for e in (first, second) for a in (False, True)]
     assert [start.size for start in starts] == [2, 3, 2, 3]
     assert all(np.array_equal(start[:2], [1, 14]) for start in starts)
+
+
+def test_threads_share_a_design(base: Experiment) -> None:
+    """Each gets the start that belongs to its parameters, whatever the other one asks for."""
+    design, parameters = base.designs["S"], base.plant.parameters
+    wanted = [design.initial(parameters, has_alpha=a).size for a in (False, True)]
+    both = Barrier(2)
+
+    def sizes(has_alpha: bool) -> set[int]:
+        both.wait()
+        return {design.initial(parameters, has_alpha=has_alpha).size for _ in range(20_000)}
+
+    interval = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    try:
+        with ThreadPoolExecutor(2) as pool:
+            assert list(pool.map(sizes, (False, True))) == [{size} for size in wanted]
+    finally:
+        sys.setswitchinterval(interval)
 
 
 def test_blocks_that_have_not_changed_are_not_checked_again(base: Experiment) -> None:

@@ -1,0 +1,112 @@
+"""Many dates at once are those that are read one by one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hgorun.config.data import Csv
+from hgorun.data.cells import NAT, Cells, Numbers, Stamps, iso_stamp
+from hgorun.data.csv_table import CsvFile
+from hgorun.data.dates import iso_stamps
+from hgorun.errors import ConfigError
+
+FORMS = [
+    "2024-05-31",
+    "2024-05-31T13:45",
+    "2024-05-31 13:45:10",
+    "2024-05-31T13:45:10.2",
+    "2024-05-31T13:45:10,123456789",
+    "2024-05-31T13:45:10.125Z",
+    "2024-05-31T13:45:10+02:00",
+    "2024-05-31T13:45-11:30",
+    "1700-02-28T00:00:00",
+    "2000-02-29T23:59:59.999999999",
+]
+WRONG = [
+    "2024-02-30",
+    "2023-02-29",
+    "2024-13-01",
+    "2024-00-10",
+    "2024-05-31T24:00",
+    "2024-05-31T13:60",
+    "2024-05-31T13:45:60",
+    "31.05.2024",
+    "2024-05-31x13:45",
+    "2024-05-31T13:45:1",
+    "2024-05-31T13:45:10.",
+    "2024/05/31",
+    "today",
+    "20a4-05-31",
+    "2024-05-31T13:45:10+0a:00",
+    "1000-01-01",
+    "9999-01-01",
+    "2024-05-31T13:45:10.1234567891234567",
+]
+
+
+def at_once(cells: list[str]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    lengths = np.array([len(cell) for cell in cells])
+    text = np.frombuffer("".join(cells).encode(), dtype=np.uint8)
+    return iso_stamps(text, np.cumsum(lengths) - lengths, lengths)
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_each_form(form: str) -> None:
+    stamps, known, zoned = at_once([form])
+    assert (int(stamps[0]), bool(zoned[0])) == iso_stamp(form)
+    assert known.all()
+
+
+@pytest.mark.parametrize("wrong", WRONG)
+def test_what_is_no_date_is_not_known(wrong: str) -> None:
+    assert at_once([wrong, wrong])[1].tolist() == [False, False]
+
+
+def test_dates_of_all_lengths_beside_each_other() -> None:
+    random = np.random.default_rng(0)
+    nanoseconds = random.integers(-(2**62), 2**62, 2000)
+    cells = []
+    for k, stamp in enumerate(nanoseconds.astype("datetime64[ns]")):
+        unit = ["D", "m", "s", "ms", "us", "ns"][k % 6]
+        cells.append("" if k % 50 == 7 else str(stamp.astype(f"datetime64[{unit}]")))
+    stamps, known, _ = at_once(cells)
+    assert known.all()
+    assert stamps.tolist() == [iso_stamp(cell)[0] if cell else NAT for cell in cells]
+
+
+@pytest.mark.parametrize("odd", ["", ",1", "2024-01-01T00:00:00 ,1", "nan,1", "# remark", '"2024-01-01",1'])
+def test_rows_between_plain_ones(tmp_path: Path, odd: str) -> None:
+    start = np.datetime64("2024-01-01T00:00:00", "ms")
+    rows = [f"{stamp},{k}" for k, stamp in enumerate(start + 250 * np.arange(3000))]
+    for place in (0, 5, 6, 7, 1000, 2999) if odd else ():
+        rows[place] = odd
+    (tmp_path / "log.csv").write_text("\n".join(["t,a", "2023-12-31T23:59:59,0", *rows]))
+    wanted: list[Cells] = [Stamps("t"), Numbers("a")]
+    table = CsvFile(tmp_path / "log.csv", Csv()).table(wanted, 1e9)
+    plain = [(line, row.split(",")) for line, row in enumerate(rows, start=3) if row and not row.startswith("#")]
+    expected = [NAT if t in ("", "nan") else iso_stamp(t.strip(' "'))[0] for _, (t, _) in plain]
+    assert table.columns[wanted[0]].tolist()[1:] == expected
+    assert table.columns[wanted[1]].tolist()[1:] == [float(a) for _, (_, a) in plain]
+    assert table.lines.tolist()[1:] == [line for line, _ in plain]
+
+
+@pytest.mark.parametrize(
+    ("stamp", "message"), [("2024-02-30T00:00:00.000", "day"), ("2024-01-02T00:00:00.000Z", "zone")]
+)
+def test_a_date_that_is_wrong_has_its_line(tmp_path: Path, stamp: str, message: str) -> None:
+    start = np.datetime64("2024-01-01T00:00:00", "ms")
+    rows = [f"{one},{k}" for k, one in enumerate(start + 250 * np.arange(3000))]
+    rows[1500] = f"{stamp},1"
+    (tmp_path / "log.csv").write_text("\n".join(["t,a", *rows]))
+    with pytest.raises(ConfigError, match=rf":1502: t: .*{message}"):
+        CsvFile(tmp_path / "log.csv", Csv()).table([Stamps("t"), Numbers("a")], 1e9)
+
+
+def test_the_first_row_is_not_plain(tmp_path: Path) -> None:
+    (tmp_path / "log.csv").write_text('t,a\n2024-01-01,"1"\n2024-01-02,2\n')
+    wanted: list[Cells] = [Stamps("t"), Numbers("a")]
+    table = CsvFile(tmp_path / "log.csv", Csv()).table(wanted, 1e9)
+    assert table.columns[wanted[1]].tolist() == [1, 2]
