@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import math
 import sys
@@ -152,7 +151,7 @@ def lines_of(stream: TextIO) -> tuple[Iterator[Sample], bool, bool]:
 
 
 def _csv_lines(header: str, stream: TextIO) -> Iterator[Sample]:
-    names = [name.strip() for name in next(csv.reader([header.lstrip("\ufeff")]), [])]
+    names = _cells(header.lstrip("\ufeff"))
     missing = [name for name in _COLUMNS[:3] if name not in names]
     if missing:
         raise ConfigError(
@@ -160,7 +159,7 @@ def _csv_lines(header: str, stream: TextIO) -> Iterator[Sample]:
         )
     places = [names.index(name) if name in names else None for name in _COLUMNS]
     for number, line in enumerate(stream, start=2):
-        cells = [cell.strip() for cell in line.rstrip("\r\n").split(",")]
+        cells = _cells(line)
         if cells == [""]:
             continue
         if len(cells) != len(names):
@@ -169,13 +168,18 @@ def _csv_lines(header: str, stream: TextIO) -> Iterator[Sample]:
         yield _sample(number, t, signal, y, known or None)
 
 
+def _cells(line: str) -> list[str]:
+    """What stands between the commas, which are in no name and in no number."""
+    return [cell.strip().strip('"') for cell in line.rstrip("\r\n").split(",")]
+
+
 def _json_lines(first: str, stream: TextIO) -> Iterator[Sample]:
     number, line = 1, first
     while line:
         if line.strip():
             try:
                 found = json.loads(line)
-            except ValueError as error:
+            except (ValueError, RecursionError) as error:
                 raise ConfigError(f"not JSON: {error}", file=_INPUT, line=number) from None
             if not isinstance(found, dict):
                 raise ConfigError("expected an object with t, signal and y", file=_INPUT, line=number)
@@ -194,7 +198,7 @@ def _sample(line: int, t: object, signal: object, y: object, available: object) 
 def _number(line: int, name: str, value: object) -> float:
     try:
         number = float(value)  # type: ignore[arg-type]  # whatever it is, this says whether it is a number
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         number = float("nan")
     if isinstance(value, bool) or (name != "y" and not math.isfinite(number)) or math.isinf(number):
         raise ConfigError(f"{name}: expected a number, found {value!r:.50}", file=_INPUT, line=line)

@@ -42,9 +42,7 @@ def completed(source: Source, recording: Recording, name: str, text: str) -> Exp
     if isinstance(given.get("time") or {}, dict):
         start, end = recording.span
         if start == end and not {"start", "end"} & set(given.get("time") or {}):
-            message = (
-                f"all samples are of the time {start:g}: between samples of two times there is something to estimate"
-            )
+            message = f"all samples are of the time {start:g}, and an estimate needs two times at least"
             raise ConfigError(message, file=source.where(("data",))[0], line=source.where(("data",))[1], key="data")
         changes["time"] = _time(given.get("time") or {}, recording)
     if not (given.get("plant") and all(isinstance(given.get(key) or {}, dict) for key in ("plant", "measurement"))):

@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 from shell import Shell
 
+from hgorun.commands.stream import lines_of
+from hgorun.errors import ConfigError
 from hgorun.result.reading import read
 
 CONFIG = """
@@ -219,10 +221,7 @@ def test_what_cannot_be_minimised_is_said(shell: Shell, goal: str, message: str)
     assert message in err
 
 
-@pytest.mark.parametrize(
-    "options",
-    [("--export-csv", "log.csv"), ("--export-csv", "pendulum.yaml"), ("--export-csv", "./results/pendulum.h5")],
-)
+@pytest.mark.parametrize("file", ["log.csv", "pendulum.yaml", "./results/pendulum.h5"])
 def test_nothing_that_is_read_or_written_is_overwritten(shell: Shell, file: str) -> None:
     before = {name: (shell.folder / name).read_bytes() for name in ("log.csv", "pendulum.yaml")}
     code, _, err = shell("estimate", "pendulum.yaml", "--export-csv", file)
@@ -253,3 +252,20 @@ def test_a_matrix_that_is_a_number_is_reported_under_its_key(shell: Shell) -> No
     code, _, err = shell("estimate", "pendulum.yaml", "--set", "observers.E={type: ekf, Q: 1}")
     assert code == 2
     assert "observers.E.Q: expected a list" in err
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ('{"t": 0, "signal": "a", "y": 1' + "0" * 400 + "}", "y: expected a number"),
+        ('{"t": 0, "signal": ' + "[" * 50_000, "not JSON"),
+    ],
+)
+def test_numbers_and_lists_without_end_are_refused_with_their_line(line: str, said: str) -> None:
+    with pytest.raises(ConfigError, match=f"input:1: {said}"):
+        list(lines_of(io.StringIO(line))[0])
+
+
+def test_names_in_a_stream_may_be_quoted() -> None:
+    samples = lines_of(io.StringIO('"t","signal","y"\n0,"a",1\n'))[0]
+    assert [one.signal for one in samples] == ["a"]
