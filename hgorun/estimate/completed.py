@@ -40,10 +40,6 @@ def completed(source: Source, recording: Recording, name: str, text: str) -> Exp
     given: Mapping[str, Any] = source.data
     changes: dict[str, Any] = {}
     if isinstance(given.get("time") or {}, dict):
-        start, end = recording.span
-        if start == end and not {"start", "end"} & set(given.get("time") or {}):
-            message = f"all samples are of the time {start:g}, and an estimate needs two times at least"
-            raise ConfigError(message, file=source.where(("data",))[0], line=source.where(("data",))[1], key="data")
         changes["time"] = _time(given.get("time") or {}, recording)
     if not (given.get("plant") and all(isinstance(given.get(key) or {}, dict) for key in ("plant", "measurement"))):
         return Experiment(_with(source, changes), name=name, text=text)  # which says what is wrong
@@ -127,8 +123,7 @@ def _time(given: Mapping[str, Any], recording: Recording) -> dict[str, Any]:
     if "output_step" not in found:
         gap = recording.median_gap
         span = float(found["end"]) - float(found["start"]) if _numbers(found) else end - start
-        steps = [step for step in (gap, span) if step > 0]  # an empty span is refused as such
-        found["output_step"] = float(min(steps, default=1.0))
+        found["output_step"] = float(min(gap, span)) if np.isfinite(gap) else span
     return found
 
 

@@ -239,15 +239,6 @@ def test_a_recording_is_not_replaced_by_its_result(shell: Shell) -> None:
     assert (shell.folder / "results/pendulum.h5").read_bytes() == b"a recording"
 
 
-def test_samples_of_one_time_are_refused_in_words_of_the_data(shell: Shell) -> None:
-    lines = (shell.folder / "log.csv").read_text().splitlines()
-    (shell.folder / "log.csv").write_text("\n".join(lines[:2]) + "\n")
-    code, _, err = shell("estimate", "pendulum.yaml")
-    assert code == 2
-    assert "two times" in err
-    assert "output_step" not in err
-
-
 def test_a_matrix_that_is_a_number_is_reported_under_its_key(shell: Shell) -> None:
     code, _, err = shell("estimate", "pendulum.yaml", "--set", "observers.E={type: ekf, Q: 1}")
     assert code == 2
