@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import codecs
-import csv
 import io
 import json
 import math
@@ -63,7 +62,7 @@ class CsvForm:
     def samples(self, block: Block) -> Iterator[Sample]:
         """The samples of some lines one after the other; the line that is wrong is named."""
         for number, line in block.numbered():
-            cells = [cell.strip() for cell in line.split(",")]
+            cells = _cells(line)
             if cells == [""]:
                 continue
             if len(cells) != self.cells:
@@ -80,7 +79,7 @@ class CsvForm:
         try:
             t = np.array([float(row[at_t]) for row in rows])
             y = np.array([float(row[at_y]) for row in rows])
-            found = np.array([kinds[row[at_signal].strip()] for row in rows])
+            found = np.array([kinds[row[at_signal].strip().strip('"')] for row in rows])
         except (ValueError, KeyError):
             return None
         return Samples(t, found, y) if np.all(np.isfinite(t)) and np.all(np.isfinite(y)) else None
@@ -96,7 +95,7 @@ class JsonForm:
             if line.strip():
                 try:
                     found = json.loads(line)
-                except ValueError as error:
+                except (ValueError, RecursionError) as error:
                     raise ConfigError(f"not JSON: {error}", file=INPUT, line=number) from None
                 if not isinstance(found, dict):
                     raise ConfigError("expected an object with t, signal and y", file=INPUT, line=number)
@@ -115,7 +114,7 @@ def form_of(header: str) -> CsvForm | JsonForm:
     """
     if header.lstrip().startswith("{"):
         return JsonForm()
-    names = [name.strip() for name in next(csv.reader([header.lstrip("\ufeff")]), [])]
+    names = _cells(header.lstrip("\ufeff"))
     if any(name not in names for name in _COLUMNS[:3]):
         raise ConfigError(
             f"expected the header t,signal,y[,available], found {header.strip()[:80]!r}", file=INPUT, line=1
@@ -171,6 +170,11 @@ def _pieces(stream: TextIO) -> Iterator[str]:
     yield decoder.decode(b"", final=True)
 
 
+def _cells(line: str) -> list[str]:
+    """What stands between the commas, which are in no name and in no number."""
+    return [cell.strip().strip('"') for cell in line.split(",")]
+
+
 def _sample(line: int, t: object, signal: object, y: object, available: object) -> Sample:
     if not isinstance(signal, str) or not signal:
         raise ConfigError(f"signal: expected a name, found {signal!r:.50}", file=INPUT, line=line)
@@ -182,7 +186,7 @@ def _sample(line: int, t: object, signal: object, y: object, available: object) 
 def _number(line: int, name: str, value: object) -> float:
     try:
         number = float(value)  # type: ignore[arg-type]  # whatever it is, this says whether it is a number
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         number = float("nan")
     if isinstance(value, bool) or (name != "y" and not math.isfinite(number)) or math.isinf(number):
         raise ConfigError(f"{name}: expected a number, found {value!r:.50}", file=INPUT, line=line)

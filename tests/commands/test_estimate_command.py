@@ -13,7 +13,9 @@ import pytest
 from shell import Shell
 from typing_extensions import Buffer
 
+from hgorun.commands.stream_lines import Sample
 from hgorun.commands.stream_lines import read as read_lines
+from hgorun.errors import ConfigError
 from hgorun.result.reading import read
 
 CONFIG = """
@@ -295,3 +297,54 @@ def test_what_cannot_be_minimised_is_said(shell: Shell, goal: str, message: str)
     code, _, err = shell("tune", "pendulum.yaml")
     assert code == 2
     assert message in err
+
+
+@pytest.mark.parametrize("file", ["log.csv", "pendulum.yaml", "./results/pendulum.h5"])
+def test_nothing_that_is_read_or_written_is_overwritten(shell: Shell, file: str) -> None:
+    before = {name: (shell.folder / name).read_bytes() for name in ("log.csv", "pendulum.yaml")}
+    code, _, err = shell("estimate", "pendulum.yaml", "--export-csv", file)
+    assert code == 2
+    assert "name another file" in err
+    assert before == {name: (shell.folder / name).read_bytes() for name in before}
+
+
+def test_a_recording_is_not_replaced_by_its_result(shell: Shell) -> None:
+    (shell.folder / "results").mkdir()
+    (shell.folder / "results/pendulum.h5").write_bytes(b"a recording")
+    code, _, err = shell("estimate", "pendulum.yaml", "results/pendulum.h5")
+    assert code == 2
+    assert "--output" in err
+    assert (shell.folder / "results/pendulum.h5").read_bytes() == b"a recording"
+
+
+def test_a_matrix_that_is_a_number_is_reported_under_its_key(shell: Shell) -> None:
+    code, _, err = shell("estimate", "pendulum.yaml", "--set", "observers.E={type: ekf, Q: 1}")
+    assert code == 2
+    assert "observers.E.Q: expected a list" in err
+
+
+def samples_of(text: str) -> list[Sample]:
+    """The samples of a stream, one by one."""
+    form, _, blocks = read_lines(io.StringIO(text))
+    return [sample for block in blocks for sample in form.samples(block)]
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ('{"t": 0, "signal": "a", "y": 1' + "0" * 400 + "}", "y: expected a number"),
+        ('{"t": 0, "signal": ' + "[" * 50_000, "not JSON"),
+    ],
+)
+def test_numbers_and_lists_without_end_are_refused_with_their_line(line: str, said: str) -> None:
+    with pytest.raises(ConfigError, match=f"input:1: {said}"):
+        samples_of(line)
+
+
+def test_names_in_a_stream_may_be_quoted() -> None:
+    text = '"t","signal","y"\n0,"a",1\n'
+    assert [one.signal for one in samples_of(text)] == ["a"]
+    form, _, blocks = read_lines(io.StringIO(text))
+    together = form.together(next(blocks), {"a": 7})
+    assert together is not None
+    assert together.kinds.tolist() == [7]
