@@ -64,7 +64,9 @@ class Bulk:
             kinds[place] = isinstance(cells, Stamps)
         signs = (dialect.separator, dialect.decimal, dialect.comment)
         tables = (plan.ctypes.data, kinds.ctypes.data, powers().ctypes.data)
-        taken = (ctypes.c_int64 * len(WORDS))(text.ctypes.data, text.size, dialect.width, *map(ord, signs), *tables, start)
+        taken = (ctypes.c_int64 * len(WORDS))(
+            text.ctypes.data, text.size, dialect.width, *map(ord, signs), *tables, start
+        )
         count = int(code().run(ctypes.addressof(taken)))
         stop: int = taken[-1]
         for cells, column in zip(self._wanted, columns, strict=True):

@@ -87,7 +87,9 @@ def filled(taken: np.ndarray, values: np.ndarray) -> list[Stretch]:
     quantum = _quantum(np.diff(values[:_FIRST]))
     straight = np.empty(values.size - 2, dtype=bool)
     for some in _pieces(straight.size):
-        straight[some] = _Threes(taken[some.start : some.stop + 2], values[some.start : some.stop + 2]).straight(quantum)
+        straight[some] = _Threes(taken[some.start : some.stop + 2], values[some.start : some.stop + 2]).straight(
+            quantum
+        )
     lines = [Stretch(run.start, run.stop + 1) for run in _true_runs(straight) if run.size + 1 >= _SHORT_LINE]
     if lines:
         lines = _between_bends(taken, values, lines, quantum)

@@ -37,7 +37,9 @@ class Hdf5:
         return False
 
 
-def _columns(group: h5py.Group, path: Path, above: str = "", depth: int = 0) -> Iterator[tuple[str, h5py.Dataset, int | None]]:
+def _columns(
+    group: h5py.Group, path: Path, above: str = "", depth: int = 0
+) -> Iterator[tuple[str, h5py.Dataset, int | None]]:
     """Names, data sets, and which column of two dimensions is meant; what is a link could lead anywhere."""
     if len(group) > _MANY or depth > _DEEP:
         raise ConfigError("more groups and data sets than a log has", file=str(path))

@@ -1,8 +1,8 @@
 """Rows of a text in machine code: numbers between separators, where dates stand, and cells that nobody wants.
 
 The code stops at the first row with a quote, a comment, another number of cells, or a cell that is neither a plain
-number nor empty nor NaN. What it takes are words: addresses and numbers; the last one, the byte to begin with, it changes
-to the one at which it has stopped.
+number nor empty nor NaN. What it takes are words: addresses and numbers; the last one, the byte to begin with, it
+changes to the one at which it has stopped.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ _DIGITS = 19  # that a word holds, whatever they are
 
 
 class _Code:
-    """The compiled function; alive as long as this is."""
+    """The compiled function."""
 
     def __init__(self) -> None:
-        self._native = NativeModule(_ir(), ("rows",))
-        self.run = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p)(self._native.address["rows"])
+        native = NativeModule(_ir(), ("rows",))
+        self.run = native.function("rows", ctypes.c_int64, ctypes.c_void_p)
 
 
 code = cache(_Code)

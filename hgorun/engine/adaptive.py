@@ -1,9 +1,11 @@
 """The native time loop of an embedded method with error control.
 
 A step is accepted when no state has a larger error than :mod:`hgorun.engine.allowance` allows; steps land on events.
-An observer for which no step is small enough is masked like one that has diverged; so is the one that asks for the
-smallest steps when a million of them have not brought the run on by a thousandth (``hopeless`` is then the step that
-it must not ask for).
+A jump at the value of a state is met as well as times can be told apart, by one of the smallest steps, whatever its
+error: that may be large for a state that has been tiny so far. Where more such steps would follow at once, equations
+are singular. An observer for which no step is small enough is masked like one that has diverged; so is the one that
+asks for the smallest steps when a million of them have not brought the run on by a thousandth (``hopeless`` is then
+the step that it must not ask for).
 """
 
 from __future__ import annotations
@@ -24,6 +26,7 @@ from hgorun.native.ir import Function, hexadecimal
 
 _SAFETY, _SHRINK, _GROW = 0.9, 0.2, 5.0
 _SMALLEST, _SMALLEST_PART = 1e-13, 1e-30  # of |t|: below it a step changes t no more; of a segment, where t is zero
+_APART = 1e4  # such steps from one jump that is stepped over to the next
 
 
 def _maximum(f: Function, values: list[str]) -> str:
@@ -108,7 +111,7 @@ def add_adaptive(s: Stepper) -> None:
         errors = s.errors(h)
         blocks = _over_tolerance(s, h, errors)
         worst = _maximum_scalar(f, blocks)
-        accept, reject, next_step = f.label(), f.label(), f.label()
+        accept, reject, leap, retry, next_step = (f.label() for _ in range(5))
         hopeless = f.test("olt", wanted, f.word("%ctx", WORD["hopeless"], "double"))
         met = f.test("ole", worst, hexadecimal(1.0))
         f.branch(f.let(f"and i1 {met}, {f.let(f'xor i1 {hopeless}, true')}"), accept, reject)
@@ -130,11 +133,20 @@ def add_adaptive(s: Stepper) -> None:
         f.jump(next_step)
 
         f.place(reject)
+        smallest = _smallest(s, t)
+        finite = f.test("olt", worst, hexadecimal(float("inf")))
+        alone = f.let(f"and i1 {finite}, {f.test('oge', t, f.load(f.at('%ctx', WORD['leapt'])))}")
+        shortest = f.let(f"and i1 {f.test('ole', h, smallest)}, {f.let(f'xor i1 {hopeless}, true')}")
+        f.branch(f.let(f"and i1 {shortest}, {alone}"), leap, retry)
+        f.place(leap)
+        f.store(f.scalar("fadd", t, f.scalar("fmul", smallest, hexadecimal(_APART))), f.at("%ctx", WORD["leapt"]))
+        f.jump(accept)
+
+        f.place(retry)
         move(f, s.before, s.z, s.size)
         move(f, s.slope_before, s.slope, s.size)
         move(f, s.trace_before, s.trace, 2 * s.width // m.lanes)
         f.store(f.scalar("fmul", h, _factor(s, worst, hexadecimal(1.0))), real["step"])
-        smallest = _smallest(s, t)
         with f.when(f.let(f"or i1 {hopeless}, {f.test('ole', h, smallest)}")):
             # what fails: everything beyond its tolerance, or, of steps that are met but hopeless, the worst
             hardest = _maximum_scalar(f, blocks[1:]) if blocks[1:] else hexadecimal(0.0)

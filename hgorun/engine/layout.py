@@ -11,7 +11,7 @@ CONTEXT = (
     "p", "c", "z", "w", "channels", "spans", "counts", "actions", "grid", "rows", "slots", "gain", "bias",
     "measured", "holds", "alpha", "blocks", "diverged", "lost", "largest", "ring", "initial", "hints", "error", "size",
     "own", "row", "ring_count", "ring_mask", "bound_offset", "bound_factor", "t_start", "rtol", "atol", "small",
-    "max_step", "step", "now", "budget", "segment", "paused", "hopeless", "snapshots", "innovations",
+    "max_step", "step", "now", "budget", "segment", "paused", "hopeless", "leapt", "snapshots", "innovations",
 )  # fmt: skip
 WORD = {name: index for index, name in enumerate(CONTEXT)}
 

@@ -17,6 +17,7 @@ import os
 import stat
 import sys
 import tempfile
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -31,7 +32,10 @@ _ALLOWED, _LARGEST = 2**28, 2**26  # bytes of all entries, and of one
 
 
 class NativeModule:
-    """Loaded machine code. Keep it alive as long as its functions are called."""
+    """Loaded machine code: it lives as long as this, or one of its functions that :meth:`function` has given.
+
+    Keep it alive as long as what stands at one of its addresses is called.
+    """
 
     def __init__(self, ir: str, exported: tuple[str, ...]) -> None:
         machine = _target_machine(len(ir))
@@ -56,6 +60,12 @@ class NativeModule:
             builder.export_symbol(name)
         self._library = builder.link(self._jit, f"hgorun-{key[:16]}-{id(self)}")
         self.address = {name: int(self._library[name]) for name in exported}
+
+    def function(self, name: str, result: type[Any] | None, *arguments: type[Any]) -> Callable[..., Any]:
+        """A function of C types, which keeps the code alive while somebody has it or is in it."""
+        found = ctypes.CFUNCTYPE(result, *arguments)(self.address[name])
+        vars(found)["module"] = self
+        return found
 
 
 def address_of(array: np.ndarray) -> int:

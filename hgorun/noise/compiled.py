@@ -76,15 +76,15 @@ def normal(states: Words, count: int) -> tuple[NDArray[np.float64], Tails]:
 
 
 class _Code:
-    """The compiled functions; alive as long as this is."""
+    """The compiled functions."""
 
     def __init__(self) -> None:
-        self._native = NativeModule(_ir(), ("uniform", "normal"))
+        native = NativeModule(_ir(), ("uniform", "normal"))
         word, pointer = ctypes.c_int64, ctypes.c_void_p
         shape = [pointer, word, word, pointer]
-        self.uniform = ctypes.CFUNCTYPE(None, *shape)(self._native.address["uniform"])
+        self.uniform = native.function("uniform", None, *shape)
         taken = [*shape, *[pointer] * 3, word, pointer, pointer]
-        self.normal = ctypes.CFUNCTYPE(word, *taken)(self._native.address["normal"])
+        self.normal = native.function("normal", word, *taken)
 
 
 _code = cache(_Code)

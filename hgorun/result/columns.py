@@ -139,11 +139,11 @@ def _rows_of_doubles(values: np.ndarray) -> np.ndarray:
 
 
 class _Code:
-    """The compiled function; alive as long as this is."""
+    """The compiled function."""
 
     def __init__(self, lanes: int) -> None:
-        self._native = NativeModule(_ir(lanes), ("columns",))
-        self.run = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_double)(self._native.address["columns"])
+        native = NativeModule(_ir(lanes), ("columns",))
+        self.run = native.function("columns", None, ctypes.c_void_p, ctypes.c_double)
 
 
 _code = cache(_Code)

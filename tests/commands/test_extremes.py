@@ -216,7 +216,7 @@ def test_a_plant_that_diverges_is_named(
         (("simulate", "contois_te025"), "`hgorun init contois_te025` copies"),
         (("simulate", "contois_te025.yaml"), "`hgorun init contois_te025` copies"),
         (("analyze", "contois_te025"), "`hgorun init contois_te025` copies"),
-        (("show", "kalman"), "nothing is called 'kalman'. See hgorun list"),
+        (("show", "qwerty"), "nothing is called 'qwerty'. See hgorun list"),
     ],
 )
 def test_a_wrong_argument_is_explained(

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import ctypes
+import gc
 import hashlib
 import os
+import weakref
 from pathlib import Path
 
 import numpy as np
@@ -156,3 +158,15 @@ def test_the_address_of_an_array_is_that_of_its_first_number() -> None:
     whole = np.zeros((4, 6))
     for array in (whole, whole[1:, ::2], fixed, np.zeros(0), np.asfortranarray(whole), np.zeros(4, dtype=np.int64)):
         assert address_of(array) == array.ctypes.data
+
+
+def test_code_lives_as_long_as_a_function_of_it(folder: Path) -> None:
+    """Of two threads that make the same module at once, one calls a function of a module that nobody keeps."""
+    module = NativeModule(IR, ("number",))
+    alive, number = weakref.ref(module), module.function("number", ctypes.c_double)
+    del module
+    assert alive() is not None
+    assert number() == 42
+    del number
+    gc.collect()
+    assert alive() is None

@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 from examples import run
 
+from hgorun.errors import SimulationError
+
 METHODS = ("dopri5", "rodas5p")
 
 
@@ -126,3 +128,37 @@ def test_a_jump_just_after_the_start(method: str, jump: float, tmp_path: Path) -
     }
     result = run(tmp_path, config)
     np.testing.assert_allclose(result.x, np.stack([1 - np.cos(result.time), np.sin(result.time)], 1), atol=1e-8)
+
+
+@pytest.mark.parametrize("before", [1e-20, 1e-9])
+@pytest.mark.parametrize("method", METHODS)
+def test_a_jump_that_a_state_brings_about_for_one_that_has_been_tiny(
+    method: str, before: float, tmp_path: Path
+) -> None:
+    """y' is 1 once x > 0.5: no step meets that to a part of 1e-8 of what y has been."""
+    config = {
+        "time": {"end": 2, "output_step": 0.1},
+        "plant": {
+            "states": ["x", "y"],
+            "dynamics": {"x": "1 - x/10", "y": "where(x > 0.5, 1, 0)"},
+            "output": "x",
+            "initial": {"x": 0, "y": before},
+        },
+        "observers": {},
+        "solver": {"method": method, "rtol": 1e-8},
+    }
+    exact = 2 + 10 * math.log(0.95)
+    assert run(tmp_path, config).x[-1, 1] == pytest.approx(exact, rel=1e-7)
+
+
+@pytest.mark.parametrize("rate", ["x**2", "-1/x", "1/(2 - x)", "-1/sqrt(x)"])
+@pytest.mark.parametrize("method", METHODS)
+def test_no_step_leads_over_a_singularity(method: str, rate: str, tmp_path: Path) -> None:
+    config = {
+        "time": {"end": 3, "output_step": 0.1},
+        "plant": {"states": ["x"], "dynamics": {"x": rate}, "output": "x", "initial": {"x": 1}},
+        "observers": {},
+        "solver": {"method": method, "rtol": 1e-8},
+    }
+    with pytest.raises(SimulationError):
+        run(tmp_path, config)

@@ -66,11 +66,13 @@ def test_a_singular_jacobian_is_named() -> None:
     assert 0.001 * (crossed[0] - 1) <= float(at) <= 0.001 * crossed[0]
 
 
-@pytest.mark.parametrize("kind", [{"type": "shgo"}, {"type": "fhgo2", "r": 2}, {"type": "extended"}], ids=str)
+@pytest.mark.parametrize("kind", [{"type": "shgo"}, {"type": "fhgo2", "r": 2}, {"type": "low_power"}], ids=str)
 def test_a_jacobian_is_named_that_holds_an_estimate(kind: dict[str, Any]) -> None:
     """The correction becomes infinite as b goes to 1, so that controlled steps end there, with J still of one sign."""
     observers = {"S": {**kind, "theta": 2, "map": "derivatives", "initial": {"a": -0.8, "b": 0.8}}}
     found = simulated(HUMP, observers, end=4, output_step=0.001).observers["S"]
     assert found.status == "diverged"
     assert found.status_at is not None
-    assert found.reason == f"J became singular at t = {found.status_at:.6g}"
+    before, _, at = (found.reason or "").rpartition("J became singular at t = ")
+    assert not before
+    assert float(at) == pytest.approx(found.status_at, rel=1e-3)
