@@ -1,9 +1,9 @@
-"""Write online.csv, laboratory.csv and truth.csv: the log of the reactor in plant.yaml, with what goes wrong in a plant.
+"""Write online.csv, laboratory.csv and truth.csv: the log of the reactor in plant.yaml, with the faults of a plant.
 
     python demos/bioreactor/make_log.py [FOLDER]
 
-hgorun simulates the reactor, its noise and the samples that are lost. Here the probe of the biomass sticks for some hours, the
-logger is off for some others, and the laboratory loses three samples.
+hgorun simulates the reactor, its noise and the samples that are lost. Here the probe of the biomass sticks for some
+hours, the logger is off for some others, and the laboratory loses three samples.
 """
 
 from __future__ import annotations
