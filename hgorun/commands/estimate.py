@@ -40,6 +40,13 @@ class Log:
     def read(self) -> Recording:
         return read(self.block, self.folder, time_unit=self.unit, units=self.units, files=self.files)
 
+    @property
+    def all_files(self) -> tuple[Path, ...]:
+        """Every file that something is read from."""
+        columns = [*self.block.outputs.values(), *self.block.inputs.values(), *self.block.reference.values()]
+        own = (self.folder / column.file for column in columns if column.file is not None)
+        return (*(self.files or (self.folder / name for name in self.block.file)), *own)
+
     def from_file(self, output: str, file: Path) -> Signal:
         """An output as it stands in another file."""
         column = self.block.outputs.get(output) or self.block.reference.get(output)
@@ -67,10 +74,11 @@ def estimate(options: Estimate) -> int:
     if options.every is not None or options.checkpoint is not None:
         raise ConfigError("--every and --checkpoint are for streams: hgorun estimate CONFIG -")
     log = log_of(source, options.config, tuple(options.data))
+    target = _target(options, name)
+    _refuse_to_overwrite(options, log, target)
     with source.located():
         recording, aside = _held_out(log, log.read(), options)
     result = estimated(source, recording, name=name, text=text, held_out=aside, sensitivity=options.sensitivity)
-    target = _target(options, name)
     remove_leftovers(target.parent)
     file = str(result.save(target))
     warn(result)
@@ -139,6 +147,16 @@ def _target(options: Estimate, name: str) -> Path:
     if options.output is not None and options.output.suffix.lower() in RESULT_SUFFIXES:
         return options.output
     return (options.output or RESULTS) / f"{name}.h5"
+
+
+def _refuse_to_overwrite(options: Estimate, log: Log, target: Path) -> None:
+    """Refuse to write where something is read from: a recording cannot be made once more."""
+    held_out = (Path(what) for _, what in map(parse_holdout, options.holdout))
+    read_from = {path.resolve() for path in (options.config, *log.all_files, *held_out)}
+    if target.resolve() in read_from:
+        raise ConfigError(f"{target} is read, and the result would replace it: name another file with --output")
+    if options.export_csv is not None and options.export_csv.resolve() in read_from | {target.resolve()}:
+        raise ConfigError(f"--export-csv: {options.export_csv} is read or written otherwise: name another file")
 
 
 def _also_written(options: Estimate, result: Result, target: Path) -> list[str]:

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import math
 import sys
 import time as clock
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from itertools import chain, repeat
 from pathlib import Path
-from typing import NamedTuple, TextIO
+from typing import TextIO
+
+import numpy as np
 
 from hgorun.commands.options import Estimate
+from hgorun.commands.stream_lines import INPUT, Block, JsonForm, Sample, Samples, read
 from hgorun.config.data import Data
 from hgorun.config.validation import validate
 from hgorun.config.yaml_source import Source
@@ -21,20 +25,9 @@ from hgorun.estimate.estimator import Estimator
 from hgorun.files import written_whole
 from hgorun.symbolic.evaluate import Floats
 
-_INPUT = "standard input"
-_COLUMNS = ("t", "signal", "y", "available")
 _REMEMBERED = 1000  # events that late samples may go back to
+_FEW = 3  # lines that are not worth being taken together
 _SECONDS = 1.0  # between two checkpoints
-
-
-class Sample(NamedTuple):
-    """A line of the stream."""
-
-    line: int
-    t: float
-    signal: str
-    y: float
-    available: float | None
 
 
 def follow(source: Source, name: str, options: Estimate) -> int:
@@ -47,36 +40,75 @@ def follow(source: Source, name: str, options: Estimate) -> int:
     deviations = {output: one.std for output, one in outputs.items() if one.std is not None}
     experiment = streamed(source, inputs, deviations, name)
     gates = {output: one.gate for output, one in outputs.items() if one.gate is not None}
-    samples, as_json, late = lines_of(sys.stdin)
+    form, late, blocks = read(sys.stdin)
     estimator = Estimator(experiment, gates=gates, inputs=inputs, remembered=_REMEMBERED if late else 0)
     reached = -math.inf
     if options.checkpoint is not None and options.checkpoint.exists():
         estimator.restore(options.checkpoint.read_bytes())
         reached = estimator.t
-    write = _writer(sys.stdout, estimator, as_json=as_json)
-    saved = clock.monotonic()
+    writer = Writer(sys.stdout, estimator, as_json=isinstance(form, JsonForm))
     grid = _Grid(experiment.origin, options.every, reached)
-    for sample in samples:
-        known = sample.t if sample.available is None else sample.available
-        if known <= reached:  # before the checkpoint
-            continue
-        for t in grid.until(known):
-            write(t, estimator.predict(t))
-        try:
-            if sample.signal in inputs:
-                estimator.update(sample.t, {}, sample.available, {sample.signal: sample.y})
-            else:
-                estimator.update(sample.t, {sample.signal: sample.y}, sample.available)
-        except ValueError as error:
-            raise ConfigError(str(error), file=_INPUT, line=sample.line) from None
-        if options.every is None:
-            write(known, estimator.estimate())
+    one_by_one = _OneByOne(estimator, inputs, grid, reached, writer)
+    saved = clock.monotonic()
+    for lines in blocks:
+        known = form.together(lines, estimator.kinds) if options.every is None and len(lines.lines) > _FEW else None
+        if known is None:
+            for sample in form.samples(lines):
+                one_by_one.take(sample)
+        else:
+            _take_together(known, lines, estimator, one_by_one)
+        sys.stdout.flush()
         if options.checkpoint is not None and clock.monotonic() - saved > _SECONDS:
             _save(estimator, options.checkpoint)
             saved = clock.monotonic()
     if options.checkpoint is not None:
         _save(estimator, options.checkpoint)
     return 0
+
+
+@dataclass(frozen=True)
+class _OneByOne:
+    """What becomes of single samples; those up to the time that was ``reached`` by a checkpoint are known."""
+
+    estimator: Estimator
+    inputs: tuple[str, ...]
+    grid: _Grid
+    reached: float
+    writer: Writer
+
+    def take(self, sample: Sample) -> None:
+        """Take a sample, and write what is known then."""
+        known = sample.t if sample.available is None else sample.available
+        if known <= self.reached:
+            return
+        for t in self.grid.until(known):
+            self.writer.write(t, self.estimator.predict(t))
+        try:
+            if sample.signal in self.inputs:
+                self.estimator.update(sample.t, {}, sample.available, {sample.signal: sample.y})
+            else:
+                self.estimator.update(sample.t, {sample.signal: sample.y}, sample.available)
+        except ValueError as error:
+            raise ConfigError(str(error), file=INPUT, line=sample.line) from None
+        if self.grid.step is None:
+            self.writer.write(known, self.estimator.estimate())
+
+
+def _take_together(known: Samples, block: Block, estimator: Estimator, one_by_one: _OneByOne) -> None:
+    """Samples that are there already: many in one call, and one by one where they cannot be."""
+    signals = list(estimator.kinds)
+    behind = np.flatnonzero(known.t > one_by_one.reached)
+    t, kinds, y = known.t[behind], known.kinds[behind], known.y[behind]
+    at = 0
+    while at < t.size:
+        count = estimator.at_once(t[at:], kinds[at:])
+        if count:
+            part = slice(at, at + count)
+            one_by_one.writer.write_many(t[part], estimator.update_many(t[part], kinds[part], y[part]))
+        else:
+            line = block.first + int(behind[at])
+            one_by_one.take(Sample(line, float(t[at]), signals[kinds[at]], float(y[at]), None))
+        at += max(count, 1)
 
 
 def _refuse(options: Estimate) -> None:
@@ -99,105 +131,46 @@ class _Grid:
     """Multiples of a step, behind what has been reached already."""
 
     def __init__(self, origin: float, step: float | None, reached: float) -> None:
-        self._origin, self._step, self._next = origin, step, 0
+        self._origin, self.step, self._next = origin, step, 0
         if step is not None and reached > origin:
             self._next = math.floor((reached - origin) / step) + 1
 
     def until(self, t: float) -> Iterator[float]:
         """Those before a time."""
-        while self._step is not None and self._origin + self._next * self._step < t:
-            yield self._origin + self._next * self._step
+        while self.step is not None and self._origin + self._next * self.step < t:
+            yield self._origin + self._next * self.step
             self._next += 1
 
 
-Writer = Callable[[float, Mapping[str, Floats]], None]
+class Writer:
+    """Writes estimates as lines, in the form of the input."""
 
+    def __init__(self, stream: TextIO, estimator: Estimator, *, as_json: bool) -> None:
+        self._stream, self._estimator, self._as_json = stream, estimator, as_json
+        if not as_json:
+            stream.write(",".join(["t", "observer", *estimator.states, "status"]) + "\n")
 
-def _writer(stream: TextIO, estimator: Estimator, *, as_json: bool) -> Writer:
-    """What writes estimates as lines, in the form of the input."""
-    states = estimator.states
-    if not as_json:
-        stream.write(",".join(["t", "observer", *states, "status"]) + "\n")
-
-    def write(t: float, estimates: Mapping[str, Floats]) -> None:
-        lost = estimator.lost if estimator.any_lost else {}
+    def write(self, t: float, estimates: Mapping[str, Floats]) -> None:
+        """The estimates of all observers at a time."""
+        lost = self._estimator.lost if self._estimator.any_lost else {}
         for label, xhat in estimates.items():
             numbers, status = xhat.tolist(), "ok"
             if lost.get(label):
                 status = "diverged"
             elif not all(map(math.isfinite, numbers)):
                 status = "undefined"
-            if as_json:
-                values = {s: v if math.isfinite(v) else None for s, v in zip(states, numbers, strict=True)}
-                stream.write(json.dumps({"t": t, "observer": label, **values, "status": status}) + "\n")
+            if self._as_json:
+                states = zip(self._estimator.states, numbers, strict=True)
+                values = {s: v if math.isfinite(v) else None for s, v in states}
+                self._stream.write(json.dumps({"t": t, "observer": label, **values, "status": status}) + "\n")
             else:
-                stream.write(f"{t!r},{label},{','.join(map(repr, numbers))},{status}\n")
-        stream.flush()
+                self._stream.write(f"{t!r},{label},{','.join(map(repr, numbers))},{status}\n")
 
-    return write
-
-
-def lines_of(stream: TextIO) -> tuple[Iterator[Sample], bool, bool]:
-    """The samples of a stream, whether they are JSON, and whether some may be late.
-
-    Raises
-    ------
-    ConfigError
-        With the number of the line.
-    """
-    first = stream.readline()
-    if first.lstrip().startswith("{"):
-        return _json_lines(first, stream), True, True
-    return _csv_lines(first, stream), False, _COLUMNS[3] in first
-
-
-def _csv_lines(header: str, stream: TextIO) -> Iterator[Sample]:
-    names = [name.strip() for name in next(csv.reader([header.lstrip("\ufeff")]), [])]
-    missing = [name for name in _COLUMNS[:3] if name not in names]
-    if missing:
-        raise ConfigError(
-            f"expected the header t,signal,y[,available], found {header.strip()[:80]!r}", file=_INPUT, line=1
-        )
-    places = [names.index(name) if name in names else None for name in _COLUMNS]
-    for number, line in enumerate(stream, start=2):
-        cells = [cell.strip() for cell in line.rstrip("\r\n").split(",")]
-        if cells == [""]:
-            continue
-        if len(cells) != len(names):
-            raise ConfigError(f"expected {len(names)} cells, found {len(cells)}", file=_INPUT, line=number)
-        t, signal, y, known = (None if place is None else cells[place] for place in places)
-        yield _sample(number, t, signal, y, known or None)
-
-
-def _json_lines(first: str, stream: TextIO) -> Iterator[Sample]:
-    number, line = 1, first
-    while line:
-        if line.strip():
-            try:
-                found = json.loads(line)
-            except ValueError as error:
-                raise ConfigError(f"not JSON: {error}", file=_INPUT, line=number) from None
-            if not isinstance(found, dict):
-                raise ConfigError("expected an object with t, signal and y", file=_INPUT, line=number)
-            yield _sample(number, *(found.get(name) for name in _COLUMNS))
-        number, line = number + 1, stream.readline()
-
-
-def _sample(line: int, t: object, signal: object, y: object, available: object) -> Sample:
-    if not isinstance(signal, str) or not signal:
-        raise ConfigError(f"signal: expected a name, found {signal!r:.50}", file=_INPUT, line=line)
-    known = None if available is None else _number(line, "available", available)
-    value = float("nan") if y in ("", None) else _number(line, "y", y)
-    return Sample(line, _number(line, "t", t), signal, value, known)
-
-
-def _number(line: int, name: str, value: object) -> float:
-    try:
-        number = float(value)  # type: ignore[arg-type]  # whatever it is, this says whether it is a number
-    except (TypeError, ValueError):
-        number = float("nan")
-    if isinstance(value, bool) or (name != "y" and not math.isfinite(number)) or math.isinf(number):
-        raise ConfigError(f"{name}: expected a number, found {value!r:.50}", file=_INPUT, line=line)
-    if name == "y" and number != number and str(value).strip().lower() != "nan":
-        raise ConfigError(f"y: expected a number, found {value!r:.50}", file=_INPUT, line=line)
-    return number
+    def write_many(self, times: Floats, estimates: Mapping[str, tuple[Floats, np.ndarray]]) -> None:
+        """Those at many times, as CSV; with them whether an observer had no numbers any more."""
+        moments, found = list(map(repr, times.tolist())), []
+        for label, (xhat, lost) in estimates.items():
+            status = np.where(lost, "diverged", np.where(np.isfinite(xhat).all(axis=1), "ok", "undefined"))
+            numbers = [map(repr, column) for column in xhat.T.tolist()]
+            found.append(map(",".join, zip(moments, repeat(label), *numbers, status.tolist())))
+        self._stream.write("\n".join(chain.from_iterable(zip(*found, strict=True))) + "\n")

@@ -21,7 +21,8 @@ COUNT = ("steps", "first", "last", "regime", "action_first", "action_last", "end
 
 # What happens at an event, one row of integers each.
 ACTION_WORDS = 5
-TAKE, ARRIVE, RECORD, SET, REBASE, JUMP, SAVE, RESTORE, RETAKE = range(9)
+TAKE, ARRIVE, RECORD, SET, REBASE, JUMP, SAVE, RESTORE, RETAKE, SHOW = range(10)
+NOTHING = -1
 
 # What the native loop returns.
 DONE, PLANT_DIVERGED, HISTORY_TOO_SHORT, STEP_TOO_SMALL, PAUSED = range(5)

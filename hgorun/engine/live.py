@@ -29,9 +29,11 @@ class Live:
         Samples on their way, over all outputs.
     step : float
         No step is longer.
+    at_once : int
+        So many events may be carried out at once, see :meth:`go_through`.
     """
 
-    def __init__(self, program: Program, start: Start, t: float, slots: int, step: float) -> None:
+    def __init__(self, program: Program, start: Start, t: float, slots: int, step: float, at_once: int = 0) -> None:
         self._program, self._step, self.t = program, step, t
         nothing = np.zeros(0)
         plan = Plan(
@@ -39,11 +41,12 @@ class Live:
             counts=np.array([[1, 0, 0, 0, 0, 0, 0]], dtype=np.int64),
             actions=np.zeros((1, ACTION_WORDS), dtype=np.int64),
             grid=nothing,
-            slots=slots,
-            gain=np.ones(slots),
-            bias=np.zeros(slots),
+            slots=slots + at_once,
+            gain=np.ones(slots + at_once),
+            bias=np.zeros(slots + at_once),
             holds=nothing,
         )
+        self.at_once, self.slots = at_once, slots
         self._memory: Memory = program.memory(plan, start)
         arrays = self._memory.arrays
         self.z: Floats = arrays["z"].reshape(-1)
@@ -51,6 +54,9 @@ class Live:
         self.innovations: Floats = arrays["innovations"][:, :, 0]
         self.samples: Floats = arrays["bias"].reshape(-1)
         self.diverged: Floats = arrays["diverged"].reshape(-1)
+        # of samples that are carried out at once nothing is left, but of those in the first slots
+        own = {"slots": slots * program.system.width, "innovations": slots}
+        self._kept = {name: arrays[name][: own.get(name)] for name in _KEPT}
         self._spans, self._counts = arrays["spans"], arrays["counts"]
 
     def advance(self, t: float, regime: int) -> None:
@@ -73,20 +79,64 @@ class Live:
         """Something happens now: rows of the engine's action table."""
         self._spans[0] = self.t
         self._counts[0] = 1, 0, 0, regime, 0, len(actions), 0
-        self._memory.set_actions(actions)
+        self._memory.put("actions", actions)
         self._run()
 
-    def _run(self) -> None:
+    def go_through(self, times: Floats, regime: int, actions: Integers, holds: Floats) -> Floats:
+        """Go on through events, as :meth:`advance` and :meth:`happen` would one after the other.
+
+        Parameters
+        ----------
+        times : ndarray, shape (N,)
+            When they happen; ascending.
+        regime : int
+            The same all the while.
+        actions : ndarray of int, shape (N, k, 5)
+            Rows of the engine's action table for each of them; they show a row of output each.
+        holds : ndarray
+            Numbers that they set.
+
+        Returns
+        -------
+        ndarray, shape (N, states)
+            The rows that are shown.
+        """
+        count, each = actions.shape[:2]
+        spans, counts = np.empty((2 * count, 4)), np.zeros((2 * count, 7), dtype=np.int64)
+        before = np.append(self.t, times[:-1])
+        gaps = times - before
+        steps = np.maximum(np.ceil(gaps / self._step * _ROUNDING), 1.0).astype(np.int64)
+        spans[::2, ::2], spans[::2, 1::2] = before[:, None], times[:, None]
+        counts[::2, 0], counts[::2, 2], counts[:, 3] = steps, steps, regime
+        spans[1::2], counts[1::2, 0] = times[:, None], 1
+        first = each * np.arange(count)
+        counts[1::2, 4], counts[1::2, 5] = first, first + each
+        happens = np.ones(2 * count, dtype=bool)
+        happens[::2] = gaps > 0
+        rows = np.empty((count, self.z.size))
+        own = {name: self._memory.arrays[name] for name in ("spans", "counts", "holds", "rows")}
+        for name, array in (("spans", spans[happens]), ("counts", counts[happens]), ("holds", holds), ("rows", rows)):
+            self._memory.put(name, array)
+        self._memory.put("actions", actions.reshape(-1, ACTION_WORDS))
+        try:
+            self._run(int(np.count_nonzero(happens)))
+        finally:
+            for name, array in own.items():
+                self._memory.put(name, array)
+        self.t = float(times[-1])
+        return rows
+
+    def _run(self, segments: int = 1) -> None:
         self._memory["segment"] = 0
-        if self._program.go_on(self._memory, 1) != DONE:
+        if self._program.go_on(self._memory, segments) != DONE:
             raise SimulationError(f"the run cannot go on at t = {self.t:.6g}")
 
     def state(self) -> dict[str, Floats]:
         """All that the run goes on from, copied."""
-        return {name: self._memory.arrays[name].copy() for name in _KEPT} | {"t": np.array([self.t])}
+        return {name: values.copy() for name, values in self._kept.items()} | {"t": np.array([self.t])}
 
     def restore(self, state: dict[str, Floats]) -> None:
         """Go on from what :meth:`state` gave."""
-        for name in _KEPT:
-            self._memory.arrays[name][...] = state[name]
+        for name, values in self._kept.items():
+            values[...] = state[name]
         self.t = float(state["t"][0])

@@ -199,13 +199,12 @@ class Memory:
         nothing = np.zeros(ACTION_WORDS, dtype=np.int64)
         actions = segments.actions if segments.actions.size else nothing
         for name, array in (("spans", segments.spans), ("counts", segments.counts), ("actions", actions)):
-            self.arrays[name] = np.ascontiguousarray(array)
-            self[name] = address_of(self.arrays[name])
+            self.put(name, array)
 
-    def set_actions(self, actions: Integers) -> None:
-        """What happens at the events of the segments that are carried out next."""
-        self.arrays["actions"] = actions
-        self["actions"] = address_of(actions)
+    def put(self, name: str, array: np.ndarray) -> None:
+        """Let the native code read and write another array."""
+        self.arrays[name] = np.ascontiguousarray(array)
+        self[name] = address_of(self.arrays[name])
 
     def keep_initial(self) -> None:
         """The channels before the start are those at the start."""

@@ -16,6 +16,7 @@ from hgorun.engine.layout import (
     RETAKE,
     SAVE,
     SET,
+    SHOW,
     SPAN,
     TAKE,
     WORD,
@@ -161,7 +162,8 @@ def add_actions(m: Module) -> None:
     noted. SET (place, index): a new value of the held noise or of the time between samples, in w. REBASE
     (output, first, last): count alpha from zero again, also in the slots that are still on their way. JUMP
     (number): a part of the state becomes what its jump says. SAVE, RESTORE (-, number): keep a part of all states
-    and go back to it; RETAKE (output, slot): as TAKE, of every observer's s alone.
+    and go back to it; RETAKE (output, slot): as TAKE, of every observer's s alone. SHOW (-, row): the states become a
+    row of output; where innovations are kept.
     """
     s, lanes = m.system, m.lanes
     f = m.function("act", "ptr %ctx, i64 %segment", attributes="nounwind noinline")
@@ -179,6 +181,10 @@ def add_actions(m: Module) -> None:
         with f.when(f.test("eq", op, str(SET))):
             value = f.at(f.word("%ctx", WORD["holds"], "ptr"), f.scalar("mul", slot, str(lanes)))
             copy(f, value, f.at(w, f.scalar("mul", output, str(lanes))), 1)
+        if s.innovations:
+            with f.when(f.test("eq", op, str(SHOW))):
+                rows = f.word("%ctx", WORD["rows"], "ptr")
+                copy(f, z, f.at(rows, f.scalar("mul", slot, str(s.states * lanes))), s.states)
         if s.replayed is not None:
             with f.when(f.test("eq", op, str(RETAKE))):
                 f.call("channels", f"ptr %ctx, double {t}")

@@ -21,6 +21,7 @@ from hgorun.engine.plan import Floats, Integers
 from hgorun.errors import ConfigError, HgorunError, Problem
 from hgorun.estimate.carrying import Gate, leave_out
 from hgorun.estimate.covariance import Covariance
+from hgorun.estimate.together import Kinds
 from hgorun.measurement.variants import HELD, SILENT
 from hgorun.observers.base import SampledObserver, treatment_of
 from hgorun.simulation.experiment import Experiment
@@ -32,7 +33,9 @@ from hgorun.symbolic.evaluate import evaluate
 _MAGIC = b"hgorun-estimator-1\n"
 _MOST_OUTPUTS = 6  # whose every combination of heard and not heard is compiled
 _LARGEST = 1e300
+_TOGETHER = 4096  # samples in one native call
 _LATE = 8  # samples of one output that may be on their way at once
+_FARTHEST = 1e8  # steps to the next event, a minute or so: what is further off is on another clock, as that of Unix
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -116,6 +119,8 @@ class Estimator:
         self._events: deque[_Event] = deque(maxlen=remembered)
         self._before: deque[tuple[dict[str, Floats], bytes]] = deque(maxlen=remembered)
         self._remembers = remembered > 0
+        known = all(one.places is not None or not one.function.size1_in(3) for one in self._structure.estimates)
+        self._simple = known and not (self._gate or self._steps or self._remembers)
 
     def _prepare(self, experiment: Experiment, inputs: tuple[str, ...]) -> None:
         plant = experiment.plant
@@ -150,7 +155,9 @@ class Estimator:
         start = Start(numbers.z0[model.n :][:, None], numbers.p[:, None], (_LARGEST, 0.0))
         program = structure.program(experiment.blocks.solver.given_method)
         slots = len(model.outputs) * (_LATE + 1)
-        self._live = Live(program, start, 0.0, slots, nominal_step(experiment))
+        self._reach = _FARTHEST * nominal_step(experiment)
+        self._live = Live(program, start, 0.0, slots, nominal_step(experiment), _TOGETHER)
+        self._kinds = Kinds.of(structure, self._corrections, len(self._inputs), _LATE)
         self._rows: dict[object, Integers] = {}
 
     @property
@@ -210,6 +217,10 @@ class Estimator:
         since = float(t) - self._experiment.origin
         if not since >= self._live.t:  # NaN, too
             raise ValueError(f"t = {t:g} is before {self.t:g}, which has been reached")
+        if since - self._live.t > self._reach:
+            raise ValueError(
+                f"t = {t:g} is more than {_FARTHEST:.0e} steps after {self.t:g}: time.start may be missing"
+            )
         return since
 
     def _output(self, name: str) -> int:
@@ -264,6 +275,56 @@ class Estimator:
         self._go_back(_Event(taken, slots))
         used = tuple((i, slot, v, taken >= self._newest[i]) for (i, slot), (_, v) in zip(slots, values, strict=True))
         self._go_on(_Event(now, (), used, changed, taken))
+
+    @property
+    def kinds(self) -> dict[str, int]:
+        """The numbers of outputs and of inputs that come with samples, for :meth:`update_many`; by name."""
+        found = dict(self._outputs)
+        return found | {name: len(self._outputs) + i for name, i in self._inputs.items() if name not in found}
+
+    def at_once(self, t: Floats, kinds: Integers) -> int:
+        """How many of some samples, from the first on, :meth:`update_many` may take together.
+
+        It cannot take samples of an output that has not been heard before, and none where something is decided in
+        between: with gates, with samples that may come late, and for observers that step from sample to sample.
+
+        Parameters
+        ----------
+        t : ndarray, shape (N,)
+        kinds : ndarray of int, shape (N,)
+            What each is of, see :attr:`kinds`.
+        """
+        if not self._simple:
+            return 0
+        heard = np.array([*self._heard, *([True] * len(self._inputs))])
+        since = t - self._experiment.origin
+        fits = heard[kinds] & (since >= np.append(self._live.t, since[:-1]))
+        fits &= np.diff(since, prepend=self._live.t) <= self._reach  # one further off is refused by `update`
+        count = len(fits) if fits.all() else int(np.argmin(fits))
+        return min(count, _TOGETHER)
+
+    def update_many(self, t: Floats, kinds: Integers, values: Floats) -> dict[str, tuple[Floats, np.ndarray]]:
+        """Take samples that are known when they are taken, with the bits of one :meth:`update` after the other.
+
+        Parameters
+        ----------
+        t, kinds, values : ndarray, shape (N,)
+            As many as :meth:`at_once` allows; values are numbers.
+
+        Returns
+        -------
+        dict of str to (ndarray, ndarray of bool)
+            By observer xhat after every sample, shape (N, n), and whether it had no numbers any more, shape (N,).
+        """
+        since = t - self._experiment.origin
+        rows = self._kinds.carry_out(self._live, self._regime[tuple(self._heard)], since, kinds, values, _LATE)
+        for i in range(len(self._outputs)):
+            own = since[kinds == i]
+            if own.size:
+                self._newest[i] = float(own[-1])
+        lost = self._live.diverged[:, None] <= since
+        readouts = zip(self._labels, self._structure.estimates, lost, strict=True)
+        return {label: (readout.along(since, self._p, rows), gone) for label, readout, gone in readouts}
 
     def _by_innovation(self, t: float) -> bool:
         """Whether late samples enter the innovation of all observers; otherwise all go back, or none takes them."""

@@ -29,15 +29,15 @@ _UNKNOWN = Sensor(None, None, None, why="nothing is known of its noise")
 
 def _kind(value: object) -> str:
     """Which of two forms a key has, so that errors speak of that one."""
-    return "by name" if isinstance(value, dict) else "whole"
+    return "by name" if isinstance(value, dict) else "as a whole"
 
 
 ProcessNoise = Annotated[
-    Annotated[dict[Name, NonNegative], Tag("by name")] | Annotated[tuple[tuple[Number, ...], ...], Tag("whole")],
+    Annotated[dict[Name, NonNegative], Tag("by name")] | Annotated[tuple[tuple[Number, ...], ...], Tag("as a whole")],
     Discriminator(_kind),
 ]
 SensorNoise = Annotated[
-    Annotated[dict[Name, Positive], Tag("by name")] | Annotated[Positive, Tag("whole")], Discriminator(_kind)
+    Annotated[dict[Name, Positive], Tag("by name")] | Annotated[Positive, Tag("as a whole")], Discriminator(_kind)
 ]
 
 

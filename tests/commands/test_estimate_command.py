@@ -5,12 +5,17 @@ from __future__ import annotations
 import io
 import json
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 from shell import Shell
+from typing_extensions import Buffer
 
+from hgorun.commands.stream_lines import Sample
+from hgorun.commands.stream_lines import read as read_lines
+from hgorun.errors import ConfigError
 from hgorun.result.reading import read
 
 CONFIG = """
@@ -112,6 +117,10 @@ def piped(shell: Shell, monkeypatch: pytest.MonkeyPatch, text: str, *arguments: 
     return code, out.splitlines(), err
 
 
+def bytes_of(text: str) -> io.TextIOWrapper:
+    return io.TextIOWrapper(io.BytesIO(text.encode()), encoding="utf-8")
+
+
 def stream(count: int) -> list[str]:
     return [f"{0.1 * k:.1f},a,{np.sin(0.1 * k):.4f}" for k in range(1, count)]
 
@@ -166,6 +175,77 @@ def test_a_wrong_line_is_named(shell: Shell, monkeypatch: pytest.MonkeyPatch, te
     assert message in err
 
 
+CONSTANT = "data.outputs.a={column: angle, std: 0.02}"
+
+
+def both(shell: Shell, monkeypatch: pytest.MonkeyPatch, text: str, *more: str) -> list[tuple[int, str, str]]:
+    """What a stream gives line by line, and all lines at once."""
+    found = []
+    for stdin in (io.StringIO(text), bytes_of(text)):
+        monkeypatch.setattr(sys, "stdin", stdin)
+        found.append(shell("estimate", "pendulum.yaml", "-", "--set", CONSTANT, *more))
+    return found
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda text: text,
+        lambda text: text.replace("\n", "\r\n"),
+        lambda text: text.replace("\n0.5,a,", "\n0.5, a ,"),
+        lambda text: text.replace("\n0.5,", "\n\n0.5,"),
+        lambda text: text.replace("\n2.0,", "\n1.95,a,nan\n2.0,"),
+        lambda text: text + "5.5,a,0.1\n0.1,a,0.2\n6,a,1\n",
+        lambda text: text + "5.5,b,0.1\n",
+        lambda text: text + "5.5,a,x\n",
+        lambda text: text.rstrip("\n"),
+    ],
+)
+def test_lines_that_come_together_give_what_they_give_one_by_one(
+    shell: Shell, monkeypatch: pytest.MonkeyPatch, change: Callable[[str], str]
+) -> None:
+    one_by_one, together = both(shell, monkeypatch, change("\n".join(["t,signal,y", *stream(50), ""])))
+    assert one_by_one == together
+    assert len(together[1].splitlines()) >= 50
+
+
+def test_lines_that_come_together_behind_a_checkpoint(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
+    lines = ["t,signal,y", *stream(50)]
+    whole, _ = both(shell, monkeypatch, "\n".join(lines))
+    monkeypatch.setattr(sys, "stdin", bytes_of("\n".join(lines[:20])))
+    _, first, _ = shell("estimate", "pendulum.yaml", "-", "--set", CONSTANT, "--checkpoint", "state")
+    monkeypatch.setattr(sys, "stdin", bytes_of("\n".join(lines)))
+    _, rest, _ = shell("estimate", "pendulum.yaml", "-", "--set", CONSTANT, "--checkpoint", "state")
+    assert first + rest.split("\n", 1)[1] == whole[1]
+
+
+class Pieces(io.RawIOBase):
+    """Bytes that come piece by piece."""
+
+    def __init__(self, *pieces: bytes) -> None:
+        super().__init__()
+        self.left = list(pieces)
+
+    def readable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: Buffer) -> int:
+        piece = self.left.pop(0) if self.left else b""
+        memoryview(buffer)[: len(piece)] = piece
+        return len(piece)
+
+
+def test_a_line_is_not_kept_waiting_for_the_next_one() -> None:
+    raw = Pieces(b"t,signal,y\n", b"1,a,\xc2", b"\xb5\n2,a,3\n4", b",a,5\n", b"6,a")
+    _, late, blocks = read_lines(io.TextIOWrapper(io.BufferedReader(raw), encoding="utf-8"))
+    assert not late
+    assert len(raw.left) == 4  # the header is known before anything follows
+    found = []
+    for block in blocks:
+        found.append((block.first, block.lines, len(raw.left)))
+    assert found == [(2, ["1,a,\u00b5", "2,a,3"], 2), (4, ["4,a,5"], 1), (5, ["6,a"], 0)]
+
+
 def test_a_stream_needs_a_step(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
     code, _, err = piped(shell, monkeypatch, "t,signal,y\n", "--set", "solver.step=auto")
     assert code == 2
@@ -217,3 +297,54 @@ def test_what_cannot_be_minimised_is_said(shell: Shell, goal: str, message: str)
     code, _, err = shell("tune", "pendulum.yaml")
     assert code == 2
     assert message in err
+
+
+@pytest.mark.parametrize("file", ["log.csv", "pendulum.yaml", "./results/pendulum.h5"])
+def test_nothing_that_is_read_or_written_is_overwritten(shell: Shell, file: str) -> None:
+    before = {name: (shell.folder / name).read_bytes() for name in ("log.csv", "pendulum.yaml")}
+    code, _, err = shell("estimate", "pendulum.yaml", "--export-csv", file)
+    assert code == 2
+    assert "name another file" in err
+    assert before == {name: (shell.folder / name).read_bytes() for name in before}
+
+
+def test_a_recording_is_not_replaced_by_its_result(shell: Shell) -> None:
+    (shell.folder / "results").mkdir()
+    (shell.folder / "results/pendulum.h5").write_bytes(b"a recording")
+    code, _, err = shell("estimate", "pendulum.yaml", "results/pendulum.h5")
+    assert code == 2
+    assert "--output" in err
+    assert (shell.folder / "results/pendulum.h5").read_bytes() == b"a recording"
+
+
+def test_a_matrix_that_is_a_number_is_reported_under_its_key(shell: Shell) -> None:
+    code, _, err = shell("estimate", "pendulum.yaml", "--set", "observers.E={type: ekf, Q: 1}")
+    assert code == 2
+    assert "observers.E.Q: expected a list" in err
+
+
+def samples_of(text: str) -> list[Sample]:
+    """The samples of a stream, one by one."""
+    form, _, blocks = read_lines(io.StringIO(text))
+    return [sample for block in blocks for sample in form.samples(block)]
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ('{"t": 0, "signal": "a", "y": 1' + "0" * 400 + "}", "y: expected a number"),
+        ('{"t": 0, "signal": ' + "[" * 50_000, "not JSON"),
+    ],
+)
+def test_numbers_and_lists_without_end_are_refused_with_their_line(line: str, said: str) -> None:
+    with pytest.raises(ConfigError, match=f"input:1: {said}"):
+        samples_of(line)
+
+
+def test_names_in_a_stream_may_be_quoted() -> None:
+    text = '"t","signal","y"\n0,"a",1\n'
+    assert [one.signal for one in samples_of(text)] == ["a"]
+    form, _, blocks = read_lines(io.StringIO(text))
+    together = form.together(next(blocks), {"a": 7})
+    assert together is not None
+    assert together.kinds.tolist() == [7]

@@ -120,6 +120,8 @@ def test_what_cannot_be_followed_is_said(small: Experiment) -> None:
     estimator.update(1.0, {"a": float("nan")})
     for call, message in (
         (lambda: estimator.update(0.5, {"a": 1}), "before 1, which has been reached"),
+        (lambda: estimator.update(1.7e9, {"a": 1}), "time.start may be missing"),
+        (lambda: estimator.predict(float("inf")), "time.start may be missing"),
         (lambda: estimator.update(2, {"b": 1}), "no output is called 'b'"),
         (lambda: estimator.update(2, {"a": 1}, u={"u": 1}), "not given with samples"),
         (lambda: estimator.update(3, {"a": 1}, available=2), "after it was known"),
@@ -140,6 +142,66 @@ def test_what_cannot_be_followed_is_said(small: Experiment) -> None:
     assert estimator.states == ("a", "b")
     assert estimator.labels == ("shgo",)
     assert hgorun.Estimator is Estimator
+
+
+@pytest.mark.parametrize("blocks", [observers("shgo", "fhgo2"), {"K": {"type": "ekf", "Q": {"b": 0.1}, "R": 0.01}}])
+def test_many_samples_at_once_have_the_bits_of_one_after_the_other(blocks: dict[str, Block]) -> None:
+    plant = inline({"a": "b", "b": "-sin(a) - 0.1*b + u"}, {"y": "a", "z": "b"}, inputs={"u": "0"})
+    if "K" not in blocks:
+        plant = inline({"a": "b", "b": "-sin(a) - 0.1*b + u"}, "a", inputs={"u": "0"})
+    whole = experiment(plant, blocks, end=2, step=0.01, measurement={"sampling": {"period": 0.1}})
+    one, many = (Estimator(whole, inputs=("u",), remembered=0) for _ in range(2))
+    rng, count = np.random.default_rng(1), 300
+    t = np.cumsum(rng.choice([0, 0.005, 0.02, 0.033], size=count))
+    names = list(one.kinds)
+    kinds, values = rng.integers(0, len(names), count), rng.normal(0.0, 0.3, count)
+
+    def take(estimator: Estimator, k: int) -> np.ndarray:
+        sample = {names[kinds[k]]: float(values[k])}
+        estimator.update(float(t[k]), {} if "u" in sample else sample, u=sample if "u" in sample else None)
+        return np.concatenate(list(estimator.estimate().values()))
+
+    expected = np.array([take(one, k).copy() for k in range(count)])
+    found, at, calls = [], 0, 0
+    while at < count:
+        some = min(many.at_once(t[at:], kinds[at:]), 70)
+        if some:
+            part = slice(at, at + some)
+            estimates = many.update_many(t[part], kinds[part], values[part])
+            found += list(np.concatenate([xhat for xhat, _ in estimates.values()], axis=1))
+            assert not any(lost.any() for _, lost in estimates.values())
+        else:  # of an output that is heard for the first time
+            found.append(take(many, at).copy())
+        at, calls = at + max(some, 1), calls + 1
+    assert np.array_equal(found, expected)
+    assert one.checkpoint() == many.checkpoint()
+    assert calls < 15
+
+
+def test_samples_are_taken_together_only_where_nothing_is_decided_in_between(small: Experiment) -> None:
+    t, kinds = np.array([1.0, 1.1, 1.05, 1.2]), np.zeros(4, dtype=np.int64)
+    estimators = [Estimator(small, remembered=0), Estimator(small), Estimator(small, gates={"a": 4}, remembered=0)]
+    assert [one.at_once(t, kinds) for one in estimators] == [0, 0, 0]  # nothing has been heard
+    for one in estimators:
+        one.update(0.9, {"a": 0.1})
+    assert [one.at_once(t, kinds) for one in estimators] == [2, 0, 0]  # then time runs backwards
+    assert estimators[0].at_once(t - 0.5, kinds) == 0
+
+
+def test_from_when_on_an_observer_is_lost_is_known_of_many_samples() -> None:
+    blocks = {"o": {"type": "shgo", "theta": 60, "poles": -1, "initial": START}}
+    whole = experiment(PENDULUM, blocks, end=2, step=0.05, measurement={"sampling": {"period": 0.1}})
+    one, many = Estimator(whole, remembered=0), Estimator(whole, remembered=0)
+    t = np.arange(1, 400, dtype=np.float64) * np.float64(0.1)
+    lost = []
+    for moment in t.tolist():
+        one.update(moment, {"a": 0.1})
+        lost.append(one.lost["o"])
+    many.update(t[0], {"a": 0.1})
+    _, found = many.update_many(t[1:], np.zeros(t.size - 1, dtype=np.int64), np.full(t.size - 1, 0.1))["o"]
+    assert found.tolist() == lost[1:]
+    assert any(lost)
+    assert not all(lost)
 
 
 TWO = inline({"a": "b", "b": "-sin(a) - 0.1*b"}, {"y": "a", "z": "b**2/2 - cos(a)"})
@@ -219,3 +281,9 @@ def test_a_sample_older_than_all_that_is_remembered_is_refused(small: Experiment
     estimator.update(1.0, {"a": 0.5})
     with pytest.raises(ValueError, match="increase remembered"):
         estimator.update(0.5, {"a": 0.5}, available=1.2)
+
+
+def test_a_stamp_of_another_clock_is_not_taken_with_others(small: Experiment) -> None:
+    estimator = Estimator(small, remembered=0)
+    estimator.update(1.0, {"a": 0.5})
+    assert estimator.at_once(np.array([1.1, 1.2, 1.7e9]), np.zeros(3, dtype=np.int64)) == 2

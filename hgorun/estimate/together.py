@@ -1,0 +1,90 @@
+"""Many samples that are known already, carried out in one native call."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hgorun.engine.layout import ACTION_WORDS, ARRIVE, JUMP, NOTHING, REBASE, SET, SHOW, TAKE
+from hgorun.engine.live import Live
+from hgorun.engine.plan import Floats, Integers
+from hgorun.simulation.structure import Structure
+
+_Row = tuple[tuple[int, ...], str]  # of the action table, and what of it is the sample's own
+
+_ZERO, _ONE = 0, 1  # the first two numbers that are set; values and times follow
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Kinds:
+    """What each kind of sample makes happen: that of an output, or of an input that comes with the samples.
+
+    Attributes
+    ----------
+    rows : ndarray of int, shape (kinds, k, 5)
+        Rows of the engine's action table, those of the outputs first.
+    own, value, time : ndarray of bool, shape (kinds, k)
+        Rows with a slot of the sample's own, and those that set its value or its time.
+    outputs : int
+    """
+
+    rows: Integers
+    own: np.ndarray
+    value: np.ndarray
+    time: np.ndarray
+    outputs: int
+
+    @classmethod
+    def of(cls, structure: Structure, corrections: list[int], inputs: int, late: int) -> Kinds:
+        """Those of a system; ``late`` is how many samples of one output may be on their way."""
+        system = structure.system
+        layout = system.held
+        found: list[list[_Row]] = []
+        for i in range(system.outputs):
+            first = i * (late + 1)
+            rows: list[_Row] = [((TAKE, i, 0, 0, 0), "own"), ((ARRIVE, i, 0, 0, 0), "own")]
+            if system.has_alpha:
+                rows.append(((REBASE, i, 0, first + 1, first + 1 + late), ""))
+            rows += [((JUMP, number, 0, 0, 0), "") for number in corrections]
+            if layout.flags:
+                flag = layout.fresh(i)
+                rows = [((SET, flag, _ONE, 0, 0), ""), *rows, ((SET, flag, _ZERO, 0, 0), "")]
+            found.append(rows)
+        for number in range(inputs):
+            place, slope, since, _ = layout.input(number)
+            found.append(
+                [((SET, place, 0, 0, 0), "value"), ((SET, slope, _ZERO, 0, 0), ""), ((SET, since, 0, 0, 0), "time")]
+            )
+        most = max(map(len, found)) + 1
+        table = np.zeros((len(found), most, ACTION_WORDS), dtype=np.int64)
+        table[:, :, 0] = NOTHING
+        table[:, -1, 0] = SHOW
+        marked = {name: np.zeros((len(found), most), dtype=bool) for name in ("own", "value", "time")}
+        for kind, rows in enumerate(found):
+            for k, (row, mark) in enumerate(rows):
+                table[kind, k] = row
+                if mark:
+                    marked[mark][kind, k] = True
+        return cls(table, marked["own"], marked["value"], marked["time"], system.outputs)
+
+    def carry_out(self, live: Live, regime: int, times: Floats, kinds: Integers, values: Floats, late: int) -> Floats:
+        """All states after each of some samples, shape (N, states).
+
+        Parameters
+        ----------
+        times, kinds, values : ndarray, shape (N,)
+            N is at most ``live.at_once``; times ascend, and none is before ``live.t``.
+        """
+        count = times.size
+        numbers = np.arange(count)
+        slots = live.slots + numbers
+        for i in range(self.outputs):  # what the run goes on from is where single samples leave it
+            slots[np.flatnonzero(kinds == i)[-1:]] = i * (late + 1)
+        live.samples[slots] = values
+        actions = self.rows[kinds]
+        place = actions[:, :, 2]
+        for marked, what in ((self.own, slots), (self.value, 2 + numbers), (self.time, 2 + count + numbers)):
+            place[...] = np.where(marked[kinds], what[:, None], place)
+        place[:, -1] = numbers
+        return live.go_through(times, regime, actions, np.concatenate([[0.0, 1.0], values, times]))
