@@ -35,6 +35,7 @@ _MOST_OUTPUTS = 6  # whose every combination of heard and not heard is compiled
 _LARGEST = 1e300
 _TOGETHER = 4096  # samples in one native call
 _LATE = 8  # samples of one output that may be on their way at once
+_FARTHEST = 1e8  # steps to the next event, a minute or so: what is further off is on another clock, as that of Unix
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -154,6 +155,7 @@ class Estimator:
         start = Start(numbers.z0[model.n :][:, None], numbers.p[:, None], (_LARGEST, 0.0))
         program = structure.program(experiment.blocks.solver.given_method)
         slots = len(model.outputs) * (_LATE + 1)
+        self._reach = _FARTHEST * nominal_step(experiment)
         self._live = Live(program, start, 0.0, slots, nominal_step(experiment), _TOGETHER)
         self._kinds = Kinds.of(structure, self._corrections, len(self._inputs), _LATE)
         self._rows: dict[object, Integers] = {}
@@ -215,6 +217,10 @@ class Estimator:
         since = float(t) - self._experiment.origin
         if not since >= self._live.t:  # NaN, too
             raise ValueError(f"t = {t:g} is before {self.t:g}, which has been reached")
+        if since - self._live.t > self._reach:
+            raise ValueError(
+                f"t = {t:g} is more than {_FARTHEST:.0e} steps after {self.t:g}: time.start may be missing"
+            )
         return since
 
     def _output(self, name: str) -> int:
@@ -293,6 +299,7 @@ class Estimator:
         heard = np.array([*self._heard, *([True] * len(self._inputs))])
         since = t - self._experiment.origin
         fits = heard[kinds] & (since >= np.append(self._live.t, since[:-1]))
+        fits &= np.diff(since, prepend=self._live.t) <= self._reach  # one further off is refused by `update`
         count = len(fits) if fits.all() else int(np.argmin(fits))
         return min(count, _TOGETHER)
 

@@ -120,6 +120,8 @@ def test_what_cannot_be_followed_is_said(small: Experiment) -> None:
     estimator.update(1.0, {"a": float("nan")})
     for call, message in (
         (lambda: estimator.update(0.5, {"a": 1}), "before 1, which has been reached"),
+        (lambda: estimator.update(1.7e9, {"a": 1}), "time.start may be missing"),
+        (lambda: estimator.predict(float("inf")), "time.start may be missing"),
         (lambda: estimator.update(2, {"b": 1}), "no output is called 'b'"),
         (lambda: estimator.update(2, {"a": 1}, u={"u": 1}), "not given with samples"),
         (lambda: estimator.update(3, {"a": 1}, available=2), "after it was known"),
@@ -279,3 +281,9 @@ def test_a_sample_older_than_all_that_is_remembered_is_refused(small: Experiment
     estimator.update(1.0, {"a": 0.5})
     with pytest.raises(ValueError, match="increase remembered"):
         estimator.update(0.5, {"a": 0.5}, available=1.2)
+
+
+def test_a_stamp_of_another_clock_is_not_taken_with_others(small: Experiment) -> None:
+    estimator = Estimator(small, remembered=0)
+    estimator.update(1.0, {"a": 0.5})
+    assert estimator.at_once(np.array([1.1, 1.2, 1.7e9]), np.zeros(3, dtype=np.int64)) == 2
