@@ -11,8 +11,8 @@ import sys
 import threading
 import time
 import warnings
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import FrameType
 from typing import NoReturn
@@ -26,6 +26,7 @@ unfinished: set[Path] = set()
 """Temporary files that this process is writing."""
 
 _ended_by: list[int] = []  # exit codes of the signals that came, the first one first
+_postponed: list[list[int]] = []  # codes of signals that wait for the end of what is done whole
 _said: set[str] = set()  # what has been said on stderr
 
 
@@ -125,11 +126,31 @@ def _listen() -> None:
 def _raiser(code: int) -> Callable[[int, FrameType | None], None]:
     def handler(number: int, frame: FrameType | None) -> None:
         _ended_by.append(code)
-        if code == INTERRUPTED:
-            raise KeyboardInterrupt
-        raise SystemExit(code)
+        if _postponed:
+            _postponed[0].append(code)
+        else:
+            _stop(code)
 
     return handler
+
+
+def _stop(code: int) -> NoReturn:
+    if code == INTERRUPTED:
+        raise KeyboardInterrupt
+    raise SystemExit(code)
+
+
+@contextmanager
+def uninterrupted() -> Iterator[None]:
+    """What is done here is done whole: a signal that comes meanwhile is answered at its end, if that is soon."""
+    waiting: list[int] = []
+    _postponed.append(waiting)
+    try:
+        yield
+    finally:
+        _postponed.pop()
+    if waiting:
+        _stop(waiting[0])
 
 
 def serve() -> None:

@@ -75,6 +75,23 @@ def test_a_signal_becomes_an_exception_and_a_code(
     assert process._ended_by == [code]
 
 
+def test_what_is_begun_is_ended_before_a_signal_is_answered(ended: list[int]) -> None:
+    answer, done = process._raiser(TERMINATED), []
+
+    def work() -> None:
+        with process.uninterrupted():
+            with process.uninterrupted():
+                answer(signal.SIGTERM, None)
+            done.append("the inner part does not end the outer one")
+
+    with pytest.raises(SystemExit) as stop:
+        work()
+    assert stop.value.code == TERMINATED
+    assert len(done) == 1
+    with pytest.raises(SystemExit):  # from then on at once
+        answer(signal.SIGTERM, None)
+
+
 def test_what_a_library_makes_of_a_signal_is_still_the_signal(
     ended: list[int], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

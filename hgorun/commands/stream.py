@@ -9,20 +9,20 @@ import time as clock
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import chain, repeat
-from pathlib import Path
 from typing import TextIO
 
 import numpy as np
 
 from hgorun.commands.options import Estimate
-from hgorun.commands.stream_lines import INPUT, Block, JsonForm, Sample, Samples, read
+from hgorun.commands.stream_lines import INPUT, Block, CsvForm, JsonForm, Sample, Samples, read
+from hgorun.commands.stream_progress import Progress
 from hgorun.config.data import Data
 from hgorun.config.validation import validate
 from hgorun.config.yaml_source import Source
 from hgorun.errors import ConfigError
 from hgorun.estimate.completed import streamed
 from hgorun.estimate.estimator import Estimator
-from hgorun.files import written_whole
+from hgorun.process import uninterrupted
 from hgorun.symbolic.evaluate import Floats
 
 _REMEMBERED = 1000  # events that late samples may go back to
@@ -42,69 +42,87 @@ def follow(source: Source, name: str, options: Estimate) -> int:
     gates = {output: one.gate for output, one in outputs.items() if one.gate is not None}
     form, late, blocks = read(sys.stdin)
     estimator = Estimator(experiment, gates=gates, inputs=inputs, remembered=_REMEMBERED if late else 0)
-    reached = -math.inf
-    if options.checkpoint is not None and options.checkpoint.exists():
-        estimator.restore(options.checkpoint.read_bytes())
-        reached = estimator.t
+    progress = Progress(estimator, options.checkpoint)
     writer = Writer(sys.stdout, estimator, as_json=isinstance(form, JsonForm))
-    grid = _Grid(experiment.origin, options.every, reached)
-    one_by_one = _OneByOne(estimator, inputs, grid, reached, writer)
+    grid = _Grid(experiment.origin, options.every, progress)
+    one_by_one = _OneByOne(estimator, inputs, grid, progress, writer)
+    try:
+        _follow(form, blocks, one_by_one)
+    except (ConfigError, KeyboardInterrupt, SystemExit):  # between two samples: both are as they should be
+        progress.save_what_there_is()
+        raise
+    progress.save()
+    return 0
+
+
+def _follow(form: CsvForm | JsonForm, blocks: Iterator[Block], one_by_one: _OneByOne) -> None:
+    estimator, whole = one_by_one.estimator, one_by_one.grid.step is None
     saved = clock.monotonic()
     for lines in blocks:
-        known = form.together(lines, estimator.kinds) if options.every is None and len(lines.lines) > _FEW else None
+        known = form.together(lines, estimator.kinds) if whole and len(lines.lines) > _FEW else None
         if known is None:
             for sample in form.samples(lines):
                 one_by_one.take(sample)
         else:
-            _take_together(known, lines, estimator, one_by_one)
-        sys.stdout.flush()
-        if options.checkpoint is not None and clock.monotonic() - saved > _SECONDS:
-            _save(estimator, options.checkpoint)
+            _take_together(known, lines, one_by_one)
+        with uninterrupted():
+            sys.stdout.flush()
+        if clock.monotonic() - saved > _SECONDS:
+            one_by_one.progress.save()
             saved = clock.monotonic()
-    if options.checkpoint is not None:
-        _save(estimator, options.checkpoint)
-    return 0
 
 
 @dataclass(frozen=True)
 class _OneByOne:
-    """What becomes of single samples; those up to the time that was ``reached`` by a checkpoint are known."""
+    """What becomes of single samples."""
 
     estimator: Estimator
     inputs: tuple[str, ...]
     grid: _Grid
-    reached: float
+    progress: Progress
     writer: Writer
 
     def take(self, sample: Sample) -> None:
         """Take a sample, and write what is known then."""
-        known = sample.t if sample.available is None else sample.available
-        if known <= self.reached:
+        if self.progress.knows(sample):
             return
-        for t in self.grid.until(known):
-            self.writer.write(t, self.estimator.predict(t))
+        known = sample.t if sample.available is None else sample.available
         try:
-            if sample.signal in self.inputs:
-                self.estimator.update(sample.t, {}, sample.available, {sample.signal: sample.y})
-            else:
-                self.estimator.update(sample.t, {sample.signal: sample.y}, sample.available)
+            self.estimator.require_reachable(known)
+            for t in self.grid.until(known):
+                with uninterrupted():
+                    self.writer.write(t, self.estimator.predict(t))
+                    self.progress.shown = t
+            with uninterrupted():
+                self._update(sample)
+                self.progress.took(sample)
+                if self.grid.step is None:
+                    self.writer.write(known, self.estimator.estimate())
         except ValueError as error:
             raise ConfigError(str(error), file=INPUT, line=sample.line) from None
-        if self.grid.step is None:
-            self.writer.write(known, self.estimator.estimate())
+
+    def _update(self, sample: Sample) -> None:
+        if sample.signal in self.inputs:
+            self.estimator.update(sample.t, {}, sample.available, {sample.signal: sample.y})
+        else:
+            self.estimator.update(sample.t, {sample.signal: sample.y}, sample.available)
 
 
-def _take_together(known: Samples, block: Block, estimator: Estimator, one_by_one: _OneByOne) -> None:
+def _take_together(known: Samples, block: Block, one_by_one: _OneByOne) -> None:
     """Samples that are there already: many in one call, and one by one where they cannot be."""
+    estimator, progress, writer = one_by_one.estimator, one_by_one.progress, one_by_one.writer
     signals = list(estimator.kinds)
-    behind = np.flatnonzero(known.t > one_by_one.reached)
+    behind = progress.unknown(known, signals)
     t, kinds, y = known.t[behind], known.kinds[behind], known.y[behind]
     at = 0
     while at < t.size:
         count = estimator.at_once(t[at:], kinds[at:])
         if count:
             part = slice(at, at + count)
-            one_by_one.writer.write_many(t[part], estimator.update_many(t[part], kinds[part], y[part]))
+            some = Samples(t[part], kinds[part], y[part])
+            with uninterrupted():
+                writer.write_many(some.t, estimator.update_many(*some))
+                progress.took_all(some, signals)
         else:
             line = block.first + int(behind[at])
             one_by_one.take(Sample(line, float(t[at]), signals[kinds[at]], float(y[at]), None))
@@ -121,19 +139,16 @@ def _refuse(options: Estimate) -> None:
         raise ConfigError(f"--every: expected a time above 0, found {options.every:g}")
 
 
-def _save(estimator: Estimator, path: Path) -> None:
-    sys.stdout.flush()  # what is in the checkpoint has been told
-    with written_whole(path) as part:
-        part.write_bytes(estimator.checkpoint())
-
-
 class _Grid:
-    """Multiples of a step, behind what has been reached already."""
+    """Multiples of a step: those that have not been shown, and are not before what has been reached already."""
 
-    def __init__(self, origin: float, step: float | None, reached: float) -> None:
+    def __init__(self, origin: float, step: float | None, progress: Progress) -> None:
         self._origin, self.step, self._next = origin, step, 0
-        if step is not None and reached > origin:
-            self._next = math.floor((reached - origin) / step) + 1
+        begun = max(progress.t, progress.shown)
+        if step is not None and begun > origin:
+            self._next = max(math.floor((begun - origin) / step) - 1, 0)
+            while (t := origin + self._next * step) < progress.t or t <= progress.shown:
+                self._next += 1
 
     def until(self, t: float) -> Iterator[float]:
         """Those before a time."""

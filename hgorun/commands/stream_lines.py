@@ -12,6 +12,7 @@ from typing import NamedTuple, TextIO
 
 import numpy as np
 
+from hgorun.config.grammar import nearest, short
 from hgorun.errors import ConfigError
 from hgorun.symbolic.evaluate import Floats
 
@@ -99,6 +100,7 @@ class JsonForm:
                     raise ConfigError(f"not JSON: {error}", file=INPUT, line=number) from None
                 if not isinstance(found, dict):
                     raise ConfigError("expected an object with t, signal and y", file=INPUT, line=number)
+                _require_keys(found, number)
                 yield _sample(number, *(found.get(name) for name in _COLUMNS))
 
     def together(self, _block: Block, _kinds: Mapping[str, int]) -> None:
@@ -168,6 +170,18 @@ def _pieces(stream: TextIO) -> Iterator[str]:
     while data := buffer.read1(_BYTES):
         yield decoder.decode(data)
     yield decoder.decode(b"", final=True)
+
+
+def _require_keys(found: Mapping[str, object], line: int) -> None:
+    """Refuse an object where a key is missing, or is called nearly like one that may be missing."""
+    missing = [name for name in _COLUMNS if name not in found]
+    for key in found:
+        if key not in _COLUMNS and (meant := nearest(key, missing)):
+            raise ConfigError(f"unknown key {short(key)!r}.{meant}", file=INPUT, line=line)
+    for name in missing:
+        if name != "available":
+            why = " (null stands for a missing sample)" if name == "y" else ""
+            raise ConfigError(f"the key {name} is missing{why}", file=INPUT, line=line)
 
 
 def _cells(line: str) -> list[str]:

@@ -21,6 +21,7 @@ from hgorun.engine.plan import Floats, Integers
 from hgorun.errors import ConfigError, HgorunError, Problem
 from hgorun.estimate.carrying import Gate, leave_out
 from hgorun.estimate.covariance import Covariance
+from hgorun.estimate.given import as_number, numbers_by_name
 from hgorun.estimate.together import Kinds
 from hgorun.measurement.variants import HELD, SILENT
 from hgorun.observers.base import SampledObserver, treatment_of
@@ -213,8 +214,18 @@ class Estimator:
         self._live.restore(kept)
         return found
 
-    def _since_start(self, t: float) -> float:
-        since = float(t) - self._experiment.origin
+    def require_reachable(self, t: float) -> None:
+        """Refuse a time that is before the last event, or so far ahead that it is of another clock.
+
+        Raises
+        ------
+        ValueError
+        """
+        self._since_start(t)
+
+    def _since_start(self, t: float, name: str = "t") -> float:
+        t = as_number(name, t)
+        since = t - self._experiment.origin
         if not since >= self._live.t:  # NaN, too
             raise ValueError(f"t = {t:g} is before {self.t:g}, which has been reached")
         if since - self._live.t > self._reach:
@@ -242,7 +253,7 @@ class Estimator:
         t : float
             When they were taken.
         y : mapping of str to float
-            By output; what is not a number is missing.
+            By output; what is not finite is missing.
         available : float, optional
             When they are known, if that is later than ``t``.
         u : mapping of str to float, optional
@@ -252,16 +263,19 @@ class Estimator:
         ------
         ValueError
             For a time that has passed, and for names that are unknown.
+        TypeError
+            For what is no number, or no mapping.
         """
-        values = [(self._output(name), float(value)) for name, value in y.items()]
+        t = as_number("t", t)
+        values = [(self._output(name), value) for name, value in numbers_by_name("y", y)]
         values = sorted((i, value) for i, value in values if np.isfinite(value))
-        changed = () if not u else tuple((self._input(name), float(value)) for name, value in u.items())
+        changed = () if u is None else tuple((self._input(name), value) for name, value in numbers_by_name("u", u))
         if available is None or available == t:
             now = self._since_start(t)
             samples = tuple((i, i * (_LATE + 1), value, now >= self._newest[i]) for i, value in values)
             self._go_on(_Event(now, tuple((i, slot) for i, slot, _, _ in samples), samples, changed, now))
             return
-        now, taken = self._since_start(available), float(t) - self._experiment.origin
+        now, taken = self._since_start(available, "available"), t - self._experiment.origin
         if taken > now:
             raise ValueError(f"taken at {t:g}, after it was known at {available:g}")
         if taken < now and not self._by_innovation(t):
@@ -493,7 +507,11 @@ class Estimator:
         ------
         HgorunError
             When it is none, or one of another configuration.
+        TypeError
+            When it is no bytes at all.
         """
+        if not isinstance(checkpoint, bytes | bytearray):
+            raise TypeError(f"checkpoint: expected the bytes of checkpoint(), found {checkpoint!r:.50}")
         if not checkpoint.startswith(_MAGIC):
             raise ConfigError("this is no checkpoint of an estimator, or one of another version")
         try:

@@ -154,6 +154,78 @@ def test_a_stream_goes_on_from_its_checkpoint(shell: Shell, monkeypatch: pytest.
     assert first + rest[1:] == whole
 
 
+CONSTANT = "data.outputs.a={column: angle, std: 0.02}"
+TWO = ("--set", "plant.output={a: a, z: b}")
+AT_ONE_TIME = ["0.1,a,0.1", "0.1,z,1", "0.2,a,0.2", "0.2,z,0.9", "0.2,a,0.2", "0.3,z,0.95", "0.3,a,0.3", "0.4,a,0.4"]
+
+
+@pytest.mark.parametrize("of", [io.StringIO, bytes_of])
+@pytest.mark.parametrize("resent", [True, False])
+def test_a_checkpoint_between_signals_of_one_time_loses_nothing(
+    shell: Shell, monkeypatch: pytest.MonkeyPatch, of: Callable[[str], io.TextIOBase], resent: bool
+) -> None:
+    def follow(lines: list[str], *more: str) -> list[str]:
+        monkeypatch.setattr(sys, "stdin", of("\n".join(["t,signal,y", *lines])))
+        code, out, err = shell("estimate", "pendulum.yaml", "-", *TWO, "--set", CONSTANT, *more)
+        assert (code, err) == (0, "")
+        return out.splitlines()[1:]
+
+    whole = follow(AT_ONE_TIME)
+    found, first = [], 0
+    for last in (1, 5, 6, 8):  # how many samples have come when it ends, and is started again
+        found += follow(AT_ONE_TIME[0 if resent else first : last], "--checkpoint", "state")
+        first = last
+    assert found == whole
+
+
+def test_a_grid_goes_on_from_a_checkpoint(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
+    lines = ["t,signal,y", "0.1,a,0.1", "0.5,a,0.5", "0.85,a,0.7", "1.3,a,0.9"]
+    _, whole, _ = piped(shell, monkeypatch, "\n".join(lines), "--every", "0.1")
+    found = []
+    for last in (2, 3, 4, 5):
+        _, out, _ = piped(shell, monkeypatch, "\n".join(lines[:last]), "--every", "0.1", "--checkpoint", "state")
+        found += out[1:]
+    assert found == whole[1:]
+    assert len(found) == 13
+
+
+def test_a_stamp_that_is_far_ahead_is_refused_before_anything_is_shown(
+    shell: Shell, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    code, out, err = piped(shell, monkeypatch, "t,signal,y\n0,a,0.1\n1.7e9,a,1\n", "--every", "1e6")
+    assert code == 2
+    assert out == ["t,observer,a,b,status"]
+    assert "standard input:3" in err
+
+
+@pytest.mark.parametrize(
+    ("stored", "message"), [(b"x", "no checkpoint of a stream"), (b"hgorun-stream-1 [0]\n", "is damaged")]
+)
+def test_a_file_that_is_no_checkpoint_is_named(
+    shell: Shell, monkeypatch: pytest.MonkeyPatch, stored: bytes, message: str
+) -> None:
+    (shell.folder / "state").write_bytes(stored)
+    code, out, err = piped(shell, monkeypatch, "t,signal,y\n", "--checkpoint", "state")
+    assert (code, out) == (2, [])
+    assert "state: " in err
+    assert message in err
+
+
+@pytest.mark.parametrize("text", ["", "\n", "garbage\n", "time,y\n1,2\n"])
+def test_nothing_is_written_for_an_input_that_is_no_stream(
+    shell: Shell, monkeypatch: pytest.MonkeyPatch, text: str
+) -> None:
+    code, out, err = piped(shell, monkeypatch, text)
+    assert (code, out) == (2, [])
+    assert "expected the header" in err
+
+
+def test_objects_may_have_further_keys_and_null_is_a_missing_sample() -> None:
+    (sample,) = samples_of('{"t": 1, "signal": "a", "y": null, "unit": "rad", "dt": 0.1, "id": 7}')
+    assert sample[:3] == (1, 1.0, "a")
+    assert np.isnan(sample.y)
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -166,16 +238,16 @@ def test_a_stream_goes_on_from_its_checkpoint(shell: Shell, monkeypatch: pytest.
         ("t,signal,y\n0.1,,1\n", "standard input:2: signal: expected a name"),
         ('{"t": 0.1, "signal": "a", "y": 1}\n{"t"\n', "standard input:2: not JSON"),
         ('{"t": 0.1, "signal": "a", "y": 1}\n[1]\n', "standard input:2: expected an object"),
-        ("{}\n", "standard input:1: signal"),
+        ("{}\n", "standard input:1: the key t is missing"),
+        ('{"t": 0.1, "signal": "a"}\n', "standard input:1: the key y is missing (null stands for a missing sample)"),
+        ('{"t": 0.1, "signal": "a", "Y": 1}\n', "standard input:1: unknown key 'Y'. Did you mean `y`?"),
+        ('{"t": 0.1, "signal": "a", "y": 1, "availabel": 1}\n', "Did you mean `available`?"),
     ],
 )
 def test_a_wrong_line_is_named(shell: Shell, monkeypatch: pytest.MonkeyPatch, text: str, message: str) -> None:
     code, _, err = piped(shell, monkeypatch, text)
     assert code == 2
     assert message in err
-
-
-CONSTANT = "data.outputs.a={column: angle, std: 0.02}"
 
 
 def both(shell: Shell, monkeypatch: pytest.MonkeyPatch, text: str, *more: str) -> list[tuple[int, str, str]]:
@@ -244,6 +316,45 @@ def test_a_line_is_not_kept_waiting_for_the_next_one() -> None:
     for block in blocks:
         found.append((block.first, block.lines, len(raw.left)))
     assert found == [(2, ["1,a,\u00b5", "2,a,3"], 2), (4, ["4,a,5"], 1), (5, ["6,a"], 0)]
+
+
+class Interrupted(Pieces):
+    """Bytes, and then an end that is none."""
+
+    def __init__(self, text: str, end: BaseException) -> None:
+        super().__init__(text.encode())
+        self._end = end
+
+    def readinto(self, buffer: Buffer) -> int:
+        if not self.left:
+            raise self._end
+        return super().readinto(buffer)
+
+
+def interrupted(text: str, end: BaseException) -> io.TextIOWrapper:
+    return io.TextIOWrapper(io.BufferedReader(Interrupted(text, end)), encoding="utf-8")
+
+
+@pytest.mark.parametrize(("end", "code"), [(KeyboardInterrupt(), 130), (SystemExit(143), 143), (None, 2)])
+def test_what_has_been_taken_is_kept_however_a_stream_ends(
+    shell: Shell, monkeypatch: pytest.MonkeyPatch, end: BaseException | None, code: int
+) -> None:
+    lines = ["t,signal,y", *stream(9)]
+    _, whole, _ = piped(shell, monkeypatch, "\n".join(lines))
+    begun = "\n".join([*lines[:6], "" if end else "0.6,a,x"])
+    monkeypatch.setattr(sys, "stdin", interrupted(begun, end) if end else io.StringIO(begun))
+    found, first, _ = shell("estimate", "pendulum.yaml", "-", "--checkpoint", "state")
+    assert found == code
+    _, rest, _ = piped(shell, monkeypatch, "\n".join(lines), "--checkpoint", "state")
+    assert first.splitlines() + rest[1:] == whole
+
+
+def test_a_stream_that_was_stopped_before_its_first_sample_leaves_no_checkpoint(
+    shell: Shell, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "stdin", interrupted("t,signal,y\n", KeyboardInterrupt()))
+    assert shell("estimate", "pendulum.yaml", "-", "--checkpoint", "state")[0] == 130
+    assert not (shell.folder / "state").exists()
 
 
 def test_a_stream_needs_a_step(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:

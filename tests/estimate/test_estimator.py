@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -142,6 +143,30 @@ def test_what_cannot_be_followed_is_said(small: Experiment) -> None:
     assert estimator.states == ("a", "b")
     assert estimator.labels == ("shgo",)
     assert hgorun.Estimator is Estimator
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((0.1, 1.0), r"y: expected numbers by name, as \{'a': 0.5\}, found 1.0"),
+        ((0.1, None), "y: expected numbers by name"),
+        ((None, {"a": 1}), "t: expected a number, found None"),
+        (("0.1", {"a": 1}), "t: expected a number, found '0.1'"),
+        ((0.1, {"a": [1, 2]}), r"y\['a'\]: expected a number"),
+        ((0.1, {"a": 1}, "later"), "available: expected a number"),
+        ((0.1, {"a": 1}, None, 0.3), "u: expected numbers by name"),
+    ],
+)
+def test_what_is_no_sample_is_said(small: Experiment, arguments: tuple[Any, ...], message: str) -> None:
+    estimator = Estimator(small)
+    with pytest.raises(TypeError, match=message):
+        estimator.update(*arguments)
+    with pytest.raises(TypeError, match="checkpoint: expected the bytes of checkpoint"):
+        estimator.restore("abc")  # type: ignore[arg-type]  # that is the point
+    with pytest.raises(TypeError, match="t: expected a number"):
+        estimator.predict(None)  # type: ignore[arg-type]
+    assert estimator.t == 0
+    estimator.restore(bytearray(estimator.checkpoint()))  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("blocks", [observers("shgo", "fhgo2"), {"K": {"type": "ekf", "Q": {"b": 0.1}, "R": 0.01}}])

@@ -1,0 +1,123 @@
+"""How far a stream has come: when it is started again, nothing is lost or used twice."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+
+from hgorun.commands.stream_lines import Sample, Samples
+from hgorun.errors import ConfigError
+from hgorun.estimate.estimator import Estimator
+from hgorun.files import written_whole
+from hgorun.process import uninterrupted
+
+_MAGIC = b"hgorun-stream-1 "
+_Key = tuple[str, float, float | None]  # signal, when it was taken, and its value; None for a missing one
+
+
+class Progress:
+    """What has been taken and told, kept in a file with all that the estimator goes on from.
+
+    Of samples that are known at the same time some may have been taken and others not yet: those that have been are
+    remembered until time goes on.
+
+    Parameters
+    ----------
+    estimator : Estimator
+        Goes on from the checkpoint, if there is one.
+    path : Path or None
+        Where the checkpoint is; None if nothing is kept.
+
+    Attributes
+    ----------
+    t : float
+        The time up to which samples have been taken; -inf before the first.
+    shown : float
+        The last time of a grid at which the estimates have been told; -inf before the first.
+
+    Raises
+    ------
+    ConfigError
+        When the file is no checkpoint of this stream.
+    """
+
+    def __init__(self, estimator: Estimator, path: Path | None) -> None:
+        self._estimator, self._path = estimator, path
+        self.t, self.shown = -math.inf, -math.inf
+        self._taken: list[_Key] = []  # of those that are known at t
+        if path is not None and path.exists():
+            self._restore(path.read_bytes(), str(path))
+        self._restored, self._left = self.t, Counter(self._taken)
+
+    def _restore(self, stored: bytes, file: str) -> None:
+        if not stored.startswith(_MAGIC):
+            raise ConfigError("this is no checkpoint of a stream, or one of another version", file=file)
+        head, _, rest = stored[len(_MAGIC) :].partition(b"\n")
+        try:
+            t, shown, taken = json.loads(head)
+            self.t, self.shown = float(t), float(shown)
+            self._taken = [(str(name), float(at), None if y is None else float(y)) for name, at, y in taken]
+        except (ValueError, TypeError) as error:
+            raise ConfigError(f"the checkpoint is damaged: {error}", file=file) from None
+        self._estimator.restore(rest)
+
+    def save(self) -> None:
+        """Write the checkpoint, if one is kept; what is in it has been told."""
+        if self._path is None:
+            return
+        with uninterrupted():
+            sys.stdout.flush()
+            head = json.dumps([self.t, self.shown, self._taken]).encode()
+            with written_whole(self._path) as part:
+                part.write_bytes(_MAGIC + head + b"\n" + self._estimator.checkpoint())
+
+    def save_what_there_is(self) -> None:
+        """Write the checkpoint of a stream that ends before its time, if samples have been taken."""
+        if self.t > -math.inf:
+            self.save()
+
+    def knows(self, sample: Sample) -> bool:
+        """Whether a sample had been taken before the stream was started again."""
+        known = _known(sample)
+        if known != self._restored:
+            return known < self._restored
+        key = _key(sample)
+        self._left[key] -= 1
+        return self._left[key] >= 0
+
+    def unknown(self, samples: Samples, signals: list[str]) -> np.ndarray:
+        """The places of samples that had not been taken before; ``signals`` are the names of the kinds."""
+        new = samples.t > self._restored
+        for k in np.flatnonzero(samples.t == self._restored).tolist():
+            new[k] = not self.knows(_sample(samples, k, signals))
+        return np.flatnonzero(new)
+
+    def took(self, sample: Sample) -> None:
+        """A sample has been taken."""
+        if self._path is not None:
+            known = _known(sample)
+            if known != self.t:
+                self.t, self._taken = known, []
+            self._taken.append(_key(sample))
+
+    def took_all(self, samples: Samples, signals: list[str]) -> None:
+        """Samples have been taken, in the order of time."""
+        for k in range(int(np.searchsorted(samples.t, samples.t[-1])), samples.t.size):
+            self.took(_sample(samples, k, signals))
+
+
+def _known(sample: Sample) -> float:
+    return sample.t if sample.available is None else sample.available
+
+
+def _key(sample: Sample) -> _Key:
+    return sample.signal, sample.t, None if math.isnan(sample.y) else sample.y
+
+
+def _sample(samples: Samples, k: int, signals: list[str]) -> Sample:
+    return Sample(0, float(samples.t[k]), signals[samples.kinds[k]], float(samples.y[k]), None)
