@@ -12,6 +12,7 @@ from hgorun.estimate.carrying import Carried, carry_out, estimates
 from hgorun.estimate.covariance import Covariance
 from hgorun.estimate.prepared import PreparedEstimate
 from hgorun.symbolic.evaluate import Floats
+from hgorun.symbolic.levels import distinct
 
 _PIECE = 1 << 15  # samples at a time: there may be many
 _LITTLE = 1e-6  # of the shortest time between samples
@@ -105,7 +106,7 @@ def evaluate_run(
     late = [one.taken for one in prepared.samples if one.taken is not one.available]
     covariances = prepared.covariances()
     before = [_before(one.available) for one in prepared.samples] if any(covariances) else []
-    times = np.unique(np.concatenate([shown, *(taken for taken, _ in chosen.values()), *late, *before]))
+    times = distinct(np.concatenate([shown, *(taken for taken, _ in chosen.values()), *late, *before]))
     carried = carry_out(prepared, times)
     everywhere = estimates(prepared, times, carried.raw)
     # where nothing is compared in between, no copies are made
@@ -133,7 +134,7 @@ def evaluate_run(
 
 def _before(available: Floats) -> Floats:
     """Moments before samples arrive, when nothing has jumped yet."""
-    gaps = np.diff(np.unique(available))
+    gaps = np.diff(distinct(available))
     little = _LITTLE * (float(gaps.min()) if gaps.size else 1.0)
     return np.maximum(available - little, 0.0)
 

@@ -225,6 +225,8 @@ def _corrections(arrivals: Sequence[np.ndarray], system: HybridSystem, first: in
 
 def _counted_anew(take: np.ndarray, arrive: np.ndarray, used: np.ndarray, output: int, base: int) -> Kind:
     """What counts alpha from zero again when a sample that is used arrives, also for those on their way."""
+    if used.all() and _at_once(take, arrive):  # none is ever on its way
+        return Kind.of(arrive, 2, REBASE, output, Numbered(base), Numbered(base + 1), Numbered(base + 1))
     pending = _taken_by(take, arrive)
     if used.all():
         number = np.arange(used.size)
@@ -242,13 +244,18 @@ def _last_of_equal(numbers: np.ndarray) -> np.ndarray:
     return last
 
 
+def _at_once(take: np.ndarray, arrive: np.ndarray) -> bool:
+    """Whether every sample arrives when it is taken, one after the other."""
+    return take is arrive and bool(np.all(take[1:] > take[:-1]))
+
+
 def _taken_by(take: np.ndarray, arrive: np.ndarray) -> np.ndarray:
     """For each arrival, one more than the last sample that has been taken by then.
 
     Samples are numbered by arrival, so those on their way are the ones behind; with delays that change,
     some in between may not have been taken yet.
     """
-    if take is arrive and np.all(take[1:] > take[:-1]):  # none is ever on its way
+    if _at_once(take, arrive):
         return np.arange(1, take.size + 1)
     earliest = np.minimum.accumulate(take[::-1])[::-1]
     return np.searchsorted(earliest, arrive, side="right")
