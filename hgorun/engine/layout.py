@@ -170,6 +170,11 @@ class HybridSystem:
         return 1 + self.observers
 
     @property
+    def stepped(self) -> tuple[tuple[int, int, ca.Function], ...]:
+        """Those of the jumps that are made from the second sample on."""
+        return self.jumps[: len(self.jumps) - len(self.corrections)]
+
+    @property
     def has_alpha(self) -> bool:
         """Whether the observers compare with the past."""
         return bool(self.alpha)

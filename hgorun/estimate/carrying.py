@@ -24,6 +24,7 @@ from hgorun.symbolic.evaluate import Floats
 _UNEVEN = 1.62  # steps of the second pass, for each of the first
 _ORDER = 2  # as which errors fall at least
 _HALVINGS = 12
+_ROWS = 1 << 15  # that are compared at a time: there may be many
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -63,9 +64,9 @@ def carry_out(prepared: PreparedEstimate, grid: Floats, progress: Callable[[floa
     """
     solver, step, spent = prepared.run.solver, prepared.run.step, 0
     for _ in range(_HALVINGS):
+        beside, tries = _other_estimates(prepared, grid, step, progress)  # first: little is left of it
         raw, used = one_pass(prepared, grid, step, progress=progress)
-        beside, _ = one_pass(prepared, grid, step, _UNEVEN, progress=progress)
-        spent += (raw.tries + beside.tries) * len(METHODS[prepared.method].c)
+        spent += (raw.tries + tries) * len(METHODS[prepared.method].c)
         error = _error(prepared, grid, raw, beside, step)
         if not solver.controlled or np.all(error <= solver.accuracy) or 2 * spent > solver.max_evaluations:
             break
@@ -194,26 +195,52 @@ def leave_out(system: HybridSystem, live: Running, output: int, j: int, z: Float
     live.z[start:stop] = z[start:stop]
 
 
-def _error(prepared: PreparedEstimate, grid: Floats, raw: Raw, beside: Raw, step: float) -> Floats:
-    """Of every observer, from a second pass with other steps."""
-    found, other = (estimates(prepared, grid, one) for one in (raw, beside))
+def _other_estimates(
+    prepared: PreparedEstimate, grid: Floats, step: float, progress: Callable[[float], None] | None
+) -> tuple[list[Floats], int]:
+    """xhat of every observer in a pass with other steps, shape (len(grid), n) each; and how many these are."""
+    raw, _ = one_pass(prepared, grid, step, _UNEVEN, progress=progress)
+    n = len(prepared.run.plant.model.states)
+    found = [np.empty((grid.size, n)) for _ in prepared.run.observers]
+    for piece in _pieces(grid.size):
+        for own, x in zip(found, estimates(prepared, grid[piece], raw, piece), strict=True):
+            own[piece] = x
+    return found, raw.tries
+
+
+def _pieces(count: int) -> Iterator[slice]:
+    return (slice(start, start + _ROWS) for start in range(0, count, _ROWS))
+
+
+def _error(prepared: PreparedEstimate, grid: Floats, raw: Raw, beside: Sequence[Floats], step: float) -> Floats:
+    """Of every observer, from its estimates in a second pass."""
     steps = steps_between(prepared.run.schedule, step)
     part = part_of_difference(steps, _UNEVEN, min(METHODS[prepared.method].order, _ORDER))
-    errors = []
-    for a, b in zip(found, other, strict=True):
-        if not a.size:
-            errors.append(0.0)
-            continue
-        size = np.max(np.abs(a), axis=0)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            gaps = np.max(np.abs(a - b), axis=0) / np.where(size > 0, size, 1.0)
-        errors.append(float(part * np.max(gaps)) if np.all(np.isfinite(a)) else 0.0)
-    return np.array(errors)
+    count, n = len(prepared.run.observers), len(prepared.run.plant.model.states)
+    sizes, gaps = np.zeros((count, n)), np.zeros((count, n))
+    with np.errstate(invalid="ignore"):
+        for piece in _pieces(grid.size):
+            for j, a in enumerate(estimates(prepared, grid[piece], raw, piece)):
+                sizes[j] = np.maximum(sizes[j], np.max(np.abs(a), axis=0))
+                gaps[j] = np.maximum(gaps[j], np.max(np.abs(a - beside[j][piece]), axis=0))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        errors = part * np.max(gaps / np.where(sizes > 0, sizes, 1.0), axis=1, initial=0.0)
+    return np.where(np.all(np.isfinite(sizes), axis=1), errors, 0.0)
 
 
-def estimates(prepared: PreparedEstimate, grid: Floats, raw: Raw) -> list[Floats]:
-    """xhat of every observer in the plant's coordinates, shape (len(grid), n) each."""
+def estimates(prepared: PreparedEstimate, grid: Floats, raw: Raw, piece: slice = slice(None)) -> list[Floats]:
+    """xhat of every observer in the plant's coordinates, shape (len(grid), n) each.
+
+    Parameters
+    ----------
+    grid : ndarray
+        The output times of the run, or a piece of them.
+    raw : Raw
+    piece : slice
+        Which piece it is.
+    """
     structure = prepared.run.structure
-    rows = raw.rows[:, :, 0]
-    stacked = structure.estimates_along(grid, prepared.run.numbers.p, rows, prepared.held(grid))
+    known = all(one.places is not None for one in structure.estimates)
+    held = None if known else prepared.held(grid)  # of which inputs matter
+    stacked = structure.estimates_along(grid, prepared.run.numbers.p, raw.rows[piece, :, 0], held)
     return [stacked.of(j) for j in range(len(prepared.run.observers))]

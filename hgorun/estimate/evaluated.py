@@ -12,7 +12,9 @@ from hgorun.estimate.carrying import Carried, carry_out, estimates
 from hgorun.estimate.covariance import Covariance
 from hgorun.estimate.prepared import PreparedEstimate
 from hgorun.symbolic.evaluate import Floats
+from hgorun.symbolic.levels import distinct
 
+_PIECE = 1 << 15  # samples at a time: there may be many
 _LITTLE = 1e-6  # of the shortest time between samples
 
 
@@ -104,10 +106,11 @@ def evaluate_run(
     late = [one.taken for one in prepared.samples if one.taken is not one.available]
     covariances = prepared.covariances()
     before = [_before(one.available) for one in prepared.samples] if any(covariances) else []
-    times = np.unique(np.concatenate([shown, *(taken for taken, _ in chosen.values()), *late, *before]))
+    times = distinct(np.concatenate([shown, *(taken for taken, _ in chosen.values()), *late, *before]))
     carried = carry_out(prepared, times)
     everywhere = estimates(prepared, times, carried.raw)
-    on_grid = np.searchsorted(times, shown)
+    # where nothing is compared in between, no copies are made
+    on_grid = slice(None) if times.size == shown.size else np.searchsorted(times, shown)
     compared = {
         key: _compared(prepared, key[1], taken, values, [x[np.searchsorted(times, taken)] for x in everywhere])
         for key, (taken, values) in chosen.items()
@@ -131,7 +134,7 @@ def evaluate_run(
 
 def _before(available: Floats) -> Floats:
     """Moments before samples arrive, when nothing has jumped yet."""
-    gaps = np.diff(np.unique(available))
+    gaps = np.diff(distinct(available))
     little = _LITTLE * (float(gaps.min()) if gaps.size else 1.0)
     return np.maximum(available - little, 0.0)
 
@@ -149,10 +152,13 @@ def _normal(
     """What observer j knows of its errors, and what its innovations are in its own eyes."""
     layout, nis = prepared.run.structure.system.held, []
     for i, moments in enumerate(before):
-        held = prepared.held(moments)
-        w = np.zeros(layout.size) if held is None else held
-        variance = covariance.variance(moments, rows[np.searchsorted(times, moments)], w)[:, i]
-        nis.append(predicted[i][j] ** 2 / variance)
+        found = np.empty(moments.size)
+        for start in range(0, moments.size, _PIECE):
+            some = slice(start, start + _PIECE)
+            held = prepared.held(moments[some])
+            w = np.zeros(layout.size) if held is None else held
+            found[some] = covariance.variance(moments[some], rows[np.searchsorted(times, moments[some])], w)[:, i]
+        nis.append(predicted[i][j] ** 2 / found)
     return Normal(covariance.deviation(rows[np.searchsorted(times, shown)]), nis)
 
 

@@ -132,6 +132,8 @@ class PreparedEstimate:
     def u(self, times: Floats) -> Floats:
         """The inputs at several times, shape (len(times), m)."""
         system, numbers = self.run.structure.system, self.run.numbers
+        if self.inputs is not None and self.inputs.levels.shape[1] == len(self.run.plant.model.inputs):
+            return self.inputs.at(times)
         u = self.run.structure.inputs.along(times, numbers.p, np.zeros(system.states)).copy()
         if self.inputs is not None:
             u[:, list(self._truth.recorded)] = self.inputs.at(times)

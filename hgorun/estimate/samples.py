@@ -14,6 +14,7 @@ from hgorun.measurement.noise import StretchNoise, deviations
 from hgorun.measurement.sampling import Samples
 from hgorun.simulation.actions import RecordedInputs
 from hgorun.simulation.experiment import Experiment
+from hgorun.symbolic.levels import distinct
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -83,7 +84,7 @@ def recorded_inputs(recording: Recording, inputs: tuple[str, ...], origin: float
     signals = [recording.inputs[name] for name in inputs if name in recording.inputs]
     if not signals:
         return None
-    changes = np.unique(np.concatenate([[0.0], *(signal.times - origin for signal in signals)]))
+    changes = distinct(np.concatenate([[0.0], *(signal.times - origin for signal in signals)]))
     changes = changes[(changes >= 0.0) & (changes < end)]
     lines = [_lines(signal, changes + origin) for signal in signals]
     levels, slopes = (np.column_stack(part) for part in zip(*lines, strict=True))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hgorun.figures.scene import Scene
-from hgorun.figures.style import OUTLIERS, UNSEEN
+from hgorun.figures.style import HELD_OUT, OUTLIERS, REFERENCE
 from hgorun.result.data import ResultData, Unseen
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ def draw_unseen(ax: Axes, scene: Scene, state: str) -> list[np.ndarray]:
                 text = {} if label in told else {"label": label}
                 told.add(label)
                 ax.plot(one.taken[inside], one.y[inside], **{**style, **text})
-                if style is UNSEEN:
+                if style is not OUTLIERS:
                     drawn.append(one.y[inside])
     return drawn
 
@@ -49,14 +49,15 @@ def _marks(result: ResultData, state: str) -> list[tuple[str, Unseen, dict[str, 
     recorded = result.recorded
     if recorded is None or state not in result.states:
         return []
-    found = []
+    found: list[tuple[str, Unseen, dict[str, Any]]] = []
     for output in result.outputs_of(state):
         one = recorded.outputs[output]
         out = ~np.any(one.used, axis=1)
         found.append(("not used", Unseen(one.taken[out], one.y[out]), OUTLIERS))
-        if output in recorded.held_out:
-            found.append(("held out", recorded.held_out[output], UNSEEN))
-    for name in dict.fromkeys((state, *result.outputs_of(state))):
-        if name in recorded.reference:
-            found.append(("reference", recorded.reference[name], UNSEEN))
+    names = dict.fromkeys((state, *result.outputs_of(state)))  # a file may hold out a state that is no output
+    for label, unseen, style in (
+        ("reference", recorded.reference, REFERENCE),
+        ("held out", recorded.held_out, HELD_OUT),
+    ):
+        found.extend((label, unseen[name], style) for name in names if name in unseen)
     return found

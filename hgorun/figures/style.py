@@ -56,7 +56,22 @@ DOTS: dict[str, Any] = {
 }
 # Of recorded data: what observers did not take, and what they were not given.
 OUTLIERS: dict[str, Any] = {**DOTS, "marker": "x", "markersize": 3.0, "markeredgewidth": 0.7, "label": "not used"}
-UNSEEN: dict[str, Any] = {**DOTS, "color": "black", "marker": "D", "markersize": 2.6, "zorder": 5, "label": "held out"}
+HELD_OUT: dict[str, Any] = {
+    **DOTS,
+    "color": "black",
+    "marker": "D",
+    "markersize": 2.8,
+    "zorder": 5,
+    "label": "held out",
+}
+REFERENCE: dict[str, Any] = {
+    **DOTS,
+    "color": "black",
+    "marker": "o",
+    "markersize": 1.7,
+    "zorder": 4.5,
+    "label": "reference",
+}
 # Greys and markers where one panel shows the measurements of several runs.
 OTHER_MEASUREMENTS = (("0.62", "0.45", "o"), ("0.8", "0.7", "s"), ("0.5", "0.25", "^"))
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "h")

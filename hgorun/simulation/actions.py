@@ -39,26 +39,34 @@ class RecordedInputs:
         i = np.clip(np.searchsorted(self.times, times, side="right") - 1, 0, None)
         return np.asarray(self.levels[i] + self.slopes[i] * (times - self.times[i])[:, None])
 
-    def values(self, channels: Sequence[Channel]) -> np.ndarray:
-        """What is set in w, in the order of :meth:`actions`."""
-        since = np.repeat(self.times, self.levels.shape[1])
-        lines = np.column_stack([self.levels.ravel(), self.slopes.ravel(), since]).ravel()
-        return np.concatenate([lines, self.at(_times_before(channels)).ravel()])
+    def values(self, channels: Sequence[Channel], *, before: bool) -> list[np.ndarray]:
+        """What is set in w: of every time the three numbers of every line; at every sample the inputs ``before``."""
+        lines = np.empty((*self.levels.shape, 3))
+        lines[:, :, 0], lines[:, :, 1], lines[:, :, 2] = self.levels, self.slopes, self.times[:, None]
+        return [lines.ravel(), self.at(_times_before(channels)).ravel()] if before else [lines.ravel()]
 
-    def actions(self, events: np.ndarray, channels: Sequence[Channel], held: Held, first: int) -> Iterator[Kind]:
+    def actions(
+        self, events: np.ndarray, channels: Sequence[Channel], held: Held, first: int, *, before: bool
+    ) -> Iterator[Kind]:
         """What sets the lines at their times, and at every sample the inputs at the sample before.
 
         Parameters
         ----------
+        before : bool
+            Whether something steps from sample to sample; otherwise the inputs before are left out.
         first : int
             Place of the first value of :meth:`values` among all that is set.
         """
         places = np.array([held.input(i) for i in range(self.levels.shape[1])])
-        lines, before = places[:, :3].ravel(), places[:, 3]
-        at = np.repeat(nearest_event(events, np.maximum(self.times, events[0])), lines.size)
-        sample = np.repeat(nearest_event(events, _arrivals(channels)), before.size)
-        yield Kind.of(at, -3, SET, np.tile(lines, self.times.size), Numbered(first))
-        yield Kind.of(sample, -3, SET, np.resize(before, sample.size), Numbered(first + at.size))
+        lines, last = places[:, :3].ravel().tolist(), places[:, 3].tolist()
+        at = nearest_event(events, np.maximum(self.times, events[0]))
+        behind = first + len(lines) * at.size
+        for k, place in enumerate(lines):
+            yield Kind.of(at, -3, SET, place, Numbered(first + k, len(lines)))
+        if before:
+            sample = nearest_event(events, _arrivals(channels))
+            for k, place in enumerate(last):
+                yield Kind.of(sample, -3, SET, place, Numbered(behind + k, len(last)))
 
 
 def _arrivals(channels: Sequence[Channel]) -> np.ndarray:
@@ -112,7 +120,7 @@ class Actions:
             take = arrive if s.taken is s.arrival else nearest_event(events, s.taken)
             kinds.append(Kind.of(take, 0, TAKE, i, Numbered(base)))
             heard = s.used & _last_of_equal(arrive) if system.jumps else s.used
-            arrivals.append(arrive[heard])
+            arrivals.append(arrive if heard.all() else arrive[heard])
             what = ARRIVE if heard.all() else np.where(heard, ARRIVE, RECORD).astype(np.int8)
             kinds.append(Kind.of(arrive, 1, what, i, Numbered(base)))
             if rebase:
@@ -122,21 +130,21 @@ class Actions:
             kinds.append(Kind.of(nearest_event(events, times), 0, SET, layout.noise(i), Numbered(held)))
             held += times.size
         self.values = np.zeros(0)
-        jumps = system.jumps[: len(system.jumps) - len(system.corrections)]
-        if jumps:
+        if system.stepped:
             samples = channels[0].samples
             event = nearest_event(events, samples.arrival)
             heard = samples.used & _last_of_equal(event)  # from one sample to the next time passes
             at, self.values = event[heard][1:], np.diff(samples.arrival[heard])
             kinds.append(Kind.of(at, -2, SET, layout.interval, Numbered(held)))
             held += at.size
-            for number, (start, _, _) in enumerate(jumps):
+            for number, (start, _, _) in enumerate(system.stepped):
                 kinds.append(Kind.of(at, -1 if start < system.plant_states else 3, JUMP, number))
         if system.corrections:
             kinds += _corrections(arrivals, system, held)
             self.values = np.concatenate([self.values, _FLAGS])
             held += _FLAGS.size
-        lines = [] if inputs is None else list(inputs.actions(events, channels, layout, held))
+        before = bool(system.stepped)
+        lines = [] if inputs is None else list(inputs.actions(events, channels, layout, held, before=before))
         if order is not None:
             kinds = [replace(kind, event=order.first[kind.event]) for kind in kinds]
             lines = [kind.at(*order.places(kind.event)) for kind in lines]
@@ -217,6 +225,8 @@ def _corrections(arrivals: Sequence[np.ndarray], system: HybridSystem, first: in
 
 def _counted_anew(take: np.ndarray, arrive: np.ndarray, used: np.ndarray, output: int, base: int) -> Kind:
     """What counts alpha from zero again when a sample that is used arrives, also for those on their way."""
+    if used.all() and _at_once(take, arrive):  # none is ever on its way
+        return Kind.of(arrive, 2, REBASE, output, Numbered(base), Numbered(base + 1), Numbered(base + 1))
     pending = _taken_by(take, arrive)
     if used.all():
         number = np.arange(used.size)
@@ -234,13 +244,18 @@ def _last_of_equal(numbers: np.ndarray) -> np.ndarray:
     return last
 
 
+def _at_once(take: np.ndarray, arrive: np.ndarray) -> bool:
+    """Whether every sample arrives when it is taken, one after the other."""
+    return take is arrive and bool(np.all(take[1:] > take[:-1]))
+
+
 def _taken_by(take: np.ndarray, arrive: np.ndarray) -> np.ndarray:
     """For each arrival, one more than the last sample that has been taken by then.
 
     Samples are numbered by arrival, so those on their way are the ones behind; with delays that change,
     some in between may not have been taken yet.
     """
-    if take is arrive and np.all(take[1:] > take[:-1]):  # none is ever on its way
+    if _at_once(take, arrive):
         return np.arange(1, take.size + 1)
     earliest = np.minimum.accumulate(take[::-1])[::-1]
     return np.searchsorted(earliest, arrive, side="right")

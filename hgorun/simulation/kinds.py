@@ -9,12 +9,13 @@ import numpy as np
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Numbered:
-    """The number of each thing, counted from ``first`` on: an array that takes no memory."""
+    """The number of each thing, counted from ``first`` on in steps: an array that takes no memory."""
 
     first: int
+    step: int = 1
 
     def __getitem__(self, items: slice) -> np.ndarray:
-        return self.first + np.arange(items.start, items.stop)
+        return self.first + self.step * np.arange(items.start, items.stop)
 
 
 Column = int | np.ndarray | Numbered

@@ -90,9 +90,10 @@ def build_plan(
     else:
         tables = _TABLES.get(key, lambda: tabulated().whole())
     changes = [channel.held_changes[1] for channel in channels]
-    recorded = [] if inputs is None else [inputs.values(channels)]
-    measured = [channel.gain_and_bias for channel in channels]
-    if samples is not None:
+    recorded = [] if inputs is None else inputs.values(channels, before=bool(system.stepped))
+    if samples is None:
+        measured = [channel.gain_and_bias for channel in channels]
+    else:
         measured = [(np.ones(values.size), values) for values in _recorded(channels, samples)]
     return Plan(
         spans=tables.segments.spans,
