@@ -21,7 +21,7 @@ from hgorun.data.recording import Recording, Signal
 from hgorun.errors import ConfigError
 from hgorun.estimate.completed import plant_units
 from hgorun.estimate.estimate import estimate as estimated
-from hgorun.estimate.holdout import held_out, number_of, parse_holdout
+from hgorun.estimate.holdout import HoldOut, held_out, number_of, parse_holdout
 from hgorun.files import remove_leftovers, written_whole
 from hgorun.result.result import Result
 from hgorun.study.split import split
@@ -131,11 +131,16 @@ def log_of(source: Source, config: Path, files: tuple[Path, ...] = ()) -> Log:
 
 
 def _held_out(log: Log, recording: Recording, options: Estimate) -> tuple[Recording, dict[str, Signal]]:
-    chosen, aside = [], {}
+    chosen: list[HoldOut] = []
+    aside: dict[str, Signal] = {}
     for text in options.holdout:
         output, what = parse_holdout(text)
+        if output in aside or any(one.output == output for one in chosen):
+            raise ConfigError(f"--holdout {text}: samples of {output} are held out already")
         every = number_of(output, what)
         if every is None:
+            if not Path(what).is_file():
+                raise ConfigError(f"--holdout {text}: expected a number of samples, or a file; there is no file {what}")
             aside[output] = log.from_file(output, Path(what))
         else:
             chosen.append(every)

@@ -91,6 +91,9 @@ def dialect_of(block: Block, path: Path, told: Csv) -> Dialect:
     units: tuple[str, ...] = ()
     if told.units_row or (told.units_row is None and body and _are_units(body[0][1], missing)):
         units = tuple(text.strip() for text in body[0][1]) if body else ()
+        if any(unit != "1" and _is_value(unit) for unit in units):
+            message = f"data.csv.units_row: expected the units of the columns, found {body[0][0].text[:60]}"
+            raise ConfigError(message, file=str(path), line=body[0][0].number)
         body = body[1:]
     if not body:
         raise ConfigError("a header without values below it", file=str(path), line=header.number)

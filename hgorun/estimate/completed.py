@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -40,11 +41,13 @@ def completed(source: Source, recording: Recording, name: str, text: str) -> Exp
     given: Mapping[str, Any] = source.data
     changes: dict[str, Any] = {}
     if isinstance(given.get("time") or {}, dict):
-        changes["time"] = _time(given.get("time") or {}, recording)
+        with source.located():
+            changes["time"] = _time(given.get("time") or {}, recording)
     if not (given.get("plant") and all(isinstance(given.get(key) or {}, dict) for key in ("plant", "measurement"))):
         return Experiment(_with(source, changes), name=name, text=text)  # which says what is wrong
     with source.located():
         _check_outputs(plant_of(source).output_names, recording)
+        _check_inputs(given, recording)
     changes["measurement"] = _measurement(given.get("measurement") or {}, recording)
     whole, states = _with_plant(_with(source, changes), tuple(recording.inputs))
     experiment = Experiment(whole, name=name, text=text)
@@ -120,6 +123,9 @@ def _with(source: Source, changes: Mapping[str, Any]) -> Source:
 def _time(given: Mapping[str, Any], recording: Recording) -> dict[str, Any]:
     start, end = recording.span
     found: dict[str, Any] = {"start": start, "end": end, "unit": recording.origin.unit} | dict(given)
+    if end > start and _numbers(found) and (found["start"] >= end or found["end"] <= start):
+        key = "start" if found["start"] >= end else "end"
+        raise Problem(("time", key), f"there are no data then: they are from {start:g} to {end:g}")
     if "output_step" not in found:
         gap = recording.median_gap
         span = float(found["end"]) - float(found["start"]) if _numbers(found) else end - start
@@ -170,6 +176,27 @@ def _check_outputs(outputs: tuple[str, ...], recording: Recording) -> None:
     start, end = recording.span
     if not end > start:
         raise Problem(("data",), f"all samples are of one time, {start:g}: there is nothing to follow")
+
+
+def _check_inputs(given: Mapping[str, Any], recording: Recording) -> None:
+    """What is recorded as an input has to act on something; a plant that is built in has inputs of its own."""
+    if "type" in given["plant"]:
+        return
+    asked = " ".join(_texts((given["plant"], given.get("observers"))))
+    for name in recording.inputs:
+        if not re.search(rf"\b{re.escape(name)}\b", asked):
+            raise Problem(("data", "inputs", name), "no expression of the plant or of an observer has this input in it")
+
+
+def _texts(values: Any) -> Iterator[str]:
+    """All texts that stand in a block, without keys."""
+    if isinstance(values, str):
+        yield values
+    elif isinstance(values, Mapping):
+        yield from _texts(tuple(values.values()))
+    elif isinstance(values, (list, tuple)):
+        for value in values:
+            yield from _texts(value)
 
 
 def _check_names(experiment: Experiment, recording: Recording) -> None:

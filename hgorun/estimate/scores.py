@@ -92,14 +92,15 @@ def ljung_box(values: Floats, lags: int = _LAGS) -> float | None:
     """The p-value of the test of Ljung and Box: no correlation of values up to so many places apart.
 
     Q = n (n + 2) sum_k r_k^2 / (n - k) is compared with chi^2 of as many degrees of freedom as there are lags. None
-    where values are few or constant.
+    where values are few, constant or too large to be squared.
     """
     n = values.size
     if n < 3 * lags:
         return None
     centred = values - np.mean(values)
-    power = float(centred @ centred)
-    if not power > 0:
+    with np.errstate(over="ignore"):
+        power = float(centred @ centred)
+    if not 0 < power < np.inf:
         return None
     correlations = np.array([float(centred[k:] @ centred[:-k]) / power for k in range(1, lags + 1)])
     statistic = n * (n + 2) * float(np.sum(correlations**2 / (n - np.arange(1, lags + 1))))

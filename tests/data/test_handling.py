@@ -153,6 +153,11 @@ def test_replicates_of_late_samples_by_arrival(tmp_path: Path) -> None:
         ("t,glucose\n0,2024-05-31\n1,2\n", {}, r":2: glucose: .*dates are read with format: iso"),
         ("t,glucose\n0,1\n\n1,2,3\n", {}, r":4: 3 cells, where the header has 2"),
         ("t,glucose\nh,g/L\n", {}, r":1: a header without values below it"),
+        (
+            "t,glucose\n0,1.5\n1,2\n",
+            {"units_row": True},
+            r":2: data.csv.units_row: expected the units of .*found 0,1.5",
+        ),
         ('t,glucose\n0,1\n1,"2" 3\n', {}, r":3: not CSV"),
     ],
 )

@@ -175,7 +175,10 @@ def test_held_out_samples_are_not_used_and_a_reference_changes_nothing(tmp_path:
         ({"solver": {"method": "dopri5", "rtol": 1e-6}}, "solver.rtol"),
         ({"plant": dict(PENDULUM, discretise="euler")}, "plant.discretise"),
         ({"plant": dict(PENDULUM, output=["a", "b"])}, "the output b of the plant is not among them"),
-        ({"time": {"start": 50, "end": 60, "output_step": 1}}, "no sample was taken between 50 and 60"),
+        (
+            {"time": {"start": 50, "end": 60, "output_step": 1}},
+            "time.start: there are no data then: they are from 0 to 2",
+        ),
         ({"plant": 3}, "plant"),
         ({"observers": {}}, "no observers"),
     ],

@@ -78,6 +78,19 @@ def test_members_have_the_bits_of_runs_alone(lanes: int, threads: int) -> None:
         np.testing.assert_array_equal(found.last[:2, k], alone.x[-1])
 
 
+def test_metrics_that_numpy_makes_of_rows_are_those_that_are_made_beside_the_run() -> None:
+    """As of metrics that are not compiled, a part of the members at a time."""
+    of, told = runs(5, alike=True), list[int]()
+    plan, reduction = plan_of(of[0], as_given(of[0]))[0], reduction_of(of[0])
+    ensemble = of[0].structure.ensemble("rk4", 2)
+    compiled = ensemble.run(plan, members(of), reduction)
+    plain = ensemble.run(plan, members(of), replace(reduction, places=None), progress=told.append)
+    np.testing.assert_allclose(plain.reduced, compiled.reduced, rtol=1e-12)
+    np.testing.assert_array_equal(plain.last, compiled.last)
+    assert plain.rows is None
+    assert told[-1] == 5
+
+
 def test_every_member_has_its_own_continuous_delay() -> None:
     """Delays are parameters, and may differ in runs that land on the same events."""
     config = yaml.safe_load(CONFIG) | {"measurement": {"delay": "0.1 + 0.05*abs(cos(3*t))"}}
