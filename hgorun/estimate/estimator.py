@@ -500,7 +500,7 @@ class Estimator:
         head = json.dumps({"of": self._identity(), "notes": len(notes)}).encode()
         return _MAGIC + head + b"\n" + notes + file.getvalue()
 
-    def restore(self, checkpoint: bytes) -> None:
+    def restore(self, checkpoint: bytes | bytearray) -> None:
         """Go on from a checkpoint of the same configuration.
 
         Raises

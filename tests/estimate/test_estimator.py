@@ -164,9 +164,9 @@ def test_what_is_no_sample_is_said(small: Experiment, arguments: tuple[Any, ...]
     with pytest.raises(TypeError, match="checkpoint: expected the bytes of checkpoint"):
         estimator.restore("abc")  # type: ignore[arg-type]  # that is the point
     with pytest.raises(TypeError, match="t: expected a number"):
-        estimator.predict(None)  # type: ignore[arg-type]
+        estimator.predict(None)  # type: ignore[arg-type]  # as above
     assert estimator.t == 0
-    estimator.restore(bytearray(estimator.checkpoint()))  # type: ignore[arg-type]
+    estimator.restore(bytearray(estimator.checkpoint()))
 
 
 @pytest.mark.parametrize("blocks", [observers("shgo", "fhgo2"), {"K": {"type": "ekf", "Q": {"b": 0.1}, "R": 0.01}}])
