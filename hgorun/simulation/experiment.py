@@ -133,7 +133,7 @@ class Experiment:
             source, _ = replaced(source, path, plain(value))
         with source.located():
             observer = self._informed(observer_of(label, source.data["observers"][label], source))
-            form, origin = form_of(self.plant, label, observer, self._noise, self._taken().get(label))
+            form, origin = form_of(self.plant, label, observer, self._noise, self._taken().get(label), self._sampled)
             return Design.of(label, observer, form, origin)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -186,7 +186,11 @@ class Experiment:
             return {label: known.get(label) or self._form(label) for label in self.observers}
 
     def _form(self, label: str) -> tuple[Form, Form]:
-        return form_of(self.plant, label, self.observers[label], self._noise, self._chosen.get(label))
+        return form_of(self.plant, label, self.observers[label], self._noise, self._chosen.get(label), self._sampled)
+
+    def _sampled(self) -> bool:
+        """Whether all outputs are, all the time."""
+        return not any(stretch.continuous for output in self.stretches for stretch in output)
 
     @cached_property
     def _noise(self) -> dict[str, float]:

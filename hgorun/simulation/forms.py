@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 
 from hgorun.errors import HgorunError, NotObservableForm, Problem, called
 from hgorun.memo import Memo, same
@@ -25,6 +25,7 @@ def form_of(
     observer: AnyObserver,
     noise: Mapping[str, float] | None = None,
     chosen: Coordinates | None = None,
+    sampled: Callable[[], bool] = lambda: False,
 ) -> tuple[Form, Form]:
     """The form that an observer needs, and the one that was first found: of the same equations, but other numbers.
 
@@ -34,6 +35,8 @@ def form_of(
         Standard deviation of the noise of outputs.
     chosen : Coordinates, optional
         Those to take where the observer's keys do not say which, as long as the plant has them.
+    sampled : callable, optional
+        Whether all outputs are sampled, which is asked where other observers are named for the plant.
 
     Raises
     ------
@@ -47,11 +50,11 @@ def form_of(
         return _DECIDED.get((*known, *numbers), lambda: _decide(plant, function, _FOUND.get(known, list)))
     except NotObservableForm as error:
         if chosen is not None and observer.map == "auto" and not observer.chains:
-            return form_of(plant, label, observer, noise)  # with these numbers the plant has others
+            return form_of(plant, label, observer, noise, sampled=sampled)  # with these numbers the plant has others
         if observer.map != "auto" or observer.chains:
             key = "chains" if observer.chains else "map"
             raise Problem(("observers", label, key), str(error)) from error
-        raise Problem(("plant",), f"{error}; {_elsewhere(plant, label, observer)}") from error
+        raise Problem(("plant",), f"{error}; {_elsewhere(plant, label, observer, sampled())}") from error
     except Problem:
         raise
     except ValueError as error:
@@ -93,9 +96,9 @@ def _finder(
     return finder.chosen(observer.map, chains, noise)
 
 
-def _elsewhere(plant: BuiltPlant, label: str, observer: AnyObserver) -> str:
+def _elsewhere(plant: BuiltPlant, label: str, observer: AnyObserver, sampled: bool) -> str:
     """Which observers take the plant, in place of one that does not."""
-    others = ", ".join(_takers(plant, sampled=isinstance(observer, _NEED_SAMPLES)))
+    others = ", ".join(_takers(plant, sampled or isinstance(observer, _NEED_SAMPLES)))
     mine = f"observer {label} ({observer.type}) needs another form of the plant"
     return (
         f"{mine}; observers for this plant are {others}"
@@ -104,7 +107,7 @@ def _elsewhere(plant: BuiltPlant, label: str, observer: AnyObserver) -> str:
     )
 
 
-def _takers(plant: BuiltPlant, *, sampled: bool) -> Iterator[str]:
+def _takers(plant: BuiltPlant, sampled: bool) -> Iterator[str]:
     """The families that find their form of the plant, and a gain for it; those that need samples on request."""
     for name, family in OBSERVERS.all().items():
         if issubclass(family, _NEED_SAMPLES) and not sampled:
