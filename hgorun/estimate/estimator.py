@@ -489,11 +489,11 @@ class Estimator:
 
     def checkpoint(self) -> bytes:
         """All that the estimator goes on from, with what is remembered for samples that come late."""
-        states = {name: values[None] for name, values in self._live.state().items()}
+        states: dict[str, Any] = {name: values[None] for name, values in self._live.state().items()}
         for name in states:
             states[name] = np.concatenate([states[name], *(state[name][None] for state, _ in self._before)])
         file = io.BytesIO()
-        np.savez(file, allow_pickle=False, **states)
+        np.savez(file, **states)
         events = [[one.t, one.take, one.samples, one.inputs, one.taken] for one in self._events]
         told = [self._notes().decode(), [notes.decode() for _, notes in self._before], events]
         notes = json.dumps(told).encode()
