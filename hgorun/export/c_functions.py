@@ -181,3 +181,36 @@ class Functions:
             if not (name == "rate" and self.written_out):
                 lines += function.text()
         return lines
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Part:
+    """A part of the file that uses the observer's equations.
+
+    Attributes
+    ----------
+    functions : Functions
+        These equations.
+    """
+
+    functions: Functions
+
+    @property
+    def observer(self) -> Exported:
+        """The observer."""
+        return self.functions.observer
+
+    @property
+    def real(self) -> Real:
+        """The type of numbers."""
+        return self.functions.real
+
+    @property
+    def prefix(self) -> str:
+        """Of names."""
+        return self.functions.prefix
+
+    @property
+    def upper(self) -> str:
+        """Of macros."""
+        return self.prefix.upper()

@@ -3,42 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
-from hgorun.export.c_code import Real
-from hgorun.export.c_functions import Functions
+from hgorun.export.c_functions import Part
 from hgorun.export.equations import Output
-from hgorun.export.observer import Exported
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Samples:
-    """Writes ``update`` and ``measure``.
-
-    Attributes
-    ----------
-    observer : Exported
-    functions : Functions
-        The observer's equations.
-    """
-
-    observer: Exported
-    functions: Functions
-
-    @property
-    def real(self) -> Real:
-        """The type of numbers."""
-        return self.functions.real
-
-    @property
-    def prefix(self) -> str:
-        """Of names."""
-        return self.functions.prefix
-
-    @property
-    def upper(self) -> str:
-        """Of macros."""
-        return self.prefix.upper()
+class Samples(Part):
+    """Writes ``update`` and ``measure``."""
 
     def update(self) -> Iterator[str]:
         """Samples."""

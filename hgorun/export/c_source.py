@@ -66,11 +66,11 @@ class Source:
         """What is called from outside, and the steps."""
         observer = self.observer
         yield from self._init()
-        yield from Steps(observer, self.functions).text() if observer.flows else [self._filled(_WAIT)]
+        yield from Steps(self.functions).text() if observer.flows else [self._filled(_WAIT)]
         if observer.sampled:
-            yield from Samples(observer, self.functions).update()
+            yield from Samples(self.functions).update()
         if observer.continuous:
-            yield from Samples(observer, self.functions).measure()
+            yield from Samples(self.functions).measure()
         if observer.inputs:
             yield self._filled(_INPUT)
         if observer.compares:

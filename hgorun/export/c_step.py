@@ -3,45 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 from hgorun.engine.methods import Row
 from hgorun.export.c_code import Real
-from hgorun.export.c_functions import Functions
+from hgorun.export.c_functions import Part
 from hgorun.export.equations import Output
-from hgorun.export.observer import Exported
 
 _UNROLLED = 64  # states
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Steps:
-    """Writes ``predict``, and what it calls.
-
-    Attributes
-    ----------
-    observer : Exported
-    functions : Functions
-        The observer's equations.
-    """
-
-    observer: Exported
-    functions: Functions
-
-    @property
-    def real(self) -> Real:
-        """The type of numbers."""
-        return self.functions.real
-
-    @property
-    def prefix(self) -> str:
-        """Of names."""
-        return self.functions.prefix
-
-    @property
-    def upper(self) -> str:
-        """Of macros."""
-        return self.prefix.upper()
+class Steps(Part):
+    """Writes ``predict``, and what it calls."""
 
     def text(self) -> Iterator[str]:
         """All lines."""
