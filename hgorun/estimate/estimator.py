@@ -26,7 +26,8 @@ from hgorun.estimate.together import Kinds
 from hgorun.measurement.variants import HELD, SILENT
 from hgorun.observers.base import SampledObserver, treatment_of
 from hgorun.simulation.experiment import Experiment
-from hgorun.simulation.preparation import check_limit, nominal_step, numbers_of
+from hgorun.simulation.first_step import nominal_step
+from hgorun.simulation.preparation import check_limit, numbers_of
 from hgorun.simulation.structure import structure_of
 from hgorun.simulation.truth import Recording
 from hgorun.symbolic.evaluate import evaluate
