@@ -16,7 +16,7 @@ from hgorun.analysis.convergence.signals import Amplitudes, amplitudes
 from hgorun.analysis.reasons import NoValue, outcome, require_innovation
 from hgorun.analysis.subject import Subject, once
 from hgorun.observers.base import CorrectedObserver, SampledObserver
-from hgorun.observers.capabilities import HighGain
+from hgorun.observers.capabilities import HighGain, LocallyLinear
 from hgorun.symbolic.forms import BlockForm, ChainForm
 
 _FINE = 0.5  # of the fastest time constant: the output grid shows a transient whose steps are shorter
@@ -53,6 +53,12 @@ def dynamics_of(subject: Subject) -> ErrorDynamics:
     return error_dynamics(subject.observer, subject.form)
 
 
+@once
+def chart_for(subject: Subject) -> Chart:
+    """The coordinates of the theory."""
+    return chart_of(subject.form, subject.run.plant)
+
+
 def theta_of(subject: Subject) -> float:
     """The observer's constant theta.
 
@@ -78,8 +84,10 @@ def premises_of(subject: Subject) -> Premises:
     if isinstance(subject.observer, (CorrectedObserver, SampledObserver)):
         raise NoValue(f"{subject.observer.type} jumps at the samples; the theorems are for flows")
     require_innovation(subject.run, subject.label)
+    if isinstance(subject.observer, LocallyLinear) and subject.observer.nonlinear is not None:
+        raise NoValue(f"the theorems are for corrections linear in the innovation: here {subject.observer.nonlinear}")
     theta = theta_of(subject)
-    chart = chart_of(subject.form, subject.run.plant)
+    chart = chart_for(subject)
     limited = isinstance(subject.form, BlockForm) or chart.identity
     saturation = {name: (low, high) for name, (low, high) in subject.observer.saturation.items()} if limited else {}
     a = amplitudes(subject.run, chart, subject.result)

@@ -9,7 +9,7 @@ import numpy as np
 from hgorun.analysis.convergence import bounds, envelope, time_varying
 from hgorun.analysis.convergence.bounds import Halanay
 from hgorun.analysis.convergence.envelope import Envelope
-from hgorun.analysis.convergence.premises import Premises, dynamics_of, is_coarse, premises_of, weights
+from hgorun.analysis.convergence.premises import Premises, chart_for, dynamics_of, is_coarse, premises_of, weights
 from hgorun.analysis.convergence.time_varying import FilterTheorem, Gramian
 from hgorun.analysis.reasons import NoValue, outcome, why_lost
 from hgorun.analysis.subject import Subject, once
@@ -135,7 +135,7 @@ def filter_theorem_of(subject: Subject) -> FilterTheorem:
 @once
 def error_of(subject: Subject) -> np.ndarray:
     """|zhat - z| of the run, shape (Nt, n), in the coordinates of the theory."""
-    chart = premises_of(subject).chart
+    chart = chart_for(subject)
     with np.errstate(all="ignore"):
         return np.asarray(np.abs(chart.image(subject.found.xhat) - chart.image(subject.result.x)))
 
@@ -189,7 +189,7 @@ def transient_of(subject: Subject) -> Transient:
     NoValue
         Where there are no coordinates of a theory.
     """
-    names, error = premises_of(subject).chart.names, error_of(subject)
+    names, error = chart_for(subject).names, error_of(subject)
     time = subject.run.origin + subject.result.time
     bounded = outcome(lambda: bounded_transient_of(subject)).found
     if bounded is None:
@@ -220,6 +220,8 @@ def _lacking(subject: Subject) -> list[str]:
         found.append(why_lost(subject.found))
     if run.plant.block.discretise:
         found.append("the plant is a difference equation")
+    if subject.observer.clip_estimate:
+        found.append("the estimate is shown clipped, and the theorem is about what is behind it")
     if isinstance(subject.form, ChainForm) and not p.chart.identity and _clipped(subject):
         found.append("the estimate leaves its saturation, which is in x and not in z")
     if not run.adaptive and observer.fastest_rate(subject.form) * run.step > 1:
