@@ -10,7 +10,7 @@ import hgorun
 from hgorun.analysis.report import analyze
 from hgorun.errors import ConfigError
 from hgorun.observers.base import OBSERVERS
-from hgorun.result.data import ObserverResult
+from hgorun.result.observer import ObserverResult
 from hgorun.result.result import Result
 from hgorun.simulation.preparation import prepare
 from hgorun.testing import check_observer
@@ -237,7 +237,9 @@ def test_linear_theory_holds_inside_the_saturations_and_says_so() -> None:
     blocks = {name: {**KINDS[name], "theta": 10} for name in ("shgo", "nested", "low_power", "peaking-free", "cascade")}
     loud = experiment(JERK, blocks, end=6, output_step=0.01, step=5e-3, measurement=NOISE)
     wanted = {"h2", "beta", "theta_bound", "peaking", "nonlinear_share"}
-    found = analyze(loud, [one for one in findings("saturation", "noise", "convergence", "decay") if one.name in wanted])
+    found = analyze(
+        loud, [one for one in findings("saturation", "noise", "convergence", "decay") if one.name in wanted]
+    )
     for linear, limited in (("shgo", "nested"), ("low_power", "peaking-free")):
         one, other = found.observers[linear], found.observers[limited]
         assert other.values["h2"] == pytest.approx(one.values["h2"], rel=1e-6)

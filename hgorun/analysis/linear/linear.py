@@ -16,7 +16,7 @@ import numpy as np
 
 from hgorun.analysis.linear.coordinates import transformed
 from hgorun.analysis.reasons import NoValue
-from hgorun.result.data import ObserverResult
+from hgorun.result.observer import ObserverResult
 from hgorun.simulation.observer_block import ObserverBlock
 from hgorun.simulation.prepared import PreparedRun
 
