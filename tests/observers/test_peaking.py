@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from examples import Block, chain, experiment, findings, inline, simulated, sinusoid
+from examples import Block, chain, experiment, findings, inline, said, simulated, sinusoid
 
 import hgorun
+from hgorun.analysis.finding import Finding
 from hgorun.analysis.report import analyze
 from hgorun.errors import ConfigError
 from hgorun.observers.base import OBSERVERS
@@ -233,28 +234,28 @@ def test_every_output_has_bounds_of_its_own() -> None:
     assert np.abs(found["first"].xhat[:, 1]).max() < np.abs(found["free"].xhat[:, 1]).max()
 
 
+def named(*names: str) -> list[Finding]:
+    return [one for one in findings("saturation", "noise", "convergence", "decay") if one.name in names]
+
+
 def test_linear_theory_holds_inside_the_saturations_and_says_so() -> None:
     blocks = {name: {**KINDS[name], "theta": 10} for name in ("shgo", "nested", "low_power", "peaking-free", "cascade")}
     loud = experiment(JERK, blocks, end=6, output_step=0.01, step=5e-3, measurement=NOISE)
-    wanted = {"h2", "beta", "theta_bound", "peaking", "nonlinear_share"}
-    found = analyze(
-        loud, [one for one in findings("saturation", "noise", "convergence", "decay") if one.name in wanted]
-    )
+    found = analyze(loud, named("h2", "beta", "theta_bound", "peaking", "nonlinear_share")).observers
     for linear, limited in (("shgo", "nested"), ("low_power", "peaking-free")):
-        one, other = found.observers[linear], found.observers[limited]
-        assert other.values["h2"] == pytest.approx(one.values["h2"], rel=1e-6)
-        assert other.values["beta"] == one.values["beta"]
-        assert "theta_bound" in other.reasons
-        assert "linear in the innovation" in other.reasons["theta_bound"]
-        assert other.values["peaking"]["x3"] < one.values["peaking"]["x3"]
-        assert "nonlinear_share" not in one.values
-    assert 0.8 < found.observers["nested"].values["nonlinear_share"] < 1
-    assert found.observers["peaking-free"].values["nonlinear_share"] == 0
+        one, other = said(found[linear]), said(found[limited])
+        assert other["h2"] == pytest.approx(one["h2"], rel=1e-6)
+        assert other["beta"] == one["beta"]
+        assert "linear in the innovation" in found[limited].reasons["theta_bound"]
+        assert other["peaking"]["x3"] < one["peaking"]["x3"]
+        assert "nonlinear_share" not in one
+    assert 0.8 < said(found["nested"])["nonlinear_share"] < 1
+    assert said(found["peaking-free"])["nonlinear_share"] == 0
     quiet = loud.varied({"measurement.noise.0.terms.0.amplitude": 1e-3})
-    wanted = {"noise_rms_predicted", "noise_rms_measured", "nonlinear_share"}
-    found = analyze(quiet, [one for one in findings("saturation", "noise") if one.name in wanted])
-    for name in blocks:
-        values = found.observers[name].values
+    for each in analyze(
+        quiet, named("noise_rms_predicted", "noise_rms_measured", "nonlinear_share")
+    ).observers.values():
+        values = said(each)
         assert values["noise_rms_measured"]["x3"] == pytest.approx(values["noise_rms_predicted"]["x3"], rel=0.02)
         assert values.get("nonlinear_share", 0) == 0
 

@@ -53,12 +53,6 @@ def dynamics_of(subject: Subject) -> ErrorDynamics:
     return error_dynamics(subject.observer, subject.form)
 
 
-@once
-def chart_for(subject: Subject) -> Chart:
-    """The coordinates of the theory."""
-    return chart_of(subject.form, subject.run.plant)
-
-
 def theta_of(subject: Subject) -> float:
     """The observer's constant theta.
 
@@ -84,10 +78,8 @@ def premises_of(subject: Subject) -> Premises:
     if isinstance(subject.observer, (CorrectedObserver, SampledObserver)):
         raise NoValue(f"{subject.observer.type} jumps at the samples; the theorems are for flows")
     require_innovation(subject.run, subject.label)
-    if isinstance(subject.observer, LocallyLinear) and subject.observer.nonlinear is not None:
-        raise NoValue(f"the theorems are for corrections linear in the innovation: here {subject.observer.nonlinear}")
     theta = theta_of(subject)
-    chart = chart_for(subject)
+    chart = chart_of(subject.form, subject.run.plant)
     limited = isinstance(subject.form, BlockForm) or chart.identity
     saturation = {name: (low, high) for name, (low, high) in subject.observer.saturation.items()} if limited else {}
     a = amplitudes(subject.run, chart, subject.result)
@@ -97,6 +89,17 @@ def premises_of(subject: Subject) -> Premises:
     reach = _reach(dynamics, start, theta, a) if dynamics is not None and bounded and is_coarse(subject) else None
     slopes = lipschitz(subject.run, chart, saturation, subject.result, subject.label, reach)
     return Premises(theta=theta, chart=chart, lipschitz=slopes, amplitudes=a, reach=reach, start=start)
+
+
+def require_linear(subject: Subject) -> None:
+    """The theorems are for corrections that are linear in the innovation.
+
+    Raises
+    ------
+    NoValue
+    """
+    if isinstance(subject.observer, LocallyLinear) and subject.observer.nonlinear is not None:
+        raise NoValue(f"the theorems are for corrections linear in the innovation: here {subject.observer.nonlinear}")
 
 
 def _start(subject: Subject, chart: Chart) -> dict[str, np.ndarray]:

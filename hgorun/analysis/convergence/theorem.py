@@ -9,7 +9,7 @@ import numpy as np
 from hgorun.analysis.convergence import bounds, envelope, time_varying
 from hgorun.analysis.convergence.bounds import Halanay
 from hgorun.analysis.convergence.envelope import Envelope
-from hgorun.analysis.convergence.premises import Premises, chart_for, dynamics_of, is_coarse, premises_of, weights
+from hgorun.analysis.convergence.premises import Premises, dynamics_of, is_coarse, premises_of, require_linear, weights
 from hgorun.analysis.convergence.time_varying import FilterTheorem, Gramian
 from hgorun.analysis.reasons import NoValue, outcome, why_lost
 from hgorun.analysis.subject import Subject, once
@@ -54,6 +54,7 @@ def theorem_of(subject: Subject) -> Theorem:
         Where none is known, or its assumptions have no numbers.
     """
     premises = premises_of(subject)
+    require_linear(subject)
     if not isinstance(subject.observer, RiccatiGain):
         return _constant_gain(subject, premises)
     gramian = gramian_of(subject)
@@ -80,12 +81,14 @@ def _constant_gain(subject: Subject, p: Premises) -> Theorem:
 
 def delay_of(subject: Subject) -> Halanay:
     """Theorem 3.4.1 for an observer of constant gain."""
+    require_linear(subject)
     p = premises_of(subject)
     return bounds.delayed(dynamics_of(subject), p.lipschitz, p.theta)
 
 
 def sharp_delay_of(subject: Subject) -> Halanay:
     """The same proof with nothing given away."""
+    require_linear(subject)
     p = premises_of(subject)
     return bounds.delayed_sharply(dynamics_of(subject), p.lipschitz, p.theta)
 
@@ -135,7 +138,7 @@ def filter_theorem_of(subject: Subject) -> FilterTheorem:
 @once
 def error_of(subject: Subject) -> np.ndarray:
     """|zhat - z| of the run, shape (Nt, n), in the coordinates of the theory."""
-    chart = chart_for(subject)
+    chart = premises_of(subject).chart
     with np.errstate(all="ignore"):
         return np.asarray(np.abs(chart.image(subject.found.xhat) - chart.image(subject.result.x)))
 
@@ -189,7 +192,7 @@ def transient_of(subject: Subject) -> Transient:
     NoValue
         Where there are no coordinates of a theory.
     """
-    names, error = chart_for(subject).names, error_of(subject)
+    names, error = premises_of(subject).chart.names, error_of(subject)
     time = subject.run.origin + subject.result.time
     bounded = outcome(lambda: bounded_transient_of(subject)).found
     if bounded is None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from hgorun.analysis.convergence import bounds
-from hgorun.analysis.convergence.premises import chart_for, dynamics_of, premises_of
+from hgorun.analysis.convergence.premises import dynamics_of, premises_of
 from hgorun.analysis.convergence.theorem import (
     bounded_transient_of,
     error_of,
@@ -148,7 +148,7 @@ def tau_bound(observer: Subject) -> float:
 
 @finding(r"the largest \|zhat - z\| of the run, by coordinate", unit="state", group="peaking")
 def peaking(observer: Subject) -> Remarked:
-    names, largest = chart_for(observer).names, error_of(observer).max(axis=0)
+    names, largest = premises_of(observer).chart.names, error_of(observer).max(axis=0)
     return Remarked(dict(zip(names, largest, strict=True)), _coarse(observer))
 
 
