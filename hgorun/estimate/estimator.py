@@ -9,6 +9,7 @@ from bisect import bisect_right
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import product
 from typing import Any
 
@@ -482,6 +483,7 @@ class Estimator:
                 for one, innovations in zip(row, kept, strict=True):
                     one.restore(innovations)
 
+    @cached_property
     def _identity(self) -> str:
         """What a checkpoint has to be of: the configuration, and which inputs are given."""
         text = self._experiment.resolved_text + json.dumps(sorted(self._inputs))
@@ -497,7 +499,7 @@ class Estimator:
         events = [[one.t, one.take, one.samples, one.inputs, one.taken] for one in self._events]
         told = [self._notes().decode(), [notes.decode() for _, notes in self._before], events]
         notes = json.dumps(told).encode()
-        head = json.dumps({"of": self._identity(), "notes": len(notes)}).encode()
+        head = json.dumps({"of": self._identity, "notes": len(notes)}).encode()
         return _MAGIC + head + b"\n" + notes + file.getvalue()
 
     def restore(self, checkpoint: bytes | bytearray) -> None:
@@ -517,7 +519,7 @@ class Estimator:
         try:
             head, rest = checkpoint[len(_MAGIC) :].split(b"\n", 1)
             told = json.loads(head)
-            if told["of"] != self._identity():
+            if told["of"] != self._identity:
                 raise ConfigError("the checkpoint is of another configuration")
             size = int(told["notes"])
             with np.load(io.BytesIO(rest[size:]), allow_pickle=False) as arrays:
