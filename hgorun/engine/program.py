@@ -9,7 +9,9 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from hgorun.engine.emit import Emitted
+from hgorun.engine.events import add_actions, add_channels, add_jumps
 from hgorun.engine.fixed import add_fixed
+from hgorun.engine.flag import add_flag
 from hgorun.engine.history import History
 from hgorun.engine.layout import (
     DONE,
@@ -22,7 +24,7 @@ from hgorun.engine.layout import (
 )
 from hgorun.engine.memory import ADAPTIVE_HISTORY, Memory, Raw, Start, Tolerance
 from hgorun.engine.methods import METHODS, Method, Rosenbrock
-from hgorun.engine.parts import Module, add_actions, add_channels, add_flag, add_jumps, counts, span
+from hgorun.engine.module import Module, counts, span
 from hgorun.engine.plan import Plan
 from hgorun.engine.rows import add_rows
 from hgorun.engine.stepper import Stepper

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from hgorun.engine.layout import WORD
-from hgorun.engine.parts import Module
+from hgorun.engine.module import Module
 from hgorun.native.ir import Function
 
 

@@ -11,7 +11,8 @@ import numpy as np
 
 from hgorun.errors import ConfigError, printable
 from hgorun.result import digests
-from hgorun.result.data import MAPS, Coordinates, DesignNumbers, Integration, Measurements, ObserverResult
+from hgorun.result.data import DesignNumbers, Integration, Measurements
+from hgorun.result.observer import MAPS, Coordinates, ObserverResult
 from hgorun.result.recorded_file import RecordedFile
 from hgorun.result.result import Result
 from hgorun.result.status import OK, STATUSES, Verdict

@@ -17,8 +17,9 @@ import h5py
 import numpy as np
 
 from hgorun.result import digests
-from hgorun.result.data import PLANT, DesignNumbers, ObserverResult, ResultData
+from hgorun.result.data import PLANT, DesignNumbers, ResultData
 from hgorun.result.metrics.base import all_metrics
+from hgorun.result.observer import ObserverResult
 from hgorun.result.recorded_file import write_assessed, write_recorded
 from hgorun.result.sink import hdf5_written_whole
 from hgorun.result.status import OK, Verdict

@@ -12,8 +12,9 @@ from hgorun.measurement.events import merge
 from hgorun.measurement.schedule import nearest_event
 from hgorun.measurement.signals import noise_at
 from hgorun.memo import Memo, same
-from hgorun.result.data import DesignNumbers, Integration, Measurements, ObserverResult
+from hgorun.result.data import DesignNumbers, Integration, Measurements
 from hgorun.result.measure import from_origin
+from hgorun.result.observer import ObserverResult
 from hgorun.result.result import Result
 from hgorun.result.status import OK, Verdict
 from hgorun.result.windows import MetricSettings

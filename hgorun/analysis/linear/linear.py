@@ -15,7 +15,7 @@ import casadi as ca
 import numpy as np
 
 from hgorun.analysis.linear.coordinates import transformed
-from hgorun.result.data import ObserverResult
+from hgorun.result.observer import ObserverResult
 from hgorun.simulation.observer_block import ObserverBlock
 from hgorun.simulation.prepared import PreparedRun
 
