@@ -277,11 +277,7 @@ def test_two_outputs_of_luenberger() -> None:
     for poles, measurement, message in (
         ([-1, -1, -2], apart, "have periods from 0.2 to 0.4"),
         (-1, together, "cannot be placed"),
-        (
-            [-1, -1, -2],
-            together | {"outputs": {"z": {"sampling": {"period": 0.2, "offset": 0.1}}}},
-            "at the same times",
-        ),
+        ([-1, -1, -2], shifted, "at the same times"),
     ):
         with pytest.raises(ConfigError, match=message):
             hgorun.simulate(
