@@ -267,6 +267,25 @@ class CorrectedObserver(ContinuousObserver[FormT, CopyT]):
             The numbers of :meth:`~Observer.design`.
         """
 
+    def check_times(self, form: FormT, times: Mapping[str, np.ndarray]) -> None:
+        """Refuse times that the observer's gain is not for.
+
+        Parameters
+        ----------
+        form : Form
+        times : mapping of str to ndarray
+            When the samples of every output that it takes in have been taken, ascending.
+
+        Raises
+        ------
+        Problem
+            With a path inside this block.
+        """
+
+    def longest_period(self, form: FormT) -> PeriodLimit | None:
+        """The longest constant period at which the error decays; None where nothing is known of it."""
+        return None
+
 
 # Any observer, where its class of plants does not matter.
 AnyObserver: TypeAlias = "Observer[Any, Any]"
