@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
@@ -13,17 +13,19 @@ Count = Annotated[int, Field(ge=2, le=1000, strict=True)]
 
 
 class Venue(Block):
-    """A plant: a configuration with a run for each scenario, and one observer, from which initial estimates are taken."""
+    """A plant: a configuration with a run for each scenario and one observer, which gives the initial estimate."""
 
     file: str = Field(description="the configuration, as seen from the benchmark's file")
-    rate: Positive = Field(default=1.0, description="how fast the plant is, 1/time: knobs that are rates are multiples of it")
+    rate: Positive = Field(
+        default=1.0, description="how fast the plant is, 1/time: knobs that are rates are multiples of it"
+    )
 
 
 class Knob(Block):
     """The one number of a contestant that is tuned."""
 
     key: str = Field(default="theta", description="of the observer's block")
-    range: Range = Field(default=Range(log=(0.5, 200)), description="where it is sought")
+    range: Range = Field(default_factory=lambda: Range(log=(0.5, 200)), description="where it is sought")
     rate: bool = Field(default=True, description="whether the range is in multiples of the plant's rate")
     whole: bool = Field(default=False, description="whether it is a whole number")
 
@@ -32,7 +34,10 @@ class Contestant(Block):
     """An observer, and what is tuned of it."""
 
     group: str = Field(description="which kind it is: a colour of the figure")
-    knob: Knob = Knob()
+    knob: Knob = Field(default_factory=Knob, description="the number that is tuned")
+    steps: Literal["auto", "plant"] = Field(
+        default="auto", description="of integration: found by error control, or those of the plant's file"
+    )
     block: dict[str, Any] = Field(description="the observer's block without its knob and its initial estimate")
 
     @model_validator(mode="after")
@@ -41,7 +46,8 @@ class Contestant(Block):
             raise ValueError("block: the key type is missing")
         for key in (self.knob.key, "initial"):
             if key in self.block:
-                raise ValueError(f"block: {key} is not given here: " + ("it is tuned" if key != "initial" else "it is the plant's"))
+                why = "it is that of the plant's file" if key == "initial" else "it is tuned"
+                raise ValueError(f"block: {key} is not given here: {why}")
         return self
 
 
@@ -56,8 +62,8 @@ class Seeds(Block):
 class Tries(Block):
     """How many values of each knob are tried: all over its range, then around the best one."""
 
-    coarse: Count = 15
-    fine: Count = 9
+    coarse: Count = Field(default=15, description="all over its range, with a quarter of the seeds")
+    fine: Count = Field(default=9, description="around the best of these, with all seeds")
 
 
 class BenchmarkFile(Block):
@@ -67,5 +73,5 @@ class BenchmarkFile(Block):
     plants: Annotated[dict[str, Venue], NonEmpty] = Field(description="name: plant")
     scenarios: Annotated[tuple[str, ...], NonEmpty] = Field(description="the runs that every plant's file has")
     observers: Annotated[dict[str, Contestant], NonEmpty] = Field(description="label: contestant")
-    seeds: Seeds = Seeds()
-    tries: Tries = Tries()
+    seeds: Seeds = Field(default_factory=Seeds, description="whose runs are averaged")
+    tries: Tries = Field(default_factory=Tries, description="how many values of each knob are tried")
