@@ -228,7 +228,14 @@ def _remarks(experiment: Experiment) -> tuple[str, ...]:
     time = experiment.time
     continuous = [s for one in experiment.stretches for s in one if s.continuous]
     found = [signal_remarks(s, time.max_memory) for s in continuous]
-    return tuple(dict.fromkeys(sum(found, plant_remarks(experiment.plant, time, experiment.origin))))
+    of_observers = [
+        f"observer {label}: {remark}"
+        for label, design in experiment.designs.items()
+        for remark in design.observer.remarks(design.form)
+    ]
+    return tuple(dict.fromkeys(sum(found, plant_remarks(experiment.plant, time, experiment.origin)))) + tuple(
+        of_observers
+    )
 
 
 def _unknown(experiment: Experiment) -> tuple[Unknown, ...]:
