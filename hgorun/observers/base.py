@@ -23,11 +23,11 @@ from typing import Annotated, Any, ClassVar, Generic, Literal, TypeAlias, TypeGu
 
 import casadi as ca
 import numpy as np
-from pydantic import Field
+from pydantic import Discriminator, Field, Tag
 from typing_extensions import TypeVar
 
 from hgorun.config.plugin import Plugin
-from hgorun.config.types import Interval, Name, Number
+from hgorun.config.types import Block, Interval, Name, NonNegative, Number
 from hgorun.observers.equations import Arrival, Flow, PeriodLimit, Role, Sample, SampleSchedule
 from hgorun.registry import Registry
 from hgorun.symbolic.canonical import CanonicalForm, PlantCopy
@@ -58,6 +58,28 @@ __all__ = [
 # The class of plants that an observer is for, and the copy of the plant that this class gives it.
 FormT = TypeVar("FormT", bound=Form, default=CanonicalForm)
 CopyT = TypeVar("CopyT", bound=Copy, default=PlantCopy)
+
+
+class Shrinking(Block):
+    """An innovation that shrinks from each sample to the next (Ahmed-Ali, Lamnabhi-Lagarrigue; Farza et al. 2014).
+
+    With e(t_k) = C xhat(t_k) - y_k, e(t) = exp(-gamma (t - t_k)) e(t_k). gamma = 0 holds it. gamma = theta g_1 is the
+    common innovation of ``shgo``, of which e' = -c = -theta g_1 e. So is, for any plant, an output predictor w' = L_f
+    h(xhat), w(t_k) = y_k, e = h(xhat) - w (Karafyllis, Kravaris 2009), which is why ``hold: predictor`` is another name
+    of it. The identities are derived, the forms of the publications quoted from memory.
+    """
+
+    shrink: NonNegative = Field(description="gamma >= 0, in 1/time")
+
+
+def _hold(value: object) -> str:
+    """Which of two forms the key has, so that errors speak of that one."""
+    return "a mapping" if isinstance(value, (dict, Shrinking)) else "a word"
+
+
+Hold: TypeAlias = Annotated[
+    Annotated[Literal["predictor"], Tag("a word")] | Annotated[Shrinking, Tag("a mapping")], Discriminator(_hold)
+]
 
 
 class Observer(Plugin, Generic[FormT, CopyT]):
@@ -103,6 +125,11 @@ class Observer(Plugin, Generic[FormT, CopyT]):
         description="what is done with samples that come late: they enter the innovation, compared with what had been "
         "estimated when they were taken; the observer goes back to that time and is integrated again; or they are left "
         "out. By default innovation, and replay for observers that are corrected at samples",
+    )
+    hold: Hold | None = Field(
+        default=None,
+        description="what the innovation of a sampled output is until the next sample: predictor, the default, "
+        "subtracts what the observer has corrected since; {shrink: gamma} lets it shrink as exp(-gamma (t - t_k))",
     )
 
     @abstractmethod
