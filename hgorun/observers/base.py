@@ -23,12 +23,13 @@ from typing import Annotated, Any, ClassVar, Generic, Literal, TypeAlias, TypeGu
 
 import casadi as ca
 import numpy as np
-from pydantic import Discriminator, Field, Tag
+from pydantic import Field
 from typing_extensions import TypeVar
 
 from hgorun.config.plugin import Plugin
-from hgorun.config.types import Block, Interval, Name, NonNegative, Number
+from hgorun.config.types import Interval, Name, Number
 from hgorun.observers.equations import Arrival, Flow, PeriodLimit, Role, Sample, SampleSchedule
+from hgorun.observers.hold import Hold
 from hgorun.registry import Registry
 from hgorun.symbolic.canonical import CanonicalForm, PlantCopy
 from hgorun.symbolic.forms import Copy, Form, FormFinder
@@ -60,28 +61,6 @@ FormT = TypeVar("FormT", bound=Form, default=CanonicalForm)
 CopyT = TypeVar("CopyT", bound=Copy, default=PlantCopy)
 
 
-class Shrinking(Block):
-    """An innovation that shrinks from each sample to the next (Ahmed-Ali, Lamnabhi-Lagarrigue; Farza et al. 2014).
-
-    With e(t_k) = C xhat(t_k) - y_k, e(t) = exp(-gamma (t - t_k)) e(t_k). gamma = 0 holds it. gamma = theta g_1 is the
-    common innovation of ``shgo``, of which e' = -c = -theta g_1 e. So is, for any plant, an output predictor w' = L_f
-    h(xhat), w(t_k) = y_k, e = h(xhat) - w (Karafyllis, Kravaris 2009), which is why ``hold: predictor`` is another name
-    of it. The identities are derived, the forms of the publications quoted from memory.
-    """
-
-    shrink: NonNegative = Field(description="gamma >= 0, in 1/time")
-
-
-def _hold(value: object) -> str:
-    """Which of two forms the key has, so that errors speak of that one."""
-    return "a mapping" if isinstance(value, (dict, Shrinking)) else "a word"
-
-
-Hold: TypeAlias = Annotated[
-    Annotated[Literal["predictor"], Tag("a word")] | Annotated[Shrinking, Tag("a mapping")], Discriminator(_hold)
-]
-
-
 class Observer(Plugin, Generic[FormT, CopyT]):
     """Base of all observers; its fields are the keys that every observer block has.
 
@@ -106,6 +85,10 @@ class Observer(Plugin, Generic[FormT, CopyT]):
     )
     saturation: dict[Name, Interval] = Field(
         default_factory=dict, description="state: [low, high], applied to the arguments of F and phi"
+    )
+    clip_estimate: bool | None = Field(
+        default=None,
+        description="true: what is shown is the estimate clipped to saturation; the observer itself goes on unclipped",
     )
     coordinates: Literal["original", "canonical"] = Field(
         default="original", description="where the observer computes; results are always in the plant's"
@@ -160,6 +143,25 @@ class Observer(Plugin, Generic[FormT, CopyT]):
         """
         return {name: "gain" if isinstance(value, Symmetric) else "filter" for name, value in self.states(form).items()}
 
+    @property
+    def canonical(self) -> bool:
+        """Whether it computes in canonical coordinates."""
+        return self.coordinates == "canonical"
+
+    def estimate(self, s: Symbols, k: Symbols) -> ca.SX:
+        """The estimate in the observer's coordinates, shape (n,); by default its state xhat."""
+        return s.xhat
+
+    def start(self, xhat: np.ndarray, k: Mapping[str, np.ndarray]) -> np.ndarray:
+        """The state xhat (..., n) from which :meth:`estimate` gives these estimates (..., n); by default themselves.
+
+        Parameters
+        ----------
+        k : mapping of str to ndarray
+            The numbers of :meth:`design`.
+        """
+        return xhat
+
     def fastest_rate(self, form: FormT) -> float:
         """The largest modulus of the error dynamics' eigenvalues (1/time), for ``step: auto``; 0: unknown."""
         return 0.0
@@ -167,6 +169,10 @@ class Observer(Plugin, Generic[FormT, CopyT]):
     def error_rate(self, form: FormT) -> float:
         """The rate at which the error itself moves, where gains move faster (1/time); 0: unknown."""
         return self.fastest_rate(form)
+
+    def remarks(self, form: FormT) -> tuple[str, ...]:
+        """What should be known of it on this plant although nothing is wrong with its keys."""
+        return ()
 
     @classmethod
     def example(cls, states: tuple[str, ...]) -> Mapping[str, object]:

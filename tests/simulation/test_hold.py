@@ -125,4 +125,4 @@ def test_what_cannot_be_is_refused(block: Block, measurement: Block, message: st
 def test_a_continuous_output_holds_nothing() -> None:
     found = simulated(VDP, {"S": SHGO, "G": shrinking(2)}, step=0.01)
     assert np.array_equal(found.observers["S"].xhat, found.observers["G"].xhat)
-    assert any("observers.G.hold: all outputs are continuous" in remark for remark in found.remarks)
+    assert any("observer G: hold is given, but all outputs are continuous" in remark for remark in found.remarks)

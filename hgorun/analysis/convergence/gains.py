@@ -231,7 +231,8 @@ def _chain_model(chains: tuple[int, ...]) -> PlantModel:
 def _linear(observer: AnyObserver, chains: tuple[int, ...], theta: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """A, E and the flux of an observer on chains, differentiated where there is no error."""
     model = _chain_model(chains)
-    plain = observer.model_copy(update={"theta": theta, "saturation": {}, "coordinates": "original", "initial": {}})
+    neutral: dict[str, object] = {"saturation": {}, "clip_estimate": None, "coordinates": "original", "initial": {}}
+    plain = observer.model_copy(update={"theta": theta, **neutral})
     form: Form
     if isinstance(observer, RiccatiGain):
         form = TriangularForm(model, model, tuple(range(model.n)), (0,))
