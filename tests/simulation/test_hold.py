@@ -41,28 +41,27 @@ def test_the_common_innovation_is_a_predictor_and_shrinks_with_theta_g_1() -> No
         np.testing.assert_allclose(found["S"].xhat[round(10 * t)], expected, rtol=0, atol=6e-6)
 
 
-def test_held_and_shrinking_innovations_against_a_few_lines() -> None:
+@pytest.mark.parametrize("gamma", [0.0, 1.7])
+def test_held_and_shrinking_innovations_against_a_few_lines(gamma: float) -> None:
     """xhat' = f - theta Delta^-1 G exp(-gamma (t - t_k)) e_k, step by step."""
     theta, T, h = 2.0, 0.25, 0.005
-    for gamma in (0.0, 1.7):
-        run = simulated(
-            chain(2, "-x1", [1, 0]), {"S": shrinking(gamma, theta)}, end=2, output_step=T, step=h,
-            measurement={"sampling": {"period": T}},
-        )  # fmt: skip
-        x, K = np.zeros(2), np.array([2 * theta, theta**2])
-        for k in range(8):
-            e = x[0] - np.cos(k * T)
+    measurement = {"sampling": {"period": T}}
+    block = {"S": shrinking(gamma, theta)}
+    run = simulated(chain(2, "-x1", [1, 0]), block, end=2, output_step=T, step=h, measurement=measurement)
+    x, K = np.zeros(2), np.array([2 * theta, theta**2])
 
-            def rate(t: float, x: np.ndarray, e: float = e, gamma: float = gamma) -> np.ndarray:
-                return np.array([x[1], -x[0]]) - K * np.exp(-gamma * t) * e
+    def rate(t: float, x: np.ndarray, e: float) -> np.ndarray:
+        return np.array([x[1], -x[0]]) - K * np.exp(-gamma * t) * e
 
-            for i in range(round(T / h)):
-                t = i * h
-                a = rate(t, x)
-                b = rate(t + h / 2, x + h / 2 * a)
-                c = rate(t + h / 2, x + h / 2 * b)
-                x = x + h / 6 * (a + 2 * b + 2 * c + rate(t + h, x + h * c))
-            np.testing.assert_allclose(run.observers["S"].xhat[k + 1], x, rtol=0, atol=1e-10)
+    for k in range(8):
+        e = x[0] - np.cos(k * T)
+        for i in range(round(T / h)):
+            t = i * h
+            a = rate(t, x, e)
+            b = rate(t + h / 2, x + h / 2 * a, e)
+            c = rate(t + h / 2, x + h / 2 * b, e)
+            x = x + h / 6 * (a + 2 * b + 2 * c + rate(t + h, x + h * c, e))
+        np.testing.assert_allclose(run.observers["S"].xhat[k + 1], x, rtol=0, atol=1e-10)
 
 
 @pytest.mark.parametrize(
