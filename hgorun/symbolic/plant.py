@@ -55,6 +55,10 @@ class PlantModel:
         """Number of states."""
         return len(self.states)
 
+    def depends_on_input(self, number: int) -> bool:
+        """Whether an input appears in the equations."""
+        return bool(ca.depends_on(ca.vertcat(self.dynamics, self.output), self.u[number]))
+
     @cached_property
     def measured(self) -> tuple[int | None, ...]:
         """For each output the state that it is, its number; None where it is no state."""
