@@ -184,4 +184,3 @@ def of_cells(entries: list[Entry]) -> Iterator[tuple[tuple[str, str], list[Entry
     for entry in entries:
         cells.setdefault((entry.plant, entry.scenario), []).append(entry)
     yield from cells.items()
-

@@ -174,9 +174,9 @@ def _cost(experiment: Experiment, label: str) -> dict[str, int]:
 
 
 def first_below(time: Floats, size: Floats, level: float) -> float:
-    """The first time at which a size is at most a level; the last one where it never is."""
-    below = np.flatnonzero(size <= level)
-    return float(time[below[0]] if below.size else time[-1])
+    """The first time, but that of the start, at which a size is at most a level; the last one where it never is."""
+    below = np.flatnonzero(size[1:] <= level)
+    return float(time[1 + below[0]] if below.size else time[-1])
 
 
 def swing(base: Experiment) -> Floats:
