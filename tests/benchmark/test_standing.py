@@ -13,10 +13,19 @@ from hgorun.benchmark.tables import markdown, table, text
 from hgorun.benchmark.trial import Score
 
 
-def score(total: Any, **more: Any) -> Score:
+def score(total: Any) -> Score:
     values = tuple(map(float, total))
-    known = {"value": 3.0, "at_end": False, "steady": values, "peak": 1.0, "converged": 0.5, "tried": ((3.0, 1.0),)}
-    return Score(**known | {"operations": 10, "at_samples": 0, **more}, total=values)
+    return Score(
+        value=3.0,
+        at_end=False,
+        total=values,
+        steady=values,
+        peak=1.0,
+        converged=0.5,
+        operations=10,
+        at_samples=0,
+        tried=((3.0, 1.0),),
+    )
 
 
 def entry(plant: str, label: str, total: Any, scenario: str = "calm") -> Entry:
