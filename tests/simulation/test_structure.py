@@ -185,6 +185,20 @@ def test_a_second_run_costs_no_symbolic_work(reached: str, change: str, monkeypa
     assert "sha256" not in counts or change in ("seed", "noise", "everything")
 
 
+def test_a_start_of_newtons_method_is_a_number(monkeypatch: pytest.MonkeyPatch) -> None:
+    """x is found from y, y' by Newton's method, which starts at the plant's initial state."""
+    observer = {"o": {"type": "levant", "G": 2, "initial": {"a": 0.1}}}
+    solver = {"method": "euler", "step": 0.01}
+    base = experiment(VAN_DER_POL_LIKE, observer, end=0.5, output_step=0.05, measurement={}, solver=solver)
+    hgorun.simulate(base)
+    varied = base.varied({"plant.initial.a": 0.6, "plant.initial.b": -0.4})
+    with counted(monkeypatch) as counts:
+        second = hgorun.simulate(varied)
+    assert not counts
+    forget()
+    assert_equal(second, hgorun.simulate(Experiment(varied.source.data, name="test")))
+
+
 def test_what_the_equations_read_decides_the_structure() -> None:
     base = experiment(CONTOIS, {"o": {"type": "fhgo2", "r": 1, "theta": 2, "initial": {"x1": 1, "x2": 14}}}, step=0.01)
     known = prepare(base).structure
