@@ -17,6 +17,7 @@ from hgorun.measurement.signals import extremes_of, kinks_of, signal_remarks, un
 from hgorun.memo import Memo, same
 from hgorun.observers.base import AnyObserver, CorrectedObserver, SampledObserver, treatment_of
 from hgorun.observers.capabilities import Switching
+from hgorun.observers.recalling import LAGS, RecallingObserver
 from hgorun.plants.build import BuiltPlant
 from hgorun.result.data import DesignNumbers
 from hgorun.simulation.checks import check_run
@@ -85,7 +86,7 @@ def _prepared(experiment: Experiment, design: DesignNumbers | None) -> PreparedR
     chance = seed if any(s.by_chance for one in stretches for s in one) else None
     key = same(stretches), chance, None if sizes is None else tuple(sizes)
     channels = _CHANNELS.get(key, lambda: find_channels(stretches, plant.model.outputs, time, seed, sizes))
-    smallest_delay, reach = check_delays(channels)
+    smallest_delay, reach = _with_lags(experiment, *check_delays(channels))
     treatments = treatments_of(experiment, channels)
     schedule = schedule_of(experiment, channels, step, treatments=treatments)
     of_groups = in_groups(experiment, treatments)
@@ -109,6 +110,21 @@ def _prepared(experiment: Experiment, design: DesignNumbers | None) -> PreparedR
         remarks=_remarks(experiment),
         unknown=_unknown(experiment),
     )
+
+
+def _with_lags(experiment: Experiment, smallest: float, reach: float) -> tuple[float, float]:
+    """The smallest and the largest delay, those by which observers look back at themselves among them."""
+    lags = np.concatenate([np.zeros(0), *lags_of(experiment).values()])
+    return float(np.min(lags, initial=smallest)), float(np.max(lags, initial=reach))
+
+
+def lags_of(experiment: Experiment) -> dict[str, np.ndarray]:
+    """By how much observers look back at signals of their own."""
+    found = {}
+    for label, design in experiment.designs.items():
+        if isinstance(design.observer, RecallingObserver):
+            found[label] = design.gains[LAGS]
+    return found
 
 
 def treatments_of(experiment: Experiment, channels: list[Channel]) -> tuple[Treatment, ...]:

@@ -22,6 +22,8 @@ class Sensor:
         Whether the noise is in proportion to the output.
     why : str
         Why there is no variance or no density.
+    delay : float or None
+        By how much it is late; None where that changes.
     """
 
     variance: float | None
@@ -29,3 +31,4 @@ class Sensor:
     interval: float | None
     multiplicative: bool = False
     why: str = ""
+    delay: float | None = 0.0
