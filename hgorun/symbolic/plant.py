@@ -55,6 +55,10 @@ class PlantModel:
         """Number of states."""
         return len(self.states)
 
+    def depends_on_input(self, number: int) -> bool:
+        """Whether an input appears in the equations."""
+        return bool(ca.depends_on(ca.vertcat(self.dynamics, self.output), self.u[number]))
+
     @cached_property
     def measures(self) -> dict[str, str]:
         """The outputs that are states, with the states that they are."""
