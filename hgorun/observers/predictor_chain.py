@@ -9,9 +9,8 @@ import casadi as ca
 import numpy as np
 from pydantic import Field, PrivateAttr
 
-from hgorun.config.types import NonNegative
 from hgorun.errors import Problem
-from hgorun.observers.base import Flow, PeriodLimit, observer
+from hgorun.observers.base import Flow, PeriodLimit, Role, observer
 from hgorun.observers.capabilities import NoiseInformed
 from hgorun.observers.constant_gain import ConstantGain
 from hgorun.observers.recalling import LAGS, RecallingObserver
@@ -33,8 +32,8 @@ class PredictorChain(NoiseInformed, ConstantGain, RecallingObserver[CanonicalFor
     which in its own time is not late, and each other observes the copy before:
 
         x_0' = f(x_0, u) - theta Delta^-1 G e_0,    e_0 = C x_0 - y(t - d)
-        x_j' = f(x_j, u) - theta Delta^-1 G e_j,    e_j = C x_j(t - delta) - C x_(j-1)(t) + alpha_j(t) - alpha_j(t - delta)
-        alpha_j' = -theta g_1 e_j
+        x_j' = f(x_j, u) - theta Delta^-1 G e_j,    alpha_j' = -theta g_1 e_j
+        e_j  = C x_j(t - delta) - C x_(j-1)(t) + alpha_j(t) - alpha_j(t - delta)
 
     and xhat = x_m; outside chains corrections are lifted by J^-1. alpha_j takes what copy j has corrected since out of
     the comparison, as everywhere in hgorun; ``corrected: false`` leaves it out (Germani, Manes, Pepe). Before the start
@@ -46,9 +45,10 @@ class PredictorChain(NoiseInformed, ConstantGain, RecallingObserver[CanonicalFor
     ...). Near it every copy amplifies: by default m is the smallest number with theta d/m up to 0.6 of the limit. Where
     the plant itself is fast or unstable, take more copies or a smaller theta.
 
-    Without delay m = 0, and it is ``shgo``; copies with no delay to cross would observe each other. A delay that changes
-    is refused, since it changes the time in which each copy lives: take its largest value and buffer the output. Every
-    copy costs n states and alpha, and noise passes through all of them: for short delays choose ``shgo``.
+    Without delay m = 0, and it is ``shgo``; copies with no delay to cross would observe each other. A delay that
+    changes is refused, since it changes the time in which each copy lives: take its largest value and buffer the
+    output. Every copy costs n states and alpha, and noise passes through all of them: for short delays choose ``shgo``.
+    Among given steps, one that divides delta keeps the order of the solver while kinks of the start come back.
 
     The structure is quoted from memory of the publications; with alpha in it the form is our own. Limits are derived.
     """
@@ -63,9 +63,6 @@ class PredictorChain(NoiseInformed, ConstantGain, RecallingObserver[CanonicalFor
         description="copies beside the first, m >= 0; by default as many as theta d asks for",
     )
     corrected: bool = Field(default=True, description="false: without alpha in the copies")
-    delay: NonNegative | None = Field(
-        default=None, description="the delay d that is crossed; that of the measurement by default"
-    )
     _sensors: tuple[Sensor, ...] = PrivateAttr(default=())
 
     def informed(self, sensors: Sequence[Sensor]) -> Self:
@@ -96,8 +93,6 @@ class PredictorChain(NoiseInformed, ConstantGain, RecallingObserver[CanonicalFor
         Problem
             Where the outputs have no delay in common.
         """
-        if self.delay is not None:
-            return self.delay
         delays = {sensor.delay for sensor in self._sensors} or {0.0}
         if len(delays) > 1:
             raise Problem(("type",), "its copies cross one delay, but the outputs have several: take shgo or ekf")
@@ -142,6 +137,9 @@ class PredictorChain(NoiseInformed, ConstantGain, RecallingObserver[CanonicalFor
             return {}
         start = np.array([self.initial.get(name, 0.0) for name in form.plant.states])
         return {"copies": np.tile(start, (m, 1)), "corrections": np.zeros((m, len(form.chains)))}
+
+    def roles(self, form: CanonicalForm) -> Mapping[str, Role]:
+        return {"copies": "signal", "corrections": "filter"} if self.copies(form) else {}
 
     def equations(self, plant: PlantCopy, s: Symbols, e: ca.SX, k: Symbols) -> Flow:
         copies = _copies(plant, s, k)

@@ -6,7 +6,7 @@ from abc import abstractmethod
 
 import casadi as ca
 
-from hgorun.observers.base import ContinuousObserver, CopyT, FormT
+from hgorun.observers.base import ContinuousObserver, CopyT, FormT, PeriodLimit
 from hgorun.symbolic.symbols import Symbols
 
 LAGS = "lags"  # among the numbers of a design: how far each signal is looked back at
@@ -20,6 +20,10 @@ class RecallingObserver(ContinuousObserver[FormT, CopyT]):
     the start of the run what they were at the start. What arrives is compared at once with :meth:`compared`, late
     as it may be: that is what such an observer does about delays.
     """
+
+    @abstractmethod
+    def longest_delay(self, form: FormT) -> PeriodLimit:
+        """The longest delay of the outputs at which the error decays."""
 
     @abstractmethod
     def signals(self, plant: CopyT, s: Symbols, k: Symbols) -> ca.SX:

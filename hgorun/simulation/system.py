@@ -17,6 +17,7 @@ from hgorun.errors import Problem
 from hgorun.measurement.signals import Signal
 from hgorun.measurement.variants import CONTINUOUS, DELAYED, FROZEN, HELD, SILENT, Variant, is_delayed
 from hgorun.observers.base import Arrival, CorrectedObserver, Sample, SampledObserver
+from hgorun.observers.recalling import RecallingObserver
 from hgorun.simulation.observer_block import ObserverBlock
 from hgorun.simulation.truth import Placed, PlantNumbers, SameTruth, SimulatedPlant, Truth
 from hgorun.symbolic.plant import PlantModel
@@ -242,6 +243,7 @@ def build_system(
         corrections=tuple((len(jumps) + i, of.start, of.stop) for i, (of, *_) in enumerate(corrections)),
         replayed=_replayed(groups[-1], held, parts[-1].outputs.start),
         innovations=innovations,
+        recalled=lags.numel(),
     )
 
 
@@ -253,8 +255,9 @@ def _recalled(groups: Sequence[Group], first: int) -> list[list[range]]:
         for b in group.observers:
             own.append(range(first, first + b.recalled))
             first += b.recalled
-            if b.recalled and not isinstance(group.truth, (SimulatedPlant, SameTruth)):
-                message = "its copies need the history of a simulated run: it does not follow recorded data or a stream"
+            simulated = isinstance(group.truth, (SimulatedPlant, SameTruth))
+            if isinstance(b.observer, RecallingObserver) and not simulated:
+                message = "it looks back at its own past, which is kept in simulations alone, not of data or a stream"
                 raise Problem(("observers", b.label, "type"), message)
         found.append(own)
     return found
