@@ -47,6 +47,9 @@ class Simulate(Configured):
     check_step: Annotated[
         bool, typer.Option("--check-step", help="Estimate the error of a given step from shorter ones.")
     ] = False
+    export_csv: Annotated[
+        Path | None, typer.Option("--export-csv", metavar="FILE", help="Also write the states over time as CSV.")
+    ] = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -223,6 +226,21 @@ class Tune(Printing):
     plots: Annotated[bool, typer.Option("--plots/--no-plots", help="Draw what was tried and found (PNG and PDF).")] = (
         True
     )
+    jobs: Annotated[
+        int | None, typer.Option("--jobs", min=1, help="Number of threads (default: one per processor).")
+    ] = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Bench(Printing):
+    """Compare observers on several plants in several scenarios, each tuned alike and scored on seeds not seen.
+
+    The file names plants, scenarios and observers with one knob each. Run again, it carries out what is new or has
+    changed. Tables and a figure are written to results/NAME/.
+    """
+
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A YAML file with plants, scenarios and observers.")]
+    plots: Annotated[bool, typer.Option("--plots/--no-plots", help="Draw the fronts (PNG and PDF).")] = True
     jobs: Annotated[
         int | None, typer.Option("--jobs", min=1, help="Number of threads (default: one per processor).")
     ] = None

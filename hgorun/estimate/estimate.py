@@ -9,12 +9,11 @@ import numpy as np
 
 from hgorun.config.yaml_source import Source
 from hgorun.data.recording import Recording, Signal
-from hgorun.errors import ConfigError
 from hgorun.estimate.assessed import assess
 from hgorun.estimate.completed import completed
 from hgorun.estimate.evaluated import Compared, Evaluated, evaluate_run
 from hgorun.estimate.prepared import PreparedEstimate, prepare_estimate
-from hgorun.observers.base import treatment_of
+from hgorun.observers.treatment import treatment_of
 from hgorun.result.data import Integration, Measurements
 from hgorun.result.observer import ObserverResult
 from hgorun.result.recorded import Assessed, Recorded, RecordedOutput, Unseen
@@ -68,8 +67,6 @@ def estimate_prepared(
     sensitivity: bool = False,
 ) -> Result:
     """Carry a prepared estimate out; see :func:`estimate`."""
-    if not prepared.run.observers:
-        raise ConfigError("there are no observers")
     found = evaluate_run(prepared, held_out, recording.reference)
     assessed = [assess(prepared, found, j) for j in range(len(prepared.run.observers))]
     result = result_of(prepared, recording, found, assessed, _recorded(prepared, found))

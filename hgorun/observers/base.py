@@ -29,6 +29,7 @@ from typing_extensions import TypeVar
 from hgorun.config.plugin import Plugin
 from hgorun.config.types import Interval, Name, Number
 from hgorun.observers.equations import Arrival, Flow, PeriodLimit, Role, Sample, SampleSchedule
+from hgorun.observers.hold import Hold
 from hgorun.registry import Registry
 from hgorun.symbolic.canonical import CanonicalForm, PlantCopy
 from hgorun.symbolic.forms import Copy, Form, FormFinder
@@ -52,7 +53,6 @@ __all__ = [
     "SampledObserver",
     "is_observer",
     "observer",
-    "treatment_of",
 ]
 
 # The class of plants that an observer is for, and the copy of the plant that this class gives it.
@@ -107,6 +107,11 @@ class Observer(Plugin, Generic[FormT, CopyT]):
         description="what is done with samples that come late: they enter the innovation, compared with what had been "
         "estimated when they were taken; the observer goes back to that time and is integrated again; or they are left "
         "out. By default innovation, and replay for observers that are corrected at samples",
+    )
+    hold: Hold | None = Field(
+        default=None,
+        description="what the innovation of a sampled output is until the next sample: predictor, the default, "
+        "subtracts what the observer has corrected since; {shrink: gamma} lets it shrink as exp(-gamma (t - t_k))",
     )
 
     @abstractmethod
@@ -289,13 +294,6 @@ class CorrectedObserver(ContinuousObserver[FormT, CopyT]):
 
 # Any observer, where its class of plants does not matter.
 AnyObserver: TypeAlias = "Observer[Any, Any]"
-
-
-def treatment_of(observer: AnyObserver) -> Literal["innovation", "replay", "drop"]:
-    """What an observer does with samples that come late."""
-    if observer.late is not None:
-        return observer.late
-    return "replay" if isinstance(observer, CorrectedObserver) else "innovation"
 
 
 def is_observer(thing: object) -> TypeGuard[type[AnyObserver]]:

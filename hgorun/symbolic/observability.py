@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import groupby
@@ -74,7 +74,11 @@ class CanonicalForms:
             When a state does not reach the output, when J is singular everywhere, or when the model is
             not triangular in z, so that some input can hide a state.
         """
-        return _Search(self, plant).form(at, parameters)
+        return self.finder(plant)(at, parameters)
+
+    def finder(self, plant: PlantModel) -> Callable[[np.ndarray, np.ndarray], CanonicalForm]:
+        """The same of one plant, from a typical state and parameters: its symbolic work is done once."""
+        return _Search(self, plant).form
 
 
 canonical_form = CanonicalForms()
@@ -90,7 +94,7 @@ class _Search:
         self.links = Links(plant)
         self._known: dict[tuple[int, ...], CanonicalForm] = {}
         self._linked: dict[tuple[tuple[int, ...], ...], CanonicalForm] = {}
-        self._slope_functions: dict[tuple[int, ...], ca.Function] = {}
+        self._slope_functions: dict[tuple[int, ...], ca.Function | None] = {}
         self._moving: dict[tuple[int, ...], bool] = {}
         self._rows: dict[tuple[int, int], ca.Function] = {}
 
@@ -175,7 +179,7 @@ class _Search:
         ]
         return np.array(rows).reshape(-1, self.plant.n)
 
-    def _slopes(self, form: CanonicalForm) -> ca.Function:
+    def _slopes(self, form: CanonicalForm) -> ca.Function | None:
         if form.chains not in self._slope_functions:
             self._slope_functions[form.chains] = input_slopes(form)
         return self._slope_functions[form.chains]
@@ -190,12 +194,16 @@ class _Search:
             if self._regular(lengths, points, parameters):
                 return lengths
             raise NotObservableForm(self._why_not(lengths, points, parameters))
+        if q == 1:
+            if self._regular((plant.n,), points, parameters):
+                return (plant.n,)
+            raise NotObservableForm(self._why_not((plant.n,), points, parameters))
         for _, even in groupby(chain_lengths(plant.outputs, plant.n), unevenness):
             sizes = {lengths: self._size(lengths, points, parameters) for lengths in even}
             best = max(sizes.values())
             if best > -np.inf:
                 return next(lengths for lengths, size in sizes.items() if size >= best - _TIE * (1 + abs(best)))
-        for length in range(1, plant.n + 1 if q > 1 else 1):
+        for length in range(1, plant.n + 1):
             if q * length >= plant.n and self._regular((length,) * q, points, parameters):
                 return (length,) * q
         raise NotObservableForm(self._why_not((plant.n,) * q, points, parameters))
@@ -220,8 +228,6 @@ class _Search:
         Differences of it do not depend on units: those of the states change all determinants alike, that of
         time does so among equally uneven lengths, and those of the outputs cancel against their noise.
         """
-        if len(self.plant.outputs) == 1:
-            return 0.0 if self._regular(lengths, points, parameters) else -np.inf
         sizes: list[float] = []
         for x in points if not self._moves(lengths) else ():
             jacobian = self._jacobian(lengths, x, parameters)

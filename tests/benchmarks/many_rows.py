@@ -68,16 +68,17 @@ def compared(
     return float(np.median(a)), float(np.median(b)), float(np.median(a / b)), memory
 
 
-def write_log(path: Path, rows: int) -> None:
+def write_log(path: Path, count: int) -> None:
     """Two outputs with noise, and an input."""
     drawn = np.random.default_rng(1)
     with path.open("w") as file:
         file.write("t,a,b,u\n")
-        for first in range(0, rows, PIECE):
-            t = 1e-3 * np.arange(first, min(first + PIECE, rows))
+        for first in range(0, count, PIECE):
+            t = 1e-3 * np.arange(first, min(first + PIECE, count))
             noise = 0.01 * drawn.standard_normal((2, t.size))
             columns = [t, np.sin(t) + noise[0], np.cos(t) + noise[1], 0.1 * np.sin(3 * t)]
-            file.write("".join("%.3f,%.5f,%.5f,%.5f\n" % tuple(row) for row in np.column_stack(columns).tolist()))
+            rows = np.column_stack(columns).tolist()
+            file.write("".join("{:.3f},{:.5f},{:.5f},{:.5f}\n".format(*row) for row in rows))
 
 
 def simulated(points: int, count: int, folder: Path) -> Iterator[Row]:
@@ -108,9 +109,7 @@ def estimated(rows: int, count: int, folder: Path) -> Iterator[Row]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description="many output points, and long logs, beside what their rows cost anyway"
-    )
+    parser = argparse.ArgumentParser(description="many rows beside what they cost anyway")
     parser.add_argument("--rows", type=float, default=1e7, help="of each (default 1e7)")
     parser.add_argument("--pairs", type=int, default=3, help="of measurements (default 3)")
     options = parser.parse_args()
