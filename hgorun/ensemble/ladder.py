@@ -107,7 +107,7 @@ def _one_rung(climber: _Climber, block: Block, threads: int) -> tuple[list[_Clim
     stage = first_stage(run)
     assert stage is not None
     how = Pass(method=stage[0], step=run.span / 2.0**climber.k, bounded=False)
-    other, metrics = replace(how, uneven=UNEVEN), list(all_metrics().values())
+    other, metrics = replace(how, uneven=UNEVEN), list(all_metrics(closed=run.closed).values())
     try:
         fine, coarse = (carry_out(lot, one, metrics, rows=True, threads=threads) for one in (how, other))
     except (Problem, SimulationError):  # there is no memory for so many steps

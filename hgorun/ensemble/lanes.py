@@ -108,7 +108,7 @@ def given_steps(lot: Lot, block: Block, *, threads: int = 1) -> Integers:
     ndarray of int64
         The members that have to be carried out alone.
     """
-    how, known = as_given(lot.run), all_metrics()
+    how, known = as_given(lot.run), all_metrics(closed=True)
     try:
         passed = carry_out(lot, how, [known[name] for name in block.metrics], threads=threads)
     except (Problem, SimulationError):

@@ -127,6 +127,7 @@ class Estimator:
     def _prepare(self, experiment: Experiment, inputs: tuple[str, ...]) -> None:
         plant = experiment.plant
         model = plant.model
+        experiment.require_open("a stream is told its inputs, which no observer here decides")
         for label, observer in experiment.observers.items():
             check_limit(experiment, label, observer)
         if experiment.adaptive:
@@ -154,7 +155,7 @@ class Estimator:
         jumping = [b for b in numbers.observers if isinstance(b.observer, SampledObserver)]
         if jumping and len(model.outputs) > 1:
             raise Problem(("observers", jumping[0].label), "of a stream it can follow a single output")
-        start = Start(numbers.z0[model.n :][:, None], numbers.p[:, None], (_LARGEST, 0.0))
+        start = Start(numbers.z0[:, None], numbers.p[:, None], (_LARGEST, 0.0))
         program = structure.program(experiment.blocks.solver.given_method)
         slots = len(model.outputs) * (_LATE + 1)
         self._reach = _FARTHEST * nominal_step(experiment)

@@ -9,9 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from hgorun.config.controller import Controller
 from hgorun.config.models import ExperimentBlocks, Time
 from hgorun.config.yaml_source import Source, parse
-from hgorun.errors import ConfigError
+from hgorun.errors import ConfigError, Problem
 from hgorun.measurement.availability import Stretch, resolve
 from hgorun.measurement.blocks import Measurement
 from hgorun.measurement.noise import deviations
@@ -167,6 +168,26 @@ class Experiment:
         return self._checked.plant
 
     @property
+    def controller(self) -> Controller | None:
+        """The block of the controller, where there is one."""
+        return self.blocks.controller
+
+    @property
+    def closed(self) -> bool:
+        """Whether the estimates drive the plant, a copy of it for each observer."""
+        return self.controller is not None
+
+    def require_open(self, why: str) -> None:
+        """Refuse a controller.
+
+        Raises
+        ------
+        Problem
+        """
+        if self.closed:
+            raise Problem(("controller",), f"{why}: leave it out, and give the inputs as expressions of t")
+
+    @property
     def measurement(self) -> Measurement:
         """The block of the measurement."""
         return self._checked.measurement
@@ -180,7 +201,7 @@ class Experiment:
     def plant(self) -> BuiltPlant:
         """The plant as a model with numbers."""
         with self.located():
-            return build_plant(self.plant_block, self.origin)
+            return build_plant(self.plant_block, self.origin, self.controller)
 
     @cached_property
     def _forms(self) -> dict[str, tuple[Form, Form]]:

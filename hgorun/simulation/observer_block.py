@@ -111,6 +111,15 @@ class ObserverBlock:
         """The estimate in the plant's coordinates."""
         return self.copy(t, u, p).state(self.symbols(z).xhat)
 
+    def own(self, z: ca.SX) -> dict[str, ca.SX]:
+        """The numbers among the observer's own states by their names in a law, see :func:`names_of_entries`."""
+        own = [(name, state) for name, state in self._own.items() if name != "xhat"]
+        return {
+            entry: state.symbol(z)[place]
+            for name, state in own
+            for entry, place in names_of_entries(name, state.matrix).items()
+        }
+
     def flow(self, t: ca.SX, u: ca.SX, p: ca.SX, z: ca.SX, e: ca.SX) -> ca.SX:
         """d/dt of the block, alpha' = -c last."""
         derivatives, correction = self.equations(self.copy(t, u, p), self.symbols(z), e)
@@ -194,3 +203,19 @@ class ObserverBlock:
     def copy(self, t: ca.SX, u: ca.SX, p: ca.SX) -> Copy:
         """The plant as the observer copies it."""
         return self.form.copy(t, u, p, self.canonical, self.bounds)
+
+
+def names_of_entries(name: str, shape: tuple[int, int]) -> dict[str, tuple[int, int]]:
+    """Names for the entries of a state: ``sigma`` of a single number, ``sigma_2`` of a vector, ``P_1_2`` of a matrix.
+
+    Returns
+    -------
+    dict of str to (int, int)
+        Row and column of each.
+    """
+    places = [(i, j) for i in range(shape[0]) for j in range(shape[1])]
+    if len(places) == 1:
+        return {name: places[0]}
+    if 1 in shape:
+        return {f"{name}_{i + j + 1}": (i, j) for i, j in places}
+    return {f"{name}_{i + 1}_{j + 1}": (i, j) for i, j in places}

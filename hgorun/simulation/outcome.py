@@ -12,12 +12,13 @@ from hgorun.measurement.events import merge
 from hgorun.measurement.schedule import nearest_event
 from hgorun.measurement.signals import noise_at
 from hgorun.memo import Memo, same
-from hgorun.result.data import DesignNumbers, Integration, Measurements
+from hgorun.result.data import PLANT, DesignNumbers, Integration, Measurements
 from hgorun.result.measure import from_origin
 from hgorun.result.observer import ObserverResult
 from hgorun.result.result import Result
 from hgorun.result.status import OK, Verdict
 from hgorun.result.windows import MetricSettings
+from hgorun.simulation.closed import closed_loops, outputs_at
 from hgorun.simulation.measured import Measured
 from hgorun.simulation.prepared import PreparedRun
 
@@ -39,7 +40,8 @@ def record(run: PreparedRun, raw: Raw, found: Measured, integration: Integration
     """
     structure, numbers, blocks, model = run.structure, run.numbers, run.experiment.blocks, run.plant.model
     grid, origin = run.grid[:: run.experiment.grid[1]], run.origin
-    u = _inputs(run, grid)
+    loops = closed_loops(run, raw, found)
+    u = loops[PLANT].u if loops else _inputs(run, grid)
     y = np.ascontiguousarray(structure.outputs.along(grid, numbers.p, found.rows))
     if not np.all(np.isfinite(y)):
         row, column = np.argwhere(~np.isfinite(y))[0]
@@ -56,7 +58,7 @@ def record(run: PreparedRun, raw: Raw, found: Measured, integration: Integration
         inputs=model.inputs,
         outputs=model.outputs,
         units={"time": run.time.unit, **run.plant.units},
-        measurements=_measurements(run, raw, grid, y),
+        measurements=_measurements(run, raw, grid, y, integration),
         observers=_observers(run, found),
         config=run.experiment.text,
         resolved=run.experiment.resolved_later,
@@ -67,6 +69,7 @@ def record(run: PreparedRun, raw: Raw, found: Measured, integration: Integration
         measures=model.measures,
         remarks=run.remarks,
         design=DesignNumbers(numbers.p, numbers.z0, run.step),
+        closed_loop=loops,
     )
 
 
@@ -114,7 +117,9 @@ def _inputs(run: PreparedRun, times: np.ndarray) -> np.ndarray:
     return _INPUTS.get(key, lambda: run.structure.inputs.along(times, run.numbers.p, nothing))
 
 
-def _measurements(run: PreparedRun, raw: Raw, grid: np.ndarray, y: np.ndarray) -> Measurements:
+def _measurements(
+    run: PreparedRun, raw: Raw, grid: np.ndarray, y: np.ndarray, integration: Integration
+) -> Measurements:
     """Samples at their arrival, continuous outputs on the output grid."""
     parts: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
     base = 0
@@ -133,7 +138,8 @@ def _measurements(run: PreparedRun, raw: Raw, grid: np.ndarray, y: np.ndarray) -
                 then = np.maximum(t - stretch.delay_at(t), run.time.start)
                 order = np.argsort(then, kind="stable")
                 late = np.empty_like(truth)
-                late[order] = run.plant_alone.at(then[order])[0][:, i]
+                past = outputs_at(run, integration, then[order]) if run.closed else run.plant_alone.at(then[order])[0]
+                late[order] = past[:, i]
                 truth = late
             times.append(t)
             taken.append(then)
