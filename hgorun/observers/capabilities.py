@@ -18,6 +18,7 @@ import numpy as np
 from pydantic import Field
 
 from hgorun.config.types import Block, Positive
+from hgorun.symbolic.forms import Form
 from hgorun.symbolic.sensors import Sensor
 
 
@@ -44,6 +45,14 @@ class HighGain(Block):
         return self.theta
 
 
+class SettlingGain(Block):
+    """A gain that follows a differential equation, and comes to rest on chains of integrators."""
+
+    @abstractmethod
+    def settled(self, form: Form) -> dict[str, np.ndarray]:
+        """Its matrices at rest, states by name; the form is that of chains of integrators, phi = 0."""
+
+
 class FilterOrder(Block):
     """A filter of order r on the innovation."""
 
@@ -60,6 +69,13 @@ class Differentiator(Block):
     """The observer does without the plant's equations: what it does not know of them stays in its error.
 
     Without this, an observer that starts at the truth has to stay there while nothing disturbs it.
+    """
+
+
+class Averaged(Block):
+    """The estimate follows the mean of the plant's field over points around it, not the field itself.
+
+    On a nonlinear plant, where the mean over the points is another one, it does not stay at the truth.
     """
 
 

@@ -240,6 +240,15 @@ class PlantCopy:
             return self.form.lift(x, self.p, self.form.shift @ (self.form.J(x, self.p) @ excess), 1.0)
         return superdiagonal(self.form.plant, block)(self.t, x, self.u, self.p) @ excess
 
+    @property
+    def C(self) -> ca.DM:
+        """y = C z, shape (q, sum(chains))."""
+        return ca.DM(np.eye(sum(self.chains))[self.form.heads])
+
+    def links(self, xhat: ca.SX) -> ca.DM:
+        """A of the chains, block-diagonal: what leads in z' from each component to the next."""
+        return self.form.shift
+
     def inv_Delta(self, theta: ca.SX) -> ca.SX:
         """Delta^-1(theta) of every chain, block-diagonal, shape (n, n)."""
         return ca.diagcat(*[inv_Delta(theta, k) for k in self.chains])

@@ -18,8 +18,9 @@ import casadi as ca
 import numpy as np
 
 from hgorun.analysis.reasons import NoValue
+from hgorun.errors import Problem
 from hgorun.observers.base import AnyObserver, ContinuousObserver
-from hgorun.observers.capabilities import HighGain
+from hgorun.observers.capabilities import HighGain, SettlingGain
 from hgorun.observers.constant_gain import PlacedGain
 from hgorun.observers.forward_differences import ForwardDifferences
 from hgorun.observers.riccati import RiccatiGain
@@ -235,7 +236,11 @@ def _linear(observer: AnyObserver, chains: tuple[int, ...], theta: float) -> tup
     else:
         form = CanonicalForm(model, chains, model.x, ca.SX.eye(model.n), identity=True)
     parameters = Parameters()
-    block = ObserverBlock.place(Design.of("observer", plain, form), 0, False, parameters)
+    try:
+        design = Design.of("observer", plain, form)
+    except Problem as problem:  # its keys name the plant's own states or outputs
+        raise NoValue(f"the observer does not take chains of integrators: {problem.message}") from problem
+    block = ObserverBlock.place(design, 0, False, parameters)
     z, e = ca.SX.sym("z", block.end), ca.SX.sym("e", len(chains))
     copy = block.copy(model.t, model.u, model.p)
     s = block.symbols(z)
@@ -249,15 +254,15 @@ def _linear(observer: AnyObserver, chains: tuple[int, ...], theta: float) -> tup
     flux = H @ rate + correction
     parts = [ca.jacobian(rate, xi), ca.jacobian(rate, e), H, ca.jacobian(flux, xi), ca.jacobian(flux, e)]
     values = ca.Function("linear", [parameters.symbol, z, e], [ca.densify(part) for part in parts])
-    found = values(parameters.values, _settled(block, model.n), np.zeros(len(chains)))
+    found = values(parameters.values, _settled(block), np.zeros(len(chains)))
     A0, E, H_, F0, F1 = (np.asarray(v.full()) for v in found)
     return A0 + E @ H_, E, F0 + F1 @ H_
 
 
-def _settled(block: ObserverBlock, n: int) -> np.ndarray:
-    """No error, and the matrices of a time-varying gain where they settle on a chain of n integrators."""
+def _settled(block: ObserverBlock) -> np.ndarray:
+    """No error, and the matrices of a time-varying gain where they settle on chains of integrators."""
     z = np.zeros(block.end)
-    matrices = block.observer.settled(n) if isinstance(block.observer, RiccatiGain) else {}
+    matrices = block.observer.settled(block.form) if isinstance(block.observer, SettlingGain) else {}
     for name, values in matrices.items():
         if name in block.states:
             state = block.states[name]

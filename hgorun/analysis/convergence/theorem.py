@@ -13,7 +13,7 @@ from hgorun.analysis.convergence.premises import Premises, dynamics_of, is_coars
 from hgorun.analysis.convergence.time_varying import FilterTheorem, Gramian
 from hgorun.analysis.reasons import NoValue, outcome, why_lost
 from hgorun.analysis.subject import Subject, once
-from hgorun.observers.capabilities import FilterCascade
+from hgorun.observers.capabilities import FilterCascade, SettlingGain
 from hgorun.observers.riccati import RiccatiGain
 from hgorun.result.theory import Transient
 from hgorun.symbolic.forms import BlockForm, ChainForm
@@ -55,6 +55,11 @@ def theorem_of(subject: Subject) -> Theorem:
     """
     premises = premises_of(subject)
     if not isinstance(subject.observer, RiccatiGain):
+        if isinstance(subject.observer, SettlingGain):
+            raise NoValue(
+                f"the gain of {subject.observer.type} follows the linearisation along the estimate: its theorem says "
+                "that some theta is large enough, not which"
+            )
         return _constant_gain(subject, premises)
     gramian = gramian_of(subject)
     if isinstance(subject.observer, FilterCascade):
