@@ -185,16 +185,19 @@ def _clipped(value: ca.SX, bounds: ca.SX | None) -> ca.SX:
 def _resting(rates: ca.SX, gamma: ca.SX, xi: ca.SX, bounds: Mapping[int, ca.SX]) -> ca.SX:
     """Integrals that rest while an input is beyond a bound and they would take what its law gives further.
 
-    Which way that is the slope of the law in the integral says: with gamma = ... + k xi the sign of k xi'.
+    Which way that is the slope of the law in the integral says: with gamma = ... + k xi the sign of k xi'. Every sign
+    is asked for once, so that equations change at one time for each and not at two that differ by rounding.
     """
     found = []
+    beyond = {i: (gamma[i] > both[1], gamma[i] < both[0]) for i, both in bounds.items()}
     for k, rate in enumerate(ca.vertsplit(rates)):
-        further = ca.SX(0)
-        for i, (low, high) in ((i, ca.vertsplit(both)) for i, both in bounds.items()):
-            push = ca.jacobian(gamma[i], xi[k]) * rate
-            above, below = ca.logic_and(gamma[i] > high, push > 0), ca.logic_and(gamma[i] < low, push < 0)
-            further = ca.logic_or(further, ca.logic_or(above, below))
-        found.append(ca.if_else(further, 0, rate))
+        grows, rests = rate > 0, ca.SX(0)
+        for i, (above, below) in beyond.items():
+            slope = ca.jacobian(gamma[i], xi[k])
+            if not slope.is_zero():
+                rises = ca.if_else(slope > 0, grows, ca.logic_not(grows))
+                rests = ca.logic_or(rests, ca.logic_or(ca.logic_and(above, rises), ca.logic_and(below, 1 - rises)))
+        found.append(ca.if_else(rests, 0, rate))
     return ca.vertcat(*found)
 
 

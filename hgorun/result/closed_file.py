@@ -18,8 +18,11 @@ def write_closed(w: Writer, result: ResultData, units: str | None) -> None:
     units : str, optional
         Of the states.
     """
+    if result.closed_loop:
+        w.group(GROUP)
     for label, loop in result.closed_loop.items():
         base = f"{GROUP}/{label}"
+        w.group(base)
         if label != PLANT:
             states, inputs, outputs = map(labels_of, (result.states, result.inputs, result.outputs))
             of_states = {"labels": states, "long_name": "state of the driven plant", "units": units}

@@ -29,6 +29,7 @@ def check_run(run: PreparedRun) -> None:
     _check_clock(run)
     check_jumps(run)
     check_corrections(run)
+    _check_law(run)
     check_start(run)
     for channel in run.channels:
         _ = channel.gain_and_bias  # noise that is not a number at some sample is reported before any run starts
@@ -130,6 +131,18 @@ def check_jumps(run: PreparedRun) -> None:
         if np.any(samples.taken < samples.arrival):
             raise Problem(stepped[0], "this takes samples without delay")
     _check_schedules(run, np.diff(first.arrival[first.used]))
+
+
+def _check_law(run: PreparedRun) -> None:
+    """A state of observers that the law uses must be one of some observer."""
+    law = run.plant.symbolic.controller
+    for name in () if law is None else law.own:
+        known = dict.fromkeys(own for b in run.observers for own in b.own_names)
+        if run.observers and name not in known:
+            raise Problem(
+                ("controller", "truth", name),
+                f"no observer has a state {name}; beside the estimates they have: {', '.join(known) or 'none'}",
+            )
 
 
 def check_corrections(run: PreparedRun) -> None:

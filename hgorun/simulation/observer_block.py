@@ -112,13 +112,20 @@ class ObserverBlock:
         return self.copy(t, u, p).state(self.symbols(z).xhat)
 
     def own(self, z: ca.SX) -> dict[str, ca.SX]:
-        """The numbers among the observer's own states by their names in a law, see :func:`names_of_entries`."""
-        own = [(name, state) for name, state in self._own.items() if name != "xhat"]
+        """The numbers among the observer's own states by their names in a law.
+
+        ``sigma`` is a single number, ``sigma_2`` one of a vector, ``P_1_2`` one of a matrix.
+        """
         return {
             entry: state.symbol(z)[place]
-            for name, state in own
-            for entry, place in names_of_entries(name, state.matrix).items()
+            for name, state in self._own.items()
+            for entry, place in _entries(name, state).items()
         }
+
+    @property
+    def own_names(self) -> tuple[str, ...]:
+        """The names of these."""
+        return tuple(entry for name, state in self._own.items() for entry in _entries(name, state))
 
     def flow(self, t: ca.SX, u: ca.SX, p: ca.SX, z: ca.SX, e: ca.SX) -> ca.SX:
         """d/dt of the block, alpha' = -c last."""
@@ -205,17 +212,14 @@ class ObserverBlock:
         return self.form.copy(t, u, p, self.canonical, self.bounds)
 
 
-def names_of_entries(name: str, shape: tuple[int, int]) -> dict[str, tuple[int, int]]:
-    """Names for the entries of a state: ``sigma`` of a single number, ``sigma_2`` of a vector, ``P_1_2`` of a matrix.
-
-    Returns
-    -------
-    dict of str to (int, int)
-        Row and column of each.
-    """
-    places = [(i, j) for i in range(shape[0]) for j in range(shape[1])]
+def _entries(name: str, state: StateBlock) -> dict[str, tuple[int, int]]:
+    """The entries of an observer's own state by their names: row and column of each."""
+    if name == "xhat":
+        return {}
+    rows, columns = state.matrix
+    places = [(i, j) for i in range(rows) for j in range(columns)]
     if len(places) == 1:
         return {name: places[0]}
-    if 1 in shape:
+    if 1 in (rows, columns):
         return {f"{name}_{i + j + 1}": (i, j) for i, j in places}
     return {f"{name}_{i + 1}_{j + 1}": (i, j) for i, j in places}
