@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
+from functools import cached_property
 
 import numpy as np
 
@@ -252,6 +253,7 @@ class Estimator:
             raise ValueError(f"the sample taken at {t:g} is late: with a gate late samples enter the innovation alone")
         return "innovation" in found
 
+    @cached_property
     def _identity(self) -> str:
         """What a checkpoint has to be of: the configuration, and which inputs are given."""
         text = self._experiment.resolved_text + json.dumps(sorted(self._system.inputs))
@@ -259,7 +261,7 @@ class Estimator:
 
     def checkpoint(self) -> bytes:
         """All that the estimator goes on from, with what is remembered for samples that come late."""
-        return Checkpoint(self._run.state(), self._past.before, self._past.events).written(self._identity())
+        return Checkpoint(self._run.state(), self._past.before, self._past.events).written(self._identity)
 
     def restore(self, checkpoint: bytes | bytearray) -> None:
         """Go on from a checkpoint of the same configuration.
@@ -273,7 +275,7 @@ class Estimator:
         """
         if not isinstance(checkpoint, bytes | bytearray):
             raise TypeError(f"checkpoint: expected the bytes of checkpoint(), found {checkpoint!r:.50}")
-        found = Checkpoint.read(checkpoint, self._identity())
+        found = Checkpoint.read(checkpoint, self._identity)
         try:
             self._run.restore(found.now)
         except Exception as error:

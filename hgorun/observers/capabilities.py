@@ -12,14 +12,16 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from typing import Self
+from typing import Any, Self
 
+import casadi as ca
 import numpy as np
 from pydantic import Field
 
 from hgorun.config.types import Block, Positive
 from hgorun.symbolic.forms import Form
 from hgorun.symbolic.sensors import Sensor
+from hgorun.symbolic.symbols import Symbols
 
 
 class HighGain(Block):
@@ -94,6 +96,33 @@ class Switching(Block):
     def switches(self) -> bool:
         """Whether it does with the keys that are given."""
         return True
+
+
+class LocallyLinear(Block):
+    """A correction that is linear in the innovation near the truth only.
+
+    Linear theory is about small errors then, and the bounds of theorems for linear corrections do not hold.
+    """
+
+    @property
+    @abstractmethod
+    def nonlinear(self) -> str | None:
+        """Where it is not linear, in words; None: nowhere, with the keys that are given."""
+
+    @abstractmethod
+    def beyond(self, plant: Any, s: Symbols, e: ca.SX, k: Symbols) -> ca.SX:
+        """1 where it is not linear, 0 elsewhere: an entry for each saturation, zone or the like.
+
+        Parameters
+        ----------
+        plant : the form's copy of the plant
+        s : Symbols
+            The observer's states, ``s.xhat`` among them.
+        e : casadi.SX, shape (q,)
+            The innovation.
+        k : Symbols
+            The numbers of the design.
+        """
 
 
 class NoiseInformed(Block):

@@ -304,7 +304,20 @@ class Experiment:
     @property
     def metric_step(self) -> float:
         """Spacing of the points that metrics are taken from."""
-        return metric_step(self.blocks.time, self.blocks.metrics)
+        return self._every * metric_step(self.blocks.time, self.blocks.metrics)
+
+    @cached_property
+    def _every(self) -> int:
+        """How many points of the metrics' grid make a step of this experiment's, see :meth:`looked_at`."""
+        return 1
+
+    def looked_at(self, every: int) -> Experiment:
+        """The same, but with output at every so many points of the metrics' grid alone."""
+        new = object.__new__(type(self))
+        new.__dict__ |= self.__dict__
+        points, _, of_metrics = self.grid
+        new._every, new.grid = every, (points[:: every * of_metrics].copy(), 1, 1)
+        return new
 
     @cached_property
     def grid(self) -> tuple[np.ndarray, int, int]:

@@ -105,9 +105,9 @@ class CanonicalForm:
     def no_inverse(self) -> str | None:
         """Why x is not known as a function of z; None where it is."""
         if not self.square:
-            return "there are more chain components than states; use coordinates: original"
+            return "there are more chain components than states"
         if not (self.identity or self.links or self.plant.inverse is not None):
-            return "this plant gives no inverse of its canonical map; use coordinates: original"
+            return "this plant gives no inverse of its canonical map"
         return None
 
     def inverse(self, z: ca.SX, p: ca.SX) -> ca.SX:

@@ -17,9 +17,9 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from hgorun.analysis.reasons import NoValue
+from hgorun.analysis.reasons import CORRECTED, NoValue
 from hgorun.errors import Problem
-from hgorun.observers.base import AnyObserver, ContinuousObserver
+from hgorun.observers.base import AnyObserver, ContinuousObserver, CorrectedObserver
 from hgorun.observers.capabilities import HighGain, SettlingGain
 from hgorun.observers.constant_gain import PlacedGain
 from hgorun.observers.forward_differences import ForwardDifferences
@@ -169,6 +169,8 @@ def _asked_for(observer: AnyObserver, A: np.ndarray) -> np.ndarray | None:
 def _chains(observer: AnyObserver, form: Form) -> tuple[int, ...]:
     """Lengths of the chains."""
     if isinstance(form, ChainForm):
+        if isinstance(observer, CorrectedObserver):
+            raise NoValue(CORRECTED)
         if isinstance(observer, ForwardDifferences) or _is_flow(observer):
             return form.chains
     elif isinstance(form, BlockForm) and isinstance(observer, RiccatiGain):
@@ -229,7 +231,8 @@ def _chain_model(chains: tuple[int, ...]) -> PlantModel:
 def _linear(observer: AnyObserver, chains: tuple[int, ...], theta: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """A, E and the flux of an observer on chains, differentiated where there is no error."""
     model = _chain_model(chains)
-    plain = observer.model_copy(update={"theta": theta, "saturation": {}, "coordinates": "original", "initial": {}})
+    neutral: dict[str, object] = {"saturation": {}, "clip_estimate": None, "coordinates": "original", "initial": {}}
+    plain = observer.model_copy(update={"theta": theta, **neutral})
     form: Form
     if isinstance(observer, RiccatiGain):
         form = TriangularForm(model, model, tuple(range(model.n)), (0,))
