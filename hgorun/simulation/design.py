@@ -104,7 +104,7 @@ class Design:
     def _defaulted(self) -> str:
         """What a message adds where states start at 0 for want of another value."""
         absent = [state for state in self.form.plant.states if state not in self.observer.initial]
-        return f"; estimates start at 0 where initial does not name them: give {', '.join(absent)}" if absent else ""
+        return f"; states without an initial value start at 0: give initial of {', '.join(absent)}" if absent else ""
 
     @cached_property
     def _estimate(self) -> np.ndarray:

@@ -274,5 +274,5 @@ def test_what_the_first_samples_do_not_say_is_asked_for() -> None:
     log = recording(signal("low", taken, 20 + taken))
     plant = inline({"high": "1 - sqrt(high)", "low": "sqrt(high) - sqrt(low)"}, "low")
     block: Block = {"type": "shgo", "theta": 1, "poles": -1}
-    with pytest.raises(ConfigError, match="estimates start at 0 where initial does not name them: give high"):
+    with pytest.raises(ConfigError, match="states without an initial value start at 0: give initial of high"):
         estimate(source({"plant": plant, "observers": {"o": block}}), log)
