@@ -279,7 +279,10 @@ def test_it_is_written_and_read(from_rest: Result, tmp_path: Path) -> None:
         ({"controller": None}, "there is no block controller"),
         ({"measurement": {"noise": [{"type": "gaussian", "snr_db": 20, "hold": 0.1}]}}, "give std"),
         (
-            {"observers.F": {"type": "ekf", "theta": 1}, "measurement": {"sampling": {"period": 1}, "delay": 0.5}},
+            {
+                "observers.F": {"type": "ekf", "theta": 1, "R": 1},
+                "measurement": {"sampling": {"period": 1}, "delay": 0.5},
+            },
             "replay takes",
         ),
         ({"plant.discretise": "euler", "measurement": {"sampling": {"period": 0.1}}}, "the sample before"),
