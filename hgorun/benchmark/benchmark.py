@@ -18,7 +18,7 @@ from hgorun.code import ENSEMBLE, RUN, code, code_of
 from hgorun.config.benchmark import BenchmarkFile, Contestant
 from hgorun.config.reading import read_source
 from hgorun.config.validation import validate
-from hgorun.errors import ConfigError
+from hgorun.errors import ConfigError, HgorunError
 from hgorun.files import json_value, write_text
 from hgorun.measurement.blocks import noise_blocks
 from hgorun.simulation.experiment import Experiment
@@ -32,7 +32,7 @@ _OWN = ("benchmark/scan.py", "benchmark/trial.py")
 
 @dataclass(frozen=True)
 class Entry:
-    """What is known of a contestant on a plant in a scenario: its score, or why it has none."""
+    """What is known of a contestant on a plant in a scenario: its score, or why it has none: refused, or failed."""
 
     plant: str
     scenario: str
@@ -82,7 +82,7 @@ class Benchmark:
         Raises
         ------
         HgorunError
-            When a run cannot be carried out, or a file cannot be written.
+            When a file cannot be written.
         """
         found = []
         for (plant, scenario), base in self.bases.items():
