@@ -120,9 +120,11 @@ class _Cell:
         path = folder / f"{_digest(made_of)}.json"
         if (kept := _read(path)) is not None:
             return replace(entry, score=kept)
-        score = Trial(experiment, label, one, self.scale, self.rate).score(
-            self.blocks.seeds, self.blocks.tries, threads
-        )
+        try:
+            trial = Trial(experiment, label, one, self.scale, self.rate)
+            score = trial.score(self.blocks.seeds, self.blocks.tries, threads)
+        except HgorunError as error:
+            return replace(entry, refused=f"failed: {error}")
         write_text(path, json.dumps(json_value({"of": made_of, "score": asdict(score)}), indent=1))
         return replace(entry, score=score)
 
