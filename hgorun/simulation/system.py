@@ -12,10 +12,10 @@ from itertools import accumulate
 
 import casadi as ca
 
-from hgorun.engine.layout import Held, HybridSystem, Regime
+from hgorun.engine.layout import Decision, Held, HybridSystem, Regime
 from hgorun.measurement.signals import Signal
 from hgorun.measurement.variants import CONTINUOUS, DELAYED, FROZEN, HELD, SILENT, Variant, is_delayed
-from hgorun.observers.base import Arrival, CorrectedObserver, Sample, SampledObserver
+from hgorun.observers.base import Arrival, CorrectedObserver, DecidedObserver, Sample, SampledObserver
 from hgorun.simulation.observer_block import ObserverBlock
 from hgorun.simulation.truth import Placed, PlantNumbers, SameTruth, Truth
 from hgorun.symbolic.plant import PlantModel
@@ -106,6 +106,16 @@ class _Part:
         for j, b in enumerate(self.group.observers):
             yield b.flow(s.t, self.placed.u, s.plant.parameters, s.z, self.innovation(j, variant, signals))
 
+    def decisions(self, variant: Variant, signals: Mapping[tuple[int, int], Signal]) -> dict[int, ca.SX]:
+        """What the group's observers decide, by places in z."""
+        s, found = self.symbols, dict[int, ca.SX]()
+        if variant[self.outputs.start][0] != FROZEN:
+            for j, b in enumerate(self.group.observers):
+                if isinstance(b.observer, DecidedObserver):
+                    e = self.innovation(j, variant, signals)
+                    found |= b.decisions(s.t, self.placed.u, s.plant.parameters, s.z, e)
+        return found
+
     def channels(self, observers: int) -> Iterator[ca.SX]:
         """For each output y, and s of all the system's observers: zero for those of other groups."""
         behind = observers - self.before - len(self.guesses)
@@ -194,12 +204,16 @@ def build_system(
     for variant in variants:
         rates = [rate for part in parts for rate in part.flow(variant, signals)]
         flow = compiled("flow", ca.vertcat(*rates, *[ca.SX(0)] * several))
+        decided = {k: v for part in parts for k, v in part.decisions(variant, signals).items()}
+        decision = None
+        if decided:
+            decision = Decision(tuple(decided), compiled("decision", ca.vertcat(*decided.values())))
         if is_delayed(variant):
             delays = [signals[i, phase].delay if what == DELAYED else 0 for i, (what, phase) in enumerate(variant)]
             late = tuple(i for i, (what, _) in enumerate(variant) if what == DELAYED)
-            regimes.append(Regime(flow, compiled("lags", ca.vertcat(*delays)), late))
+            regimes.append(Regime(flow, compiled("lags", ca.vertcat(*delays)), late, decision))
         else:
-            regimes.append(Regime(flow))
+            regimes.append(Regime(flow, decision=decision))
     channels = ca.vertcat(*[channel for part in parts for channel in part.channels(held.observers)])
     dz = ca.SX.sym("dz", size)
     slopes = ca.SX(0, 1)
