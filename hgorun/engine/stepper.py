@@ -96,6 +96,11 @@ class Stepper(ABC):
         self.flags, self.passes = f.slot("i64"), f.slot("i64")
         f.store("0", self.flags, "i64")
 
+    @property
+    def decides(self) -> bool:
+        """Whether anything is decided at the ends of steps."""
+        return self.m.system.regimes[self.regime].decision is not None
+
     @cached_property
     def _decided(self) -> tuple[Emitted, str, str]:
         """The decision's function, and memory for its values and for what it needs of time."""
@@ -111,8 +116,7 @@ class Stepper(ABC):
         ``clock`` has the clocked values at t.
         """
         f, regime = self.f, self.m.system.regimes[self.regime]
-        if regime.decision is None:
-            return
+        assert regime.decision is not None
         emitted, new, tau = self._decided
         self.look_up(t, finished="1")
         constants = self.m.constants_of(f, emitted)

@@ -12,7 +12,15 @@ import numpy as np
 
 from hgorun.config.reads import Reads
 from hgorun.errors import HgorunError, PluginError, Problem
-from hgorun.observers.base import AnyObserver, Arrival, ContinuousObserver, CorrectedObserver, Sample, SampledObserver
+from hgorun.observers.base import (
+    AnyObserver,
+    Arrival,
+    ContinuousObserver,
+    CorrectedObserver,
+    DecidedObserver,
+    Sample,
+    SampledObserver,
+)
 from hgorun.plants.build import BuiltPlant
 from hgorun.symbolic.forms import Copy, Form, ModelCopy
 from hgorun.symbolic.parameters import Parameters
