@@ -166,6 +166,9 @@ class HybridSystem:
         The channels, then their time derivatives, from (t, p, z, z'); used where something is delayed.
     innovations : bool
         Whether every observer's innovation is kept of every sample that arrives.
+    recalled : int
+        How many of the outputs, the last ones, are none: they stand for signals of observers that look back at their
+        own past, which are their first channel.
     """
 
     states: int
@@ -181,6 +184,7 @@ class HybridSystem:
     corrections: tuple[tuple[int, int, int], ...] = ()
     replayed: tuple[int, int] | None = None
     innovations: bool = False
+    recalled: int = 0
 
     @property
     def outputs(self) -> int:
@@ -216,6 +220,11 @@ class HybridSystem:
     def decides(self) -> bool:
         """Whether anything is decided at the ends of steps."""
         return any(regime.decision is not None for regime in self.regimes)
+
+    @property
+    def compares_with_past(self) -> bool:
+        """Whether observers compare a continuous output with what they have estimated of it before."""
+        return any(output < self.outputs - self.recalled for regime in self.regimes for output in regime.delayed)
 
     @property
     def remembers(self) -> bool:

@@ -8,9 +8,10 @@ from hgorun.engine.memory import history_bytes, history_pieces
 from hgorun.errors import Problem
 from hgorun.measurement.channels import continuous_delays
 from hgorun.measurement.signals import delay_range
-from hgorun.observers.base import CorrectedObserver, DecidedObserver, SampledObserver, SampleSchedule, treatment_of
+from hgorun.observers.base import CorrectedObserver, DecidedObserver, SampledObserver, SampleSchedule
 from hgorun.observers.capabilities import Punctual
 from hgorun.observers.hold import Shrinking
+from hgorun.observers.treatment import treatment_of
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.steps import steps_between
 from hgorun.symbolic.evaluate import roughly_at

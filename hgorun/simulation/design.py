@@ -11,7 +11,7 @@ import numpy as np
 from hgorun.errors import PluginError, Problem, called
 from hgorun.memo import same
 from hgorun.observers.base import AnyObserver, ContinuousObserver, CorrectedObserver
-from hgorun.symbolic.forms import ChosenChains, Form
+from hgorun.symbolic.forms import ChosenChains, Form, Guessing
 from hgorun.symbolic.parameters import flat
 from hgorun.symbolic.states import StateBlock, Symmetric
 
@@ -147,10 +147,16 @@ class Design:
 
     @cached_property
     def numbers(self) -> np.ndarray:
-        """Its part of the parameters: gains, then saturation bounds."""
+        """Its part of the parameters: gains, then saturation bounds, then what its form starts Newton's method at."""
+        guess = [] if self.guess is None else [self.guess]
         return np.concatenate(
-            [np.zeros(0), *map(flat, self.gains.values()), *map(flat, self.observer.saturation.values())]
+            [np.zeros(0), *map(flat, self.gains.values()), *map(flat, self.observer.saturation.values()), *guess]
         )
+
+    @cached_property
+    def guess(self) -> np.ndarray | None:
+        """Where Newton's method starts that finds the estimate; None where there is none."""
+        return self.form.guess if isinstance(self.form, Guessing) else None
 
 
 def _shrinking(label: str, observer: AnyObserver) -> dict[str, np.ndarray]:
