@@ -88,6 +88,22 @@ class Held:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
+class Decision:
+    """What some states become at the end of every step and after every event.
+
+    Attributes
+    ----------
+    places : tuple of int
+        The states, in z.
+    function : casadi.Function
+        Their values, from (t, p, z, w).
+    """
+
+    places: tuple[int, ...]
+    function: ca.Function
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Regime:
     """The right-hand side while every output stays what it is to the observers.
 
@@ -99,11 +115,22 @@ class Regime:
         The delays of all outputs at t, from the same, where one of them is continuous and delayed.
     delayed : tuple of int
         The outputs that are.
+    decision : Decision or None
+        What is decided meanwhile.
     """
 
     flow: ca.Function
     lags: ca.Function | None = None
     delayed: tuple[int, ...] = ()
+    decision: Decision | None = None
+
+    @property
+    def deciding(self) -> frozenset[int]:
+        """The states that are decided and that the flow depends on."""
+        if self.decision is None:
+            return frozenset()
+        read = set(self.flow.jac_sparsity(0, 2).get_col())
+        return frozenset(read.intersection(self.decision.places))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -129,10 +156,13 @@ class HybridSystem:
         The channels from (t, p, z, w).
     jumps : tuple of (start, stop, casadi.Function)
         What z[start:stop] becomes, from (t, p, z, w), when a sample arrives: the plant's where it is stepped,
-        then those of the discrete-time observers and of those that are corrected.
+        then those of the discrete-time observers; then the inputs when a controller acts, and at last those of the
+        observers that are corrected.
+    acts : int
+        How many of the jumps are a controller's.
     corrections : tuple of (number, first output, last output + 1)
-        Those of the jumps that are made whenever a sample of some of the outputs arrives; the others are from the
-        second sample on.
+        Those of the jumps that are made whenever a sample of some of the outputs arrives; the first ones are from
+        the second sample on.
     replayed : (int, int) or None
         From where on the states and what is held can be taken back to what they have been.
     channel_slopes : casadi.Function
@@ -154,6 +184,7 @@ class HybridSystem:
     channels: ca.Function
     channel_slopes: ca.Function
     jumps: tuple[tuple[int, int, ca.Function], ...] = ()
+    acts: int = 0
     corrections: tuple[tuple[int, int, int], ...] = ()
     replayed: tuple[int, int] | None = None
     innovations: bool = False
@@ -177,7 +208,13 @@ class HybridSystem:
     @property
     def stepped(self) -> tuple[tuple[int, int, ca.Function], ...]:
         """Those of the jumps that are made from the second sample on."""
-        return self.jumps[: len(self.jumps) - len(self.corrections)]
+        return self.jumps[: len(self.jumps) - self.acts - len(self.corrections)]
+
+    @property
+    def acting(self) -> range:
+        """The numbers of the jumps that are made when a controller acts."""
+        first = len(self.stepped)
+        return range(first, first + self.acts)
 
     @property
     def has_alpha(self) -> bool:
@@ -188,6 +225,11 @@ class HybridSystem:
     def snapshot(self) -> int:
         """How many numbers are kept to go back to them."""
         return 0 if self.replayed is None else self.states - self.replayed[0] + self.held.size - self.replayed[1]
+
+    @property
+    def decides(self) -> bool:
+        """Whether anything is decided at the ends of steps."""
+        return any(regime.decision is not None for regime in self.regimes)
 
     @property
     def compares_with_past(self) -> bool:

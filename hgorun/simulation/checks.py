@@ -8,7 +8,7 @@ from hgorun.engine.memory import history_bytes, history_pieces
 from hgorun.errors import Problem
 from hgorun.measurement.channels import continuous_delays
 from hgorun.measurement.signals import delay_range
-from hgorun.observers.base import CorrectedObserver, SampledObserver, SampleSchedule
+from hgorun.observers.base import CorrectedObserver, DecidedObserver, SampledObserver, SampleSchedule
 from hgorun.observers.capabilities import Punctual
 from hgorun.observers.hold import Shrinking
 from hgorun.observers.treatment import treatment_of
@@ -32,7 +32,9 @@ def check_run(run: PreparedRun) -> None:
     _check_clock(run)
     check_jumps(run)
     check_corrections(run)
+    _check_law(run)
     _check_punctual(run)
+    _check_decisions(run)
     check_holds(run)
     check_start(run)
     for channel in run.channels:
@@ -74,7 +76,7 @@ def _reads_the_clock(run: PreparedRun) -> bool:
 
 
 def longest_step(run: PreparedRun, step: float, *, adaptive: bool = False) -> float:
-    """The longest step: no longer than the delays, unless they are very short.
+    """The longest step: no longer than decisions allow, nor than the delays, unless these are very short.
 
     Parameters
     ----------
@@ -83,8 +85,28 @@ def longest_step(run: PreparedRun, step: float, *, adaptive: bool = False) -> fl
     adaptive : bool
         Whether steps are controlled and only the delays limit them.
     """
-    longest = np.inf if adaptive else step
+    longest = min(np.inf if adaptive else step, _between_decisions(run)[0])
     return min(longest, run.smallest_delay) if run.smallest_delay > _OVERLAP * step else longest
+
+
+def _between_decisions(run: PreparedRun) -> tuple[float, str]:
+    """The longest step that the decisions of an observer allow, and which one's."""
+    limits = [
+        (b.observer.longest_step(b.form), b.label) for b in run.observers if isinstance(b.observer, DecidedObserver)
+    ]
+    return min(limits, default=(np.inf, ""))
+
+
+def _check_decisions(run: PreparedRun) -> None:
+    """A step that is given has to be short enough for decisions."""
+    longest, label = _between_decisions(run)
+    given = run.experiment.given_step
+    if not run.adaptive and given is not None and given > longest * (1 + 1e-9):
+        raise Problem(
+            ("solver", "step"),
+            f"observer {label} decides at the ends of steps, which must not be longer than {longest:.4g}: found "
+            f"{given:g}",
+        )
 
 
 def check_steps(run: PreparedRun, step: float, *, adaptive: bool) -> None:
@@ -134,6 +156,8 @@ def check_jumps(run: PreparedRun) -> None:
         stepped.insert(0, ("plant", "discretise"))
     if not stepped:
         return
+    if run.closed:
+        raise Problem(stepped[0], "this steps with the input at the sample before, which a controller does not keep")
     first = run.channels[0].samples
     for channel in run.channels:
         samples = channel.samples
@@ -144,6 +168,18 @@ def check_jumps(run: PreparedRun) -> None:
         if np.any(samples.taken < samples.arrival):
             raise Problem(stepped[0], "this takes samples without delay")
     _check_schedules(run, np.diff(first.arrival[first.used]))
+
+
+def _check_law(run: PreparedRun) -> None:
+    """A state of observers that the law uses must be one of some observer."""
+    law = run.plant.symbolic.controller
+    for name in () if law is None else law.own:
+        known = dict.fromkeys(own for b in run.observers for own in b.own_names)
+        if run.observers and name not in known:
+            raise Problem(
+                ("controller", "truth", name),
+                f"no observer has a state {name}; beside the estimates they have: {', '.join(known) or 'none'}",
+            )
 
 
 def check_corrections(run: PreparedRun) -> None:
@@ -208,10 +244,19 @@ def check_start(run: PreparedRun) -> None:
         return
     bad = np.flatnonzero(~sound[: system.plant_states])
     if bad.size:
+        if bad[0] >= run.plant.model.n:
+            raise Problem(
+                ("controller",), "what its law or its cost gives is not a finite number at the start of the run"
+            )
         name = run.plant.model.states[int(bad[0])]
         path = ("plant", *run.plant.block.place_of(name))
         raise Problem(path, f"the right-hand side of {name} is not a finite number at the start of the run")
-    for b in numbers.observers:
+    for b, (first, *_) in zip(numbers.observers, system.blocks, strict=True):
+        if not sound[first : b.start].all():
+            raise Problem(
+                ("observers", b.label),
+                "at its initial estimate the controller's law is not a finite number; set it with initial",
+            )
         if not sound[b.start : b.end].all():
             internal = ", ".join(name for name in b.states if name not in ("xhat", "alpha"))
             raise Problem(

@@ -94,12 +94,17 @@ class Design:
                 estimate = self.form.start(self._estimate, parameters, self.observer.canonical)
                 xhat = self.observer.start(np.asarray(estimate), self.gains)
             except ValueError as error:
-                at = "" if self.observer.initial else "; that is where estimates start by default: give initial"
-                raise self._fail("initial", f"{error}{at}") from error
+                raise self._fail("initial", f"{error}{self._defaulted}") from error
             own = self._own_alpha if has_alpha else self._own
             # in one piece: runs in other threads may share the design
             known = self._last["start"] = key, np.concatenate([np.ravel(xhat), own])
         return known[1]
+
+    @property
+    def _defaulted(self) -> str:
+        """What a message adds where states start at 0 for want of another value."""
+        absent = [state for state in self.form.plant.states if state not in self.observer.initial]
+        return f"; states without an initial value start at 0: give initial of {', '.join(absent)}" if absent else ""
 
     @cached_property
     def _estimate(self) -> np.ndarray:
