@@ -13,7 +13,7 @@ from hgorun.observers.base import AnyObserver, Arrival, ContinuousObserver, Corr
 from hgorun.observers.kalman import KalmanFilter
 from hgorun.observers.recalling import LAGS, RecallingObserver
 from hgorun.simulation.design import SHRINK, Design
-from hgorun.symbolic.forms import Copy, Form, ModelCopy, saturate
+from hgorun.symbolic.forms import Copy, Form, GuessingCopy, ModelCopy, saturate
 from hgorun.symbolic.parameters import Parameters
 from hgorun.symbolic.states import StateBlock
 from hgorun.symbolic.symbols import Symbols
@@ -35,6 +35,8 @@ class ObserverBlock:
         Symbols for the saturation.
     design : dict of str to ndarray
         The numbers.
+    newton : casadi.SX or None
+        Symbols for where Newton's method starts that finds the estimate.
     """
 
     label: str
@@ -45,6 +47,7 @@ class ObserverBlock:
     k: Symbols
     bounds: dict[str, tuple[ca.SX, ca.SX]]
     design: Mapping[str, np.ndarray]
+    newton: ca.SX | None
 
     @classmethod
     def place(
@@ -63,6 +66,7 @@ class ObserverBlock:
         for state, interval in design.observer.saturation.items():
             both = parameters.add(f"{label}.sat.{state}", interval)
             bounds[state] = (both[0], both[1])
+        newton = None if design.guess is None else parameters.add(f"{label}.guess", design.guess)
         defaults = dict(design.defaults)
         if has_alpha:
             defaults["alpha"] = np.zeros(len(design.form.plant.outputs))
@@ -70,12 +74,12 @@ class ObserverBlock:
         for name, value in defaults.items():
             states[name] = StateBlock.of(end, value)
             end += states[name].size
-        return cls(label, observer or design.observer, design.form, start, states, k, bounds, design.gains)
+        return cls(label, observer or design.observer, design.form, start, states, k, bounds, design.gains, newton)
 
     def of(self, design: Design) -> ObserverBlock:
         """The same place and equations with the numbers of another observer."""
         mine = self.label, design.observer, design.form
-        return ObserverBlock(*mine, self.start, self.states, self.k, self.bounds, design.gains)
+        return ObserverBlock(*mine, self.start, self.states, self.k, self.bounds, design.gains, self.newton)
 
     @property
     def canonical(self) -> bool:
@@ -229,4 +233,8 @@ class ObserverBlock:
 
     def copy(self, t: ca.SX, u: ca.SX, p: ca.SX) -> Copy:
         """The plant as the observer copies it."""
-        return self.form.copy(t, u, p, self.canonical, self.bounds)
+        plant = self.form.copy(t, u, p, self.canonical, self.bounds)
+        if self.newton is None:
+            return plant
+        assert isinstance(plant, GuessingCopy)
+        return plant.started_at(self.newton)
