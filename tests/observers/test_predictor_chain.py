@@ -235,7 +235,7 @@ def test_what_cannot_be_is_refused(blocks: dict[str, Block], plant: Block, measu
 
 
 def test_history_needs_memory() -> None:
-    config = {"time": {"end": 1e4, "output_step": 1e3, "max_memory": 1e5}}
+    config: Block = {"time": {"end": 1e4, "output_step": 1e3, "max_memory": 1e5}}
     late: Block = {"delay": 1000, "sampling": {"period": 100}}
     with pytest.raises(ConfigError, match=r"observers.K: .* the history of a delay of 1e\+03 takes"):
         hgorun.simulate(experiment(VDP, {"K": of(1, 1e-3)}, step=0.01, measurement=late, **config))
