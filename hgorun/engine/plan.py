@@ -15,6 +15,37 @@ _OF_ACTIONS = np.array([0, 0, 0, 0, 1, 1, 0])  # the counts of a segment that nu
 
 
 @dataclass(frozen=True, eq=False, repr=False)
+class Kept:
+    """Some of the samples that are measured in a part of a run, and where they are kept.
+
+    Attributes
+    ----------
+    slots, places : slice
+        Of the part, and among all that is kept of the run.
+    """
+
+    slots: slice
+    places: slice
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PartNumbers:
+    """What is measured in a part of a run whose samples are numbered anew in every part.
+
+    Attributes
+    ----------
+    gain, bias, holds : ndarray
+        As those of a :class:`Plan`.
+    kept : tuple of Kept
+    """
+
+    gain: Floats
+    bias: Floats
+    holds: Floats
+    kept: tuple[Kept, ...]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Segments:
     """Some segments one after the other, and what happens at the events that they start with.
 
@@ -22,11 +53,14 @@ class Segments:
     ----------
     spans, counts, actions
         As those of a :class:`Plan`; the ranges of actions are those of these segments.
+    numbers : PartNumbers, optional
+        In place of those of the plan.
     """
 
     spans: Floats
     counts: Integers
     actions: Integers
+    numbers: PartNumbers | None = None
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -78,6 +112,10 @@ class Plan:
         States that are kept at a time, to go back to them.
     following : Following, optional
         What comes behind these segments, where they are not those of the whole run.
+    numbers : PartNumbers, optional
+        Of the first part, where every part has its own.
+    kept : int
+        How many samples are kept then.
     """
 
     spans: Floats
@@ -92,11 +130,14 @@ class Plan:
     origin: float = 0.0
     snapshots: int = 0
     following: Following | None = None
+    numbers: PartNumbers | None = None
+    kept: int = 0
 
     def whole(self) -> Plan:
         """The same with the segments of the whole run at once."""
         if self.following is None:
             return self
+        assert self.numbers is None
         parts = list(self.parts())
         first = np.cumsum([0, *(len(part.actions) for part in parts[:-1])])
         counts = [part.counts + at * _OF_ACTIONS for part, at in zip(parts, first, strict=True)]
@@ -110,7 +151,7 @@ class Plan:
 
     def parts(self) -> Iterator[Segments]:
         """The segments of the whole run, some of them at a time."""
-        yield Segments(self.spans, self.counts, self.actions)
+        yield Segments(self.spans, self.counts, self.actions, self.numbers)
         if self.following is not None:
             yield from self.following.parts()
 

@@ -8,12 +8,12 @@ import numpy as np
 from pydantic import model_validator
 
 from hgorun.config.types import Number
-from hgorun.noise.base import Draws, RandomNoise, Spectrum, noise
-from hgorun.noise.streams import Streams
+from hgorun.noise.base import DrawnInParts, Draws, Spectrum, noise
+from hgorun.noise.streams import Stream, Streams
 
 
 @noise("uniform")
-class UniformNoise(RandomNoise):
+class UniformNoise(DrawnInParts):
     """Uniform noise between low and high: a draw a sample, or one every ``hold``."""
 
     bounded: ClassVar[bool] = True
@@ -37,6 +37,9 @@ class UniformNoise(RandomNoise):
 
     def _between(self, parts: np.ndarray) -> np.ndarray:
         return self.low + (self.high - self.low) * parts
+
+    def draw_next(self, stream: Stream, count: int) -> np.ndarray:
+        return self._between(stream.uniform(count))
 
     def spectrum(self) -> Spectrum:
         mean, variance = 0.5 * (self.low + self.high), (self.high - self.low) ** 2 / 12

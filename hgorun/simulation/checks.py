@@ -7,10 +7,11 @@ import numpy as np
 from hgorun.engine.memory import history_bytes, history_pieces
 from hgorun.errors import Problem
 from hgorun.measurement.channels import continuous_delays
+from hgorun.measurement.schedule import Schedule
 from hgorun.measurement.signals import delay_range
 from hgorun.observers.base import CorrectedObserver, SampledObserver, SampleSchedule
 from hgorun.simulation.prepared import PreparedRun
-from hgorun.simulation.steps import steps_between
+from hgorun.simulation.steps import counted_steps, steps_between
 from hgorun.symbolic.evaluate import roughly_at
 
 _COARSE = 0.01  # of a step: so far apart neighbouring numbers may be
@@ -30,7 +31,7 @@ def check_run(run: PreparedRun) -> None:
     check_jumps(run)
     check_corrections(run)
     check_start(run)
-    for channel in run.channels:
+    for channel in run.channels if isinstance(run.schedule, Schedule) else []:
         _ = channel.gain_and_bias  # noise that is not a number at some sample is reported before any run starts
 
 
@@ -83,10 +84,12 @@ def check_steps(run: PreparedRun, step: float, *, adaptive: bool) -> None:
     """
     longest = longest_step(run, step, adaptive=adaptive)
     if adaptive:
-        steps_between(run.schedule, run.solver.max_step or np.inf, "max_step")
-    steps = None if adaptive else steps_between(run.schedule, longest)
+        counted_steps(run.schedule, run.solver.max_step or np.inf, "max_step")
+    elif not run.structure.system.remembers:
+        counted_steps(run.schedule, longest)
     if not run.structure.system.remembers:
         return
+    steps = None if adaptive else steps_between(run.schedule, longest)
     events = run.schedule.events
     pieces = history_pieces(np.column_stack([events[:-1], events[1:]]), steps, run.reach)
     size = history_bytes(run.structure.system, pieces)
@@ -123,9 +126,9 @@ def check_jumps(run: PreparedRun) -> None:
         samples = channel.samples
         if any(s.continuous for s in channel.stretches):
             raise Problem(stepped[0], f"this needs sampled outputs, but {channel.name} is continuous")
-        if not np.array_equal(samples.arrival, first.arrival):
+        if samples.identity != first.identity and not np.array_equal(samples.arrival, first.arrival):
             raise Problem(stepped[0], "this needs all outputs sampled at the same times")
-        if np.any(samples.taken < samples.arrival):
+        if samples.late:
             raise Problem(stepped[0], "this takes samples without delay")
     _check_schedules(run, np.diff(first.arrival[first.used]))
 

@@ -9,6 +9,8 @@ import numpy as np
 from hgorun.engine.memory import Raw
 from hgorun.errors import Problem
 from hgorun.measurement.events import merge
+from hgorun.measurement.in_order import NoiseInOrder
+from hgorun.measurement.long import LongSchedule
 from hgorun.measurement.schedule import nearest_event
 from hgorun.measurement.signals import noise_at
 from hgorun.memo import Memo, same
@@ -116,12 +118,12 @@ def _inputs(run: PreparedRun, times: np.ndarray) -> np.ndarray:
 def _measurements(run: PreparedRun, raw: Raw, grid: np.ndarray, y: np.ndarray) -> Measurements:
     """Samples at their arrival, continuous outputs on the output grid."""
     parts: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
-    base = 0
+    base, every, long = 0, run.schedule.every, isinstance(run.schedule, LongSchedule)
     for i, c in enumerate(run.channels):
-        count = c.samples.arrival.size
-        times, taken = [c.samples.arrival], [c.samples.taken]
-        values = [raw.measured[base : base + count, 0]]
-        base += count
+        samples = c.samples.part(0, c.samples.size, every) if long else c.samples
+        times, taken = [samples.arrival], [samples.taken]
+        values = [raw.measured[base : base + samples.size, 0]]
+        base += samples.size
         continuous = [k for k, stretch in enumerate(c.stretches) if stretch.continuous]
         on_grid = c.stretch_at(grid) if continuous and len(c.stretches) > 1 else None
         for k in continuous:
@@ -136,17 +138,18 @@ def _measurements(run: PreparedRun, raw: Raw, grid: np.ndarray, y: np.ndarray) -
                 truth = late
             times.append(t)
             taken.append(then)
-            v = noise_at(stretch, t) + c.noise[k].held(t)
+            noise = NoiseInOrder(c.noise[k]) if long else c.noise[k]
+            v = noise_at(stretch, t) + noise.held(t)
             values.append(truth * (1 + v) if stretch.multiplicative else truth + v)
         parts.append((_joined(times), _joined(taken), run.plant.model.wrapped(i, _joined(values))))
     key = same(run.schedule), same(run.grid)  # of which runs of one family have the same ones
     union, places = _ROWS.get(key, lambda: _rows([part[0] for part in parts], 1e-9 * run.step))
     if len(parts) == 1 and isinstance(places[0], slice):
-        return Measurements(run.origin + union, run.origin + parts[0][1][:, None], parts[0][2][:, None].copy())
+        return Measurements(run.origin + union, run.origin + parts[0][1][:, None], parts[0][2][:, None].copy(), every)
     taken_all, y_all = (np.full((union.size, len(parts)), np.nan) for _ in range(2))
     for i, (part, where) in enumerate(zip(parts, places, strict=True)):
         taken_all[where, i], y_all[where, i] = part[1], part[2]
-    return Measurements(time=run.origin + union, taken=run.origin + taken_all, y=y_all)
+    return Measurements(time=run.origin + union, taken=run.origin + taken_all, y=y_all, every=every)
 
 
 def _joined(parts: list[np.ndarray]) -> np.ndarray:

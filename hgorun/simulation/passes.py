@@ -14,7 +14,7 @@ from hgorun.engine.plan import Plan
 from hgorun.simulation.checks import check_steps, longest_step
 from hgorun.simulation.loss import UNBOUNDED
 from hgorun.simulation.prepared import PreparedRun
-from hgorun.simulation.steps import part_of_difference, steps_between
+from hgorun.simulation.steps import StepCounts, counted_steps, part_of_difference
 from hgorun.simulation.tables import build_plan
 
 _DEFAULT_RTOL = 1e-8
@@ -90,9 +90,9 @@ def integrate_lanes(runs: Sequence[PreparedRun], how: Pass) -> Raw:
     return program.run(replace(plans[0], **numbers), start)
 
 
-def fixed_steps(run: PreparedRun, step: float) -> np.ndarray:
-    """How many steps no longer than the nominal one there are between any two events."""
-    return steps_between(run.schedule, longest_step(run, step))
+def fixed_steps(run: PreparedRun, step: float) -> StepCounts:
+    """The steps no longer than the nominal one that there are between events."""
+    return counted_steps(run.schedule, longest_step(run, step))
 
 
 def part_of_error(run: PreparedRun, how: Pass) -> float:
@@ -102,7 +102,7 @@ def part_of_error(run: PreparedRun, how: Pass) -> float:
     kinks that depend on the state: the error is rather smaller.
     """
     assert how.uneven is not None
-    return part_of_difference(fixed_steps(run, how.step), how.uneven, min(METHODS[how.method].order, _SURE_ORDER))
+    return part_of_difference(fixed_steps(run, how.step).steps, how.uneven, min(METHODS[how.method].order, _SURE_ORDER))
 
 
 def plan_of(run: PreparedRun, how: Pass, *, in_parts: bool = False) -> tuple[Plan, Start]:

@@ -13,6 +13,7 @@ from hgorun.errors import Problem
 from hgorun.measurement.channels import Channel, check_delays, find_channels
 from hgorun.measurement.extremes import Unknown
 from hgorun.measurement.late import Treatment, are_late, heard
+from hgorun.measurement.long import AnySchedule, LongSchedule, is_long
 from hgorun.measurement.noise import is_relative
 from hgorun.measurement.schedule import Schedule, build_schedule
 from hgorun.measurement.signals import extremes_of, kinks_of, signal_remarks, unknown_extremes
@@ -32,8 +33,8 @@ from hgorun.symbolic.evaluate import evaluate
 from hgorun.symbolic.forms import Form
 
 _EVENTS = 100_000  # of schedules that are kept in memory
-_CHANNELS: Memo[list[Channel]] = Memo(16, lambda channels: all(c.samples.arrival.size < _EVENTS for c in channels))
-_SCHEDULES: Memo[Schedule] = Memo(16, lambda schedule: schedule.events.size < _EVENTS)
+_CHANNELS: Memo[list[Channel]] = Memo(16, lambda channels: not is_long(channels) and _events(channels) < _EVENTS)
+_SCHEDULES: Memo[AnySchedule] = Memo(16, lambda schedule: isinstance(schedule, Schedule) and schedule.size < _EVENTS)
 _SLOPES: Memo[ca.Function] = Memo(64)
 _TRUTHS: Memo[SimulatedPlant] = Memo(64)
 
@@ -195,7 +196,7 @@ def schedule_of(
     step: float,
     more: np.ndarray | None = None,
     treatments: tuple[Treatment, ...] = (),
-) -> Schedule:
+) -> AnySchedule:
     """All that happens in a run.
 
     Parameters
@@ -217,7 +218,18 @@ def schedule_of(
     timings, changes = tuple(channel.timing for channel in channels), (kinks.tobytes(), looked_at.tobytes())
     short = _SHORTER * step if experiment.adaptive else step
     key: Hashable = timings, time, experiment.origin, changes, short, treatments  # delays depend on the clock
-    return _SCHEDULES.get(key, lambda: build_schedule(heard(channels, treatments), time, kinks, short, looked_at))
+
+    def build() -> AnySchedule:
+        if not treatments and is_long(channels):
+            return LongSchedule(channels=channels, time=time, kinks=kinks, extremes=looked_at, step=short)
+        return build_schedule(heard(channels, treatments), time, kinks, short, looked_at)
+
+    return _SCHEDULES.get(key, build)
+
+
+def _events(channels: list[Channel]) -> int:
+    """How many samples there are of the output that has most of them."""
+    return max(c.samples.size for c in channels)
 
 
 def _extremes(experiment: Experiment, channels: list[Channel]) -> np.ndarray:

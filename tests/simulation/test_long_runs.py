@@ -41,7 +41,9 @@ def joined(plan: Plan) -> Segments:
     before = np.cumsum([0, *(len(part.actions) for part in parts)])
     for part, first in zip(parts, before, strict=False):
         part.counts[:, 4:6] += first
-    return Segments(*(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(Segments)))
+    names = "spans", "counts", "actions"
+    spans, counts, actions = (np.concatenate([getattr(part, name) for part in parts]) for name in names)
+    return Segments(spans, counts, actions)
 
 
 @pytest.mark.parametrize("uneven", [None, 0.62])
