@@ -1,4 +1,5 @@
-"""The command line: parse, call, exit. Options are in ``hgorun.commands.options``; the commands are beside them.
+"""The command line: parse, call, exit. Options are in ``hgorun.commands.options`` and
+``catalogue_options``; the commands are beside them.
 
 Only typer is imported here; everything else when a command runs, so that help comes at once.
 """
@@ -15,7 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
-from hgorun.commands import options
+from hgorun.commands import catalogue_options, options
 from hgorun.errors import HgorunError, PluginError, PluginWarning, printable
 from hgorun.process import CLOSED_PIPE, INTERRUPTED, INTERRUPTION_SAID, TERMINATED, TERMINATION_SAID, say, silence
 
@@ -147,43 +148,43 @@ def _analyze(chosen: options.Analyze) -> int:
     return analyze(chosen)
 
 
-@_command("figures", options.Figures)
-def _figures(chosen: options.Figures) -> int:
+@_command("figures", catalogue_options.Figures)
+def _figures(chosen: catalogue_options.Figures) -> int:
     from hgorun.commands.figures import figures
 
     return figures(chosen)
 
 
-@_command("claims", options.Claims)
-def _claims(chosen: options.Claims) -> int:
+@_command("claims", catalogue_options.Claims)
+def _claims(chosen: catalogue_options.Claims) -> int:
     from hgorun.commands.claims import claims
 
     return claims(chosen)
 
 
-@_command("list", options.List)
-def _list(chosen: options.List) -> int:
+@_command("list", catalogue_options.List)
+def _list(chosen: catalogue_options.List) -> int:
     from hgorun.commands.catalogue import list_all
 
     return list_all(chosen)
 
 
-@_command("show", options.Show)
-def _show(chosen: options.Show) -> int:
+@_command("show", catalogue_options.Show)
+def _show(chosen: catalogue_options.Show) -> int:
     from hgorun.commands.catalogue import show
 
     return show(chosen)
 
 
-@_command("schema", options.Schema)
-def _schema(chosen: options.Schema) -> int:
+@_command("schema", catalogue_options.Schema)
+def _schema(chosen: catalogue_options.Schema) -> int:
     from hgorun.commands.catalogue import schema
 
     return schema(chosen)
 
 
-@_command("init", options.Init)
-def _init(chosen: options.Init) -> int:
+@_command("init", catalogue_options.Init)
+def _init(chosen: catalogue_options.Init) -> int:
     from hgorun.commands.catalogue import init
 
     return init(chosen)

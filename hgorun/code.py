@@ -39,7 +39,14 @@ RUN = (
     "symbolic",
 )
 ENSEMBLE = ("config/sweeps.py", "ensemble")
-FIGURE = ("ensemble/collected.py", "ensemble/fronts.py", "ensemble/statistics.py", "figures", "tables/typeset.py")
+FIGURE = (
+    "ensemble/collected.py",
+    "ensemble/fronts.py",
+    "ensemble/points.py",
+    "ensemble/statistics.py",
+    "figures",
+    "tables/typeset.py",
+)
 QUANTITY = (*ENSEMBLE, "study/ensembles.py", "study/measured.py", "study/sentences.py")
 SCALING = ("study/scaling.py",)
 THEORY = ("analysis", "study/theory.py")

@@ -14,7 +14,7 @@ import numpy as np
 
 from hgorun.errors import HgorunError, SimulationError
 from hgorun.observers.base import treatment_of
-from hgorun.result.data import ObserverResult
+from hgorun.result.observer import ObserverResult
 from hgorun.simulation.prepared import PreparedRun
 
 T = TypeVar("T")

@@ -9,7 +9,7 @@ from typing import TypeVar, cast
 
 from hgorun.analysis.reasons import Outcome, outcome
 from hgorun.observers.base import AnyObserver
-from hgorun.result.data import ObserverResult
+from hgorun.result.observer import ObserverResult
 from hgorun.result.result import Result
 from hgorun.simulation.observer_block import ObserverBlock
 from hgorun.simulation.prepared import PreparedRun

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from pydantic import BaseModel
 
 from hgorun.commands import described
-from hgorun.commands.options import Init, List, Schema, Show
+from hgorun.commands.catalogue_options import Init, List, Schema, Show
 from hgorun.config import yaml_source
 from hgorun.config.expressions import nearest
 from hgorun.config.models import File

@@ -6,8 +6,8 @@ import json as json_text
 import textwrap
 from collections.abc import Sequence
 
+from hgorun.commands.catalogue_options import Claims
 from hgorun.commands.figures import warn
-from hgorun.commands.options import Claims
 from hgorun.commands.outputs import refuse_other_kinds
 from hgorun.reproduce import pool
 from hgorun.reproduce.choice import choose

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from hgorun.commands.mqtt_address import is_address
 from hgorun.commands.options import Estimate
 from hgorun.commands.outputs import NOT_OK, RESULT_SUFFIXES, RESULTS, refuse_other_kinds
 from hgorun.commands.run import require_file, warn
@@ -67,13 +68,20 @@ def estimate(options: Estimate) -> int:
     require_file(options.config)
     text, source = read_source(options.config, options.overrides, seed=options.seed)
     source, name = one_run(source, options.config, options.run)
-    if Path("-") in options.data:
+    if "-" in options.data:
         from hgorun.commands.stream import follow
 
         return follow(source, name, options)
-    if options.every is not None or options.checkpoint is not None:
-        raise ConfigError("--every and --checkpoint are for streams: hgorun estimate CONFIG -")
-    log = log_of(source, options.config, tuple(options.data))
+    if any(map(is_address, options.data)):
+        from hgorun.commands.mqtt import follow_topic
+
+        return follow_topic(source, name, options)
+    if any(one is not None for one in (options.every, options.checkpoint, options.publish, options.client_id)):
+        raise ConfigError(
+            "--every, --checkpoint, --publish and --client-id are for streams: "
+            "hgorun estimate CONFIG -, or hgorun estimate CONFIG mqtt://HOST/TOPIC"
+        )
+    log = log_of(source, options.config, tuple(map(Path, options.data)))
     target = _target(options, name)
     _refuse_to_overwrite(options, log, target)
     with source.located():

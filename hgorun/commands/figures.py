@@ -7,7 +7,7 @@ import sys
 from collections.abc import Mapping
 from typing import TypedDict
 
-from hgorun.commands.options import Figures
+from hgorun.commands.catalogue_options import Figures
 from hgorun.commands.outputs import refuse_other_kinds
 from hgorun.files import json_value
 from hgorun.reproduce import pool

@@ -19,7 +19,7 @@ from hgorun.result.data import PLANT, Integration
 from hgorun.result.result import Result
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.prepared import PreparedRun
-from hgorun.simulation.simulate import prepare, simulate_prepared
+from hgorun.simulation.simulate import prepare, simulate_into, simulate_prepared
 from hgorun.study.check import check_figures
 from hgorun.study.loading import load, load_study, refuse_twins
 
@@ -43,8 +43,10 @@ def simulate(options: Simulate) -> int:
         remove_leftovers(folder)
     results, files = [], []
     for prepared, target in zip(runs, targets, strict=True):
-        result = run_with_progress(prepared, show=options.text, check_step=options.check_step)
-        files.append(str(result.save(target)))
+        with shown(1.0, prepared.experiment.name, show=options.text) as progress:
+            heard = progress.update if options.text else None
+            result = simulate_into(prepared, target, check_step=options.check_step, progress=heard)
+        files.append(str(target))
         results.append(result)
         warn(result)
         if options.text:
@@ -210,10 +212,10 @@ def _single(path: Path, options: Configured) -> list[Experiment]:
     return single
 
 
-def run_with_progress(run: PreparedRun, *, show: bool, check_step: bool = False) -> Result:
+def run_with_progress(run: PreparedRun, *, show: bool) -> Result:
     """Run, with progress if it is to be shown."""
     with shown(1.0, run.experiment.name, show=show) as progress:
-        return simulate_prepared(run, check_step=check_step, progress=progress.update if show else None)
+        return simulate_prepared(run, progress=progress.update if show else None)
 
 
 def warn(result: Result) -> None:

@@ -11,7 +11,8 @@ from hgorun.config.data import Column, Data, Measured, Recorded
 from hgorun.data.cells import NAT, Stamps
 from hgorun.data.clocks import ClockColumn, origin, origin_stamp, stamps, times_since
 from hgorun.data.recording import InputSignal, Note, Recording, Signal
-from hgorun.data.samples import Samples, Sorting
+from hgorun.data.samples import Samples
+from hgorun.data.sorting import Sorting
 from hgorun.data.sources import LogFile, Sources, Wanted
 from hgorun.data.units import converted
 from hgorun.errors import ConfigError, Problem

@@ -19,7 +19,7 @@ from hgorun.engine.layout import (
     STEP_TOO_SMALL,
     WORD,
 )
-from hgorun.engine.parts import move
+from hgorun.engine.module import move
 from hgorun.engine.stepper import Stepper, guard
 from hgorun.native import functions
 from hgorun.native.ir import Function, hexadecimal

@@ -13,7 +13,7 @@ from collections.abc import Callable
 import casadi as ca
 
 from hgorun.engine.layout import WORD, Regime
-from hgorun.engine.parts import Module, copy, each
+from hgorun.engine.module import Module, copy, each
 from hgorun.engine.rows import hermite, hermite_slope
 from hgorun.native.ir import Function, hexadecimal
 

@@ -6,7 +6,7 @@ These are functions of one lane, on scalars; :mod:`hgorun.engine.loose` has the 
 from __future__ import annotations
 
 from hgorun.engine.layout import ACTION_WORDS, ARRIVE, COUNT, JUMP, REBASE, RECORD, SET, SPAN, TAKE, WORD, Held
-from hgorun.engine.parts import Module
+from hgorun.engine.module import Module
 from hgorun.engine.rows import hermite
 from hgorun.native.ir import Function, hexadecimal
 

@@ -13,7 +13,7 @@ from hgorun.engine.emit import Emitted
 from hgorun.engine.lane_tables import add_act_of, add_enter, add_rows_of, own
 from hgorun.engine.layout import WORD, HybridSystem
 from hgorun.engine.methods import Method, Rosenbrock
-from hgorun.engine.parts import Module, move
+from hgorun.engine.module import Module, move
 from hgorun.engine.stepper import advanced, guard
 from hgorun.native.ir import hexadecimal
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from hgorun.engine.lane_tables import TABLES
 from hgorun.engine.lane_tables import own as lane_word
 from hgorun.engine.layout import DONE, WORD
-from hgorun.engine.parts import Module, copy
+from hgorun.engine.module import Module, copy
 from hgorun.native.ir import Function, hexadecimal
 
 # Numbers of members are read from arrays of any strides: for each an address, its rows, and the distances in words

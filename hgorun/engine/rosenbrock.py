@@ -13,7 +13,7 @@ from hgorun.engine.history import History
 from hgorun.engine.layout import WORD
 from hgorun.engine.linearised import linearised
 from hgorun.engine.methods import Rosenbrock
-from hgorun.engine.parts import Module, move
+from hgorun.engine.module import Module, move
 from hgorun.engine.stepper import Stepper, weighted
 from hgorun.native.ir import hexadecimal
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from hgorun.engine.emit import Emitted
 from hgorun.engine.history import History
 from hgorun.engine.methods import Method, Row
-from hgorun.engine.parts import Module
+from hgorun.engine.module import Module
 from hgorun.engine.stepper import Stepper, advanced, weighted
 from hgorun.native.ir import Function, hexadecimal
 

@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 from hgorun.engine.emit import Emitted
 from hgorun.engine.history import REFINEMENTS, History
 from hgorun.engine.layout import WORD
-from hgorun.engine.parts import Module, each, lent, move, span
+from hgorun.engine.module import Module, each, lent, move, span
 from hgorun.native.ir import Function, hexadecimal
 
 

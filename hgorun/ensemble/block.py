@@ -10,12 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from hgorun.ensemble.axes import Axes, distinct_rows
+from hgorun.ensemble.axes import Axes
 from hgorun.ensemble.family import Differs, Family
 from hgorun.ensemble.found import Block, Integers
-from hgorun.ensemble.ladder import found_steps, steps_in_lanes
-from hgorun.ensemble.lanes import fits, given_steps
-from hgorun.ensemble.lot import Lot, Numbers, settings_of, times_of
+from hgorun.ensemble.groups import Group, able, families, lots_of, parts, size_of_lots, with_others
+from hgorun.ensemble.ladder import found_steps
+from hgorun.ensemble.lanes import given_steps
+from hgorun.ensemble.lot import Lot, settings_of, times_of
 from hgorun.ensemble.members import Members
 from hgorun.ensemble.suspects import Suspects, together
 from hgorun.errors import ConfigError, HgorunError, Problem, SimulationError
@@ -34,10 +35,6 @@ Watch = Callable[[Block, int, Result], None]
 _FEW = 24  # members of a family that are prepared one by one
 _SIDE_BY_SIDE = 3  # members of one structure, for which code for several at once is compiled
 _PREPARED = 512  # runs that are kept prepared at once
-_NUMBERS = (
-    4_000_000  # doubles of the members of a lot: of their numbers, and of their trajectories where these are kept
-)
-_LEAST, _MOST = 64, 4096  # members of a lot
 
 
 def compute(
@@ -108,7 +105,7 @@ class _Work:
             self._watched()
             return
         left: list[Integers] = []
-        for which in _families(self.base, self.members):
+        for which in families(self.base, self.members):
             own = self._side_by_side(which)
             if own is None:
                 left.append(which)
@@ -131,12 +128,12 @@ class _Work:
             family = _family(self.base, members)
         except (Differs, HgorunError, Problem):
             return None
-        if not _able(family.run):
+        if not able(family.run):
             return which
         rest = [which[~family.sound]]
         taken = np.zeros(which.size, dtype=bool)
         taken[~family.sound] = True
-        for lot in family.lots(_size(family.run)):
+        for lot in family.lots(size_of_lots(family.run)):
             taken[lot.which] = True
             rest.append(self._lot(Lot(lot.run, which[lot.which], lot.numbers)))
         return np.concatenate([*rest, which[~taken]])
@@ -157,28 +154,28 @@ class _Work:
         for start in range(0, which.size, _PREPARED):
             groups, rest = self._groups(which[start : start + _PREPARED])
             self._singles(rest)
-            for lot in _lots(list(groups.values())):
+            for lot in lots_of(list(groups.values())):
                 self._alone(self._lot(lot))
 
     def _alone(self, which: Integers) -> None:
         """Members that are looked at one by one, their passes side by side."""
         for start in range(0, which.size, _PREPARED):
             groups, rest = self._groups(which[start : start + _PREPARED])
-            for group in _with_others(groups.values()):
+            for group in with_others(groups.values()):
                 if group[0][1].solver.controlled:
                     rest += group
                     continue
-                for part in _parts(group, together(group[0][1])):
+                for part in parts(group, together(group[0][1])):
                     self._looked_at(part)
             self._singles(rest)
 
-    def _groups(self, which: Integers) -> tuple[dict[object, _Group], _Group]:
+    def _groups(self, which: Integers) -> tuple[dict[object, Group], Group]:
         """Members by what they have in common, prepared; and those that are better carried out alone."""
-        groups: dict[object, _Group] = {}
-        rest: _Group = []
+        groups: dict[object, Group] = {}
+        rest: Group = []
         of_structure: Counter[int] = Counter()
         for i, run in self._runs(which.tolist()):
-            own = groups.setdefault((settings_of(run), times_of(run)), []) if _able(run) else rest
+            own = groups.setdefault((settings_of(run), times_of(run)), []) if able(run) else rest
             own.append((i, run))
             of_structure[id(run.structure)] += 1
         for key, group in list(groups.items()):  # code for a single run is made and loaded sooner
@@ -197,7 +194,7 @@ class _Work:
             else:
                 yield i, run
 
-    def _looked_at(self, group: _Group) -> None:
+    def _looked_at(self, group: Group) -> None:
         """Members of given steps, with one plan or each with its own."""
         suspects = Suspects([run for _, run in group], self.threads)
         for k, (i, run) in enumerate(group):
@@ -210,7 +207,7 @@ class _Work:
                 self.block.fail(i, error)
             self._finished(1)
 
-    def _singles(self, group: _Group) -> None:
+    def _singles(self, group: Group) -> None:
         """Members that are carried out alone, on threads where there are some."""
         if self.threads == 1 or len(group) < 2:
             for i, run in group:
@@ -239,50 +236,12 @@ class _Work:
             self.progress(self.done)
 
 
-_Group = list[tuple[int, PreparedRun]]  # members with the same settings and times
-
-
-def _with_others(groups: Iterable[_Group]) -> Iterator[_Group]:
-    """Groups of members with one plan; those of a single member are one group with all others of its settings."""
-    single: dict[object, _Group] = {}
-    for group in groups:
-        if len(group) > 1:
-            yield group
-        else:
-            single.setdefault(settings_of(group[0][1]), []).extend(group)
-    yield from single.values()
-
-
-def _lots(groups: Sequence[_Group]) -> Iterator[Lot]:
-    """Groups in lots of the size that is allowed; those of one member share lots, each with times of its own."""
-    single: dict[object, _Group] = {}
-    for group in groups:
-        run = group[0][1]
-        if len(group) == 1 and not run.solver.controlled:
-            single.setdefault(settings_of(run), []).extend(group)
-            continue
-        for part in _parts(group, _size(run)):
-            runs = [run for _, run in part]
-            yield Lot(runs[0], np.array([i for i, _ in part]), Numbers.of(runs))
-    for group in single.values():
-        for part in _parts(group, _size(group[0][1])):
-            yield Lot.of(*zip(*part, strict=True))
-
-
-def _parts(group: _Group, size: int) -> Iterator[_Group]:
-    for first in range(0, len(group), size):
-        yield group[first : first + size]
-
-
-def _families(base: Experiment, members: Members) -> Iterator[Integers]:
-    """Members that agree in all that may change the equations or the times of events."""
-    others = Axes.of(base, members).others
-    if not others or not len(members):
-        yield np.arange(len(members))
-        return
-    _, kind = distinct_rows([members.columns[path] for path in others])
-    order = np.argsort(kind, kind="stable")
-    yield from np.split(order, np.flatnonzero(np.diff(kind[order])) + 1)
+def _known(metrics: Sequence[str]) -> tuple[str, ...]:
+    known = all_metrics()
+    for name in metrics:
+        if name not in known:
+            raise ConfigError(f"no metric is called {name!r}; known: {', '.join(known)}", key="metrics")
+    return tuple(metrics) or tuple(known)
 
 
 def _family(base: Experiment, members: Members) -> Family:
@@ -313,26 +272,3 @@ _BASES: Memo[tuple[Experiment, PreparedRun]] = Memo(8)
 def _prepared_base(base: Experiment, common: Mapping[str, Any]) -> tuple[Experiment, PreparedRun]:
     own = base.varied(common) if common else base
     return own, prepare(own)
-
-
-def _able(run: PreparedRun) -> bool:
-    """Whether runs like this one can be carried out side by side."""
-    method = steps_in_lanes(run) if run.solver.controlled else run.solver.given_method
-    return method is not None and fits(run, method)
-
-
-def _size(run: PreparedRun) -> int:
-    """How many members of a lot fit into the memory that is allowed for one."""
-    numbers = run.numbers.z0.size + run.numbers.p.size
-    numbers += sum(channel.samples.arrival.size + channel.held_changes[0].size for channel in run.channels)
-    if run.solver.controlled:
-        numbers += 4 * run.grid.size * run.structure.system.states
-    return int(np.clip(_NUMBERS // numbers, _LEAST, _MOST))
-
-
-def _known(metrics: Sequence[str]) -> tuple[str, ...]:
-    known = all_metrics()
-    for name in metrics:
-        if name not in known:
-            raise ConfigError(f"no metric is called {name!r}; known: {', '.join(known)}", key="metrics")
-    return tuple(metrics) or tuple(known)

@@ -24,13 +24,8 @@ from hgorun.measurement.long import AnySchedule
 from hgorun.memo import Memo, same
 from hgorun.simulation.checks import check_run
 from hgorun.simulation.experiment import Experiment
-from hgorun.simulation.preparation import (
-    plant_rates,
-    prepare,
-    rate_of,
-    schedule_of,
-    step_for,
-)
+from hgorun.simulation.first_step import plant_rates, rate_of, step_for
+from hgorun.simulation.preparation import prepare, schedule_of
 from hgorun.simulation.prepared import PreparedRun
 
 _BETWEEN = 3  # members that are prepared in full, beside those at the ends of the axes

@@ -21,8 +21,9 @@ from hgorun.errors import HgorunError
 from hgorun.memo import Memo, same
 from hgorun.simulation.checks import check_run
 from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.first_step import rate_of
 from hgorun.simulation.observer_block import ObserverBlock
-from hgorun.simulation.preparation import check_limit, rate_of
+from hgorun.simulation.preparation import check_limit
 from hgorun.simulation.prepared import Numbers, PreparedRun
 
 _KINDS = 64  # of blocks that are all designed

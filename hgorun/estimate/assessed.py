@@ -8,7 +8,7 @@ from hgorun.estimate.bands import FEWEST, band_of
 from hgorun.estimate.evaluated import Evaluated
 from hgorun.estimate.prepared import PreparedEstimate
 from hgorun.estimate.scores import scores_of, settled, since
-from hgorun.result.data import Assessed
+from hgorun.result.recorded import Assessed
 from hgorun.symbolic.evaluate import Floats
 
 _WIDE = 1.959963984540054  # standard deviations to either side that hold 95 % of normal numbers

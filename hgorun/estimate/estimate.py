@@ -15,7 +15,9 @@ from hgorun.estimate.completed import completed
 from hgorun.estimate.evaluated import Compared, Evaluated, evaluate_run
 from hgorun.estimate.prepared import PreparedEstimate, prepare_estimate
 from hgorun.observers.base import treatment_of
-from hgorun.result.data import Integration, Measurements, ObserverResult, Recorded, RecordedOutput, Unseen
+from hgorun.result.data import Integration, Measurements
+from hgorun.result.observer import ObserverResult
+from hgorun.result.recorded import Recorded, RecordedOutput, Unseen
 from hgorun.result.result import Result
 from hgorun.result.status import OK, Verdict
 

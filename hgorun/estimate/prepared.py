@@ -22,8 +22,9 @@ from hgorun.observers.base import treatment_of
 from hgorun.simulation.actions import RecordedInputs
 from hgorun.simulation.checks import check_corrections, check_jumps, check_start
 from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.first_step import nominal_step
 from hgorun.simulation.plant_alone import plant_kinks
-from hgorun.simulation.preparation import check_limit, in_groups, nominal_step, numbers_of, treatments_of
+from hgorun.simulation.preparation import check_limit, in_groups, numbers_of, treatments_of
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.structure import structure_of
 from hgorun.simulation.tables import build_plan

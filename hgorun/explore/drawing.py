@@ -24,7 +24,8 @@ from bokeh.plotting import figure as new_figure
 
 from hgorun.ensemble.collected import Collected, Floats, levels, shown
 from hgorun.ensemble.fronts import non_dominated
-from hgorun.ensemble.statistics import QUANTILES, points, quantiles, thinned
+from hgorun.ensemble.points import points, thinned
+from hgorun.ensemble.statistics import QUANTILES, quantiles
 from hgorun.figures.ensemble import TIMES, Cast, drawable, limits, places
 from hgorun.result.metrics.base import all_metrics
 

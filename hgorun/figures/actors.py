@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from hgorun.figures.scaling import ScalingData
-from hgorun.result.data import ObserverResult, ResultData
+from hgorun.result.data import ResultData
+from hgorun.result.observer import ObserverResult
 from hgorun.result.run_names import run_names
 from hgorun.tables.typeset import words
 

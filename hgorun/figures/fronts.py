@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from hgorun.ensemble.collected import Collected, Floats, shown
 from hgorun.ensemble.fronts import non_dominated
-from hgorun.ensemble.statistics import points, quantiles, thinned
+from hgorun.ensemble.points import points, thinned
+from hgorun.ensemble.statistics import quantiles
 from hgorun.figures.ensemble import Cast, axis_label, drawable, limits, scale_axis
 from hgorun.figures.layout import TOP, finished, grid
 from hgorun.figures.style import styled

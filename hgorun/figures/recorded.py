@@ -8,7 +8,8 @@ import numpy as np
 
 from hgorun.figures.scene import Scene
 from hgorun.figures.style import HELD_OUT, OUTLIERS, REFERENCE
-from hgorun.result.data import ResultData, Unseen
+from hgorun.result.data import ResultData
+from hgorun.result.recorded import Unseen
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

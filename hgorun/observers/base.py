@@ -10,16 +10,16 @@ What an observer does is the base class that it derives from:
 - :class:`HybridObserver`: both, a flow between the samples and a jump at each;
 - :class:`CorrectedObserver`: a flow, and a correction at each arrival, whichever outputs it brings.
 
-What else theory may ask of it is in :mod:`hgorun.observers.capabilities`.
+What else theory may ask of it is in :mod:`hgorun.observers.capabilities`. What equations get and give, such as
+:class:`Flow`, is imported from here, too.
 """
 
 from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass
 from inspect import isabstract
-from typing import Annotated, Any, ClassVar, Generic, Literal, NamedTuple, TypeAlias, TypeGuard
+from typing import Annotated, Any, ClassVar, Generic, Literal, TypeAlias, TypeGuard
 
 import casadi as ca
 import numpy as np
@@ -28,7 +28,7 @@ from typing_extensions import TypeVar
 
 from hgorun.config.plugin import Plugin
 from hgorun.config.types import Interval, Name, Number
-from hgorun.errors import KeyPath
+from hgorun.observers.equations import Arrival, Flow, PeriodLimit, Role, Sample, SampleSchedule
 from hgorun.registry import Registry
 from hgorun.symbolic.canonical import CanonicalForm, PlantCopy
 from hgorun.symbolic.forms import Copy, Form, FormFinder
@@ -36,97 +36,28 @@ from hgorun.symbolic.observability import canonical_form
 from hgorun.symbolic.states import Symmetric
 from hgorun.symbolic.symbols import Symbols
 
+__all__ = [
+    "OBSERVERS",
+    "AnyObserver",
+    "Arrival",
+    "ContinuousObserver",
+    "CorrectedObserver",
+    "Flow",
+    "HybridObserver",
+    "Observer",
+    "PeriodLimit",
+    "Role",
+    "Sample",
+    "SampleSchedule",
+    "SampledObserver",
+    "is_observer",
+    "observer",
+    "treatment_of",
+]
+
 # The class of plants that an observer is for, and the copy of the plant that this class gives it.
 FormT = TypeVar("FormT", bound=Form, default=CanonicalForm)
 CopyT = TypeVar("CopyT", bound=Copy, default=PlantCopy)
-
-Role: TypeAlias = Literal["filter", "gain", "signal"]
-
-
-@dataclass(frozen=True)
-class Flow:
-    """The right-hand sides of an observer between measurements.
-
-    Attributes
-    ----------
-    derivatives : mapping of str to casadi.SX
-        d/dt of ``xhat`` and of every state that the observer declares.
-    correction : casadi.SX, shape (q,), optional
-        c: for each output the term that the equation of its measured state subtracts. The innovation's
-        alpha' = -c removes the observer's own correction from the delayed comparison. Left out, it is
-        C_x (copy(xhat) - xhat') with C_x = d(C xhat)/dxhat: what xhat' has beside the copy of the plant.
-        An observer without such a copy has to give it.
-    """
-
-    derivatives: Mapping[str, ca.SX]
-    correction: ca.SX | None = None
-
-
-@dataclass(frozen=True)
-class Sample:
-    """What arrives at a sample.
-
-    Attributes
-    ----------
-    y, previous : casadi.SX, shape (q,)
-        This sample and the one before.
-    interval : casadi.SX
-        The time between them.
-    """
-
-    y: ca.SX
-    previous: ca.SX
-    interval: ca.SX
-
-
-@dataclass(frozen=True)
-class Arrival:
-    """Samples that arrive together, of some of the outputs.
-
-    Attributes
-    ----------
-    y : casadi.SX, shape (q,)
-        The newest sample of every output.
-    fresh : casadi.SX, shape (q,)
-        1 for the outputs whose sample arrives now, 0 for the others.
-    """
-
-    y: ca.SX
-    fresh: ca.SX
-
-
-@dataclass(frozen=True)
-class SampleSchedule:
-    """When an observer that jumps will be called.
-
-    Attributes
-    ----------
-    intervals : ndarray
-        The times between the samples.
-    steps : str or None
-        The expression of k that gives them, where the configuration has one.
-    path : tuple
-        Where the sampling stands in the configuration.
-    """
-
-    intervals: np.ndarray
-    steps: str | None
-    path: KeyPath
-
-
-class PeriodLimit(NamedTuple):
-    """The longest constant period of sampling at which an observer's error decays.
-
-    Attributes
-    ----------
-    value : float or None
-        None where there is none.
-    where : str
-        Of which linear system it is the limit, or why there is none.
-    """
-
-    value: float | None
-    where: str
 
 
 class Observer(Plugin, Generic[FormT, CopyT]):
@@ -153,6 +84,10 @@ class Observer(Plugin, Generic[FormT, CopyT]):
     )
     saturation: dict[Name, Interval] = Field(
         default_factory=dict, description="state: [low, high], applied to the arguments of F and phi"
+    )
+    clip_estimate: bool | None = Field(
+        default=None,
+        description="true: what is shown is the estimate clipped to saturation; the observer itself goes on unclipped",
     )
     coordinates: Literal["original", "canonical"] = Field(
         default="original", description="where the observer computes; results are always in the plant's"
@@ -202,6 +137,25 @@ class Observer(Plugin, Generic[FormT, CopyT]):
         """
         return {name: "gain" if isinstance(value, Symmetric) else "filter" for name, value in self.states(form).items()}
 
+    @property
+    def canonical(self) -> bool:
+        """Whether it computes in canonical coordinates."""
+        return self.coordinates == "canonical"
+
+    def estimate(self, s: Symbols, k: Symbols) -> ca.SX:
+        """The estimate in the observer's coordinates, shape (n,); by default its state xhat."""
+        return s.xhat
+
+    def start(self, xhat: np.ndarray, k: Mapping[str, np.ndarray]) -> np.ndarray:
+        """The state xhat (..., n) from which :meth:`estimate` gives these estimates (..., n); by default themselves.
+
+        Parameters
+        ----------
+        k : mapping of str to ndarray
+            The numbers of :meth:`design`.
+        """
+        return xhat
+
     def fastest_rate(self, form: FormT) -> float:
         """The largest modulus of the error dynamics' eigenvalues (1/time), for ``step: auto``; 0: unknown."""
         return 0.0
@@ -209,6 +163,10 @@ class Observer(Plugin, Generic[FormT, CopyT]):
     def error_rate(self, form: FormT) -> float:
         """The rate at which the error itself moves, where gains move faster (1/time); 0: unknown."""
         return self.fastest_rate(form)
+
+    def remarks(self, form: FormT) -> tuple[str, ...]:
+        """What should be known of it on this plant although nothing is wrong with its keys."""
+        return ()
 
     @classmethod
     def example(cls, states: tuple[str, ...]) -> Mapping[str, object]:
@@ -308,6 +266,25 @@ class CorrectedObserver(ContinuousObserver[FormT, CopyT]):
         k : Symbols
             The numbers of :meth:`~Observer.design`.
         """
+
+    def check_times(self, form: FormT, times: Mapping[str, np.ndarray]) -> None:
+        """Refuse times that the observer's gain is not for.
+
+        Parameters
+        ----------
+        form : Form
+        times : mapping of str to ndarray
+            When the samples of every output that it takes in have been taken, ascending.
+
+        Raises
+        ------
+        Problem
+            With a path inside this block.
+        """
+
+    def longest_period(self, form: FormT) -> PeriodLimit | None:
+        """The longest constant period at which the error decays; None where nothing is known of it."""
+        return None
 
 
 # Any observer, where its class of plants does not matter.

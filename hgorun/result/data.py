@@ -10,6 +10,8 @@ from typing import Any, Literal
 import numpy as np
 
 from hgorun.errors import printable
+from hgorun.result.observer import ObserverResult
+from hgorun.result.recorded import Recorded
 from hgorun.result.status import OK, Status, Verdict, worst
 
 
@@ -43,81 +45,6 @@ class Measurements:
         return replace(self, time=self.time - origin, taken=self.taken - origin)
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class RecordedOutput:
-    """The recorded samples of one output, in the order of their arrival, and what the m observers made of them.
-
-    Attributes
-    ----------
-    taken, available, y : ndarray, shape (N,)
-        The time it was measured, the time it was known, the value.
-    used : ndarray of bool, shape (N, m)
-        False for outliers, and for what came after a newer sample.
-    innovation : ndarray, shape (N, m)
-        y minus what was estimated, before the sample was used.
-    nis : ndarray, shape (N, m)
-        The innovation squared over its variance, of observers that know that; NaN otherwise.
-    """
-
-    taken: np.ndarray
-    available: np.ndarray
-    y: np.ndarray
-    used: np.ndarray
-    innovation: np.ndarray
-    nis: np.ndarray
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Unseen:
-    """Measurements that no observer was given.
-
-    Attributes
-    ----------
-    taken, y : ndarray, shape (N,)
-    """
-
-    taken: np.ndarray
-    y: np.ndarray
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Recorded:
-    """What an estimate has been made of.
-
-    Attributes
-    ----------
-    outputs : mapping of str to RecordedOutput
-    held_out : mapping of str to Unseen
-        By output, samples that were set aside.
-    reference : mapping of str to Unseen
-        By state or output, what was measured for comparison alone.
-    """
-
-    outputs: Mapping[str, RecordedOutput]
-    held_out: Mapping[str, Unseen] = field(default_factory=dict)
-    reference: Mapping[str, Unseen] = field(default_factory=dict)
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Assessed:
-    """What is said of an estimate where no truth is known.
-
-    Attributes
-    ----------
-    lower, upper : ndarray, shape (Nt, n)
-        A band that should hold 95 % of what is measured; NaN where there is none.
-    no_band : mapping of str to str
-        By state, why it has none.
-    scores : mapping of str to mapping
-        By score, then by output, state or gain.
-    """
-
-    lower: np.ndarray
-    upper: np.ndarray
-    no_band: Mapping[str, str]
-    scores: Mapping[str, Mapping[str, float]]
-
-
 @dataclass(frozen=True, eq=False)
 class DesignNumbers:
     """The numbers that a run was carried out with, as far as they follow from its configuration.
@@ -141,93 +68,6 @@ class DesignNumbers:
 
 
 PLANT = "plant"  # beside the labels of observers, none of which is called so
-MapName = Literal["chain", "derivatives"]
-MAPS: tuple[MapName, ...] = ("chain", "derivatives")
-
-
-@dataclass(frozen=True)
-class Coordinates:
-    """The coordinates in which a constant gain corrects, as the keys ``map`` and ``chains`` choose them.
-
-    Attributes
-    ----------
-    map : str
-        ``chain`` or ``derivatives``.
-    chains : mapping of str to int
-        Length of every output's chain.
-    """
-
-    map: MapName
-    chains: Mapping[str, int]
-
-    def __str__(self) -> str:
-        return f"{self.map} ({', '.join(f'{name}: {length}' for name, length in self.chains.items())})"
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ObserverResult:
-    """One observer's trajectories.
-
-    Attributes
-    ----------
-    xhat : ndarray, shape (Nt, n)
-        The estimate in the plant's coordinates; NaN from where it is lost.
-    internal : dict of str to ndarray, shape (Nt, ...)
-        Internal states in their own shapes.
-    gains : dict
-        The numbers that the observer used.
-    dimension : int
-        Number of its differential equations.
-    verdict : Verdict
-        Whether its numbers can be trusted, and why not.
-    metrics : dict of str to ndarray, shape (n,)
-        Infinite where the estimate is lost.
-    coordinates : Coordinates, optional
-        Where a constant gain corrects; None for other observers, and for files that do not say.
-    assessed : Assessed, optional
-        Of an estimate of recorded data.
-    """
-
-    type: str
-    xhat: np.ndarray
-    internal: Mapping[str, np.ndarray]
-    gains: Mapping[str, Any]
-    dimension: int
-    verdict: Verdict = OK
-    metrics: Mapping[str, np.ndarray] = field(default_factory=dict)
-    coordinates: Coordinates | None = None
-    assessed: Assessed | None = None
-
-    @property
-    def filter_order(self) -> int | None:
-        """Order of the filter with state eta; None where the observer has none."""
-        eta = self.internal.get("eta")
-        return None if eta is None else int(np.prod(eta.shape[1:2]))
-
-    @property
-    def status(self) -> Status:
-        """``ok``, ``inaccurate``, ``diverged``, ``undefined`` or ``failed``."""
-        return self.verdict.status
-
-    @property
-    def status_at(self) -> float | None:
-        """The time that the status is about, where there is one."""
-        return self.verdict.at
-
-    @property
-    def reason(self) -> str | None:
-        """Why the status is not ``ok``, where that is known."""
-        return self.verdict.reason
-
-    @property
-    def diverged_at(self) -> float | None:
-        """When it diverged; None where it did not."""
-        return self.verdict.at if self.status == "diverged" else None
-
-    @cached_property
-    def lost(self) -> bool:
-        """Whether the estimate ends before the run does, so that metrics are infinite."""
-        return self.verdict.lost or not bool(np.all(np.isfinite(self.xhat)))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -7,7 +7,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from hgorun.result.data import Assessed, Recorded, RecordedOutput, ResultData, Unseen
+from hgorun.result.data import ResultData
+from hgorun.result.recorded import Assessed, Recorded, RecordedOutput, Unseen
 from hgorun.result.stored import StoredFile
 from hgorun.result.writer import Writer, labels_of
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from hgorun.config.expressions import nearest
 from hgorun.config.models import ExperimentBlocks
+from hgorun.config.overrides import replaced
 from hgorun.config.types import describe
 from hgorun.config.validation import validate
 from hgorun.config.yaml_source import Source
@@ -18,7 +19,8 @@ from hgorun.measurement.blocks import Measurement
 from hgorun.observers.base import OBSERVERS, AnyObserver
 from hgorun.plants.base import PLANTS, Plant
 from hgorun.registry import Registry
-from hgorun.result.data import PLANT, Coordinates
+from hgorun.result.data import PLANT
+from hgorun.result.observer import Coordinates
 from hgorun.simulation.unused import refuse_unused, refuse_unused_changes
 from hgorun.symbolic.observability import CanonicalForms
 
@@ -129,6 +131,21 @@ def resolved(checked: Checked, coordinates: Mapping[str, Coordinates]) -> dict[s
 def resolved_text(checked: Checked, coordinates: Mapping[str, Coordinates]) -> str:
     """What :func:`resolved` gives, as YAML."""
     return as_yaml(resolved(checked, coordinates))
+
+
+def changed(source: Source, changes: Mapping[str, Any]) -> tuple[Source, set[KeyPath]]:
+    """A configuration with other values at some paths, and those paths.
+
+    Raises
+    ------
+    ConfigError
+        See :func:`~hgorun.config.overrides.replaced`.
+    """
+    touched = set()
+    for path, value in changes.items():
+        source, place = replaced(source, path, plain(value))
+        touched.add(place)
+    return source, touched
 
 
 def as_yaml(values: dict[str, Any]) -> str:

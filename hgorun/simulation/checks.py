@@ -9,7 +9,7 @@ from hgorun.errors import Problem
 from hgorun.measurement.channels import continuous_delays
 from hgorun.measurement.schedule import Schedule
 from hgorun.measurement.signals import delay_range
-from hgorun.observers.base import CorrectedObserver, SampledObserver, SampleSchedule
+from hgorun.observers.base import CorrectedObserver, SampledObserver, SampleSchedule, treatment_of
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.steps import counted_steps, steps_between
 from hgorun.symbolic.evaluate import roughly_at
@@ -141,6 +141,12 @@ def check_corrections(run: PreparedRun) -> None:
                 if any(s.continuous for s in channel.stretches):
                     message = f"this needs sampled outputs, but {channel.name} is continuous"
                     raise Problem(("observers", b.label), message)
+            late = treatment_of(b.observer) == "replay"
+            times = {c.name: np.sort(c.samples.taken if late else c.samples.arrival) for c in run.channels}
+            try:
+                b.observer.check_times(b.form, times)
+            except Problem as problem:
+                raise Problem(("observers", b.label, *problem.path), problem.message) from problem
 
 
 def _check_schedules(run: PreparedRun, intervals: np.ndarray) -> None:

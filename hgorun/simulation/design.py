@@ -48,10 +48,16 @@ class Design:
         Problem
             When the observer's block does not fit the plant.
         """
-        canonical = observer.coordinates == "canonical"
+        canonical = observer.canonical
         if canonical and isinstance(form, ChosenChains) and form.no_inverse is not None:
-            raise Problem(("observers", label, "coordinates"), form.no_inverse)
-        for key, known in (("initial", form.plant.states), ("saturation", form.saturable(canonical))):
+            if observer.coordinates == "canonical":
+                raise Problem(("observers", label, "coordinates"), f"{form.no_inverse}; use coordinates: original")
+            raise Problem(("observers", label), f"it computes in z = Phi(x): {form.no_inverse}")
+        saturable = form.saturable(canonical) or (form.plant.states if observer.clip_estimate else ())
+        if observer.clip_estimate and not observer.saturation:
+            message = "there is nothing to clip to: give saturation, with the bounds of the estimate"
+            raise Problem(("observers", label, "clip_estimate"), message)
+        for key, known in (("initial", form.plant.states), ("saturation", saturable)):
             for name in getattr(observer, key):
                 if not known:
                     raise Problem(("observers", label, key), f"{observer.type} has no state that could be given here")
@@ -82,7 +88,8 @@ class Design:
         known = self._last.get("start")
         if known is None or known[0] != key:  # the runs of a family often have the same parameters
             try:
-                xhat = self.form.start(self._estimate, parameters, self.observer.coordinates == "canonical")
+                estimate = self.form.start(self._estimate, parameters, self.observer.canonical)
+                xhat = self.observer.start(np.asarray(estimate), self.gains)
             except ValueError as error:
                 at = "" if self.observer.initial else "; that is where estimates start by default: give initial"
                 raise self._fail("initial", f"{error}{at}") from error

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from hgorun.config.models import ExperimentBlocks, Time
-from hgorun.config.overrides import replaced
 from hgorun.config.yaml_source import Source, parse
 from hgorun.errors import ConfigError
 from hgorun.measurement.availability import Stretch, resolve
@@ -22,8 +21,18 @@ from hgorun.observers.base import AnyObserver
 from hgorun.observers.capabilities import NoiseInformed
 from hgorun.plants.base import Plant
 from hgorun.plants.build import BuiltPlant, build_plant
-from hgorun.result.data import Coordinates
-from hgorun.simulation.blocks import Checked, as_yaml, check, check_again, observer_of, plain, resolved, resolved_text
+from hgorun.result.observer import Coordinates
+from hgorun.simulation.blocks import (
+    Checked,
+    as_yaml,
+    changed,
+    check,
+    check_again,
+    observer_of,
+    plain,
+    resolved,
+    resolved_text,
+)
 from hgorun.simulation.design import Design
 from hgorun.simulation.forms import coordinates_of, form_of
 from hgorun.simulation.grid import grid_of, metric_step
@@ -107,10 +116,7 @@ class Experiment:
         >>> faster = experiment.varied({"observers.SHGO.theta": 2})
         >>> shorter = experiment.varied({"time.end": 10, "observers.FHGO": None})
         """
-        source, touched = self.source, set()
-        for path, value in changes.items() if seed is None else [*changes.items(), ("seed", seed)]:
-            source, place = replaced(source, path, plain(value))
-            touched.add(place)
+        source, touched = changed(self.source, changes if seed is None else {**changes, "seed": seed})
         if ("extends",) in touched:
             raise ConfigError(_ONLY_A_FILE, key="extends")
         new = object.__new__(type(self))
@@ -128,9 +134,7 @@ class Experiment:
         ------
         ConfigError
         """
-        source = self.source
-        for path, value in changes.items():
-            source, _ = replaced(source, path, plain(value))
+        source, _ = changed(self.source, changes)
         with source.located():
             observer = self._informed(observer_of(label, source.data["observers"][label], source))
             form, origin = form_of(self.plant, label, observer, self._noise, self._taken().get(label), self._sampled)
@@ -279,7 +283,20 @@ class Experiment:
     @property
     def metric_step(self) -> float:
         """Spacing of the points that metrics are taken from."""
-        return metric_step(self.blocks.time, self.blocks.metrics)
+        return self._every * metric_step(self.blocks.time, self.blocks.metrics)
+
+    @cached_property
+    def _every(self) -> int:
+        """How many points of the metrics' grid make a step of this experiment's, see :meth:`looked_at`."""
+        return 1
+
+    def looked_at(self, every: int) -> Experiment:
+        """The same, but with output at every so many points of the metrics' grid alone."""
+        new = object.__new__(type(self))
+        new.__dict__ |= self.__dict__
+        points, _, of_metrics = self.grid
+        new._every, new.grid = every, (points[:: every * of_metrics].copy(), 1, 1)
+        return new
 
     @cached_property
     def grid(self) -> tuple[np.ndarray, int, int]:

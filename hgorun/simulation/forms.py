@@ -8,7 +8,7 @@ from hgorun.errors import HgorunError, NotObservableForm, Problem, called
 from hgorun.memo import Memo, same
 from hgorun.observers.base import OBSERVERS, AnyObserver, CorrectedObserver, SampledObserver
 from hgorun.plants.build import BuiltPlant
-from hgorun.result.data import Coordinates
+from hgorun.result.observer import Coordinates
 from hgorun.symbolic.forms import ChosenChains, Form, FormFinder, Redecided
 from hgorun.symbolic.observability import CanonicalForms
 

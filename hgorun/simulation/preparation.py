@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections.abc import Hashable
 from dataclasses import replace
 
-import casadi as ca
 import numpy as np
 
-from hgorun.config.models import Time
 from hgorun.errors import Problem
 from hgorun.measurement.channels import Channel, check_delays, find_channels
 from hgorun.measurement.extremes import Unknown
@@ -20,22 +18,20 @@ from hgorun.measurement.signals import extremes_of, kinks_of, signal_remarks, un
 from hgorun.memo import Memo, same
 from hgorun.observers.base import AnyObserver, CorrectedObserver, SampledObserver, treatment_of
 from hgorun.observers.capabilities import Switching
-from hgorun.plants.build import BuiltPlant, SymbolicPlant
+from hgorun.plants.build import BuiltPlant
 from hgorun.result.data import DesignNumbers
 from hgorun.simulation.checks import check_run
 from hgorun.simulation.design import Design
 from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.first_step import nominal_step
 from hgorun.simulation.plant_alone import PlantRun, plant_extremes, plant_kinks, plant_remarks, plant_unknown
 from hgorun.simulation.prepared import Numbers, PreparedRun
 from hgorun.simulation.structure import Structure, parameter_values, structure_of
 from hgorun.simulation.truth import SameTruth, SimulatedPlant
-from hgorun.symbolic.evaluate import evaluate
-from hgorun.symbolic.forms import Form
 
 _EVENTS = 100_000  # of schedules that are kept in memory
 _CHANNELS: Memo[list[Channel]] = Memo(16, lambda channels: not is_long(channels) and _events(channels) < _EVENTS)
 _SCHEDULES: Memo[AnySchedule] = Memo(16, lambda schedule: isinstance(schedule, Schedule) and schedule.size < _EVENTS)
-_SLOPES: Memo[ca.Function] = Memo(64)
 _TRUTHS: Memo[SimulatedPlant] = Memo(64)
 
 
@@ -244,7 +240,14 @@ def _remarks(experiment: Experiment) -> tuple[str, ...]:
     time = experiment.time
     continuous = [s for one in experiment.stretches for s in one if s.continuous]
     found = [signal_remarks(s, time.max_memory) for s in continuous]
-    return tuple(dict.fromkeys(sum(found, plant_remarks(experiment.plant, time, experiment.origin))))
+    of_observers = [
+        f"observer {label}: {remark}"
+        for label, design in experiment.designs.items()
+        for remark in design.observer.remarks(design.form)
+    ]
+    return tuple(dict.fromkeys(sum(found, plant_remarks(experiment.plant, time, experiment.origin)))) + tuple(
+        of_observers
+    )
 
 
 def _unknown(experiment: Experiment) -> tuple[Unknown, ...]:
@@ -255,69 +258,3 @@ def _unknown(experiment: Experiment) -> tuple[Unknown, ...]:
     for stretches in experiment.stretches:
         found += [one for s in stretches if s.continuous for one in unknown_extremes(s)]
     return tuple(found)
-
-
-def nominal_step(experiment: Experiment) -> float:
-    """The step that is given, or the one with which error control begins.
-
-    That follows from the fastest declared frequency and the fastest error dynamics at the start: RK4 follows
-    exp(-rate t) to about 1e-7 of a step when rate * step is 0.05, and a sinusoid to the same with 60 points a period.
-    It is the span over a power of two, up to twice as long as that and at least 2^-10 of the run; Euler's method
-    takes steps 100 times as short. What takes more than 2^20 of them begins with these.
-    """
-    if experiment.given_step is not None:
-        return experiment.given_step
-    rates = [rate_of(label, design.observer, design.form) for label, design in experiment.designs.items()]
-    rates += plant_rates(experiment.plant, experiment.time, experiment.plant.initial, experiment.plant.everything)
-    return step_for(experiment, max((rate for rate in rates if np.isfinite(rate)), default=0.0))
-
-
-def rate_of(label: str, observer: AnyObserver, form: Form) -> float:
-    """The fastest rate of an observer's error dynamics; not finite or zero where it is not known."""
-    try:
-        return float(observer.fastest_rate(form))
-    except Problem as problem:
-        raise Problem(("observers", label, *problem.path), problem.message) from problem
-
-
-def plant_rates(plant: BuiltPlant, time: Time, initial: np.ndarray, everything: np.ndarray) -> list[float]:
-    """The fastest rate of a plant at the start of one run or of several; NaN where it is not known.
-
-    Parameters
-    ----------
-    initial : ndarray, shape (n,) or (N, n)
-    everything : ndarray, shape (parameters,) or (N, parameters)
-    """
-    slopes = _SLOPES.get(plant.symbolic, lambda: _slopes(plant.symbolic))
-    (matrices,) = evaluate(slopes, np.array([time.start]), initial, everything)
-    matrices = matrices.reshape(-1, plant.model.n, plant.model.n)
-    known = np.all(np.isfinite(matrices), axis=(1, 2))
-    rates = np.full(len(matrices), np.nan)
-    rates[known] = np.max(np.abs(np.linalg.eigvals(matrices[known])), axis=1)
-    return [float(rate) for rate in rates]
-
-
-def step_for(experiment: Experiment, rate: float) -> float:
-    """The step that a fastest rate asks for, where none is given."""
-    time = experiment.time
-    span = time.end - time.start
-    step = span / 1000
-    if rate > 0:
-        step = min(step, 0.05 / rate)
-    for stretches in experiment.stretches:
-        for s in stretches:
-            fastest = s.fastest() if s.continuous else 0.0
-            if fastest > 0:
-                step = min(step, 2 * np.pi / fastest / 60)
-    if experiment.blocks.solver.method == "euler":
-        step /= 100
-    if experiment.adaptive:
-        return step
-    return float(span / 2.0 ** np.clip(np.floor(np.log2(span / step)), 10, 20))
-
-
-def _slopes(plant: SymbolicPlant) -> ca.Function:
-    """df/dx with the inputs in it, from (t, x, p)."""
-    model = plant.model
-    slopes = ca.substitute(ca.jacobian(model.dynamics, model.x), model.u, plant.inputs)
-    return ca.Function("A", [model.t, model.x, plant.everything], [slopes])

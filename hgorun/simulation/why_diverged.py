@@ -137,7 +137,8 @@ def _rate(run: PreparedRun, block: ObserverBlock, row: int, x: Floats) -> float:
     z[own] = run.numbers.z0[own]
     xhat = block.states["xhat"]
     try:
-        z[xhat.start : xhat.start + xhat.size] = block.form.start(x, run.plant.parameters, block.canonical)
+        estimate = np.asarray(block.form.start(x, run.plant.parameters, block.canonical))
+        z[xhat.start : xhat.start + xhat.size] = block.observer.start(estimate, block.design)
     except ValueError:  # the coordinates do not exist there
         return 0.0
     u = structure.inputs.along(np.array([t]), run.numbers.p, np.zeros((1, structure.system.states)))[0]

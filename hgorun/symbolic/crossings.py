@@ -19,7 +19,6 @@ from hgorun.symbolic.intervals import Bounds
 from hgorun.symbolic.levels import Levels, distinct
 
 _CELLS = 1 << 15  # that are looked at together: bounds the memory
-_BUDGET = 4_000_000  # cells of one function
 _EARLY, _SAMPLES, _LARGE = 1 << 13, 4, 100_000  # cells; looks for each crossing that is allowed, where that is few
 _PER_CROSSING = 100  # more cells for each crossing that was found
 _ZERO = 1e-290  # a slope that is zero but for rounding outwards
@@ -71,10 +70,13 @@ class Found:
         In ascending order, each the first double on the far side.
     lost : tuple of (float, float)
         Where the function could not be followed: crossings there are found on a grid only, or not at all.
+    unseen : bool
+        Whether the search ended because its budget was spent.
     """
 
     times: Floats
     lost: tuple[tuple[float, float], ...] = ()
+    unseen: bool = False
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -90,6 +92,8 @@ class Search:
         Whether times at which a level is touched count, too.
     limit : float
         More crossings than that are refused.
+    budget : float
+        How many cells are looked at, beside some for each crossing that is found.
     """
 
     function: Smooth
@@ -98,6 +102,7 @@ class Search:
     levels: Levels
     touches: bool = False
     limit: float = np.inf
+    budget: float = 4e6
 
     def between(self, low: Floats, high: Floats) -> Found:
         """The crossings on all pieces.
@@ -113,7 +118,7 @@ class Search:
         finest = 1e-3 * np.spacing(max(abs(low[0]), abs(high[-1])))  # near t = 0 doubles are finer than need be
         stack = [Cells(low, high, np.arange(low.size))]
         crossed, flat, looked, doubtful, found = [], [], 0, 0, 0
-        while stack and looked < _BUDGET + _PER_CROSSING * found:
+        while stack and looked < self.budget + _PER_CROSSING * found:
             cells = stack.pop()
             if cells.low.size > _CELLS:
                 rest = np.arange(cells.low.size) >= _CELLS
@@ -140,7 +145,7 @@ class Search:
         least = np.maximum(_WIDE * (high - low)[touched.piece], 1e6 * finest)
         wide = touched.where(known & loud & (touched.high - touched.low > least))
         lost = [(float(c.low.min()), float(c.high.max())) for c in (wide, unseen) if c.low.size]
-        return Found(distinct(np.concatenate(times)), tuple(lost))
+        return Found(distinct(np.concatenate(times)), tuple(lost), bool(unseen.low.size))
 
     def _not_too_many(self, low: Floats, high: Floats) -> None:
         """End a search early that would find too many crossings: levels passed from one look to the next are as many.

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from hgorun.symbolic.crossings import Search
+from hgorun.symbolic.crossings import Search, TooMany
 from hgorun.symbolic.curves import Curve
 from hgorun.symbolic.evaluate import Floats
 from hgorun.symbolic.functions_of_time import Smooth
@@ -33,6 +33,10 @@ _TOGETHER = 64  # cells
 _MOST = 20_000  # passages of a feature
 _NOTHING = 40.0  # e to the power of minus that is nothing beside 1
 _CHANGE = 1.0  # of an argument, or of the logarithm of a divisor: less makes nothing narrow
+_NODES = np.polynomial.chebyshev.chebpts1(6)  # of a cell, -1 to 1
+_TO_SERIES = np.linalg.inv(np.polynomial.chebyshev.chebvander(_NODES, _NODES.size - 1)).T
+_TAIL = 4.0  # what follows in a series is taken for no more than that many of its last two terms
+_WORK = 2e8  # cells of a search times the instructions of its function
 _ZERO = zero(reached=False)
 
 
@@ -80,12 +84,37 @@ class Feature:
             return np.zeros(0)
         s = self._cells(curve)
         value, _ = self.argument.bounds(curve.low, curve.high, p, s)
-        some = np.flatnonzero(self._may(value, step))
+        may = self._may(value, step)
+        if self.slope is not None and np.any(may):
+            may &= self._may(self._by_series(curve, p, s, may, value), step)
+        some = np.flatnonzero(may)
         if not some.size:
             return np.zeros(0)
-        search = Search(self.slope or self.argument, p, s[some], self.levels or _ZERO, limit=_MOST)
-        times = search.between(curve.low[some], curve.high[some]).times
+        function = self.slope or self.argument
+        budget = _WORK / function.slope.n_instructions()
+        search = Search(function, p, s[some], self.levels or _ZERO, limit=_MOST, budget=budget)
+        passed = search.between(curve.low[some], curve.high[some])
+        if passed.unseen:
+            raise TooMany(np.inf)
+        times = passed.times
         return times if self.slope is None else times[self._counts(curve, p, times)]
+
+    def _by_series(self, curve: Curve, p: Floats, s: Floats, some: np.ndarray, value: Bounds) -> Bounds:
+        """Bounds of the argument on all cells, on some of them by a Chebyshev series through a few of its values.
+
+        Interval arithmetic knows nothing of what cancels, so that its bounds of a determinant say little. What
+        could be so narrow in the argument that a series does not see it is a feature of its own.
+        """
+        low, high = curve.low[some], curve.high[some]
+        times = low[:, None] + 0.5 * (1 + _NODES) * (high - low)[:, None]
+        found = self.argument.at(times.ravel(), p, np.repeat(s[some], _NODES.size, axis=0))
+        series = found.reshape(times.shape) @ _TO_SERIES
+        size = np.abs(series)
+        reach = size[:, 1:].sum(axis=1) + _TAIL * size[:, -2:].sum(axis=1)
+        least, most = value[0].copy(), value[1].copy()
+        least[some] = np.fmax(least[some], series[:, 0] - reach)
+        most[some] = np.fmin(most[some], series[:, 0] + reach)
+        return least, most
 
     def _near(self, curve: Curve, p: Floats) -> np.ndarray:
         """The cells of those neighbourhoods in which it may be passed, by bounds of the states alone."""

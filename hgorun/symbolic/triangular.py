@@ -91,6 +91,14 @@ class TriangularCopy:
         F = superdiagonal(self.form.model, self.form.block)
         return F(self.t, self.saturated(xhat), self.u, self.p)
 
+    def links(self, xhat: ca.SX) -> ca.SX:
+        """F: what leads from each block to the next."""
+        return self.F(xhat)
+
+    def lift(self, xhat: ca.SX, kappa: ca.SX) -> ca.SX:
+        """A correction as it is: the estimate is in the coordinates of the blocks."""
+        return kappa
+
     def copy(self, xhat: ca.SX) -> ca.SX:
         """F(u, sat x) x + phi(u, sat x): the x that multiplies F is not saturated."""
         clipped = self.saturated(xhat)

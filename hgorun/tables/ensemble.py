@@ -8,7 +8,8 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 from hgorun.ensemble.collected import Collected, levels, shown
-from hgorun.ensemble.statistics import Difference, Statistics, Summary, points, statistics
+from hgorun.ensemble.points import points
+from hgorun.ensemble.statistics import Difference, Statistics, Summary, statistics
 from hgorun.result.metrics.base import all_metrics
 from hgorun.tables.axis_names import names_of_points, short_axis
 from hgorun.tables.layout import number, packed, wrapped

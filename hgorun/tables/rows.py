@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from hgorun.result.data import ObserverResult
 from hgorun.result.metrics.base import all_metrics
+from hgorun.result.observer import ObserverResult
 from hgorun.result.result import Result
 from hgorun.result.run_names import run_names
 from hgorun.tables.typeset import printable

@@ -7,7 +7,7 @@ import json
 import pytest
 
 from hgorun.commands.catalogue import show
-from hgorun.commands.options import Show
+from hgorun.commands.catalogue_options import Show
 
 
 def shown(name: str, capsys: pytest.CaptureFixture[str]) -> str:

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from hgorun.commands.catalogue_options import Claims
 from hgorun.commands.claims import claims
-from hgorun.commands.options import Claims
 
 STUDY = """
 time: {end: 3, output_step: 0.1}

@@ -5,12 +5,20 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from recordings import recording, signal
+from scipy.special import chdtrc
 
 from hgorun.errors import ConfigError
 from hgorun.estimate.bands import Band, band_of, coverage, since_last
 from hgorun.estimate.gate import RunningDeviation
 from hgorun.estimate.holdout import HoldOut, held_out, number_of, parse_holdout
-from hgorun.estimate.scores import ljung_box, rms, settled
+from hgorun.estimate.scores import chi_squared_beyond, ljung_box, rms, settled
+
+
+@pytest.mark.parametrize("degrees", [2, 10, 24])
+def test_chi_squared_is_that_of_scipy(degrees: int) -> None:
+    values = np.concatenate([np.linspace(0, 60, 121), [200.0, 1400.0, 1e9]])
+    found = [chi_squared_beyond(float(value), degrees) for value in values]
+    np.testing.assert_allclose(found, chdtrc(degrees, values), rtol=1e-12, atol=1e-300)
 
 
 def test_white_numbers_pass_the_test_of_whiteness_as_often_as_it_says() -> None:

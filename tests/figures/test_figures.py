@@ -28,7 +28,8 @@ from hgorun.figures.files import save
 from hgorun.figures.looks import Look, family_colour, looks
 from hgorun.figures.names import RunNames, check
 from hgorun.figures.style import DASHES, PALETTE, TRUTH
-from hgorun.result.data import Measurements, ObserverResult
+from hgorun.result.data import Measurements
+from hgorun.result.observer import ObserverResult
 from hgorun.result.status import OK, Verdict
 from hgorun.tables.typeset import latex_words, paragraph, shortened, symbol, unit, words
 

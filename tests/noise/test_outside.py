@@ -13,7 +13,7 @@ from outside import code_of, installed
 
 import hgorun
 from hgorun.commands.catalogue import build_schema, list_all, show
-from hgorun.commands.options import List, Show
+from hgorun.commands.catalogue_options import List, Show
 from hgorun.errors import ConfigError
 from hgorun.noise.base import NOISE
 

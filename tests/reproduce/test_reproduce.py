@@ -12,8 +12,8 @@ import h5py
 import pytest
 
 from hgorun import read_sweep
+from hgorun.commands.catalogue_options import Figures
 from hgorun.commands.figures import figures
-from hgorun.commands.options import Figures
 from hgorun.files import _MACHINE, remove_leftovers, written_whole
 from hgorun.reproduce import pool
 from hgorun.reproduce.choice import choose

@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 from hgorun.errors import HgorunError
-from hgorun.result.data import Assessed, Measurements, ObserverResult, Recorded, RecordedOutput
+from hgorun.result.data import Measurements
+from hgorun.result.observer import ObserverResult
+from hgorun.result.recorded import Assessed, Recorded, RecordedOutput
 from hgorun.result.result import Result
 
 TIME = np.linspace(0, 1, 5)

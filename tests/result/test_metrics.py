@@ -16,7 +16,7 @@ from outside import code_of, installed
 
 from hgorun import Result
 from hgorun.commands.catalogue import list_all, show
-from hgorun.commands.options import List, Show
+from hgorun.commands.catalogue_options import List, Show
 from hgorun.errors import HgorunError, PluginError
 from hgorun.result.measure import measure
 from hgorun.result.metrics.base import METRICS, Metric, all_metrics, largest

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hgorun.result.data import ObserverResult
+from hgorun.result.observer import ObserverResult
 from hgorun.result.status import OK, STATUSES, Status, Verdict, worst
 
 

@@ -14,7 +14,7 @@ import yaml
 import hgorun
 from hgorun.errors import ConfigError
 from hgorun.observers.base import OBSERVERS
-from hgorun.result.data import Coordinates
+from hgorun.result.observer import Coordinates
 from hgorun.symbolic import ranks
 
 NOISE = [{"type": "sinusoids", "terms": [{"amplitude": 0.1, "omega": 20}]}]

@@ -22,7 +22,7 @@ from hgorun.analysis.convergence.envelope import Envelope
 from hgorun.analysis.convergence.lipschitz import Lipschitz
 from hgorun.analysis.convergence.signals import Amplitudes
 from hgorun.observers.riccati import stationary
-from hgorun.result.data import ObserverResult
+from hgorun.result.observer import ObserverResult
 from hgorun.result.result import Result
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.symbolic.forms import BlockForm

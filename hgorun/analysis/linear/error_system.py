@@ -23,7 +23,7 @@ from hgorun.analysis.linear.linear import Linearisation
 from hgorun.analysis.reasons import CORRECTED, JUMPS, SLIDING, NoValue, why_lost
 from hgorun.observers.base import CorrectedObserver, SampledObserver
 from hgorun.observers.capabilities import SlidingMode
-from hgorun.result.data import ObserverResult
+from hgorun.result.observer import ObserverResult
 from hgorun.result.result import Result
 from hgorun.simulation.prepared import PreparedRun
 

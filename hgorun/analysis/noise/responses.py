@@ -13,7 +13,7 @@ from hgorun.analysis.noise.terms import NoiseTerms
 from hgorun.analysis.reasons import CORRECTED, JUMPS, NoValue, outcomes, require_estimate
 from hgorun.analysis.subject import Context, Subject, once
 from hgorun.observers.base import CorrectedObserver, SampledObserver
-from hgorun.result.data import ObserverResult
+from hgorun.result.observer import ObserverResult
 from hgorun.result.theory import Bode
 from hgorun.simulation.simulate import prepare, simulate_prepared
 

@@ -1,14 +1,10 @@
-"""The native functions that every integrator calls: events, output rows, divergence, history."""
+"""The native functions of events: what is kept, what arrives, what jumps."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-
-from hgorun.engine.emit import Emitted, emit
 from hgorun.engine.layout import (
     ACTION_WORDS,
     ARRIVE,
-    COUNT,
     JUMP,
     REBASE,
     RECORD,
@@ -17,122 +13,12 @@ from hgorun.engine.layout import (
     SAVE,
     SET,
     SHOW,
-    SPAN,
     TAKE,
     WORD,
     Held,
-    HybridSystem,
 )
+from hgorun.engine.module import Module, copy, counts, span
 from hgorun.native.ir import Function, hexadecimal
-
-_UNROLLED = 8
-_REGISTERS = 512  # doubles of an array that registers and what they spill into may hold
-
-
-class Module:
-    """The native module under construction: its functions share declarations, lanes and a system.
-
-    ``shown`` are the states that rows have, all of them where it is None. Lanes that are ``loose`` have times of
-    their own, see :mod:`hgorun.engine.loose`.
-    """
-
-    def __init__(
-        self, system: HybridSystem, lanes: int, shown: Sequence[int] | None = None, *, loose: bool = False
-    ) -> None:
-        self.system, self.lanes, self.shown, self.loose = system, lanes, shown, loose
-        self.declarations: set[str] = set()
-        self.functions: list[str] = []
-        self.constants = 0
-        self._offset: dict[str, int] = {}
-        self._emitted: list[Emitted] = []
-
-    @property
-    def time(self) -> str:
-        """The type of a time."""
-        return f"<{self.lanes} x double>" if self.loose else "double"
-
-    @property
-    def row_words(self) -> int:
-        """Words of an output point."""
-        return self.lanes * (self.system.states if self.shown is None else len(self.shown))
-
-    def function(self, name: str, arguments: str, *, returns: str = "void", attributes: str = "nounwind") -> Function:
-        return Function(name, arguments, self.lanes, self.declarations, returns=returns, attributes=attributes)
-
-    def finish(self, f: Function, linkage: str = "internal") -> None:
-        self.functions.append(f.text(linkage))
-
-    def emit(self, function: object, name: str, *, inlined: bool = True) -> Emitted:
-        """Emit a symbolic function and give it a place among the constants of a run."""
-        emitted = emit(function, name, self.lanes, self.declarations, inlined=inlined, timed=self.loose)
-        self.functions.append(emitted.text)
-        self._offset[name] = self.constants
-        self._emitted.append(emitted)
-        self.constants += emitted.constants
-        return emitted
-
-    def constants_of(self, f: Function, emitted: Emitted, ctx: str = "%ctx") -> str:
-        return f.at(f.word(ctx, WORD["c"], "ptr"), self._offset[emitted.name] * self.lanes)
-
-    def text(self) -> str:
-        return "\n".join([*sorted(self.declarations), *self.functions])
-
-    def setup(self) -> None:
-        """``setup(ctx)``: what depends on the parameters alone, once a run."""
-        f = self.function("setup", "ptr %ctx")
-        for emitted in self._emitted:
-            emitted.setup(f, f.word("%ctx", WORD["p"], "ptr"), self.constants_of(f, emitted))
-        f.do("ret void")
-        self.finish(f, "dso_local")
-
-
-def span(f: Function, segment: str) -> tuple[str, ...]:
-    """The four times of a segment."""
-    base = f.at(f.word("%ctx", WORD["spans"], "ptr"), f.scalar("mul", segment, str(len(SPAN))))
-    return tuple(f.word(base, i, "double") for i in range(len(SPAN)))
-
-
-def counts(f: Function, segment: str) -> dict[str, str]:
-    """The integers of a segment, by name."""
-    base = f.at(f.word("%ctx", WORD["counts"], "ptr"), f.scalar("mul", segment, str(len(COUNT))))
-    return {name: f.word(base, i) for i, name in enumerate(COUNT)}
-
-
-def each(f: Function, count: int) -> Iterator[str | int]:
-    """The numbers of ``count`` values, which lie in all lanes one after the other: a loop where they are many."""
-    if count <= _UNROLLED:
-        yield from range(count)
-    else:
-        with f.count(0, count) as i:
-            yield i
-
-
-def copy(f: Function, source: str, target: str, count: int) -> None:
-    """Copy ``count`` values of all lanes, in a loop where they are many."""
-    if count <= _UNROLLED:
-        return move(f, source, target, count)
-    with f.count(0, count) as i:
-        place = f.scalar("mul", i, str(f.lanes))
-        f.store(f.load(f.at(source, place), f.real), f.at(target, place), f.real)
-    return None
-
-
-def move(f: Function, source: str, target: str, count: int) -> None:
-    """Copy ``count`` values of all lanes, unrolled, so that the arrays may become registers."""
-    for i in range(count):
-        f.store(f.load(f.at(source, i * f.lanes), f.real), f.at(target, i * f.lanes), f.real)
-
-
-def lent(f: Function, array: str, count: int) -> str:
-    """An array for a function that is called rarely: a copy, since only what no function is given becomes registers.
-
-    A store that is loaded again takes longer than an addition, above all where scalars are loaded as a vector.
-    """
-    if count * f.lanes > _REGISTERS:
-        return array
-    own = f.slot("double", count * f.lanes)
-    move(f, array, own, count)
-    return own
 
 
 def add_channels(m: Module) -> None:
@@ -289,51 +175,4 @@ def _add_jump(m: Module, number: int) -> None:
             place = f.scalar("add", f.scalar("mul", i, str(m.lanes)), lane)
             f.store(f.word(new, place, "double"), f.at(z, f.scalar("add", place, str(start * m.lanes))))
     f.do("ret void")
-    m.finish(f)
-
-
-def add_flag(m: Module, *, alone: bool) -> None:
-    """``flag(ctx, t, z, bound)``: mask the observers that have left the bound; 1 when the plant has.
-
-    A plant that is not ``alone`` does not end the run of the others: all its lane becomes NaN, and when that was is
-    kept in ``lost``.
-    """
-    lanes = m.lanes
-    arguments = f"ptr %ctx, {m.time} %t, ptr %z, ptr %bound"
-    f = m.function("flag", arguments, returns="i64", attributes="nounwind noinline")
-    worst, t = f.slot(f.real), "%t" if m.loose else f.splat("%t")
-
-    def watch(start: str, stop: str, bound: str) -> str:
-        """In which lanes one of some states is beyond a bound."""
-        f.store(f.constant(0.0), worst, f.real)
-        with f.count(start, stop) as i:
-            size = f.intrinsic("fabs", f.load(f.at("%z", f.scalar("mul", i, str(lanes))), f.real))
-            beyond = f.compare("ugt", size, bound)
-            f.store(f.select(beyond, f.constant(1.0), f.load(worst, f.real)), worst, f.real)
-        return f.compare("ogt", f.load(worst, f.real), f.constant(0.0))
-
-    def end(mask: str, when: str, start: str, stop: str) -> None:
-        """Nothing is left of some states in some lanes; the first time is kept."""
-        before = f.load(when, f.real)
-        first = f.let(f"and {f.mask} {mask}, {f.compare('olt', t, before)}")  # infinity until then
-        f.store(f.select(first, t, before), when, f.real)
-        with f.count(start, stop) as i:
-            place = f.at("%z", f.scalar("mul", i, str(lanes)))
-            f.store(f.select(mask, f.constant(float("nan")), f.load(place, f.real)), place, f.real)
-
-    lost = watch("0", str(m.system.plant_states), f.constant(1e300))
-    outcome = f.let(f"zext i1 {f.any(lost)} to i64")
-    if not alone:
-        with f.when(f.any(lost)):
-            end(lost, f.word("%ctx", WORD["lost"], "ptr"), "0", str(m.system.states))
-        outcome = "0"
-    blocks, diverged = f.word("%ctx", WORD["blocks"], "ptr"), f.word("%ctx", WORD["diverged"], "ptr")
-    bound = f.load("%bound", f.real)
-    with f.count(0, m.system.observers) as j:
-        block = f.at(blocks, f.scalar("mul", j, "3"))
-        start, stop, after = (f.word(block, i) for i in range(3))
-        beyond = watch(start, stop, bound)
-        with f.when(f.any(beyond)):
-            end(beyond, f.at(diverged, f.scalar("mul", j, str(lanes))), start, after)
-    f.do(f"ret i64 {outcome}")
     m.finish(f)

@@ -1,0 +1,85 @@
+"""The options of the commands about what hgorun brings: its publications, and what it can be asked to describe.
+
+Only typer is imported here, as in :mod:`hgorun.commands.options`.
+"""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from hgorun.commands.options import Printing
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Reproduction(Printing):
+    """Which figures or claims are meant, and how many are made at once."""
+
+    names: Annotated[
+        list[str],
+        typer.Argument(metavar="[NAME...]", help="Figures, experiments or folders of them, or YAML files."),
+    ] = field(default_factory=list)
+    jobs: Annotated[
+        int | None, typer.Option("--jobs", min=1, help="Number of processes (default: one per processor).")
+    ] = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Figures(Reproduction):
+    """Draw the figures of the publications, or of your own files.
+
+    Each is written as PNG and PDF. It is drawn again only if its block, its runs or the code it depends on has changed.
+    """
+
+    report: Annotated[bool, typer.Option("--report", help="Check the claims too, and write REPORT.md.")] = False
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Claims(Reproduction):
+    """Check the claims of the publications, or of your own files.
+
+    Each claim is confirmed or refuted, with the number; undecided where chance leaves it open; depends where the
+    publication leaves open what decides; undecidable where no finite run can tell.
+    """
+
+    strict: Annotated[
+        bool, typer.Option("--strict", help="Exit with code 3 if a verdict is not the one that its file expects.")
+    ] = False
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class List:
+    """List the available plants, observers, kinds of noise, metrics, findings and experiments."""
+
+    kind: Annotated[str, typer.Argument(help="plants, observers, noise, metrics, findings, experiments or all.")] = (
+        "all"
+    )
+    json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Show:
+    """Describe a plant, an observer, a kind of noise, a metric, a finding or an experiment.
+
+    The description has its equations, its keys with ranges and defaults, and its source.
+    """
+
+    name: Annotated[str, typer.Argument(help="A name from hgorun list.")]
+    json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Schema:
+    """Print the JSON schema of configurations, for editors."""
+
+    sweep: Annotated[bool, typer.Option("--sweep", help="The schema of sweep files instead.")] = False
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Init:
+    """Copy a built-in experiment as a starting point."""
+
+    name: Annotated[str, typer.Argument(help="A built-in experiment; see hgorun list experiments.")] = "contois_te025"
+    folder: Annotated[Path, typer.Argument(help="Folder to copy it to.")] = Path()
+    force: Annotated[bool, typer.Option("--force", help="Overwrite existing files.")] = False

@@ -1,0 +1,251 @@
+"""Samples of one quantity while they are sorted out: what is dropped, refused, or only reported."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from hgorun.config.data import Faults
+from hgorun.data import faults
+from hgorun.data.recording import Note
+from hgorun.data.samples import Samples
+from hgorun.errors import ConfigError
+
+_SHOWN = 5  # places of a fault whose lines are named
+
+
+class Sorting:
+    """Sorts samples out as told, and notes what it has found.
+
+    Parameters
+    ----------
+    told : Faults
+    measured : bool
+        Whether a sensor measured them: what a machine was told to do may well be a ramp, a level or a step.
+    """
+
+    def __init__(self, told: Faults, measured: bool) -> None:
+        self._told, self._measured = told, measured
+        self.notes: list[Note] = []
+
+    def sorted_out(self, samples: Samples, plausible: tuple[float, float] | None) -> Samples:
+        """Finite values in the order of their times.
+
+        Raises
+        ------
+        ConfigError
+            For the first fault that is to be refused.
+        """
+        with np.errstate(all="ignore"):  # differences of the largest numbers
+            return self._sorted_out(samples, plausible)
+
+    def _sorted_out(self, samples: Samples, plausible: tuple[float, float] | None) -> Samples:
+        samples = self._present(samples)
+        samples = self._good(samples)
+        samples = self._plausible(samples, plausible)
+        samples = self._known_after(samples)
+        samples = self._in_order(samples)
+        samples = self._once(samples)
+        if not self._measured:
+            return samples
+        self._gaps(samples)
+        self._slips(samples)
+        samples = self._filled(samples)
+        return self._stuck(samples)
+
+    def _note(self, kind: str, samples: Samples, k: int, count: int, message: str) -> None:
+        file, line = samples.place(k)
+        self.notes.append(Note(kind=kind, signal=samples.key, file=file, line=line, count=count, message=message))
+
+    def _refused(self, samples: Samples, k: int, message: str, hint: str) -> ConfigError:
+        file, line = samples.place(k)
+        return ConfigError(f"{message}; {hint}", file=file, line=line, key=samples.key)
+
+    def _kept(self, samples: Samples, wrong: np.ndarray, kind: str, what: str, refuse: str | None) -> Samples:
+        """Those that are not wrong, with a note; refused if a hint says how they are dropped."""
+        if not wrong.any():
+            return samples
+        first, count = int(wrong.argmax()), int(wrong.sum())
+        if refuse is not None:
+            raise self._refused(samples, first, what, refuse)
+        self._note(kind, samples, first, count, f"{_samples(count)} left out: {what}")
+        kept = samples.at(~wrong)
+        if not kept.values.size:
+            raise self._refused(samples, first, f"no value is left: {what}", "there is nothing to estimate from")
+        return kept
+
+    def _present(self, samples: Samples) -> Samples:
+        missing = np.isnan(samples.values)
+        refuse = "faults: {missing: drop} leaves them out" if self._told.missing == "refuse" else None
+        samples = self._kept(samples, missing, "missing", "the value is missing", refuse)
+        if (unstamped := np.isnan(samples.taken)).any():
+            raise self._refused(samples, int(unstamped.argmax()), "a value without time stamp", "it cannot be placed")
+        if samples.late:
+            unknown = np.isnan(samples.available)
+            samples = self._kept(samples, unknown, "missing", "the time when it was known is missing", refuse)
+        return samples
+
+    def _good(self, samples: Samples) -> Samples:
+        if samples.good is None:
+            return samples
+        return self._kept(samples, samples.good == 0, "quality", "the quality is not good", None)
+
+    def _plausible(self, samples: Samples, plausible: tuple[float, float] | None) -> Samples:
+        if plausible is None:
+            return samples
+        low, high = plausible
+        wrong = (samples.values < low) | (samples.values > high)
+        refuse = "faults: {implausible: drop} leaves them out" if self._told.implausible == "refuse" else None
+        return self._kept(samples, wrong, "implausible", f"the value is outside of [{low:g}, {high:g}]", refuse)
+
+    def _known_after(self, samples: Samples) -> Samples:
+        if samples.late and (early := samples.available < samples.taken).any():
+            k = int(early.argmax())
+            what = f"known at {samples.available[k]:g}, before it was taken at {samples.taken[k]:g}"
+            raise self._refused(samples, k, what, "the two columns may have been exchanged")
+        return samples
+
+    def _in_order(self, samples: Samples) -> Samples:
+        back = faults.backwards(samples.taken)
+        if not back.size:
+            return self._by_arrival(samples)
+        k, told = int(back[0]), self._told.backwards
+        what = f"the time stamp {samples.taken[k]:.9g} lies before one above it"
+        if told == "drop":
+            wrong = np.zeros(samples.values.size, dtype=bool)
+            wrong[back] = True
+            return self._by_arrival(self._kept(samples, wrong, "backwards", what, None))
+        if told != "sort" and not samples.late:
+            hint = "faults: {backwards: sort} or {backwards: drop} if this is known"
+            raise self._refused(samples, k, what, hint)
+        self._note("backwards", samples, k, back.size, f"{_samples(back.size)} sorted by time: {what}")
+        return self._by_arrival(samples)
+
+    def _by_arrival(self, samples: Samples) -> Samples:
+        """By the time they were taken, then by when they were known."""
+        if np.all(samples.taken[1:] > samples.taken[:-1]):
+            return samples
+        order = np.lexsort((samples.available, samples.taken))
+        return samples if np.all(np.diff(order) == 1) else samples.at(order)
+
+    def _once(self, samples: Samples) -> Samples:
+        again = faults.repeated(samples.taken)
+        told = self._told.repeated
+        if not again.size:
+            return samples
+        k = int(again[0])
+        what = f"the time stamp {samples.taken[k]:.9g} has come before, on line {samples.place(k - 1)[1]}"
+        if told is None or told == "refuse":
+            raise self._refused(samples, k, what, "faults: {repeated: first}, last, mean or keep if this is known")
+        self._note("repeated", samples, k, again.size, f"{_samples(again.size)} ({told}): {what}")
+        if told == "keep":
+            return samples
+        first = np.ones(samples.values.size, dtype=bool)
+        first[again] = False
+        starts = np.flatnonzero(first)
+        if told == "first":
+            return samples.at(starts)
+        last = np.append(starts[1:], samples.values.size) - 1
+        kept = samples.at(last)  # a mean is known when the last of them is
+        if told == "last":
+            return kept
+        counts = last - starts + 1
+        return replace(kept, values=np.add.reduceat(samples.values, starts) / counts)
+
+    def _gaps(self, samples: Samples) -> None:
+        found = faults.gaps(samples.taken)
+        if not found.size:
+            return
+        k, longest = int(found[0]), float(np.diff(samples.taken).max())
+        what = f"the time stamps jump by more than {faults.GAP:g} usual steps, at most by {longest:.6g}"
+        if self._told.gaps == "refuse":
+            raise self._refused(samples, k, what, "faults: {gaps: report} if nothing was measured there")
+        places = [faults.Stretch(int(k), int(k) + 1) for k in found]
+        self._note("gaps", samples, k, found.size, f"{what}{_where(samples, places)}")
+
+    def _slips(self, samples: Samples) -> None:
+        found = faults.slips(samples.values)
+        if not found:
+            return
+        k, change = found[0]
+        what = (
+            f"from here on the values differ by {change} ({samples.values[k - 1]:g}, then {samples.values[k]:g}), "
+            "as if the unit had changed"
+        )
+        if self._told.slips != "report":
+            raise self._refused(samples, k, what, "faults: {slips: report} if this was measured so")
+        places = [faults.Stretch(k, k + 1) for k, _ in found]
+        self._note("slips", samples, k, len(found), f"{what}{_where(samples, places)}")
+
+    def _filled(self, samples: Samples) -> Samples:
+        hint = "faults: {filled: drop} keeps the ends of the lines, report all"
+        what = "on straight lines, as if filled in by interpolation"
+        return self._stretches(
+            samples,
+            faults.filled(samples.taken, samples.values),
+            "filled",
+            what,
+            self._told.filled or "refuse",
+            hint,
+            _ends,
+        )
+
+    def _stuck(self, samples: Samples) -> Samples:
+        hint = "faults: {stuck: report} or drop if this is known"
+        what = "of equal values in a row, as if the sensor were stuck"
+        return self._stretches(
+            samples, faults.stuck(samples.values), "stuck", what, self._told.stuck or "report", hint, _start
+        )
+
+    def _stretches(
+        self,
+        samples: Samples,
+        found: list[faults.Stretch],
+        kind: str,
+        what: str,
+        told: str,
+        hint: str,
+        kept: Callable[[faults.Stretch], list[int]],
+    ) -> Samples:
+        """Refused, reported, or dropped but for some of each stretch."""
+        if not found:
+            return samples
+        keep = np.ones(samples.values.size, dtype=bool)
+        for stretch in found:  # lines meet in their ends
+            keep[stretch.start : stretch.stop] = False
+        first, count = found[0], int(np.count_nonzero(~keep))
+        message = f"{_samples(count)} {what}{_where(samples, found)}"
+        if told == "refuse":
+            raise self._refused(samples, first.start, message, hint)
+        self._note(kind, samples, first.start, count, message + (", left out" if told == "drop" else ""))
+        if told == "report":
+            return samples
+        for stretch in found:
+            keep[kept(stretch)] = True
+        return samples.at(keep)
+
+
+def _ends(stretch: faults.Stretch) -> list[int]:
+    return [stretch.start, stretch.stop - 1]
+
+
+def _start(stretch: faults.Stretch) -> list[int]:
+    return [stretch.start]
+
+
+def _samples(count: int) -> str:
+    return "1 sample" if count == 1 else f"{count:,} samples"
+
+
+def _where(samples: Samples, places: Sequence[faults.Stretch]) -> str:
+    """The lines of the first places, where there are several or where one has several lines."""
+    if len(places) == 1 and places[0].size == 1:
+        return ""
+    shown = [
+        f"{samples.place(stretch.start)[1]}" + (f" to {samples.place(stretch.stop - 1)[1]}" if stretch.size > 1 else "")
+        for stretch in places[:_SHOWN]
+    ]
+    more = f" and {len(places) - _SHOWN:,} more" if len(places) > _SHOWN else ""
+    return f" (lines {', '.join(shown)}{more})"

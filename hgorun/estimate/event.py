@@ -1,0 +1,59 @@
+"""What happens at a time while samples are followed as they come."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Event:
+    """What happens at a time.
+
+    Attributes
+    ----------
+    t : float
+    take : tuple of (output, slot)
+        What of the estimates is kept for samples that come later.
+    samples : tuple of (output, slot, value, used)
+        What arrives.
+    inputs : tuple of (input, value)
+        What changes.
+    taken : float
+        When the samples were measured.
+    """
+
+    t: float
+    take: tuple[tuple[int, int], ...] = ()
+    samples: tuple[tuple[int, int, float, bool], ...] = ()
+    inputs: tuple[tuple[int, float], ...] = ()
+    taken: float = np.nan
+
+    @property
+    def uses_samples(self) -> bool:
+        """Whether the observers are given one."""
+        return any(used for _, _, _, used in self.samples)
+
+    def joined(self, other: Event) -> Event:
+        """With the samples of another event at the same time."""
+        take, samples = sorted(self.take + other.take), sorted(self.samples + other.samples)
+        return Event(self.t, tuple(take), tuple(samples), self.inputs, self.taken)
+
+    def told(self) -> list[Any]:
+        """For a checkpoint."""
+        return [self.t, self.take, self.samples, self.inputs, self.taken]
+
+    @classmethod
+    def of(cls, told: Sequence[Any]) -> Event:
+        """From what :meth:`told` gave, read back from JSON."""
+        t, take, samples, inputs, taken = told
+        return cls(
+            t,
+            tuple((int(i), int(slot)) for i, slot in take),
+            tuple((int(i), int(slot), float(value), bool(used)) for i, slot, value, used in samples),
+            tuple((int(i), float(value)) for i, value in inputs),
+            taken,
+        )

@@ -1,0 +1,174 @@
+"""The observers of an experiment as one system whose samples are not known before they come."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from hgorun.engine.live import Live
+from hgorun.engine.memory import Start
+from hgorun.engine.plan import Floats
+from hgorun.errors import Problem
+from hgorun.estimate.covariance import Covariance
+from hgorun.measurement.late import Treatment
+from hgorun.measurement.variants import HELD, SILENT
+from hgorun.observers.base import SampledObserver, treatment_of
+from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.first_step import nominal_step
+from hgorun.simulation.preparation import check_limit, numbers_of
+from hgorun.simulation.structure import Structure, structure_of
+from hgorun.simulation.truth import Recording
+from hgorun.symbolic.evaluate import evaluate
+
+LATE = 8  # samples of one output that may be on their way at once
+TOGETHER = 4096  # samples in one native call
+_MOST_OUTPUTS = 6  # whose every combination of heard and not heard is compiled
+_LARGEST = 1e300
+
+
+def slot_of(output: int, late: int = 0) -> int:
+    """The place of a sample: 0 of one that is known when it is taken, 1 to :data:`LATE` of those on their way."""
+    return output * (LATE + 1) + late
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class LiveSystem:
+    """The observers with their numbers, m of them.
+
+    Attributes
+    ----------
+    experiment : Experiment
+    structure : Structure
+    p : ndarray, shape (parameters,)
+    start : ndarray, shape (states,)
+        All states of the observers.
+    labels : tuple of str
+    inputs, outputs : mapping of str to int
+        The numbers of inputs that come with samples, and of outputs.
+    corrections, steps : tuple of int
+        Jumps of the system whenever something arrives, and from sample to sample.
+    covariances : tuple of Covariance or None
+    treatments : mapping of str to str
+        What each observer does with late samples.
+    regimes : mapping of tuple of bool to int
+        By the outputs that have been heard, what the system is between the samples.
+    step : float
+        The longest.
+    """
+
+    experiment: Experiment
+    structure: Structure
+    p: Floats
+    start: Floats
+    labels: tuple[str, ...]
+    inputs: Mapping[str, int]
+    outputs: Mapping[str, int]
+    corrections: tuple[int, ...]
+    steps: tuple[int, ...]
+    covariances: tuple[Covariance | None, ...]
+    treatments: Mapping[str, Treatment]
+    regimes: Mapping[tuple[bool, ...], int]
+    step: float
+
+    @classmethod
+    def of(cls, experiment: Experiment, inputs: tuple[str, ...]) -> LiveSystem:
+        """Those of an experiment.
+
+        Parameters
+        ----------
+        experiment : Experiment
+        inputs : tuple of str
+            Inputs that come with the samples.
+
+        Raises
+        ------
+        Problem
+            For what cannot be followed sample by sample.
+        """
+        _check(experiment, inputs)
+        plant = experiment.plant
+        model, designs = plant.model, list(experiment.designs.values())
+        outputs = {name: i for i, name in enumerate(model.outputs)}
+        truth = Recording(plant.symbolic, tuple(i for i, name in enumerate(model.inputs) if name in inputs))
+        variants = [tuple((what, 0) for what in row) for row in product((SILENT, HELD), repeat=len(outputs))]
+        stretches = experiment.stretches
+        structure = structure_of([truth], [designs], stretches, variants, plant.everything, innovations=True)
+        numbers = numbers_of(structure, plant, experiment, designs)
+        corrections = tuple(number for number, _, _ in structure.system.corrections)
+        jumping = [b.label for b in numbers.observers if isinstance(b.observer, SampledObserver)]
+        if jumping and len(outputs) > 1:
+            raise Problem(("observers", jumping[0]), "of a stream it can follow a single output")
+        return cls(
+            experiment=experiment,
+            structure=structure,
+            p=numbers.p,
+            start=numbers.z0[model.n :],
+            labels=tuple(b.label for b in numbers.observers),
+            inputs={name: i for i, name in enumerate(name for name in model.inputs if name in inputs)},
+            outputs=outputs,
+            corrections=corrections,
+            steps=tuple(number for number in range(len(structure.system.jumps)) if number not in corrections),
+            covariances=tuple(Covariance.of(experiment, structure, numbers.p, b) for b in numbers.observers),
+            treatments={label: treatment_of(observer) for label, observer in experiment.observers.items()},
+            regimes={row: number for number, row in enumerate(product((False, True), repeat=len(outputs)))},
+            step=nominal_step(experiment),
+        )
+
+    def live(self) -> Live:
+        """A run of it that begins at 0."""
+        program = self.structure.program(self.experiment.blocks.solver.given_method)
+        start = Start(self.start[:, None], self.p[:, None], (_LARGEST, 0.0))
+        return Live(program, start, 0.0, slot_of(len(self.outputs)), self.step, TOGETHER)
+
+    @property
+    def follows_states(self) -> bool:
+        """Whether estimates follow from the states alone, and not from inputs that come with samples."""
+        return all(one.places is not None or not one.function.size1_in(3) for one in self.structure.estimates)
+
+    def estimates(self, live: Live) -> Iterator[tuple[str, Floats]]:
+        """Every observer's label and its xhat, shape (n,)."""
+        for label, readout in zip(self.labels, self.structure.estimates, strict=True):
+            if readout.places is not None:
+                yield label, live.z[readout.places]
+            else:
+                w = live.w if readout.function.size1_in(3) else np.zeros(0)
+                yield label, evaluate(readout.function, np.array([live.t]), self.p, live.z, w)[0][0]
+
+    def output(self, name: str) -> int:
+        """The number of an output.
+
+        Raises
+        ------
+        ValueError
+        """
+        if name not in self.outputs:
+            raise ValueError(f"no output is called {name!r}; there are {', '.join(self.outputs)}")
+        return self.outputs[name]
+
+    def input(self, name: str) -> int:
+        """The number of an input that comes with samples.
+
+        Raises
+        ------
+        ValueError
+        """
+        if name not in self.inputs:
+            known = ", ".join(self.inputs) or "none"
+            raise ValueError(f"the input {name!r} is not given with samples; those that are: {known}")
+        return self.inputs[name]
+
+
+def _check(experiment: Experiment, inputs: tuple[str, ...]) -> None:
+    model = experiment.plant.model
+    for label, observer in experiment.observers.items():
+        check_limit(experiment, label, observer)
+    if experiment.adaptive:
+        raise Problem(("solver", "rtol"), "a stream is followed with steps that are fixed: give step")
+    if len(model.outputs) > _MOST_OUTPUTS:
+        raise Problem(("plant",), f"a stream has at most {_MOST_OUTPUTS} outputs")
+    unknown = [name for name in inputs if name not in model.inputs]
+    if unknown:
+        raise Problem(("plant", "inputs"), f"unknown input {unknown[0]!r}")

@@ -1,0 +1,90 @@
+"""What has happened, remembered for samples that come late: from where they were taken all is carried out again."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections import deque
+from collections.abc import Sequence
+
+from hgorun.estimate.event import Event
+from hgorun.estimate.following import Following, State
+
+
+class Remembered:
+    """The newest events of a run, with the state before each of them.
+
+    Parameters
+    ----------
+    run : Following
+    most : int
+        So many events are remembered.
+
+    Attributes
+    ----------
+    events : deque of Event
+    before : deque of State
+        Of the run, before each of the events.
+    """
+
+    def __init__(self, run: Following, most: int) -> None:
+        self._run = run
+        self.events: deque[Event] = deque(maxlen=most)
+        self.before: deque[State] = deque(maxlen=most)
+
+    def replace(self, events: Sequence[Event], before: Sequence[State]) -> None:
+        """Remember others."""
+        self.events = deque(events, self.events.maxlen)
+        self.before = deque(before, self.before.maxlen)
+
+    def go_on(self, event: Event) -> None:
+        """Carry an event out, and remember it."""
+        if self.events.maxlen:
+            self.before.append(self._run.state())
+            self.events.append(event)
+        self._run.carry_out(event)
+
+    def go_back(self, event: Event, *, together: bool = False) -> None:
+        """Let something happen at an earlier time: from there all is carried out again.
+
+        Parameters
+        ----------
+        event : Event
+        together : bool
+            With samples of other outputs that were taken at the same time, as if they had come at once.
+
+        Raises
+        ------
+        ValueError
+            For an event that is older than all that is remembered.
+        """
+        now = self._run.live.t
+        place = bisect_right([one.t for one in self.events], event.t)
+        other = self._beside(event, place) if together else None
+        if event.t >= now and other is None:
+            self.go_on(event)
+            return
+        if event.t < (float(self.before[0][0]["t"][0]) if self.before else now):
+            taken = self._run.system.experiment.origin + event.t
+            raise ValueError(f"a sample taken at {taken:g} is older than all that is remembered: increase remembered")
+        again = [event, *list(self.events)[place:]]
+        if other is not None:
+            again = list(self.events)[other:]
+            again[0], place = again[0].joined(event), other
+        if place < len(self.events):
+            self._run.go_back(self.before[place])
+            for _ in range(place, len(self.events)):
+                self.events.pop()
+                self.before.pop()
+        for one in again:
+            self.go_on(one)
+
+    def _beside(self, event: Event, place: int) -> int | None:
+        """Among the events before ``place`` one at the same time with samples of other outputs alone."""
+        own = {i for i, *_ in event.samples}
+        for number in range(place - 1, -1, -1):
+            one = self.events[number]
+            if one.t != event.t:
+                return None
+            if one.samples and own.isdisjoint(i for i, *_ in one.samples):
+                return number
+        return None

@@ -1,0 +1,83 @@
+"""What a result of recorded data has beside trajectories: the samples, and what is said of them without a truth."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class RecordedOutput:
+    """The recorded samples of one output, in the order of their arrival, and what the m observers made of them.
+
+    Attributes
+    ----------
+    taken, available, y : ndarray, shape (N,)
+        The time it was measured, the time it was known, the value.
+    used : ndarray of bool, shape (N, m)
+        False for outliers, and for what came after a newer sample.
+    innovation : ndarray, shape (N, m)
+        y minus what was estimated, before the sample was used.
+    nis : ndarray, shape (N, m)
+        The innovation squared over its variance, of observers that know that; NaN otherwise.
+    """
+
+    taken: np.ndarray
+    available: np.ndarray
+    y: np.ndarray
+    used: np.ndarray
+    innovation: np.ndarray
+    nis: np.ndarray
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Unseen:
+    """Measurements that no observer was given.
+
+    Attributes
+    ----------
+    taken, y : ndarray, shape (N,)
+    """
+
+    taken: np.ndarray
+    y: np.ndarray
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Recorded:
+    """What an estimate has been made of.
+
+    Attributes
+    ----------
+    outputs : mapping of str to RecordedOutput
+    held_out : mapping of str to Unseen
+        By output, samples that were set aside.
+    reference : mapping of str to Unseen
+        By state or output, what was measured for comparison alone.
+    """
+
+    outputs: Mapping[str, RecordedOutput]
+    held_out: Mapping[str, Unseen] = field(default_factory=dict)
+    reference: Mapping[str, Unseen] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Assessed:
+    """What is said of an estimate where no truth is known.
+
+    Attributes
+    ----------
+    lower, upper : ndarray, shape (Nt, n)
+        A band that should hold 95 % of what is measured; NaN where there is none.
+    no_band : mapping of str to str
+        By state, why it has none.
+    scores : mapping of str to mapping
+        By score, then by output, state or gain.
+    """
+
+    lower: np.ndarray
+    upper: np.ndarray
+    no_band: Mapping[str, str]
+    scores: Mapping[str, Mapping[str, float]]
