@@ -92,4 +92,12 @@ class _Draws:
 
 def drawn_in_parts(items: tuple[object, ...]) -> bool:
     """Whether all that is random in some noise can be drawn one part after the other."""
-    return all(isinstance(item, DrawnInParts) for item in items if isinstance(item, RandomNoise))
+    return all(isinstance(item, DrawnInParts) and _its_own(item) for item in items if isinstance(item, RandomNoise))
+
+
+def _its_own(item: DrawnInParts) -> bool:
+    """Whether its class draws part by part what it draws at once: one that is derived may have changed one of them."""
+    at_once, in_parts = (
+        next(i for i, cls in enumerate(type(item).__mro__) if name in vars(cls)) for name in ("draw", "draw_next")
+    )
+    return in_parts <= at_once
