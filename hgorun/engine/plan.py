@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from itertools import takewhile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,6 +62,17 @@ class Segments:
     counts: Integers
     actions: Integers
     numbers: PartNumbers | None = None
+
+    def with_rows_anywhere(self) -> Segments:
+        """The same where output points may lie anywhere in the steps."""
+        counts = self.counts.copy()
+        counts[:, 6] = 1
+        return replace(self, counts=counts)
+
+    def begun_before(self, t: float) -> Segments:
+        """The segments that begin before a time."""
+        count = max(int(np.searchsorted(self.spans[:, 0], t, side="left")), 1)
+        return replace(self, spans=self.spans[:count], counts=self.counts[:count])
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -132,6 +144,39 @@ class Plan:
     following: Following | None = None
     numbers: PartNumbers | None = None
     kept: int = 0
+
+    def with_grid(self, grid: Floats) -> Plan:
+        """The same with other output times, which may lie anywhere in its steps."""
+        return replace(self._each(Segments.with_rows_anywhere), grid=grid)
+
+    def up_to(self, t: float) -> tuple[Plan, Segments]:
+        """The same without the segments that do not begin before a time, and the last one that does."""
+        last = next(self.parts())
+        for part in self.parts():
+            if part.spans[0, 0] < t:
+                last = part
+            if part.spans[-1, 0] >= t:
+                break
+        begun = last.begun_before(t)
+        only = replace(begun, spans=begun.spans[-1:], counts=begun.counts[-1:])
+        plan = self._each(lambda part: part.begun_before(t))
+        if plan.following is not None:
+            following = plan.following
+
+            def begun_parts() -> Iterator[Segments]:
+                return takewhile(lambda part: bool(part.spans[0, 0] < t), following.parts())
+
+            plan = replace(plan, following=replace(following, parts=begun_parts))
+        return plan, only
+
+    def _each(self, change: Callable[[Segments], Segments]) -> Plan:
+        """The same with every part changed."""
+        own = change(Segments(self.spans, self.counts, self.actions, self.numbers))
+        following = self.following
+        if following is not None:
+            parts = following.parts
+            following = replace(following, parts=lambda: map(change, parts()))
+        return replace(self, spans=own.spans, counts=own.counts, following=following)
 
     def whole(self) -> Plan:
         """The same with the segments of the whole run at once."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -164,10 +164,8 @@ def _cells(run: PreparedRun, how: Pass) -> tuple[Floats, Floats, Floats]:
 def _curve(run: PreparedRun, how: Pass, low: Floats, high: Floats) -> Curve:
     """The trajectory of a pass, carried out once more with records in every cell."""
     plan, start = plan_of(run, how)
-    counts = plan.counts.copy()
-    counts[:, 6] = 1  # rows may lie anywhere
     inner = low[:, None] + np.array([0, 1, 2]) / 3 * (high - low)[:, None]
     grid = np.append(inner.ravel(), high[-1])
-    rows = carry_out(run, how, replace(plan, counts=counts, grid=grid), start).rows[:, :, 0]
+    rows = carry_out(run, how, plan.with_grid(grid), start).rows[:, :, 0]
     values = np.stack([rows[k : k + 3 * low.size : 3] for k in range(4)], axis=1)
     return Curve.through(low, high, values)

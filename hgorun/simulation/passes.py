@@ -155,7 +155,8 @@ class Again:
     def plan(self, shorter: int = 1) -> Plan:
         """The tables, with steps so many times shorter, all of them."""
         longest = min(self.how.step, self.run.longest_gap)
-        return plan_of(self.run, self.how if shorter == 1 else replace(self.how, step=longest / shorter))[0]
+        how = self.how if shorter == 1 else replace(self.how, step=longest / shorter)
+        return plan_of(self.run, how, in_parts=True)[0]
 
     def integrate(self, plan: Plan) -> Raw:
         """What they give where observers are followed until their numbers overflow."""
