@@ -20,7 +20,7 @@ from hgorun.config.yaml_source import Source
 from hgorun.data.reading import read
 from hgorun.data.recording import Recording, Signal
 from hgorun.errors import ConfigError
-from hgorun.estimate.completed import plant_units
+from hgorun.estimate.completed import plant_units, with_inputs
 from hgorun.estimate.estimate import estimate as estimated
 from hgorun.estimate.holdout import HoldOut, held_out, number_of, parse_holdout
 from hgorun.files import remove_leftovers, written_whole
@@ -48,12 +48,18 @@ class Log:
         own = (self.folder / column.file for column in columns if column.file is not None)
         return (*(self.files or (self.folder / name for name in self.block.file)), *own)
 
+    def _columns(self, output: str, file: Path) -> dict[str, Any]:
+        """How an output is called in a file: as the block reads it from that file, or else as it does anyway."""
+        blocks = [block[output] for block in (self.block.outputs, self.block.reference) if output in block]
+        if not blocks:
+            told = "neither data.outputs nor data.reference says"
+            raise ConfigError(f"--holdout {output}={file}: {told} in which column {output} stands")
+        of_file = [one for one in blocks if one.file and (self.folder / one.file).resolve() == file.resolve()]
+        return [*of_file, *blocks][0].model_dump(exclude_none=True)
+
     def from_file(self, output: str, file: Path) -> Signal:
         """An output as it stands in another file."""
-        column = self.block.outputs.get(output) or self.block.reference.get(output)
-        if column is None:
-            raise ConfigError(f"--holdout {output}={file}: data.outputs does not say in which column {output} stands")
-        other = Measured(**{**column.model_dump(exclude_none=True), "file": str(file.absolute())})
+        other = Measured(**{**self._columns(output, file), "file": str(file.absolute())})
         return read(
             self.block.model_copy(update={"outputs": {output: other}, "inputs": {}, "reference": {}}),
             self.folder,
@@ -133,7 +139,7 @@ def log_of(source: Source, config: Path, files: tuple[Path, ...] = ()) -> Log:
         block,
         config.parent,
         unit if isinstance(unit, str) else default,
-        plant_units(source),
+        plant_units(with_inputs(source, block.inputs)),
         files,
     )
 

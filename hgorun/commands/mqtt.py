@@ -88,7 +88,7 @@ class Follower:
         """One that goes on from the checkpoint, if there is one."""
         estimator, lines = stream.estimator(remembered=REMEMBERED), io.StringIO()
         progress = Redelivered(estimator, options.checkpoint, 2 * REMEMBERED)
-        grid = Grid(stream.experiment.origin, options.every, progress)
+        grid = Grid(stream.experiment.origin, options.every, progress.t)
         writer = Writer(lines, estimator, as_json=True)
         return cls(OneByOne(estimator, stream.inputs, grid, progress, writer), progress, lines, options.publish, [])
 

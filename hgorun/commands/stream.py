@@ -28,7 +28,7 @@ def follow(source: Source, name: str, options: Estimate) -> int:
     estimator = stream.estimator(remembered=REMEMBERED if late else 0)
     progress = InOrder(estimator, options.checkpoint)
     writer = Writer(sys.stdout, estimator, as_json=isinstance(form, JsonForm))
-    grid = Grid(stream.experiment.origin, options.every, progress)
+    grid = Grid(stream.experiment.origin, options.every, progress.t)
     one_by_one = OneByOne(estimator, stream.inputs, grid, progress, writer)
     try:
         _follow(form, blocks, one_by_one, progress)

@@ -93,10 +93,11 @@ class OneByOne:
         known = sample.t if sample.available is None else sample.available
         try:
             self.estimator.require_reachable(known)
-            for t in self.grid.until(known):
+            for t, estimates in self.estimator.predictions(self.grid.until(known)):
                 with uninterrupted():
-                    self.writer.write(t, self.estimator.predict(t))
-                    self.progress.shown = t
+                    if t > self.progress.shown:  # else it was told before the stream was started again
+                        self.writer.write(t, estimates)
+                        self.progress.shown = t
             with uninterrupted():
                 self._update(sample)
                 self.progress.took(sample)
@@ -113,14 +114,13 @@ class OneByOne:
 
 
 class Grid:
-    """Multiples of a step: those that have not been shown, and are not before what has been reached already."""
+    """Multiples of a step, from what has been reached on."""
 
-    def __init__(self, origin: float, step: float | None, progress: Progress) -> None:
+    def __init__(self, origin: float, step: float | None, reached: float) -> None:
         self._origin, self.step, self._next = origin, step, 0
-        begun = max(progress.t, progress.shown)
-        if step is not None and begun > origin:
-            self._next = max(math.floor((begun - origin) / step) - 1, 0)
-            while (t := origin + self._next * step) < progress.t or t <= progress.shown:
+        if step is not None and reached > origin:
+            self._next = max(math.floor((reached - origin) / step) - 1, 0)
+            while self._origin + self._next * step < reached:
                 self._next += 1
 
     def until(self, t: float) -> Iterator[float]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from functools import cached_property
 
 import numpy as np
@@ -106,14 +106,36 @@ class Estimator:
         ValueError
             For an earlier time.
         """
-        ahead = self._since_start(t)
-        if ahead == self._live.t:
-            return self.estimate()
-        kept = self._live.state()
-        self._live.advance(ahead, self._run.regime)
-        found = {label: np.array(values) for label, values in self.estimate().items()}
-        self._live.restore(kept)
+        ((_, found),) = self.predictions([t])
         return found
+
+    def predictions(self, times: Iterable[float]) -> Iterator[tuple[float, dict[str, Floats]]]:
+        """xhat of every observer at ascending times, each reached from the one before; nothing follows from it.
+
+        As :meth:`predict` at each, but for the steps, of which none is made twice. Between two times the estimator may
+        be used; what happens to it is not seen here.
+
+        Parameters
+        ----------
+        times : iterable of float
+            None before the last event.
+
+        Raises
+        ------
+        ValueError
+            For an earlier time.
+        """
+        ahead = self._live.state()
+        for t in times:
+            since, kept = self._since_start(t), self._live.state()
+            try:
+                self._live.restore(ahead)
+                self._live.advance(since, self._run.regime)
+                found = {label: np.array(values) for label, values in self.estimate().items()}
+                ahead = self._live.state()
+            finally:  # whoever is interrupted here goes on from the last event, too
+                self._live.restore(kept)
+            yield t, found
 
     def require_reachable(self, t: float) -> None:
         """Refuse a time that is before the last event, or so far ahead that it is of another clock.

@@ -44,11 +44,12 @@ def scores_of(prepared: PreparedEstimate, found: Evaluated, j: int) -> dict[str,
             scores.setdefault(score, {})[of] = float(value)
 
     noise = stated(prepared.experiment)
+    lost = bool(np.isfinite(found.carried.raw.diverged[j, 0]))
     for name, one in found.held_out.items():
-        residuals = one.residuals[j]
+        residuals = _defined(one.residuals[j], lost=lost)
         add("holdout_rmse", name, rms(residuals))
         add("holdout_mean", name, float(np.mean(residuals)) if residuals.size else None)
-        add("holdout_coverage", name, coverage(residuals, _since(prepared, name, one.taken)))
+        add("holdout_coverage", name, coverage(one.residuals[j], _since(prepared, name, one.taken)))
     for i, sampled in enumerate(prepared.samples):
         used = found.carried.used[prepared.slots[i], j]
         innovations = settled(found.predicted[i][j][used])
@@ -61,7 +62,7 @@ def scores_of(prepared: PreparedEstimate, found: Evaluated, j: int) -> dict[str,
         if sampled.gate is not None:
             add("gated", name, float(np.count_nonzero(sampled.used & ~used)))
     for name, one in found.reference.items():
-        add("reference_rmse", name, rms(one.residuals[j]))
+        add("reference_rmse", name, rms(_defined(one.residuals[j], lost=lost)))
     return scores
 
 
@@ -80,6 +81,12 @@ def settled(innovations: Floats) -> Floats:
     """Without those at the start, when the estimate is still on its way."""
     sound = innovations[int(np.ceil(_SETTLED * innovations.size)) :]
     return np.asarray(sound[np.isfinite(sound)])
+
+
+def _defined(residuals: Floats, *, lost: bool) -> Floats:
+    """Without those where the estimate is undefined for moments; all where it is lost, or mostly undefined."""
+    sound = np.isfinite(residuals)
+    return residuals if lost or 2 * np.count_nonzero(sound) < sound.size else np.asarray(residuals[sound])
 
 
 def rms(values: Floats) -> float | None:

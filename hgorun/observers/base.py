@@ -29,6 +29,7 @@ from typing_extensions import TypeVar
 from hgorun.config.plugin import Plugin
 from hgorun.config.types import Interval, Name, Number
 from hgorun.observers.equations import Arrival, Flow, PeriodLimit, Role, Sample, SampleSchedule
+from hgorun.observers.hold import Hold
 from hgorun.registry import Registry
 from hgorun.symbolic.canonical import CanonicalForm, PlantCopy
 from hgorun.symbolic.forms import Copy, Form, FormFinder
@@ -107,6 +108,11 @@ class Observer(Plugin, Generic[FormT, CopyT]):
         description="what is done with samples that come late: they enter the innovation, compared with what had been "
         "estimated when they were taken; the observer goes back to that time and is integrated again; or they are left "
         "out. By default innovation, and replay for observers that are corrected at samples",
+    )
+    hold: Hold | None = Field(
+        default=None,
+        description="what the innovation of a sampled output is until the next sample: predictor, the default, "
+        "subtracts what the observer has corrected since; {shrink: gamma} lets it shrink as exp(-gamma (t - t_k))",
     )
 
     @abstractmethod

@@ -10,6 +10,7 @@ from hgorun.measurement.channels import continuous_delays
 from hgorun.measurement.schedule import Schedule
 from hgorun.measurement.signals import delay_range
 from hgorun.observers.base import CorrectedObserver, SampledObserver, SampleSchedule, treatment_of
+from hgorun.observers.hold import Shrinking
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.steps import counted_steps, steps_between
 from hgorun.symbolic.evaluate import roughly_at
@@ -30,6 +31,7 @@ def check_run(run: PreparedRun) -> None:
     _check_clock(run)
     check_jumps(run)
     check_corrections(run)
+    check_holds(run)
     check_start(run)
     for channel in run.channels if isinstance(run.schedule, Schedule) else []:
         _ = channel.gain_and_bias  # noise that is not a number at some sample is reported before any run starts
@@ -147,6 +149,16 @@ def check_corrections(run: PreparedRun) -> None:
                 b.observer.check_times(b.form, times)
             except Problem as problem:
                 raise Problem(("observers", b.label, *problem.path), problem.message) from problem
+
+
+def check_holds(run: PreparedRun) -> None:
+    """What shrinks between samples needs samples: a continuous output that is late is not one."""
+    for b in run.observers:
+        if isinstance(b.observer.hold, Shrinking):
+            for channel in run.channels:
+                if any(s.continuous and not s.undelayed for s in channel.stretches):
+                    message = f"shrink is for sampled outputs, but {channel.name} is continuous and late"
+                    raise Problem(("observers", b.label, "hold"), message)
 
 
 def _check_schedules(run: PreparedRun, intervals: np.ndarray) -> None:

@@ -10,10 +10,12 @@ import numpy as np
 
 from hgorun.errors import PluginError, Problem, called
 from hgorun.memo import same
-from hgorun.observers.base import AnyObserver
+from hgorun.observers.base import AnyObserver, ContinuousObserver, CorrectedObserver
 from hgorun.symbolic.forms import ChosenChains, Form
 from hgorun.symbolic.parameters import flat
 from hgorun.symbolic.states import StateBlock, Symmetric
+
+SHRINK = "hold.shrink"  # among the numbers of a design: gamma of an innovation that shrinks between samples
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -69,6 +71,7 @@ class Design:
                 gains = {name: np.asarray(value, dtype=float) for name, value in found.items()}
         except Problem as problem:
             raise Problem(("observers", label, *problem.path), problem.message) from problem
+        gains |= _shrinking(label, observer)
         defaults = {"xhat": np.zeros(form.plant.n), **observer.states(form)}
         for name, value in defaults.items():
             if not isinstance(value, (np.ndarray, Symmetric)):
@@ -148,3 +151,13 @@ class Design:
         return np.concatenate(
             [np.zeros(0), *map(flat, self.gains.values()), *map(flat, self.observer.saturation.values())]
         )
+
+
+def _shrinking(label: str, observer: AnyObserver) -> dict[str, np.ndarray]:
+    """gamma, where the innovation shrinks between samples."""
+    if observer.hold is None:
+        return {}
+    if isinstance(observer, CorrectedObserver) or not isinstance(observer, ContinuousObserver):
+        message = f"{observer.type} has no innovation between samples that could be held"
+        raise Problem(("observers", label, "hold"), message)
+    return {} if observer.hold == "predictor" else {SHRINK: np.array(observer.hold.shrink)}

@@ -11,7 +11,7 @@ import numpy as np
 from hgorun.errors import Problem, called
 from hgorun.observers.base import AnyObserver, Arrival, ContinuousObserver, CorrectedObserver, Sample, SampledObserver
 from hgorun.observers.kalman import KalmanFilter
-from hgorun.simulation.design import Design
+from hgorun.simulation.design import SHRINK, Design
 from hgorun.symbolic.forms import Copy, Form, ModelCopy, saturate
 from hgorun.symbolic.parameters import Parameters
 from hgorun.symbolic.states import StateBlock
@@ -142,6 +142,9 @@ class ObserverBlock:
         missing = [name for name in self._own if name not in derivatives]
         if missing:
             raise self._wrong(f"equations: no derivative of {', '.join(missing)}")
+        gamma = vars(self.k).get(SHRINK)
+        if gamma is not None:  # then e = s + alpha - y shrinks as exp(-gamma t)
+            return derivatives, gamma * e
         if flow.correction is None:
             return derivatives, self._felt(copy, s.xhat, derivatives["xhat"])
         return derivatives, self._of_shape(flow.correction, e.shape, "equations: the correction")

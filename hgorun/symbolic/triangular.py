@@ -152,14 +152,13 @@ def blocks_of(model: PlantModel) -> tuple[tuple[int, ...], tuple[int, ...]]:
         When an output is not a state, or a state reaches the measured ones through no other.
     """
     measured = []
-    for i, name in enumerate(model.outputs):
-        same = [k for k in range(model.n) if ca.is_equal(ca.SX(model.output[i]), model.x[k])]
-        if not same:
+    for name, state in zip(model.outputs, model.measured, strict=True):
+        if state is None:
             raise NotObservableForm(
                 f"output {name} is not one of the states: an observer with time-varying gain takes a triangular "
                 "model as it is, with the measured states first"
             )
-        measured.append(same[0])
+        measured.append(state)
     depends = np.zeros((model.n, model.n), dtype=bool)
     sparsity = ca.jacobian(model.dynamics, model.x).sparsity()
     depends[sparsity.row(), sparsity.get_col()] = True
