@@ -230,6 +230,7 @@ def test_draws_that_are_too_close_to_call_leave_the_stream_where_it_is(monkeypat
     np.testing.assert_array_equal(np.concatenate([stream.normal(n) for n in (1, 999, 1500, 500)]), expected)
 
 
+@pytest.mark.slow
 def test_a_million_samples_take_little_memory() -> None:
     """Traced: 136 MB as tables."""
     config = {"measurement": {"sampling": {"period": 1e-6}, "noise": [GAUSSIAN]}}
