@@ -23,7 +23,7 @@ from hgorun.errors import ConfigError
 from hgorun.estimate.completed import plant_units, with_inputs
 from hgorun.estimate.estimate import estimate as estimated
 from hgorun.estimate.holdout import HoldOut, held_out, number_of, parse_holdout
-from hgorun.files import remove_leftovers, written_whole
+from hgorun.files import remove_leftovers, write_text
 from hgorun.result.result import Result
 from hgorun.study.split import split
 
@@ -182,8 +182,9 @@ def _also_written(options: Estimate, result: Result, target: Path) -> list[str]:
     """Figures, and the estimates as text."""
     written = []
     if options.export_csv is not None:
-        with written_whole(options.export_csv) as part:
-            part.write_text(as_csv(result), encoding="utf-8")
+        from hgorun.tables.trajectories import csv
+
+        write_text(options.export_csv, csv(result))
         written.append(str(options.export_csv))
     if options.plots:
         from hgorun.figures.drawing import comparison
@@ -191,21 +192,3 @@ def _also_written(options: Estimate, result: Result, target: Path) -> list[str]:
 
         written += map(str, save(comparison(result), target.with_suffix("")))
     return written
-
-
-def as_csv(result: Result) -> str:
-    """Estimates and their bands, a line for every time and observer."""
-    import csv
-    import io
-
-    buffer = io.StringIO()
-    writer = csv.writer(buffer, lineterminator="\n")
-    bands = [f"{state}_{end}" for state in result.states for end in ("lower", "upper")]
-    writer.writerow(["t", "observer", *result.states, *bands])
-    for label, one in result.observers.items():
-        assert one.assessed is not None
-        for k, t in enumerate(result.time.tolist()):
-            ends = zip(one.assessed.lower[k].tolist(), one.assessed.upper[k].tolist(), strict=True)
-            numbers = [*one.xhat[k].tolist(), *(number for pair in ends for number in pair)]
-            writer.writerow([repr(t), label, *(repr(v) if v == v else "" for v in numbers)])
-    return buffer.getvalue()

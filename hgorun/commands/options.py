@@ -47,6 +47,9 @@ class Simulate(Configured):
     check_step: Annotated[
         bool, typer.Option("--check-step", help="Estimate the error of a given step from shorter ones.")
     ] = False
+    export_csv: Annotated[
+        Path | None, typer.Option("--export-csv", metavar="FILE", help="Also write the states over time as CSV.")
+    ] = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)

@@ -13,11 +13,12 @@ from hgorun.commands.options import Compare, Configured, Simulate
 from hgorun.commands.outputs import DRAWING_SUFFIXES, NOT_OK, RESULT_SUFFIXES, RESULTS, refuse_other_kinds
 from hgorun.engine.methods import METHODS
 from hgorun.errors import ConfigError
-from hgorun.files import remove_leftovers
+from hgorun.files import remove_leftovers, write_text
 from hgorun.progress import shown
 from hgorun.result.data import PLANT, Integration
 from hgorun.result.result import Result
 from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.grid import LONG
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import prepare, simulate_into, simulate_prepared
 from hgorun.study.check import check_figures
@@ -39,6 +40,7 @@ def simulate(options: Simulate) -> int:
     """
     refuse_other_kinds(options.output, RESULT_SUFFIXES)
     runs, targets, ensembles = _prepared(options)
+    _check_export(options, runs, targets, ensembles)
     for folder in {target.parent for target in targets}:
         remove_leftovers(folder)
     results, files = [], []
@@ -53,7 +55,9 @@ def simulate(options: Simulate) -> int:
             from hgorun.tables.metrics import text  # only where it is printed: a run has to be quick
 
             print(text([result]))
-            print(f"written: {target}")
+        written = [str(target), *_exported(options, result)]
+        if options.text:
+            print(f"written: {', '.join(written)}")
     of_ensembles: list[dict[str, object]] = []
     fine = all(result.status == "ok" for result in results)
     for run, target in ensembles:
@@ -186,6 +190,31 @@ def _prepared(options: Simulate) -> tuple[list[PreparedRun], list[Path], list[tu
             raise ConfigError(f"--output: {options.output} is one file, but there are {what}; name a folder")
         return runs, [options.output] * len(runs), [(run, options.output) for run, _ in ensembles]
     return runs, targets, ensembles
+
+
+def _check_export(
+    options: Simulate, runs: Sequence[PreparedRun], targets: Sequence[Path], ensembles: Sequence[object]
+) -> None:
+    """Refuse to write several runs into one text, what would not fit one, and over what is read or written."""
+    file = options.export_csv
+    if file is None:
+        return
+    if len(runs) != 1 or ensembles:
+        raise ConfigError(f"--export-csv: {file} is one file, and takes one run: name it with --run")
+    if runs[0].grid.size > LONG:
+        raise ConfigError(f"--export-csv: more than {LONG} output points are in the result file alone")
+    if file.resolve() in {path.resolve() for path in (*options.configs, *targets)}:
+        raise ConfigError(f"--export-csv: {file} is read or written otherwise: name another file")
+
+
+def _exported(options: Simulate, result: Result) -> list[str]:
+    """The trajectories as text, where that is asked for."""
+    if options.export_csv is None:
+        return []
+    from hgorun.tables.trajectories import csv
+
+    write_text(options.export_csv, csv(result))
+    return [str(options.export_csv)]
 
 
 def _experiments(path: Path, options: Configured) -> tuple[list[Experiment], list[Run]]:

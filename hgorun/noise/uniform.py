@@ -41,6 +41,9 @@ class UniformNoise(DrawnInParts):
     def draw_next(self, stream: Stream, count: int) -> np.ndarray:
         return self._between(stream.uniform(count))
 
+    def amplitude(self) -> float:
+        return max(abs(self.low), abs(self.high))
+
     def spectrum(self) -> Spectrum:
         mean, variance = 0.5 * (self.low + self.high), (self.high - self.low) ** 2 / 12
         return Spectrum(draws=(Draws(mean, variance, self.hold),))

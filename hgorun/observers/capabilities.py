@@ -125,6 +125,19 @@ class LocallyLinear(Block):
         """
 
 
+class NotLinear(Block):
+    """Equations that no linear system describes, however small the error is."""
+
+    @property
+    @abstractmethod
+    def not_linear(self) -> str | None:
+        """Why, in words; None: there is one, with the keys that are given."""
+
+
+class Punctual(Block):
+    """Outputs have to come without delay."""
+
+
 class NoiseInformed(Block):
     """The design depends on the noise of the sensors, which stands in another block of the configuration."""
 

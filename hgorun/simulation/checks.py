@@ -10,6 +10,7 @@ from hgorun.measurement.channels import continuous_delays
 from hgorun.measurement.schedule import Schedule
 from hgorun.measurement.signals import delay_range
 from hgorun.observers.base import CorrectedObserver, SampledObserver, SampleSchedule, treatment_of
+from hgorun.observers.capabilities import Punctual
 from hgorun.observers.hold import Shrinking
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.steps import counted_steps, steps_between
@@ -31,10 +32,22 @@ def check_run(run: PreparedRun) -> None:
     _check_clock(run)
     check_jumps(run)
     check_corrections(run)
+    _check_punctual(run)
     check_holds(run)
     check_start(run)
     for channel in run.channels if isinstance(run.schedule, Schedule) else []:
         _ = channel.gain_and_bias  # noise that is not a number at some sample is reported before any run starts
+
+
+def _check_punctual(run: PreparedRun) -> None:
+    """Some observers take outputs without delay only."""
+    late = [c.name for c in run.channels if np.any(c.samples.taken < c.samples.arrival)]
+    late += [c.name for c in run.channels if any(s.continuous and not s.undelayed for s in c.stretches)]
+    for b in run.observers:
+        if late and isinstance(b.observer, Punctual):
+            raise Problem(
+                ("observers", b.label), f"{b.observer.type} takes outputs without delay, but {late[0]} is late"
+            )
 
 
 def _check_clock(run: PreparedRun) -> None:

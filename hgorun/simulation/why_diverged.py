@@ -7,7 +7,7 @@ import numpy as np
 
 from hgorun.engine.memory import Raw
 from hgorun.observers.base import ContinuousObserver
-from hgorun.observers.capabilities import SlidingMode
+from hgorun.observers.capabilities import NotLinear, SlidingMode
 from hgorun.simulation.loss import Again
 from hgorun.simulation.observer_block import ObserverBlock
 from hgorun.simulation.prepared import PreparedRun
@@ -108,7 +108,7 @@ def _unstable_gain(run: PreparedRun, raw: Raw, block: ObserverBlock) -> str | No
     Not said of gains that are states, which follow the plant, and of what jumps or has no linearisation.
     """
     observer = block.observer
-    if not isinstance(observer, ContinuousObserver) or isinstance(observer, SlidingMode):
+    if not isinstance(observer, ContinuousObserver) or isinstance(observer, (NotLinear, SlidingMode)):
         return None
     if "gain" in observer.roles(block.form).values():
         return None

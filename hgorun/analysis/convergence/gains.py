@@ -20,7 +20,7 @@ import numpy as np
 from hgorun.analysis.reasons import CORRECTED, NoValue
 from hgorun.errors import Problem
 from hgorun.observers.base import AnyObserver, ContinuousObserver, CorrectedObserver
-from hgorun.observers.capabilities import HighGain, SettlingGain
+from hgorun.observers.capabilities import HighGain, NotLinear, SettlingGain
 from hgorun.observers.constant_gain import PlacedGain
 from hgorun.observers.forward_differences import ForwardDifferences
 from hgorun.observers.riccati import RiccatiGain
@@ -146,6 +146,8 @@ def error_dynamics(observer: AnyObserver, form: Form) -> ErrorDynamics:
         Where there are no such matrices.
     """
     chains = _chains(observer, form)
+    if isinstance(observer, NotLinear) and observer.not_linear is not None:
+        raise NoValue(observer.not_linear)
     if isinstance(observer, ForwardDifferences):
         return _differences(observer, form)
     at_one, other = (_linear(observer, chains, theta) for theta in (1.0, _ELSEWHERE))

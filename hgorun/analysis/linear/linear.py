@@ -16,6 +16,7 @@ import numpy as np
 
 from hgorun.analysis.linear.coordinates import transformed
 from hgorun.analysis.reasons import NoValue
+from hgorun.observers.capabilities import NotLinear
 from hgorun.result.observer import ObserverResult
 from hgorun.simulation.observer_block import ObserverBlock
 from hgorun.simulation.prepared import PreparedRun
@@ -79,6 +80,8 @@ class Linearisation:
     @cached_property
     def _functions(self) -> ca.Function:
         run, b = self.run, self.block
+        if isinstance(b.observer, NotLinear) and b.observer.not_linear is not None:
+            raise NoValue(b.observer.not_linear)
         model, p = run.plant.model, run.structure.plant
         t = model.t
         u = ca.substitute(run.plant.inputs, model.p, p)
