@@ -139,6 +139,9 @@ class HybridSystem:
         The channels, then their time derivatives, from (t, p, z, z'); used where something is delayed.
     innovations : bool
         Whether every observer's innovation is kept of every sample that arrives.
+    recalled : int
+        How many of the outputs, the last ones, are none: they stand for signals of observers that look back at their
+        own past, which are their first channel.
     """
 
     states: int
@@ -154,6 +157,7 @@ class HybridSystem:
     corrections: tuple[tuple[int, int, int], ...] = ()
     replayed: tuple[int, int] | None = None
     innovations: bool = False
+    recalled: int = 0
 
     @property
     def outputs(self) -> int:
@@ -184,6 +188,11 @@ class HybridSystem:
     def snapshot(self) -> int:
         """How many numbers are kept to go back to them."""
         return 0 if self.replayed is None else self.states - self.replayed[0] + self.held.size - self.replayed[1]
+
+    @property
+    def compares_with_past(self) -> bool:
+        """Whether observers compare a continuous output with what they have estimated of it before."""
+        return any(output < self.outputs - self.recalled for regime in self.regimes for output in regime.delayed)
 
     @property
     def remembers(self) -> bool:

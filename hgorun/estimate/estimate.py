@@ -13,7 +13,7 @@ from hgorun.estimate.assessed import assess
 from hgorun.estimate.completed import completed
 from hgorun.estimate.evaluated import Compared, Evaluated, evaluate_run
 from hgorun.estimate.prepared import PreparedEstimate, prepare_estimate
-from hgorun.observers.base import treatment_of
+from hgorun.observers.treatment import treatment_of
 from hgorun.result.data import Integration, Measurements
 from hgorun.result.observer import ObserverResult
 from hgorun.result.recorded import Recorded, RecordedOutput, Unseen

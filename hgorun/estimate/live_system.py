@@ -16,7 +16,8 @@ from hgorun.estimate.covariance import Covariance
 from hgorun.estimate.given import require_observers
 from hgorun.measurement.late import Treatment
 from hgorun.measurement.variants import HELD, SILENT
-from hgorun.observers.base import SampledObserver, treatment_of
+from hgorun.observers.base import SampledObserver
+from hgorun.observers.treatment import treatment_of
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.first_step import nominal_step
 from hgorun.simulation.preparation import check_limit, numbers_of

@@ -19,7 +19,7 @@ from hgorun.estimate.given import require_observers
 from hgorun.estimate.samples import Sampled, all_sampled, channel, recorded_inputs
 from hgorun.measurement.late import HeardOtherwise, heard
 from hgorun.measurement.schedule import build_schedule
-from hgorun.observers.base import treatment_of
+from hgorun.observers.treatment import treatment_of
 from hgorun.simulation.actions import RecordedInputs
 from hgorun.simulation.checks import check_corrections, check_jumps, check_start
 from hgorun.simulation.experiment import Experiment

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hgorun.engine.layout import ARRIVE, JUMP, REBASE, RECORD, SET, TAKE, Held, HybridSystem
+from hgorun.engine.layout import ARRIVE, JUMP, REBASE, RECORD, RETAKE, SET, TAKE, Held, HybridSystem
 from hgorun.measurement.channels import Channel
 from hgorun.measurement.late import HeardOtherwise, Order
 from hgorun.measurement.schedule import nearest_event
@@ -105,7 +105,7 @@ class Actions:
         order: Order | None = None,
     ) -> None:
         layout = system.held
-        rebase = system.has_alpha and not system.remembers
+        rebase = system.has_alpha and not system.compares_with_past
         kinds: list[Kind] = []
         arrivals: list[np.ndarray] = []
         base, held, self.snapshots = 0, 0, 0
@@ -119,6 +119,8 @@ class Actions:
             arrive = nearest_event(events, s.arrival)
             take = arrive if s.taken is s.arrival else nearest_event(events, s.taken)
             kinds.append(Kind.of(take, 0, TAKE, i, Numbered(base)))
+            if isinstance(c, HeardOtherwise) and c.retaken:
+                kinds.append(Kind.of(arrive, 0, RETAKE, i, Numbered(base)))
             heard = s.used & _last_of_equal(arrive) if system.jumps else s.used
             arrivals.append(arrive if heard.all() else arrive[heard])
             what = ARRIVE if heard.all() else np.where(heard, ARRIVE, RECORD).astype(np.int8)

@@ -9,9 +9,10 @@ from hgorun.errors import Problem
 from hgorun.measurement.channels import continuous_delays
 from hgorun.measurement.schedule import Schedule
 from hgorun.measurement.signals import delay_range
-from hgorun.observers.base import CorrectedObserver, SampledObserver, SampleSchedule, treatment_of
+from hgorun.observers.base import CorrectedObserver, SampledObserver, SampleSchedule
 from hgorun.observers.capabilities import Punctual
 from hgorun.observers.hold import Shrinking
+from hgorun.observers.treatment import treatment_of
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.steps import counted_steps, steps_between
 from hgorun.symbolic.evaluate import roughly_at
@@ -41,7 +42,7 @@ def check_run(run: PreparedRun) -> None:
 
 def _check_punctual(run: PreparedRun) -> None:
     """Some observers take outputs without delay only."""
-    late = [c.name for c in run.channels if np.any(c.samples.taken < c.samples.arrival)]
+    late = [c.name for c in run.channels if c.samples.late]
     late += [c.name for c in run.channels if any(s.continuous and not s.undelayed for s in c.stretches)]
     for b in run.observers:
         if late and isinstance(b.observer, Punctual):

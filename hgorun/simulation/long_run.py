@@ -16,7 +16,7 @@ import numpy as np
 
 from hgorun.errors import PlantDiverged
 from hgorun.measurement.noise import StretchNoise
-from hgorun.observers.base import treatment_of
+from hgorun.observers.treatment import treatment_of
 from hgorun.result.columns import Windows
 from hgorun.result.data import Integration
 from hgorun.result.metrics.base import Metric, all_metrics

@@ -16,8 +16,10 @@ from hgorun.measurement.noise import is_relative
 from hgorun.measurement.schedule import Schedule, build_schedule
 from hgorun.measurement.signals import extremes_of, kinks_of, signal_remarks, unknown_extremes
 from hgorun.memo import Memo, same
-from hgorun.observers.base import AnyObserver, CorrectedObserver, SampledObserver, treatment_of
+from hgorun.observers.base import AnyObserver, CorrectedObserver, SampledObserver
 from hgorun.observers.capabilities import Switching
+from hgorun.observers.recalling import LAGS, RecallingObserver
+from hgorun.observers.treatment import treatment_of
 from hgorun.plants.build import BuiltPlant
 from hgorun.result.data import DesignNumbers
 from hgorun.simulation.checks import check_run
@@ -86,7 +88,7 @@ def _prepared(experiment: Experiment, design: DesignNumbers | None) -> PreparedR
     chance = seed if any(s.by_chance for one in stretches for s in one) else None
     key = same(stretches), chance, None if sizes is None else tuple(sizes)
     channels = _CHANNELS.get(key, lambda: find_channels(stretches, plant.model.outputs, time, seed, sizes))
-    smallest_delay, reach = check_delays(channels)
+    smallest_delay, reach = _with_lags(experiment, step, *check_delays(channels))
     treatments = treatments_of(experiment, channels)
     schedule = schedule_of(experiment, channels, step, treatments=treatments)
     of_groups = in_groups(experiment, treatments)
@@ -112,6 +114,31 @@ def _prepared(experiment: Experiment, design: DesignNumbers | None) -> PreparedR
     )
 
 
+def _with_lags(experiment: Experiment, step: float, smallest: float, reach: float) -> tuple[float, float]:
+    """The smallest and the largest delay, those by which observers look back at themselves among them.
+
+    Raises
+    ------
+    Problem
+        Where one is shorter than steps that are given, and that other observers share.
+    """
+    for label, lags in lags_of(experiment).items():
+        if experiment.given_step is not None and np.any(lags < step * (1 - 1e-9)):
+            apart = f"its copies are {np.min(lags):.4g} apart, less than the step {step:g}"
+            raise Problem(("observers", label, "m"), f"{apart}: give a shorter step, or fewer copies")
+        smallest, reach = float(np.min(lags, initial=smallest)), float(np.max(lags, initial=reach))
+    return smallest, reach
+
+
+def lags_of(experiment: Experiment) -> dict[str, np.ndarray]:
+    """By how much observers look back at signals of their own."""
+    found = {}
+    for label, design in experiment.designs.items():
+        if isinstance(design.observer, RecallingObserver):
+            found[label] = design.gains[LAGS]
+    return found
+
+
 def treatments_of(experiment: Experiment, channels: list[Channel]) -> tuple[Treatment, ...]:
     """What observers do with late samples beside the common innovation; nothing where no sample is late.
 
@@ -124,6 +151,8 @@ def treatments_of(experiment: Experiment, channels: list[Channel]) -> tuple[Trea
     late = are_late(channels)
     for label, treatment in found.items():
         observer = experiment.observers[label]
+        if isinstance(observer, RecallingObserver) and observer.late is not None:
+            raise Problem(("observers", label, "late"), "this observer crosses the delay itself: leave the key out")
         if isinstance(observer, SampledObserver) and observer.late is not None:
             raise Problem(("observers", label, "late"), "this observer takes samples without delay")
         if treatment == "innovation" and isinstance(observer, CorrectedObserver):
@@ -134,7 +163,12 @@ def treatments_of(experiment: Experiment, channels: list[Channel]) -> tuple[Trea
         if treatment != "innovation" and observer.late is not None and continuous and delayed:
             message = f"{treatment} needs sampled outputs, but {continuous[0].name} is continuous"
             raise Problem(("observers", label, "late"), message)
-    known: tuple[Treatment, ...] = ("drop", "replay")
+    own_past = [label for label, lags in lags_of(experiment).items() if lags.size]
+    if late and own_past and "replay" in found.values():
+        other = next(label for label, treatment in found.items() if treatment == "replay")
+        message = f"it looks back at its own past, and {other} goes back in time (late: replay): run them apart"
+        raise Problem(("observers", own_past[0], "type"), message)
+    known: tuple[Treatment, ...] = ("received", "drop", "replay")
     return tuple(treatment for treatment in known if late and treatment in found.values())
 
 
@@ -209,6 +243,7 @@ def schedule_of(
     found += [kinks_of(s, time.max_memory) for channel in channels for s in channel.stretches if s.continuous]
     kinks = np.concatenate([irregular.times for irregular in found])
     looked_at = _extremes(experiment, channels) if experiment.blocks.solver.controlled else np.zeros(0)
+    looked_at = np.concatenate([looked_at, _returns(experiment, channels)])
     if more is not None:
         looked_at = np.concatenate([looked_at, more])
     timings, changes = tuple(channel.timing for channel in channels), (kinks.tobytes(), looked_at.tobytes())
@@ -226,6 +261,19 @@ def schedule_of(
 def _events(channels: list[Channel]) -> int:
     """How many samples there are of the output that has most of them."""
     return max(c.samples.size for c in channels)
+
+
+_LEVELS = 4  # times that a kink comes back: by then it is one of a derivative of high order
+
+
+def _returns(experiment: Experiment, channels: list[Channel]) -> np.ndarray:
+    """When kinks of the start and of what is late come back to observers that look back at themselves."""
+    lags = {float(lag) for of in lags_of(experiment).values() for lag in np.unique(of)}
+    if not lags or experiment.given_step is not None:  # given steps are those of all observers, alone and together
+        return np.zeros(0)
+    late = {float(s.delay_at(np.zeros(1))[0]) for c in channels for s in c.stretches if s.delay_is_constant}
+    times = [age + k * lag for lag in lags for age in {0.0, *late} for k in range(_LEVELS + 1)]
+    return experiment.time.start + np.array([time for time in times if time > 0])
 
 
 def _extremes(experiment: Experiment, channels: list[Channel]) -> np.ndarray:

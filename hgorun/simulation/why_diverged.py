@@ -105,10 +105,10 @@ def _rising(values: Floats, times: Floats) -> tuple[Floats, Floats]:
 def _unstable_gain(run: PreparedRun, raw: Raw, block: ObserverBlock) -> str | None:
     """Small errors grow with a continuous output at the start, in the middle and at the end of the run.
 
-    Not said of gains that are states, which follow the plant, and of what jumps or has no linearisation.
+    Not said of gains that are states, which follow the plant, and of what jumps, looks back or has no linearisation.
     """
     observer = block.observer
-    if not isinstance(observer, ContinuousObserver) or isinstance(observer, (NotLinear, SlidingMode)):
+    if not isinstance(observer, ContinuousObserver) or isinstance(observer, (NotLinear, SlidingMode)) or block.recalled:
         return None
     if "gain" in observer.roles(block.form).values():
         return None
