@@ -76,7 +76,7 @@ class Noise(Plugin):
         """What linear theory needs to predict the noise in the estimates; None where it is not known."""
         return None
 
-    def amplitude(self) -> float | None:
+    def largest(self) -> float | None:
         """What it does not exceed, or rarely: sinusoids added, two standard deviations of draws; None: not known."""
         spectrum = self.spectrum()
         if spectrum is None:

@@ -41,7 +41,7 @@ class UniformNoise(DrawnInParts):
     def draw_next(self, stream: Stream, count: int) -> np.ndarray:
         return self._between(stream.uniform(count))
 
-    def amplitude(self) -> float:
+    def largest(self) -> float:
         return max(abs(self.low), abs(self.high))
 
     def spectrum(self) -> Spectrum:
