@@ -103,12 +103,16 @@ class Channel:
     @cached_property
     def heard_from(self) -> np.ndarray:
         """From when on a sample has been heard in every stretch, or before it if nothing but samples lies between."""
-        # the start of the unbroken run of sampled stretches that each one belongs to
+        return np.array([self.samples.first_used(start) for start in self.unbroken_from.tolist()])
+
+    @property
+    def unbroken_from(self) -> np.ndarray:
+        """The start of the unbroken run of sampled stretches that each stretch belongs to."""
         starts = [s.start for s in self.stretches]
         for i in range(1, len(starts)):
             if not self.stretches[i].continuous and not self.stretches[i - 1].continuous:
                 starts[i] = starts[i - 1]
-        return np.array([self.samples.first_used(start) for start in starts])
+        return np.array(starts)
 
     @property
     def _many(self) -> tuple[int, ...]:
@@ -128,6 +132,15 @@ class Channel:
         heard = times >= self.heard_from[stretch]
         kind = np.where(continuous[stretch], late[stretch], np.where(heard, HELD, SILENT))
         return np.column_stack([kind, np.where(continuous[stretch], stretch, 0)])
+
+
+class HeardBefore(Channel):
+    """An output of which samples have arrived before those that it has."""
+
+    @cached_property
+    def heard_from(self) -> np.ndarray:
+        found, start = super().heard_from, self.stretches[0].start
+        return np.where(self.unbroken_from == start, start, found)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -79,6 +79,7 @@ class LongSchedule:
     extremes: np.ndarray
     step: float
     order: None = None
+    acting: None = None
 
     @cached_property
     def whole(self) -> Schedule:

@@ -36,6 +36,8 @@ class Schedule:
         Which of them holds from each event on (the last event has none), or from each place of ``order`` on.
     order : Order, optional
         In which events are carried out, where some of them are repeated.
+    acting : ndarray of int, optional
+        The events at which a controller acts, where it does so at instants.
     """
 
     events: np.ndarray
@@ -43,6 +45,7 @@ class Schedule:
     variants: tuple[Variant, ...]
     variant: np.ndarray
     order: Order | None = None
+    acting: np.ndarray | None = None
 
     @property
     def size(self) -> int:
@@ -61,7 +64,12 @@ class Schedule:
 
 
 def build_schedule(
-    channels: list[Channel], time: Time, kinks: np.ndarray, step: float, extremes: np.ndarray | None = None
+    channels: list[Channel],
+    time: Time,
+    kinks: np.ndarray,
+    step: float,
+    extremes: np.ndarray | None = None,
+    instants: np.ndarray | None = None,
 ) -> Schedule:
     """Collect all events of a run.
 
@@ -71,11 +79,13 @@ def build_schedule(
         Kinks of the functions of time.
     extremes : ndarray, optional
         Where they are smooth, but should be looked at.
+    instants : ndarray, optional
+        At which a controller acts.
     step : float
         Events much closer to each other than such a step are one.
     """
     rounding, tolerance = tolerances(channels, step)
-    times = [np.array([time.start, time.end]), kinks, np.zeros(0) if extremes is None else extremes]
+    times = [np.array([time.start, time.end]), kinks, *(more for more in (extremes, instants) if more is not None)]
     for c in channels:
         times += [c.samples.arrival, np.array([s.start for s in c.stretches])]
         if c.samples.taken is not c.samples.arrival:
@@ -113,7 +123,10 @@ def build_schedule(
     kinds = np.concatenate([kinds_of(heard, events[k : k + _PIECE + 1]) for k in range(0, events.size - 1, _PIECE)])
     order, kinds = _in_order(channels, events, kinds, time)
     variants, variant = variants_of(kinds)
-    return Schedule(events=events, inward=inward, variants=variants, variant=variant.ravel(), order=order)
+    acting = None if instants is None else nearest_event(events, instants)
+    return Schedule(
+        events=events, inward=inward, variants=variants, variant=variant.ravel(), order=order, acting=acting
+    )
 
 
 def tolerances(channels: Sequence[Channel], step: float) -> tuple[float, float]:

@@ -152,7 +152,7 @@ class _Tabulated:
     ) -> None:
         self.schedule, self.grid, self.longest, self.uneven = schedule, grid, longest, uneven
         self.always_slope = system.remembers or always_slope
-        self.actions = Actions(schedule.events, channels, system, inputs, schedule.order)
+        self.actions = Actions(schedule.events, channels, system, inputs, schedule.order, schedule.acting)
         if before is not None:
             self.actions.take_from(before.actions)
         self._piece = piece
