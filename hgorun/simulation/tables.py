@@ -85,7 +85,7 @@ def build_plan(
     in_parts : bool
         A plan of many events may be given part by part, so that its tables need not fit into memory.
     """
-    if in_parts and isinstance(schedule, LongSchedule):
+    if in_parts and isinstance(schedule, LongSchedule) and not system.remembers:
         return _Long(schedule, grid, system, always_slope, longest, uneven).plan(origin)
     key = schedule, system, same(grid), always_slope, longest, uneven, None if inputs is None else same(inputs)
     events = schedule if isinstance(schedule, Schedule) else schedule.whole
