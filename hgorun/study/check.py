@@ -70,7 +70,14 @@ def _check(figures: Mapping[str, Figure], runs: Mapping[str, tuple[Experiment, s
         model, time = experiment.plant.model, experiment.blocks.time
         span, labels = (time.start, time.end), tuple(experiment.observers)
         names[name] = RunNames(
-            model.states, model.outputs, labels, span, kind, tuple(model.measures.values()), one_grid
+            model.states,
+            model.outputs,
+            labels,
+            span,
+            kind,
+            tuple(model.measures.values()),
+            one_grid,
+            model.inputs if experiment.closed else (),
         )
     check(figures, names)
 

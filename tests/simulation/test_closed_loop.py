@@ -285,7 +285,7 @@ def test_it_is_written_and_read(from_rest: Result, tmp_path: Path) -> None:
             },
             "replay takes",
         ),
-        ({"plant.discretise": "euler", "measurement": {"sampling": {"period": 0.1}}}, "the sample before"),
+        ({"plant.discretise": "euler", "measurement": {"sampling": {"period": 0.1}}}, "is integrated"),
     ],
 )
 def test_what_makes_no_sense_is_refused(cubic: Experiment, changes: Block, message: str) -> None:
