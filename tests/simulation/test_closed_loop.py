@@ -129,6 +129,8 @@ def test_a_law_of_time_alone_is_an_open_loop(measurement: Block) -> None:
     observers: dict[str, Block] = {"S": {"type": "shgo", "theta": 4}, "F": {"type": "fhgo2", "theta": 4, "r": 2}}
     if "sampling" in measurement and "delay" in measurement:
         observers["D"] = {"type": "shgo", "theta": 4, "late": "drop"}
+    elif "sampling" in measurement:  # they step with the input at the sample before
+        observers |= {"B": {"type": "deadbeat"}, "R": {"type": "reduced_sampled", "H": 1}}
     config: Block = {
         "time": {"end": 2, "output_step": 0.05},
         "plant": OSCILLATOR | {"inputs": {"u": "0.5*sin(2*t)"}},
