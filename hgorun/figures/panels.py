@@ -88,7 +88,7 @@ def _estimates(
     """
 
     def values(actor: Simulated) -> np.ndarray | None:
-        if name not in actor.result.states:
+        if name not in actor.result.states or name in actor.observer.unestimated:
             return None
         column = actor.result.states.index(name)
         return of(actor, actor.observer.xhat[:, column], column)
