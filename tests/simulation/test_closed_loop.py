@@ -266,7 +266,7 @@ def test_it_is_written_and_read(from_rest: Result, tmp_path: Path) -> None:
 
 
 def test_a_state_that_is_not_estimated_drives_nothing() -> None:
-    rates = {"type": "kinetic_rate", "dilution": "0.1", "theta": 2}
+    rates = {"type": "kinetic_rate", "dilution": "0.1", "theta": 2, "yields": {"S": [-1]}}
     plant = inline({"S": "-v + 0.1*(2 - S) + u", "v": "0"}, "S", 0.5, inputs={"u": "controller"})
     with pytest.raises(ConfigError, match="does not estimate v"):
         simulated(plant, {"law": {"u": "-v"}}, {"K": rates})
