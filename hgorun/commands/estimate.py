@@ -21,7 +21,7 @@ from hgorun.data.recording import Recording, Signal
 from hgorun.errors import ConfigError
 from hgorun.estimate.completed import plant_units
 from hgorun.estimate.estimate import estimate as estimated
-from hgorun.estimate.holdout import HoldOut, held_out, number_of, parse_holdout
+from hgorun.estimate.holdout import HoldOut, held_out, number_of, parse_holdout, thinned
 from hgorun.files import remove_leftovers, written_whole
 from hgorun.result.result import Result
 from hgorun.study.split import split
@@ -52,7 +52,7 @@ class Log:
         column = self.block.outputs.get(output) or self.block.reference.get(output)
         if column is None:
             raise ConfigError(f"--holdout {output}={file}: data.outputs does not say in which column {output} stands")
-        other = Measured(**{**column.model_dump(exclude_none=True), "file": str(file.absolute())})
+        other = Measured(**{**column.model_dump(exclude_none=True, exclude={"lag"}), "file": str(file.absolute())})
         return read(
             self.block.model_copy(update={"outputs": {output: other}, "inputs": {}, "reference": {}}),
             self.folder,
@@ -131,6 +131,7 @@ def log_of(source: Source, config: Path, files: tuple[Path, ...] = ()) -> Log:
 
 
 def _held_out(log: Log, recording: Recording, options: Estimate) -> tuple[Recording, dict[str, Signal]]:
+    recording, between = thinned(recording, log.block.period)
     chosen: list[HoldOut] = []
     aside: dict[str, Signal] = {}
     for text in options.holdout:
@@ -145,7 +146,7 @@ def _held_out(log: Log, recording: Recording, options: Estimate) -> tuple[Record
         else:
             chosen.append(every)
     recording, found = held_out(recording, chosen)
-    return recording, {**aside, **found}
+    return recording, {**between, **aside, **found}
 
 
 def _target(options: Estimate, name: str) -> Path:

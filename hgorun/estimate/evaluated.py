@@ -112,7 +112,9 @@ def evaluate_run(
     # where nothing is compared in between, no copies are made
     on_grid = slice(None) if times.size == shown.size else np.searchsorted(times, shown)
     compared = {
-        key: _compared(prepared, key[1], taken, values, [x[np.searchsorted(times, taken)] for x in everywhere])
+        key: _compared(
+            prepared, key[1], taken, values, [x[np.searchsorted(times, taken)] for x in everywhere], asked[key].lag
+        )
         for key, (taken, values) in chosen.items()
     }
     predicted = [_predicted(prepared, i, times, everywhere, carried) for i in range(len(prepared.samples))]
@@ -169,15 +171,53 @@ def _inside(signal: Signal, origin: float, end: float) -> tuple[Floats, Floats]:
     return taken[inside], signal.values[inside]
 
 
-def _compared(prepared: PreparedEstimate, name: str, taken: Floats, values: Floats, xhat: Sequence[Floats]) -> Compared:
+def _compared(
+    prepared: PreparedEstimate,
+    name: str,
+    taken: Floats,
+    values: Floats,
+    xhat: Sequence[Floats],
+    lag: float | None,
+) -> Compared:
     model = prepared.run.plant.model
     if name in model.outputs:
         i = model.outputs.index(name)
-        residuals = [model.wrapped(i, values - prepared.outputs(taken, x)[:, i]) for x in xhat]
+        found = [prepared.outputs(taken, x)[:, i] for x in xhat]
     else:
         k = model.states.index(name)
-        residuals = [values - x[:, k] for x in xhat]
-    return Compared(name, taken, values, np.array(residuals).reshape(len(xhat), taken.size))
+        found = [x[:, k] for x in xhat]
+    estimated = np.array(found).reshape(len(xhat), taken.size)
+    if lag is not None:
+        estimated = lagged(taken, estimated, lag, values[:1])
+    residuals = values - estimated
+    if name in model.outputs:
+        residuals = model.wrapped(model.outputs.index(name), residuals)
+    return Compared(name, taken, values, residuals)
+
+
+def lagged(times: Floats, values: Floats, lag: float, start: Floats) -> Floats:
+    """What an instrument shows that follows a quantity with a lag of the first order, lag v' = x - v.
+
+    Parameters
+    ----------
+    times : ndarray, shape (k,)
+        They do not fall.
+    values : ndarray, shape (m, k)
+        Of several quantities, on straight lines from one time to the next.
+    lag : float
+        The time constant, > 0.
+    start : ndarray, shape (1,)
+        What it shows first.
+    """
+    steps = np.diff(times) / lag
+    left = np.exp(-steps)
+    ramp = 1 - np.divide(1 - left, steps, out=np.ones_like(left), where=steps > 0)
+    constant = 1 - left - ramp  # of what was at the beginning of a step, beside that of its end
+    found = np.empty_like(values)
+    found[:, :1] = start
+    for k in range(steps.size):
+        found[:, k + 1] = left[k] * found[:, k] + constant[k] * values[:, k] + ramp[k] * values[:, k + 1]
+    return found
 
 
 def _predicted(
