@@ -37,8 +37,14 @@ _FILE_MODE = _mode()  # asked for once, before there are threads: the question c
 
 
 @contextmanager
-def written_whole(path: Path) -> Iterator[Path]:
+def written_whole(path: Path, *, durable: bool = False) -> Iterator[Path]:
     """A temporary file beside ``path``, which takes its name when the block ends well and vanishes when not.
+
+    Parameters
+    ----------
+    path : Path
+    durable : bool
+        Whether the file has to be there after a loss of power from then on; that takes milliseconds.
 
     Raises
     ------
@@ -63,12 +69,25 @@ def written_whole(path: Path) -> Iterator[Path]:
         try:
             yield part
             os.chmod(part, _FILE_MODE)
+            if durable:
+                _keep(part)
             os.replace(part, path)
+            if durable and os.name == "posix":
+                _keep(path.parent)  # the new name, too
         finally:
             part.unlink(missing_ok=True)
             unfinished.discard(part)
     except OSError as error:
         raise HgorunError(f"{path}: cannot be written: {error.strerror or error}") from error
+
+
+def _keep(path: Path) -> None:
+    """Wait until a file, or the names in a folder, are where a loss of power leaves them."""
+    handle = os.open(path, os.O_RDONLY if os.name == "posix" else os.O_RDWR)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
 
 
 def write_text(path: Path, text: str) -> None:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from hgorun.commands.mqtt_address import is_address
 from hgorun.commands.options import Estimate
 from hgorun.commands.outputs import NOT_OK, RESULT_SUFFIXES, RESULTS, refuse_other_kinds
 from hgorun.commands.run import require_file, warn
@@ -19,10 +20,10 @@ from hgorun.config.yaml_source import Source
 from hgorun.data.reading import read
 from hgorun.data.recording import Recording, Signal
 from hgorun.errors import ConfigError
-from hgorun.estimate.completed import plant_units
+from hgorun.estimate.completed import plant_units, with_inputs
 from hgorun.estimate.estimate import estimate as estimated
 from hgorun.estimate.holdout import HoldOut, held_out, number_of, parse_holdout, thinned
-from hgorun.files import remove_leftovers, written_whole
+from hgorun.files import remove_leftovers, write_text
 from hgorun.result.result import Result
 from hgorun.study.split import split
 
@@ -47,12 +48,18 @@ class Log:
         own = (self.folder / column.file for column in columns if column.file is not None)
         return (*(self.files or (self.folder / name for name in self.block.file)), *own)
 
+    def _columns(self, output: str, file: Path) -> dict[str, Any]:
+        """How an output is called in a file: as the block reads it from that file, or else as it does anyway."""
+        blocks = [block[output] for block in (self.block.outputs, self.block.reference) if output in block]
+        if not blocks:
+            told = "neither data.outputs nor data.reference says"
+            raise ConfigError(f"--holdout {output}={file}: {told} in which column {output} stands")
+        of_file = [one for one in blocks if one.file and (self.folder / one.file).resolve() == file.resolve()]
+        return [*of_file, *blocks][0].model_dump(exclude_none=True, exclude={"lag"})
+
     def from_file(self, output: str, file: Path) -> Signal:
         """An output as it stands in another file."""
-        column = self.block.outputs.get(output) or self.block.reference.get(output)
-        if column is None:
-            raise ConfigError(f"--holdout {output}={file}: data.outputs does not say in which column {output} stands")
-        other = Measured(**{**column.model_dump(exclude_none=True, exclude={"lag"}), "file": str(file.absolute())})
+        other = Measured(**{**self._columns(output, file), "file": str(file.absolute())})
         return read(
             self.block.model_copy(update={"outputs": {output: other}, "inputs": {}, "reference": {}}),
             self.folder,
@@ -67,13 +74,20 @@ def estimate(options: Estimate) -> int:
     require_file(options.config)
     text, source = read_source(options.config, options.overrides, seed=options.seed)
     source, name = one_run(source, options.config, options.run)
-    if Path("-") in options.data:
+    if "-" in options.data:
         from hgorun.commands.stream import follow
 
         return follow(source, name, options)
-    if options.every is not None or options.checkpoint is not None:
-        raise ConfigError("--every and --checkpoint are for streams: hgorun estimate CONFIG -")
-    log = log_of(source, options.config, tuple(options.data))
+    if any(map(is_address, options.data)):
+        from hgorun.commands.mqtt import follow_topic
+
+        return follow_topic(source, name, options)
+    if any(one is not None for one in (options.every, options.checkpoint, options.publish, options.client_id)):
+        raise ConfigError(
+            "--every, --checkpoint, --publish and --client-id are for streams: "
+            "hgorun estimate CONFIG -, or hgorun estimate CONFIG mqtt://HOST/TOPIC"
+        )
+    log = log_of(source, options.config, tuple(map(Path, options.data)))
     target = _target(options, name)
     _refuse_to_overwrite(options, log, target)
     with source.located():
@@ -125,7 +139,7 @@ def log_of(source: Source, config: Path, files: tuple[Path, ...] = ()) -> Log:
         block,
         config.parent,
         unit if isinstance(unit, str) else default,
-        plant_units(source),
+        plant_units(with_inputs(source, block.inputs)),
         files,
     )
 
@@ -169,8 +183,9 @@ def _also_written(options: Estimate, result: Result, target: Path) -> list[str]:
     """Figures, and the estimates as text."""
     written = []
     if options.export_csv is not None:
-        with written_whole(options.export_csv) as part:
-            part.write_text(as_csv(result), encoding="utf-8")
+        from hgorun.tables.trajectories import csv
+
+        write_text(options.export_csv, csv(result))
         written.append(str(options.export_csv))
     if options.plots:
         from hgorun.figures.drawing import comparison
@@ -178,21 +193,3 @@ def _also_written(options: Estimate, result: Result, target: Path) -> list[str]:
 
         written += map(str, save(comparison(result), target.with_suffix("")))
     return written
-
-
-def as_csv(result: Result) -> str:
-    """Estimates and their bands, a line for every time and observer."""
-    import csv
-    import io
-
-    buffer = io.StringIO()
-    writer = csv.writer(buffer, lineterminator="\n")
-    bands = [f"{state}_{end}" for state in result.states for end in ("lower", "upper")]
-    writer.writerow(["t", "observer", *result.states, *bands])
-    for label, one in result.observers.items():
-        assert one.assessed is not None
-        for k, t in enumerate(result.time.tolist()):
-            ends = zip(one.assessed.lower[k].tolist(), one.assessed.upper[k].tolist(), strict=True)
-            numbers = [*one.xhat[k].tolist(), *(number for pair in ends for number in pair)]
-            writer.writerow([repr(t), label, *(repr(v) if v == v else "" for v in numbers)])
-    return buffer.getvalue()

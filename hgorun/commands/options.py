@@ -47,6 +47,9 @@ class Simulate(Configured):
     check_step: Annotated[
         bool, typer.Option("--check-step", help="Estimate the error of a given step from shorter ones.")
     ] = False
+    export_csv: Annotated[
+        Path | None, typer.Option("--export-csv", metavar="FILE", help="Also write the states over time as CSV.")
+    ] = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -59,8 +62,11 @@ class Estimate(Configured):
 
     config: Annotated[Path, typer.Argument(metavar="CONFIG", help="A YAML configuration with the key data.")]
     data: Annotated[
-        list[Path],
-        typer.Argument(metavar="[DATA...]", help="Files with the data, in place of data.file; - follows a stream."),
+        list[str],
+        typer.Argument(
+            metavar="[DATA...]",
+            help="Files with the data, in place of data.file; - or mqtt://HOST/TOPIC follows a stream.",
+        ),
     ] = field(default_factory=list)
     holdout: Annotated[
         list[str],
@@ -78,6 +84,18 @@ class Estimate(Configured):
         Path | None,
         typer.Option(
             "--checkpoint", metavar="FILE", help="With a stream: resume from this file, and keep it up to date."
+        ),
+    ] = None
+    publish: Annotated[
+        str | None,
+        typer.Option("--publish", metavar="TOPIC", help="With mqtt://: publish the estimates there."),
+    ] = None
+    client_id: Annotated[
+        str | None,
+        typer.Option(
+            "--client-id",
+            metavar="ID",
+            help="With mqtt://: name at the broker (default: made of the checkpoint's place).",
         ),
     ] = None
     export_csv: Annotated[

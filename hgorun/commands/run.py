@@ -13,13 +13,14 @@ from hgorun.commands.options import Compare, Configured, Simulate
 from hgorun.commands.outputs import DRAWING_SUFFIXES, NOT_OK, RESULT_SUFFIXES, RESULTS, refuse_other_kinds
 from hgorun.engine.methods import METHODS
 from hgorun.errors import ConfigError
-from hgorun.files import remove_leftovers
+from hgorun.files import remove_leftovers, write_text
 from hgorun.progress import shown
 from hgorun.result.data import PLANT, Integration
 from hgorun.result.result import Result
 from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.grid import LONG
 from hgorun.simulation.prepared import PreparedRun
-from hgorun.simulation.simulate import prepare, simulate_prepared
+from hgorun.simulation.simulate import prepare, simulate_into, simulate_prepared
 from hgorun.study.check import check_figures
 from hgorun.study.loading import load, load_study, refuse_twins
 
@@ -39,19 +40,24 @@ def simulate(options: Simulate) -> int:
     """
     refuse_other_kinds(options.output, RESULT_SUFFIXES)
     runs, targets, ensembles = _prepared(options)
+    _check_export(options, runs, targets, ensembles)
     for folder in {target.parent for target in targets}:
         remove_leftovers(folder)
     results, files = [], []
     for prepared, target in zip(runs, targets, strict=True):
-        result = run_with_progress(prepared, show=options.text, check_step=options.check_step)
-        files.append(str(result.save(target)))
+        with shown(1.0, prepared.experiment.name, show=options.text) as progress:
+            heard = progress.update if options.text else None
+            result = simulate_into(prepared, target, check_step=options.check_step, progress=heard)
+        files.append(str(target))
         results.append(result)
         warn(result)
         if options.text:
             from hgorun.tables.metrics import text  # only where it is printed: a run has to be quick
 
             print(text([result]))
-            print(f"written: {target}")
+        written = [str(target), *_exported(options, result)]
+        if options.text:
+            print(f"written: {', '.join(written)}")
     of_ensembles: list[dict[str, object]] = []
     fine = all(result.status == "ok" for result in results)
     for run, target in ensembles:
@@ -186,6 +192,31 @@ def _prepared(options: Simulate) -> tuple[list[PreparedRun], list[Path], list[tu
     return runs, targets, ensembles
 
 
+def _check_export(
+    options: Simulate, runs: Sequence[PreparedRun], targets: Sequence[Path], ensembles: Sequence[object]
+) -> None:
+    """Refuse to write several runs into one text, what would not fit one, and over what is read or written."""
+    file = options.export_csv
+    if file is None:
+        return
+    if len(runs) != 1 or ensembles:
+        raise ConfigError(f"--export-csv: {file} is one file, and takes one run: name it with --run")
+    if runs[0].grid.size > LONG:
+        raise ConfigError(f"--export-csv: more than {LONG} output points are in the result file alone")
+    if file.resolve() in {path.resolve() for path in (*options.configs, *targets)}:
+        raise ConfigError(f"--export-csv: {file} is read or written otherwise: name another file")
+
+
+def _exported(options: Simulate, result: Result) -> list[str]:
+    """The trajectories as text, where that is asked for."""
+    if options.export_csv is None:
+        return []
+    from hgorun.tables.trajectories import csv
+
+    write_text(options.export_csv, csv(result))
+    return [str(options.export_csv)]
+
+
 def _experiments(path: Path, options: Configured) -> tuple[list[Experiment], list[Run]]:
     """The run named, or all single runs of a file, and its ensembles."""
     require_file(path)
@@ -210,10 +241,10 @@ def _single(path: Path, options: Configured) -> list[Experiment]:
     return single
 
 
-def run_with_progress(run: PreparedRun, *, show: bool, check_step: bool = False) -> Result:
+def run_with_progress(run: PreparedRun, *, show: bool) -> Result:
     """Run, with progress if it is to be shown."""
     with shown(1.0, run.experiment.name, show=show) as progress:
-        return simulate_prepared(run, check_step=check_step, progress=progress.update if show else None)
+        return simulate_prepared(run, progress=progress.update if show else None)
 
 
 def warn(result: Result) -> None:

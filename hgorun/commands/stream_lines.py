@@ -88,7 +88,9 @@ class CsvForm:
 
 @dataclass(frozen=True)
 class JsonForm:
-    """Samples as objects, one a line."""
+    """Samples as objects, one a line; ``signal`` is that of an object without this key."""
+
+    signal: str | None = None
 
     def samples(self, block: Block) -> Iterator[Sample]:
         """The samples of some lines one after the other; the line that is wrong is named."""
@@ -100,6 +102,8 @@ class JsonForm:
                     raise ConfigError(f"not JSON: {error}", file=INPUT, line=number) from None
                 if not isinstance(found, dict):
                     raise ConfigError("expected an object with t, signal and y", file=INPUT, line=number)
+                if self.signal is not None:
+                    found.setdefault("signal", self.signal)
                 _require_keys(found, number)
                 yield _sample(number, *(found.get(name) for name in _COLUMNS))
 

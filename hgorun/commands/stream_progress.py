@@ -5,8 +5,10 @@ from __future__ import annotations
 import json
 import math
 import sys
-from collections import Counter
+from abc import ABC, abstractmethod
+from collections import Counter, deque
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 
@@ -17,14 +19,11 @@ from hgorun.files import written_whole
 from hgorun.process import uninterrupted
 
 _MAGIC = b"hgorun-stream-1 "
-_Key = tuple[str, float, float | None]  # signal, when it was taken, and its value; None for a missing one
+_Key: TypeAlias = tuple[str, float, float | None]  # signal, when it was taken, and its value; None for a missing one
 
 
-class Progress:
+class Progress(ABC):
     """What has been taken and told, kept in a file with all that the estimator goes on from.
-
-    Of samples that are known at the same time some may have been taken and others not yet: those that have been are
-    remembered until time goes on.
 
     Parameters
     ----------
@@ -49,32 +48,64 @@ class Progress:
     def __init__(self, estimator: Estimator, path: Path | None) -> None:
         self._estimator, self._path = estimator, path
         self.t, self.shown = -math.inf, -math.inf
-        self._taken: list[_Key] = []  # of those that are known at t
+        taken = []
         if path is not None and path.exists():
-            self._restore(path.read_bytes(), str(path))
-        self._restored, self._left = self.t, Counter(self._taken)
+            taken = self._restore(path.read_bytes(), str(path))
+        self._start(taken)
 
-    def _restore(self, stored: bytes, file: str) -> None:
+    def _restore(self, stored: bytes, file: str) -> list[_Key]:
         if not stored.startswith(_MAGIC):
             raise ConfigError("this is no checkpoint of a stream, or one of another version", file=file)
         head, _, rest = stored[len(_MAGIC) :].partition(b"\n")
         try:
             t, shown, taken = json.loads(head)
             self.t, self.shown = float(t), float(shown)
-            self._taken = [(str(name), float(at), None if y is None else float(y)) for name, at, y in taken]
+            keys = [(str(name), float(at), None if y is None else float(y)) for name, at, y in taken]
         except (ValueError, TypeError) as error:
             raise ConfigError(f"the checkpoint is damaged: {error}", file=file) from None
         self._estimator.restore(rest)
+        return keys
 
     def save(self) -> None:
-        """Write the checkpoint, if one is kept; what is in it has been told."""
+        """Write the checkpoint, if one is kept; what is in it has been told, and outlasts a loss of power."""
         if self._path is None:
             return
         with uninterrupted():
             sys.stdout.flush()
-            head = json.dumps([self.t, self.shown, self._taken]).encode()
-            with written_whole(self._path) as part:
+            head = json.dumps([self.t, self.shown, self._keys()]).encode()
+            with written_whole(self._path, durable=True) as part:
                 part.write_bytes(_MAGIC + head + b"\n" + self._estimator.checkpoint())
+
+    @abstractmethod
+    def _start(self, taken: list[_Key]) -> None:
+        """Begin with what had been taken before the stream was started again."""
+
+    @abstractmethod
+    def _keys(self) -> list[_Key]:
+        """Samples that may come again, and would not be known by their time alone."""
+
+    @abstractmethod
+    def knows(self, sample: Sample) -> bool:
+        """Whether a sample has been taken before."""
+
+    @abstractmethod
+    def took(self, sample: Sample) -> None:
+        """A sample has been taken."""
+
+
+class InOrder(Progress):
+    """Of samples that come in the order in which they are known, once each time the stream is started.
+
+    Of those that are known at the same time some may have been taken and others not yet: those that have been are
+    remembered until time goes on.
+    """
+
+    def _start(self, taken: list[_Key]) -> None:
+        self._taken = taken  # of those that are known at t
+        self._restored, self._left = self.t, Counter(taken)
+
+    def _keys(self) -> list[_Key]:
+        return self._taken
 
     def save_what_there_is(self) -> None:
         """Write the checkpoint of a stream that ends before its time, if samples have been taken."""
@@ -98,7 +129,6 @@ class Progress:
         return np.flatnonzero(new)
 
     def took(self, sample: Sample) -> None:
-        """A sample has been taken."""
         if self._path is not None:
             known = _known(sample)
             if known != self.t:
@@ -109,6 +139,41 @@ class Progress:
         """Samples have been taken, in the order of time."""
         for k in range(int(np.searchsorted(samples.t, samples.t[-1])), samples.t.size):
             self.took(_sample(samples, k, signals))
+
+
+class Redelivered(Progress):
+    """Of samples that may come again at any moment, among new ones: the last ones are remembered.
+
+    Parameters
+    ----------
+    remembered : int
+        So many, at least those that a broker has on their way at once, and those that the estimator can go back to.
+    """
+
+    def __init__(self, estimator: Estimator, path: Path | None, remembered: int) -> None:
+        self._remembered = remembered
+        super().__init__(estimator, path)
+
+    def _start(self, taken: list[_Key]) -> None:
+        self._order, self._taken = deque[_Key](), set[_Key]()
+        for key in taken:
+            self._add(key)
+
+    def _keys(self) -> list[_Key]:
+        return list(self._order)
+
+    def knows(self, sample: Sample) -> bool:
+        return _key(sample) in self._taken
+
+    def took(self, sample: Sample) -> None:
+        self.t = max(self.t, _known(sample))
+        self._add(_key(sample))
+
+    def _add(self, key: _Key) -> None:
+        self._order.append(key)
+        self._taken.add(key)
+        if len(self._order) > self._remembered:
+            self._taken.discard(self._order.popleft())
 
 
 def _known(sample: Sample) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json as json_text
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -54,7 +54,7 @@ def tune_data(options: Options, text: str, source: Source) -> int:
         experiments = [completed(source, one.given, options.config.stem, text) for one in samples]
         cases = [Case(experiment, one) for experiment, one in zip(experiments, samples, strict=True)]
         _check_deviations(goal, experiments[0])
-        given = {label for label, one in source.data["observers"].items() if one.get("initial")}
+        given = {label: tuple(one.get("initial") or ()) for label, one in source.data["observers"].items()}
         found = [_tuned(cases, given, one, gains, block.budget) for one, gains in _tasks(experiments[0], goal, block)]
     folder = options.output or RESULTS
     target = folder / f"{options.config.stem}.tuned.yaml"
@@ -120,15 +120,17 @@ def _tasks(experiment: Experiment, goal: Goal, block: Tune) -> list[tuple[Goal, 
     return tasks
 
 
-def _tuned(cases: Sequence[Case], given: set[str], goal: Goal, gains: dict[str, Range], budget: int) -> _Tuned:
-    """The best gains of an observer; ``given`` are those whose initial estimates are."""
+def _tuned(
+    cases: Sequence[Case], given: Mapping[str, tuple[str, ...]], goal: Goal, gains: dict[str, Range], budget: int
+) -> _Tuned:
+    """The best gains of an observer; ``given`` are the states whose initial estimates are, by observer."""
     others = {f"observers.{label}": None for label in cases[0].experiment.observers if label != goal.label}
-    models = goal.label not in given and any(path.startswith(_OF_PLANT) for path in gains)
+    models = any(path.startswith(_OF_PLANT) for path in gains)
     alone = [
         replace(
             case,
             experiment=case.experiment.varied(others) if others else case.experiment,
-            starts=goal.label if models and case.samples.given.first_samples > 1 else "",
+            named=given[goal.label] if models and case.samples.given.first_samples > 1 else None,
         )
         for case in cases
     ]

@@ -10,6 +10,7 @@ from hgorun.engine.allowance import SMALL
 from hgorun.engine.history import piece_words
 from hgorun.engine.layout import ACTION_WORDS, CONTEXT, WORD, HybridSystem
 from hgorun.engine.plan import Floats, Integers, Plan, Segments
+from hgorun.engine.window import Window
 from hgorun.memo import Memo, same
 from hgorun.native.compiler import address_of
 
@@ -60,6 +61,7 @@ class Raw:
     Attributes
     ----------
     rows : ndarray, shape (grid points, states, lanes)
+        None of them where they were handed on.
     measured : ndarray, shape (slots, lanes)
     diverged : ndarray, shape (observers, lanes)
         Time of divergence, infinity where there was none.
@@ -127,21 +129,27 @@ class Memory:
         tolerance: Tolerance | None,
         shown: int | None = None,
         own_words: int = 1,
+        window: Window | None = None,
     ) -> None:
         channels = s.outputs * s.width
         steps = None if tolerance else plan.counts[:, 2] - plan.counts[:, 1]
         pieces = history_pieces(plan.spans[:, :2], steps, plan.reach) if s.remembers else 1
         ring = np.zeros(pieces * piece_words(channels, lanes) if s.remembers else 1)
         entries = np.array([e * lanes + lane for row in s.alpha for e in row for lane in range(lanes)], dtype=np.int64)
-        self.shape = (plan.grid.size, s.states if shown is None else shown, lanes)
+        self.shape = (0 if window else plan.grid.size, s.states if shown is None else shown, lanes)
+        if window:
+            grid, rows = window.grid, window.rows
+        else:
+            grid = _ENDLESS.get(same(plan.grid), lambda: np.append(plan.grid, np.inf))
+            rows = np.empty(self.shape)  # every row is written, by the native code or at the end
         self.arrays: dict[str, np.ndarray] = {
             "p": np.ascontiguousarray(start.p, dtype=float),
             "c": np.zeros(max(constants, 1) * lanes),
             "z": np.ascontiguousarray(start.z, dtype=float).copy(),
             "w": np.zeros(s.held.size * lanes),
             "channels": np.zeros(max(channels, 1) * lanes),
-            "grid": _ENDLESS.get(same(plan.grid), lambda: np.append(plan.grid, np.inf)),
-            "rows": np.empty(self.shape),  # every row is written, by the native code or at the end
+            "grid": grid,
+            "rows": rows,
             "slots": np.zeros(max(plan.slots, 1) * s.width * lanes),
             "gain": _spread(plan.gain, lanes),
             "bias": _spread(plan.bias, lanes),
@@ -177,6 +185,10 @@ class Memory:
                 ("step", tolerance.first_step),
             ):
                 reals[WORD[word]] = value
+        self.window = window
+        if window:
+            self["room"], self["full"] = window.room, window.address
+            window.counts_in(self.context[WORD["row"] : WORD["row"] + 1])
         self.take(next(plan.parts()))
         self.address = address_of(self.context)
         self.slots, self.observers = plan.slots, s.observers
@@ -212,8 +224,12 @@ class Memory:
 
     def result(self, tries: int) -> Raw:
         rows = self.arrays["rows"]
-        done = int(self.context[WORD["row"]])
-        rows[done:] = self.arrays["z"].reshape(1, *self.shape[1:])  # the points at the end of the run
+        if self.window:
+            self.window.finish(self.arrays["z"].reshape(-1))
+            rows = np.empty(self.shape)
+        else:
+            done = int(self.context[WORD["row"]])
+            rows[done:] = self.arrays["z"].reshape(1, *self.shape[1:])  # the points at the end of the run
         return Raw(
             rows,
             self.arrays["measured"][: self.slots],

@@ -28,6 +28,7 @@ from hgorun.engine.module import Module, counts, span
 from hgorun.engine.plan import Plan
 from hgorun.engine.rows import add_rows
 from hgorun.engine.stepper import Stepper
+from hgorun.engine.window import Take, Window
 from hgorun.errors import PlantDiverged, SimulationError
 from hgorun.native.compiler import NativeModule
 
@@ -171,9 +172,11 @@ class Program:
         self._begin = ctypes.CFUNCTYPE(None, ctypes.c_void_p)(self._native.address["begin"])
         self._run = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p, ctypes.c_int64)(self._native.address["run"])
 
-    def memory(self, plan: Plan, start: Start, tolerance: Tolerance | None = None) -> Memory:
+    def memory(
+        self, plan: Plan, start: Start, tolerance: Tolerance | None = None, window: Window | None = None
+    ) -> Memory:
         """The memory of a run that is about to begin."""
-        memory = Memory(self.system, self.lanes, self._constants, plan, start, tolerance)
+        memory = Memory(self.system, self.lanes, self._constants, plan, start, tolerance, window=window)
         self._begin(memory.address)
         memory.keep_initial()
         return memory
@@ -190,6 +193,8 @@ class Program:
         progress: Callable[[float], None] | None = None,
         *,
         limit: float = np.inf,
+        take: Take | None = None,
+        room: int | None = None,
     ) -> Raw:
         """Run a plan.
 
@@ -203,6 +208,10 @@ class Program:
             Called periodically with the completed fraction, 0 to 1.
         limit : float
             So many steps may be tried by an adaptive method.
+        take : callable, optional
+            Gets all rows, some of them at a time, in place of an array of all.
+        room : int, optional
+            So many of them at a time.
 
         Raises
         ------
@@ -210,7 +219,8 @@ class Program:
             When the plant diverges or no step is small enough for it.
         TooManySteps
         """
-        memory = self.memory(plan, start, tolerance)
+        window = None if take is None else Window(plan.grid, self.system.states, take, room)
+        memory = self.memory(plan, start, tolerance, window)
         chunk = 1 if tolerance or progress else _FIRST  # adaptive segments may be long
         passed, tries = 0, 0
         for part, segments in enumerate(plan.parts()):
@@ -237,6 +247,8 @@ class Program:
                     granted = memory["budget"] = _granted(limit - tries)
                     verdict = self._run(memory.address, stop)
                 tries += granted - memory["budget"]
+                if window:
+                    window.check()
                 if verdict != DONE:
                     stiff = isinstance(self.method, Rosenbrock)
                     message = _explain(verdict, plan.origin + memory.real("now"), stiff=stiff)

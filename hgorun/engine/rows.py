@@ -34,7 +34,8 @@ def hermite_slope(f: Function, theta: str, h: str, z0: str, k0: str, z1: str, k1
 def add_rows(m: Module, *, quintic: bool) -> None:
     """``rows(ctx, t0, t1, snap, z0, k0, z1, k1, q)``: the output points in [t0 - snap, t1 - snap).
 
-    By the cubic Hermite polynomial, or that plus T^2 (1-T)^2 q, a method's own continuous extension.
+    By the cubic Hermite polynomial, or that plus T^2 (1-T)^2 q, a method's own continuous extension. Where there is
+    room for some of them only, ``full(ctx)`` makes room whenever it is taken, see :mod:`hgorun.engine.window`.
     """
     f = m.function(
         "rows",
@@ -45,28 +46,34 @@ def add_rows(m: Module, *, quintic: bool) -> None:
     place = f.at("%ctx", WORD["row"])
     h = f.scalar("fsub", "%t1", "%t0")
     start, stop = f.scalar("fadd", "%t0", "%snap"), f.scalar("fsub", "%t1", "%snap")
-    with f.loop() as after:
-        row = f.load(place, "i64")
-        t = f.word(grid, row, "double")
-        f.leave_if(f.test("oge", t, stop), after)
-        target = f.at(rows, f.scalar("mul", row, str(m.row_words)))
-        on_step = f.test("ole", t, start)
-        with f.when(on_step):
-            for source, i in shown(f, m):
-                f.store(f.load(f.at("%z0", source), f.real), f.at(target, i), f.real)
-        with f.when(f.let(f"xor i1 {on_step}, true")):
-            part = f.scalar("fdiv", f.scalar("fsub", t, "%t0"), h)
-            theta, length = f.splat(part), f.splat(h)
-            if quintic:
-                bump = f.mul(theta, f.sub(f.constant(1.0), theta))
-                bump = f.mul(bump, bump)
-            for source, i in shown(f, m):
-                values = [f.load(f.at(array, source), f.real) for array in ("%z0", "%k0", "%z1", "%k1")]
-                value = hermite(f, theta, length, *values)
+    with f.loop() as done:
+        with f.loop() as after:
+            row = f.load(place, "i64")
+            t = f.word(grid, row, "double")
+            f.leave_if(f.test("oge", t, stop), after)
+            target = f.at(rows, f.scalar("mul", row, str(m.row_words)))
+            on_step = f.test("ole", t, start)
+            with f.when(on_step):
+                for source, i in shown(f, m):
+                    f.store(f.load(f.at("%z0", source), f.real), f.at(target, i), f.real)
+            with f.when(f.let(f"xor i1 {on_step}, true")):
+                part = f.scalar("fdiv", f.scalar("fsub", t, "%t0"), h)
+                theta, length = f.splat(part), f.splat(h)
                 if quintic:
-                    value = f.add(value, f.mul(bump, f.load(f.at("%q", source), f.real)))
-                f.store(value, f.at(target, i), f.real)
-        f.store(f.scalar("add", row, "1"), place, "i64")
+                    bump = f.mul(theta, f.sub(f.constant(1.0), theta))
+                    bump = f.mul(bump, bump)
+                for source, i in shown(f, m):
+                    values = [f.load(f.at(array, source), f.real) for array in ("%z0", "%k0", "%z1", "%k1")]
+                    value = hermite(f, theta, length, *values)
+                    if quintic:
+                        value = f.add(value, f.mul(bump, f.load(f.at("%q", source), f.real)))
+                    f.store(value, f.at(target, i), f.real)
+            f.store(f.scalar("add", row, "1"), place, "i64")
+        # the grid that there is room for ends with a time that is never reached
+        full = f.word("%ctx", WORD["full"], "ptr")
+        f.leave_if(f.let(f"icmp eq ptr {full}, null"), done)
+        f.leave_if(f.test("ne", f.load(place, "i64"), f.word("%ctx", WORD["room"])), done)
+        f.do(f"call void {full}(ptr %ctx)")
     f.do("ret void")
     m.finish(f)
 

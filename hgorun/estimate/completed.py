@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -24,9 +23,9 @@ def completed(source: Source, recording: Recording, name: str, text: str) -> Exp
     """The experiment that the observers run in.
 
     The span of the data is that of the run, unless ``time`` says otherwise, and the output step is their median gap.
-    When samples come is decided by the data; the measurement block is asked for the noise alone. Where an
-    observer has no ``initial``, the states that are measured start from the first sample of each, or all states from
-    where the model passes nearest to the first ones, if several are to be used.
+    When samples come is decided by the data; the measurement block is asked for the noise alone. States that are
+    measured start from the first sample of each, where an observer's ``initial`` does not name them; or all states
+    that it does not name start where the model passes nearest to the first samples, if several are to be used.
 
     Parameters
     ----------
@@ -40,6 +39,7 @@ def completed(source: Source, recording: Recording, name: str, text: str) -> Exp
     ------
     ConfigError
     """
+    source = with_inputs(source, recording.inputs)
     given: Mapping[str, Any] = source.data
     changes: dict[str, Any] = {}
     if isinstance(given.get("time") or {}, dict):
@@ -49,9 +49,8 @@ def completed(source: Source, recording: Recording, name: str, text: str) -> Exp
         return Experiment(_with(source, changes), name=name, text=text)  # which says what is wrong
     with source.located():
         _check_outputs(plant_of(source).output_names, recording)
-        _check_inputs(given, recording)
     changes["measurement"] = _measurement(given.get("measurement") or {}, recording)
-    whole, states = _with_plant(_with(source, changes), tuple(recording.inputs))
+    whole, states = _with_plant(_with(source, changes))
     experiment = Experiment(whole, name=name, text=text)
     with experiment.located():
         _check_names(experiment, recording)
@@ -59,15 +58,18 @@ def completed(source: Source, recording: Recording, name: str, text: str) -> Exp
     changes = {}
     if not given["plant"].get("initial") and first:
         changes["plant.initial"] = {state: first.get(state, 0.0) for state in states}
-    if recording.first_samples > 1 and not all(observer.initial for observer in experiment.observers.values()):
+    if recording.first_samples > 1 and not all(
+        set(states) <= set(one.initial) for one in experiment.observers.values()
+    ):
         from hgorun.estimate.starting import fitted_start  # only here
 
         guess = Experiment(_with(whole, changes), name=name, text=text)
         with guess.located():
             first = fitted_start(prepare_estimate(guess, recording), recording.first_samples)
     for label, observer in experiment.observers.items():
-        if not observer.initial and first:
-            changes[f"observers.{label}.initial"] = first
+        start = first | observer.initial
+        if start != observer.initial:
+            changes[f"observers.{label}.initial"] = start
     return Experiment(_with(whole, changes), name=name, text=text) if changes else experiment
 
 
@@ -88,6 +90,7 @@ def streamed(source: Source, inputs: tuple[str, ...], deviations: Mapping[str, f
     ConfigError
         Also where neither ``time`` nor ``solver.step`` says how long a step may be.
     """
+    source = with_inputs(source, inputs)
     given: Mapping[str, Any] = source.data if isinstance(source.data, dict) else {}
     changes: dict[str, Any] = {}
     if "time" not in given:
@@ -108,17 +111,22 @@ def streamed(source: Source, inputs: tuple[str, ...], deviations: Mapping[str, f
     # that outputs are sampled is known; how often, only where the block says so
     start = changes.get("time", {}).get("start", 0.0)
     changes["measurement"] = {"sampling": {"times": [start]}} | measurement | {"outputs": outputs}
-    return Experiment(_with_plant(_with(source, changes), inputs)[0], name=name)
+    return Experiment(_with_plant(_with(source, changes))[0], name=name)
 
 
-def _with_plant(source: Source, inputs: tuple[str, ...]) -> tuple[Source, tuple[str, ...]]:
+def with_inputs(source: Source, inputs: Iterable[str]) -> Source:
+    """The configuration with the inputs that come with the data, whatever its plant says of them."""
+    plant = source.data.get("plant") if isinstance(source.data, dict) else None
+    given = (plant.get("inputs") or {}) if isinstance(plant, dict) else None
+    names = dict.fromkeys(inputs, "0")
+    return _with(source, {"plant.inputs": {**given, **names}}) if names and isinstance(given, dict) else source
+
+
+def _with_plant(source: Source) -> tuple[Source, tuple[str, ...]]:
     """The configuration with all that a plant's block needs where nothing is simulated; and its states."""
-    plant = source.data["plant"]
-    expressions = {**(plant.get("inputs") or {}), **dict.fromkeys(inputs, "0")}
-    whole = _with(source, {"plant.inputs": expressions} if expressions else {})
-    states = plant_of(whole).state_names
-    initial = dict.fromkeys(states, 0.0) | dict(plant.get("initial") or {})
-    return _with(whole, {"plant.initial": initial}), states
+    states = plant_of(source).state_names
+    initial = dict.fromkeys(states, 0.0) | dict(source.data["plant"].get("initial") or {})
+    return _with(source, {"plant.initial": initial}), states
 
 
 def _with(source: Source, changes: Mapping[str, Any]) -> Source:
@@ -184,27 +192,6 @@ def _check_outputs(outputs: tuple[str, ...], recording: Recording) -> None:
     start, end = recording.span
     if not end > start:
         raise Problem(("data",), f"all samples are of one time, {start:g}: there is nothing to follow")
-
-
-def _check_inputs(given: Mapping[str, Any], recording: Recording) -> None:
-    """What is recorded as an input has to act on something; a plant that is built in has inputs of its own."""
-    if "type" in given["plant"]:
-        return
-    asked = " ".join(_texts((given["plant"], given.get("observers"))))
-    for name in recording.inputs:
-        if not re.search(rf"\b{re.escape(name)}\b", asked):
-            raise Problem(("data", "inputs", name), "no expression of the plant or of an observer has this input in it")
-
-
-def _texts(values: Any) -> Iterator[str]:
-    """All texts that stand in a block, without keys."""
-    if isinstance(values, str):
-        yield values
-    elif isinstance(values, Mapping):
-        yield from _texts(tuple(values.values()))
-    elif isinstance(values, (list, tuple)):
-        for value in values:
-            yield from _texts(value)
 
 
 def _check_names(experiment: Experiment, recording: Recording) -> None:

@@ -9,7 +9,6 @@ import numpy as np
 
 from hgorun.config.yaml_source import Source
 from hgorun.data.recording import Recording, Signal
-from hgorun.errors import ConfigError
 from hgorun.estimate.assessed import assess
 from hgorun.estimate.completed import completed
 from hgorun.estimate.evaluated import Compared, Evaluated, evaluate_run
@@ -67,8 +66,6 @@ def estimate_prepared(
     sensitivity: bool = False,
 ) -> Result:
     """Carry a prepared estimate out; see :func:`estimate`."""
-    if not prepared.run.observers:
-        raise ConfigError("there are no observers")
     found = evaluate_run(prepared, held_out, recording.reference)
     result = _result(prepared, recording, found)
     if not sensitivity:

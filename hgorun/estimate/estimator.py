@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from functools import cached_property
 
 import numpy as np
 
@@ -105,14 +106,36 @@ class Estimator:
         ValueError
             For an earlier time.
         """
-        ahead = self._since_start(t)
-        if ahead == self._live.t:
-            return self.estimate()
-        kept = self._live.state()
-        self._live.advance(ahead, self._run.regime)
-        found = {label: np.array(values) for label, values in self.estimate().items()}
-        self._live.restore(kept)
+        ((_, found),) = self.predictions([t])
         return found
+
+    def predictions(self, times: Iterable[float]) -> Iterator[tuple[float, dict[str, Floats]]]:
+        """xhat of every observer at ascending times, each reached from the one before; nothing follows from it.
+
+        As :meth:`predict` at each, but for the steps, of which none is made twice. Between two times the estimator may
+        be used; what happens to it is not seen here.
+
+        Parameters
+        ----------
+        times : iterable of float
+            None before the last event.
+
+        Raises
+        ------
+        ValueError
+            For an earlier time.
+        """
+        ahead = self._live.state()
+        for t in times:
+            since, kept = self._since_start(t), self._live.state()
+            try:
+                self._live.restore(ahead)
+                self._live.advance(since, self._run.regime)
+                found = {label: np.array(values) for label, values in self.estimate().items()}
+                ahead = self._live.state()
+            finally:  # whoever is interrupted here goes on from the last event, too
+                self._live.restore(kept)
+            yield t, found
 
     def require_reachable(self, t: float) -> None:
         """Refuse a time that is before the last event, or so far ahead that it is of another clock.
@@ -252,6 +275,7 @@ class Estimator:
             raise ValueError(f"the sample taken at {t:g} is late: with a gate late samples enter the innovation alone")
         return "innovation" in found
 
+    @cached_property
     def _identity(self) -> str:
         """What a checkpoint has to be of: the configuration, and which inputs are given."""
         text = self._experiment.resolved_text + json.dumps(sorted(self._system.inputs))
@@ -259,7 +283,7 @@ class Estimator:
 
     def checkpoint(self) -> bytes:
         """All that the estimator goes on from, with what is remembered for samples that come late."""
-        return Checkpoint(self._run.state(), self._past.before, self._past.events).written(self._identity())
+        return Checkpoint(self._run.state(), self._past.before, self._past.events).written(self._identity)
 
     def restore(self, checkpoint: bytes | bytearray) -> None:
         """Go on from a checkpoint of the same configuration.
@@ -273,7 +297,7 @@ class Estimator:
         """
         if not isinstance(checkpoint, bytes | bytearray):
             raise TypeError(f"checkpoint: expected the bytes of checkpoint(), found {checkpoint!r:.50}")
-        found = Checkpoint.read(checkpoint, self._identity())
+        found = Checkpoint.read(checkpoint, self._identity)
         try:
             self._run.restore(found.now)
         except Exception as error:

@@ -1,9 +1,12 @@
-"""What is given to an estimator from Python: numbers, and numbers by name."""
+"""What is given to an estimator: numbers, numbers by name, observers."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import Any
+
+from hgorun.errors import Problem
+from hgorun.simulation.experiment import Experiment
 
 
 def as_number(name: str, value: Any) -> float:
@@ -31,3 +34,14 @@ def numbers_by_name(name: str, values: Any) -> list[tuple[str, float]]:
     if not isinstance(values, Mapping):
         raise TypeError(f"{name}: expected numbers by name, as {{'a': 0.5}}, found {values!r:.50}")
     return [(one, as_number(f"{name}[{one!r}]", value)) for one, value in values.items()]
+
+
+def require_observers(experiment: Experiment) -> None:
+    """Refuse an experiment that estimates nothing.
+
+    Raises
+    ------
+    Problem
+    """
+    if not experiment.observers:
+        raise Problem(("observers",), "there are none: give one, for instance SHGO: {type: shgo, theta: 5, poles: -1}")

@@ -13,6 +13,7 @@ from hgorun.engine.memory import Start
 from hgorun.engine.plan import Floats
 from hgorun.errors import Problem
 from hgorun.estimate.covariance import Covariance
+from hgorun.estimate.given import require_observers
 from hgorun.measurement.late import Treatment
 from hgorun.measurement.variants import HELD, SILENT
 from hgorun.observers.base import SampledObserver, treatment_of
@@ -163,6 +164,7 @@ class LiveSystem:
 
 def _check(experiment: Experiment, inputs: tuple[str, ...]) -> None:
     model = experiment.plant.model
+    require_observers(experiment)
     for label, observer in experiment.observers.items():
         check_limit(experiment, label, observer)
     if experiment.adaptive:

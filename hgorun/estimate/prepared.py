@@ -15,6 +15,7 @@ from hgorun.engine.plan import Plan
 from hgorun.engine.program import Program
 from hgorun.errors import Problem
 from hgorun.estimate.covariance import Covariance
+from hgorun.estimate.given import require_observers
 from hgorun.estimate.samples import Sampled, all_sampled, channel, recorded_inputs
 from hgorun.measurement.late import HeardOtherwise, heard
 from hgorun.measurement.schedule import build_schedule
@@ -26,10 +27,11 @@ from hgorun.simulation.first_step import nominal_step
 from hgorun.simulation.plant_alone import plant_kinks
 from hgorun.simulation.preparation import check_limit, in_groups, numbers_of, treatments_of
 from hgorun.simulation.prepared import PreparedRun
-from hgorun.simulation.structure import structure_of
+from hgorun.simulation.structure import Structure, structure_of
 from hgorun.simulation.tables import build_plan
 from hgorun.simulation.truth import Recording, SameTruth, Truth
 from hgorun.symbolic.evaluate import Floats, evaluate
+from hgorun.symbolic.plant import PlantModel
 
 _DIVERGED = 1e12  # times all that is known: beyond that an observer is lost, whatever the units
 
@@ -202,6 +204,7 @@ def prepare_estimate(experiment: Experiment, recording: Recorded) -> PreparedEst
         stretches = [one for _ in truths for one in experiment.stretches]
         variants, everything = schedule.variants, plant.everything
         structure = structure_of(truths, of_groups, stretches, variants, everything, innovations=True)
+        _check_inputs(plant.model, recorded, structure)
         numbers = numbers_of(structure, plant, experiment, designs)
         numbers = replace(numbers, z0=numbers.z0[plant.model.n :])
         run = PreparedRun(
@@ -229,8 +232,17 @@ def prepare_estimate(experiment: Experiment, recording: Recorded) -> PreparedEst
     return prepared
 
 
+def _check_inputs(model: PlantModel, recorded: tuple[int, ...], structure: Structure) -> None:
+    """What is recorded as an input has to act on something."""
+    for number, place in enumerate(recorded):
+        if not (model.depends_on_input(place) or structure.depends_on_input(number)):
+            message = "nothing depends on this input, neither the plant's equations nor those of an observer"
+            raise Problem(("data", "inputs", model.inputs[place]), message)
+
+
 def _refuse(experiment: Experiment) -> None:
-    """What a recording cannot have."""
+    """What a recording cannot have, or lacks."""
+    require_observers(experiment)
     if experiment.plant_block.discretise is not None:
         raise Problem(("plant", "discretise"), "this steps a simulated plant, and nothing is simulated here")
     if experiment.adaptive:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
+from itertools import accumulate
 
 import numpy as np
 
@@ -42,11 +44,12 @@ def scores_of(prepared: PreparedEstimate, found: Evaluated, j: int) -> dict[str,
             scores.setdefault(score, {})[of] = float(value)
 
     noise = stated(prepared.experiment)
+    lost = bool(np.isfinite(found.carried.raw.diverged[j, 0]))
     for name, one in found.held_out.items():
-        residuals = one.residuals[j]
+        residuals = _defined(one.residuals[j], lost=lost)
         add("holdout_rmse", name, rms(residuals))
         add("holdout_mean", name, float(np.mean(residuals)) if residuals.size else None)
-        add("holdout_coverage", name, coverage(residuals, _since(prepared, name, one.taken)))
+        add("holdout_coverage", name, coverage(one.residuals[j], _since(prepared, name, one.taken)))
     for i, sampled in enumerate(prepared.samples):
         used = found.carried.used[prepared.slots[i], j]
         innovations = settled(found.predicted[i][j][used])
@@ -59,7 +62,7 @@ def scores_of(prepared: PreparedEstimate, found: Evaluated, j: int) -> dict[str,
         if sampled.gate is not None:
             add("gated", name, float(np.count_nonzero(sampled.used & ~used)))
     for name, one in found.reference.items():
-        add("reference_rmse", name, rms(one.residuals[j]))
+        add("reference_rmse", name, rms(_defined(one.residuals[j], lost=lost)))
     return scores
 
 
@@ -80,6 +83,12 @@ def settled(innovations: Floats) -> Floats:
     return np.asarray(sound[np.isfinite(sound)])
 
 
+def _defined(residuals: Floats, *, lost: bool) -> Floats:
+    """Without those where the estimate is undefined for moments; all where it is lost, or mostly undefined."""
+    sound = np.isfinite(residuals)
+    return residuals if lost or 2 * np.count_nonzero(sound) < sound.size else np.asarray(residuals[sound])
+
+
 def rms(values: Floats) -> float | None:
     """Root of the mean square; None of nothing, infinite where an estimate is lost."""
     if not values.size:
@@ -92,7 +101,7 @@ def ljung_box(values: Floats, lags: int = _LAGS) -> float | None:
     """The p-value of the test of Ljung and Box: no correlation of values up to so many places apart.
 
     Q = n (n + 2) sum_k r_k^2 / (n - k) is compared with chi^2 of as many degrees of freedom as there are lags. None
-    where values are few, constant or too large to be squared.
+    where values are few, constant or too large to be squared; ``lags`` is even.
     """
     n = values.size
     if n < 3 * lags:
@@ -104,6 +113,15 @@ def ljung_box(values: Floats, lags: int = _LAGS) -> float | None:
         return None
     correlations = np.array([float(centred[k:] @ centred[:-k]) / power for k in range(1, lags + 1)])
     statistic = n * (n + 2) * float(np.sum(correlations**2 / (n - np.arange(1, lags + 1))))
-    from scipy.special import chdtrc  # only here
+    return chi_squared_beyond(statistic, lags)
 
-    return float(chdtrc(lags, statistic))
+
+def chi_squared_beyond(value: float, degrees: int) -> float:
+    """The probability that chi^2 of an even number of degrees of freedom is larger than a value.
+
+    It is that of fewer than ``degrees / 2`` events of a Poisson process in ``value / 2``: a sum of few positive terms.
+    To import a library for it takes longer than all else that is said of a short log.
+    """
+    assert degrees % 2 == 0
+    half = value / 2
+    return sum(accumulate(range(1, degrees // 2), lambda term, k: term * half / k, initial=math.exp(-half)))

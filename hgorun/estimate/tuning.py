@@ -136,13 +136,14 @@ class Case:
     experiment : Experiment
         Of that observer alone, as the recording completes it.
     samples : Samples
-    starts : str
-        The label of the observer, if its start follows from the first samples by a model whose parameters are sought.
+    named : tuple of str, optional
+        If the start follows from the first samples by a model whose parameters are sought: the states whose initial
+        estimate is given nevertheless.
     """
 
     experiment: Experiment
     samples: Samples
-    starts: str = ""
+    named: tuple[str, ...] | None = None
 
     def with_gains(self, gains: Mapping[str, float]) -> PreparedEstimate:
         """The run with some gains.
@@ -152,13 +153,13 @@ class Case:
         ConfigError
         """
         prepared = prepare_estimate(self.experiment.varied(gains), self.samples.given)
-        if not self.starts:
+        if self.named is None:
             return prepared
         with prepared.experiment.located():
             start = fitted_start(prepared, self.samples.given.first_samples)
-        return prepare_estimate(
-            prepared.experiment.varied({f"observers.{self.starts}.initial": start}), self.samples.given
-        )
+        ((label, observer),) = prepared.experiment.observers.items()
+        start |= {state: observer.initial[state] for state in self.named}
+        return prepare_estimate(prepared.experiment.varied({f"observers.{label}.initial": start}), self.samples.given)
 
 
 @dataclass(eq=False, repr=False)

@@ -97,11 +97,15 @@ class Samples(Part):
         yield "            }"
         yield "        }"
         yield f"        {jump.call('after', z='s->z', y='s->y')}"
-        yield f"        for (i = 0U; i < {observer.size}U; ++i) {{"
-        yield "            s->z[i] = after[i];"
-        yield "        }"
+        yield from self._becomes_after("        ")
         yield "        (void)fresh;"
         yield "    }"
+
+    def _becomes_after(self, indent: str) -> Iterator[str]:
+        """The state becomes what the jump has given."""
+        yield f"{indent}for (i = 0U; i < {self.observer.size}U; ++i) {{"
+        yield f"{indent}    s->z[i] = after[i];"
+        yield f"{indent}}}"
 
     def _of_jump(self, inputs: int) -> Iterator[str]:
         """What a jump reads beside the state and the samples: declarations, then what fills them."""
@@ -141,9 +145,7 @@ class Samples(Part):
         yield "        }"
         yield "        if (s->samples > 0U) {"
         yield f"            {jump.call('after', z='s->z', y='s->y', before='s->before')}"
-        yield f"            for (i = 0U; i < {observer.size}U; ++i) {{"
-        yield "                s->z[i] = after[i];"
-        yield "            }"
+        yield from self._becomes_after("            ")
         yield "        }"
         if m:
             yield f"        for (i = 0U; i < {m}U; ++i) {{"

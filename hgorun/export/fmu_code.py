@@ -6,9 +6,10 @@ from collections.abc import Iterator, Sequence
 
 from hgorun.export.c_code import Real
 from hgorun.export.c_source import Source
+from hgorun.export.fmu_access import access
 from hgorun.export.fmu_stubs import stubs
 from hgorun.export.fmu_templates import CORE, FMI2, FMI3, TOP, Version
-from hgorun.export.fmu_variables import Kind, Variable
+from hgorun.export.fmu_variables import Variable
 
 
 def wrapper(source: Source, variables: Sequence[Variable], version: Version, token: str) -> str:
@@ -24,47 +25,22 @@ def wrapper(source: Source, variables: Sequence[Variable], version: Version, tok
     token : str
         What the unit is recognised by.
     """
-    two = version == "2.0"
-    text = TOP + CORE + (FMI2 if two else FMI3)
+    text = TOP + CORE + (FMI2 if version == "2.0" else FMI3)
     observer = source.observer
     q, m = len(observer.outputs), max(len(observer.inputs), 1)
-    is_one, is_true = ("values[k] != 0", "m->fresh[#]") if two else ("values[k]", "m->fresh[#] != 0")
-    get: dict[Kind, str] = {"new": f"values[k] = ({is_true});"}
-    put: dict[Kind, str] = {"new": f"m->fresh[#] = ({is_one}) ? 1 : 0;"}
     parts = {
         "@HEADER@": f"{observer.name}.h",
         "@TOKEN@": token,
         "@Q@": str(q),
         "@M@": str(m),
         "@TELL@": "\n".join(_told(source)),
-        "@GET@": "\n".join(_cases(variables, _GET)),
-        "@SET@": "\n".join(_cases(variables, _SET)),
-        "@GETB@": "\n".join(_cases(variables, get)),
-        "@SETB@": "\n".join(_cases(variables, put)),
+        "@ACCESS@": "\n".join(access(variables, version)),
         "@FRESH@": "\n".join(f"    m->fresh[{v.index}] = 1;" for v in variables if v.kind == "new"),
         "@STUBS@": "\n".join(stubs(version)),
     }
     for name, part in parts.items():
         text = text.replace(name, part)
     return text.replace("REAL", source.real.name).replace("~~", source.upper).replace("~", source.prefix)
-
-
-_GET: dict[Kind, str] = {
-    "time": "values[k] = m->start + m->observer.t;",
-    "y": "values[k] = m->y[#];",
-    "age": "values[k] = m->age[#];",
-    "u": "values[k] = m->u[#];",
-    "xhat": "values[k] = (double)xhat[#];",
-}
-_SET: dict[Kind, str] = {"y": "m->y[#] = values[k];", "age": "m->age[#] = values[k];", "u": "m->u[#] = values[k];"}
-
-
-def _cases(variables: Sequence[Variable], statements: dict[Kind, str]) -> Iterator[str]:
-    for v in variables:
-        if v.kind in statements:
-            yield f"        case {v.number}U:"
-            yield f"            {statements[v.kind].replace('#', str(v.index))}"
-            yield "            break;"
 
 
 def _told(source: Source) -> Iterator[str]:

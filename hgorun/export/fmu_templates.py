@@ -72,40 +72,6 @@ static int step(instance *m, double end)
     return (status == ~~OK) ? 0 : 3;
 }
 
-static int get_real(const instance *m, const uint32_t vr[], size_t n, double values[])
-{
-    int status = 0;
-    size_t k;
-    REAL xhat[~~STATES];
-
-    ~estimate(&m->observer, xhat);
-    for (k = 0U; k < n; ++k) {
-        switch (vr[k]) {
-@GET@
-        default:
-            status = 3;
-            break;
-        }
-    }
-    return status;
-}
-
-static int set_real(instance *m, const uint32_t vr[], size_t n, const double values[])
-{
-    int status = 0;
-    size_t k;
-
-    for (k = 0U; k < n; ++k) {
-        switch (vr[k]) {
-@SET@
-        default:
-            status = 3;
-            break;
-        }
-    }
-    return status;
-}
-
 static int copied(const instance *m, void **state)
 {
     if (*state == NULL) {
@@ -117,6 +83,7 @@ static int copied(const instance *m, void **state)
     return (*state != NULL) ? 0 : 3;
 }
 
+@ACCESS@
 """
 
 _COMMON = """\
@@ -155,44 +122,6 @@ EXPORT int FMIReset(void *c)
 {
     begin((instance *)c);
     return 0;
-}
-
-EXPORT int FMIGetBoolean(void *c, const uint32_t vr[], size_t n, BOOL values[]COUNT)
-{
-    const instance *m = (const instance *)c;
-    int status = 0;
-    size_t k;
-
-    (void)m;
-    (void)values;USED
-    for (k = 0U; k < n; ++k) {
-        switch (vr[k]) {
-@GETB@
-        default:
-            status = 3;
-            break;
-        }
-    }
-    return status;
-}
-
-EXPORT int FMISetBoolean(void *c, const uint32_t vr[], size_t n, const BOOL values[]COUNT)
-{
-    instance *m = (instance *)c;
-    int status = 0;
-    size_t k;
-
-    (void)m;
-    (void)values;USED
-    for (k = 0U; k < n; ++k) {
-        switch (vr[k]) {
-@SETB@
-        default:
-            status = 3;
-            break;
-        }
-    }
-    return status;
 }
 
 EXPORT int FMIGetFMUSTATE(void *c, void **state)
@@ -263,8 +192,6 @@ def _common(version: Version) -> str:
         "VERSION": version,
         "BOOL": "int" if two else "bool",
         "BYTE": "char" if two else "uint8_t",
-        "COUNT": "" if two else ", size_t count",
-        "USED": "" if two else "\n    (void)count;",
     }
     text = _COMMON
     for word, replacement in words.items():
@@ -307,16 +234,6 @@ EXPORT int fmi2EnterInitializationMode(void *c)
     return 0;
 }
 
-EXPORT int fmi2GetReal(void *c, const unsigned int vr[], size_t n, double values[])
-{
-    return get_real((const instance *)c, vr, n, values);
-}
-
-EXPORT int fmi2SetReal(void *c, const unsigned int vr[], size_t n, const double values[])
-{
-    return set_real((instance *)c, vr, n, values);
-}
-
 EXPORT int fmi2DoStep(void *c, double now, double size, int forward)
 {
     (void)forward;
@@ -357,18 +274,6 @@ EXPORT int fmi3EnterInitializationMode(void *c, bool tolerant, double tolerance,
     (void)stop;
     ((instance *)c)->start = start;
     return 0;
-}
-
-EXPORT int fmi3GetFloat64(void *c, const uint32_t vr[], size_t n, double values[], size_t count)
-{
-    (void)count;
-    return get_real((const instance *)c, vr, n, values);
-}
-
-EXPORT int fmi3SetFloat64(void *c, const uint32_t vr[], size_t n, const double values[], size_t count)
-{
-    (void)count;
-    return set_real((instance *)c, vr, n, values);
 }
 
 EXPORT int fmi3DoStep(void *c, double now, double size, bool forward, bool *event, bool *terminate, bool *early,

@@ -35,19 +35,30 @@ def sensors_of(stretches: Iterable[Sequence[Stretch]]) -> tuple[Sensor, ...]:
 def _sensor(stretches: Sequence[Stretch]) -> Sensor:
     intervals = {_interval(s) for s in stretches}
     interval = intervals.pop() if len(intervals) == 1 else None
+    amplitude = _amplitude(stretches)
     try:
         strengths = [_strength(s) for s in stretches]
         if len({one.power for one in strengths}) > 1 or len({s.multiplicative for s in stretches}) > 1:
             raise _Unknown("the noise changes from one phase to the next")
     except _Unknown as unknown:
-        return Sensor(None, None, interval, why=str(unknown))
+        return Sensor(None, None, interval, why=str(unknown), amplitude=amplitude)
     first = strengths[0]
     variance = first.power if not any(s.continuous for s in stretches) else None
     density = first.density if len({one.density for one in strengths}) == 1 else None
     why = "the output is continuous: it has no samples" if variance is None else ""
     if density is None:
         why = why or "the mean time between its samples is not known, or changes"
-    return Sensor(variance, density, interval, stretches[0].multiplicative, why)
+    return Sensor(variance, density, interval, stretches[0].multiplicative, why, amplitude)
+
+
+def _amplitude(stretches: Sequence[Stretch]) -> float | None:
+    """Of the noise in the phase where it is largest; None where there is none, or it is not known."""
+    if any(is_relative(s) or s.multiplicative for s in stretches):
+        return None
+    found = [item.amplitude() for s in stretches for item in s.noise]
+    if any(amplitude is None for amplitude in found):
+        return None
+    return max(sum(item.amplitude() or 0.0 for item in s.noise) for s in stretches) or None
 
 
 def _interval(stretch: Stretch) -> float | None:

@@ -31,7 +31,9 @@ def apply(name: str, *arguments: ArrayLike) -> Floats:
     name : str
         One of :data:`NAMES`.
     """
-    arrays = np.broadcast_arrays(*(np.asarray(a, dtype=np.float64) for a in arguments))
+    arrays = [np.asarray(a, dtype=np.float64) for a in arguments]
+    if len(arrays) > 1:
+        arrays = list(np.broadcast_arrays(*arrays))
     shape, size = arrays[0].shape, arrays[0].size
     padded = np.ones((len(arrays) + 1, -(-size // _LANES) * _LANES))
     for row, array in zip(padded, arrays, strict=False):

@@ -76,6 +76,14 @@ class Noise(Plugin):
         """What linear theory needs to predict the noise in the estimates; None where it is not known."""
         return None
 
+    def amplitude(self) -> float | None:
+        """What it does not exceed, or rarely: sinusoids added, two standard deviations of draws; None: not known."""
+        spectrum = self.spectrum()
+        if spectrum is None:
+            return None
+        waves = sum(abs(wave.phasor) for wave in spectrum.waves)
+        return float(waves + sum(abs(draws.mean) + 2 * np.sqrt(draws.variance) for draws in spectrum.draws))
+
 
 class TimeFunction(Noise):
     """Noise that is a function v(t) of time."""

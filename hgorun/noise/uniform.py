@@ -38,6 +38,9 @@ class UniformNoise(RandomNoise):
     def _between(self, parts: np.ndarray) -> np.ndarray:
         return self.low + (self.high - self.low) * parts
 
+    def amplitude(self) -> float:
+        return max(abs(self.low), abs(self.high))
+
     def spectrum(self) -> Spectrum:
         mean, variance = 0.5 * (self.low + self.high), (self.high - self.low) ** 2 / 12
         return Spectrum(draws=(Draws(mean, variance, self.hold),))

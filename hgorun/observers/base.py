@@ -29,6 +29,7 @@ from typing_extensions import TypeVar
 from hgorun.config.plugin import Plugin
 from hgorun.config.types import Interval, Name, Number
 from hgorun.observers.equations import Arrival, Flow, PeriodLimit, Role, Sample, SampleSchedule
+from hgorun.observers.hold import Hold
 from hgorun.registry import Registry
 from hgorun.symbolic.canonical import CanonicalForm, PlantCopy
 from hgorun.symbolic.forms import Copy, Form, FormFinder
@@ -85,6 +86,10 @@ class Observer(Plugin, Generic[FormT, CopyT]):
     saturation: dict[Name, Interval] = Field(
         default_factory=dict, description="state: [low, high], applied to the arguments of F and phi"
     )
+    clip_estimate: bool | None = Field(
+        default=None,
+        description="true: what is shown is the estimate clipped to saturation; the observer itself goes on unclipped",
+    )
     coordinates: Literal["original", "canonical"] = Field(
         default="original", description="where the observer computes; results are always in the plant's"
     )
@@ -103,6 +108,11 @@ class Observer(Plugin, Generic[FormT, CopyT]):
         description="what is done with samples that come late: they enter the innovation, compared with what had been "
         "estimated when they were taken; the observer goes back to that time and is integrated again; or they are left "
         "out. By default innovation, and replay for observers that are corrected at samples",
+    )
+    hold: Hold | None = Field(
+        default=None,
+        description="what the innovation of a sampled output is until the next sample: predictor, the default, "
+        "subtracts what the observer has corrected since; {shrink: gamma} lets it shrink as exp(-gamma (t - t_k))",
     )
 
     @abstractmethod
@@ -133,6 +143,25 @@ class Observer(Plugin, Generic[FormT, CopyT]):
         """
         return {name: "gain" if isinstance(value, Symmetric) else "filter" for name, value in self.states(form).items()}
 
+    @property
+    def canonical(self) -> bool:
+        """Whether it computes in canonical coordinates."""
+        return self.coordinates == "canonical"
+
+    def estimate(self, s: Symbols, k: Symbols) -> ca.SX:
+        """The estimate in the observer's coordinates, shape (n,); by default its state xhat."""
+        return s.xhat
+
+    def start(self, xhat: np.ndarray, k: Mapping[str, np.ndarray]) -> np.ndarray:
+        """The state xhat (..., n) from which :meth:`estimate` gives these estimates (..., n); by default themselves.
+
+        Parameters
+        ----------
+        k : mapping of str to ndarray
+            The numbers of :meth:`design`.
+        """
+        return xhat
+
     def fastest_rate(self, form: FormT) -> float:
         """The largest modulus of the error dynamics' eigenvalues (1/time), for ``step: auto``; 0: unknown."""
         return 0.0
@@ -140,6 +169,10 @@ class Observer(Plugin, Generic[FormT, CopyT]):
     def error_rate(self, form: FormT) -> float:
         """The rate at which the error itself moves, where gains move faster (1/time); 0: unknown."""
         return self.fastest_rate(form)
+
+    def remarks(self, form: FormT) -> tuple[str, ...]:
+        """What should be known of it on this plant although nothing is wrong with its keys."""
+        return ()
 
     @classmethod
     def example(cls, states: tuple[str, ...]) -> Mapping[str, object]:
@@ -239,6 +272,25 @@ class CorrectedObserver(ContinuousObserver[FormT, CopyT]):
         k : Symbols
             The numbers of :meth:`~Observer.design`.
         """
+
+    def check_times(self, form: FormT, times: Mapping[str, np.ndarray]) -> None:
+        """Refuse times that the observer's gain is not for.
+
+        Parameters
+        ----------
+        form : Form
+        times : mapping of str to ndarray
+            When the samples of every output that it takes in have been taken, ascending.
+
+        Raises
+        ------
+        Problem
+            With a path inside this block.
+        """
+
+    def longest_period(self, form: FormT) -> PeriodLimit | None:
+        """The longest constant period at which the error decays; None where nothing is known of it."""
+        return None
 
 
 # Any observer, where its class of plants does not matter.

@@ -12,13 +12,16 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from typing import Self
+from typing import Any, Self
 
+import casadi as ca
 import numpy as np
 from pydantic import Field
 
 from hgorun.config.types import Block, Positive
+from hgorun.symbolic.forms import Form
 from hgorun.symbolic.sensors import Sensor
+from hgorun.symbolic.symbols import Symbols
 
 
 class HighGain(Block):
@@ -44,6 +47,14 @@ class HighGain(Block):
         return self.theta
 
 
+class SettlingGain(Block):
+    """A gain that follows a differential equation, and comes to rest on chains of integrators."""
+
+    @abstractmethod
+    def settled(self, form: Form) -> dict[str, np.ndarray]:
+        """Its matrices at rest, states by name; the form is that of chains of integrators, phi = 0."""
+
+
 class FilterOrder(Block):
     """A filter of order r on the innovation."""
 
@@ -63,6 +74,13 @@ class Differentiator(Block):
     """
 
 
+class Averaged(Block):
+    """The estimate follows the mean of the plant's field over points around it, not the field itself.
+
+    On a nonlinear plant, where the mean over the points is another one, it does not stay at the truth.
+    """
+
+
 class SlidingMode(Block):
     """The right-hand side is discontinuous where the error is zero: there is no linearisation."""
 
@@ -78,6 +96,46 @@ class Switching(Block):
     def switches(self) -> bool:
         """Whether it does with the keys that are given."""
         return True
+
+
+class LocallyLinear(Block):
+    """A correction that is linear in the innovation near the truth only.
+
+    Linear theory is about small errors then, and the bounds of theorems for linear corrections do not hold.
+    """
+
+    @property
+    @abstractmethod
+    def nonlinear(self) -> str | None:
+        """Where it is not linear, in words; None: nowhere, with the keys that are given."""
+
+    @abstractmethod
+    def beyond(self, plant: Any, s: Symbols, e: ca.SX, k: Symbols) -> ca.SX:
+        """1 where it is not linear, 0 elsewhere: an entry for each saturation, zone or the like.
+
+        Parameters
+        ----------
+        plant : the form's copy of the plant
+        s : Symbols
+            The observer's states, ``s.xhat`` among them.
+        e : casadi.SX, shape (q,)
+            The innovation.
+        k : Symbols
+            The numbers of the design.
+        """
+
+
+class NotLinear(Block):
+    """Equations that no linear system describes, however small the error is."""
+
+    @property
+    @abstractmethod
+    def not_linear(self) -> str | None:
+        """Why, in words; None: there is one, with the keys that are given."""
+
+
+class Punctual(Block):
+    """Outputs have to come without delay."""
 
 
 class NoiseInformed(Block):

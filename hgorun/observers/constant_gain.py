@@ -53,6 +53,11 @@ class PlacedGain(Block):
             return np.full(order, -1.0)
         return np.resize(np.atleast_1d(np.asarray(self.poles, dtype=complex)), order)
 
+    def largest_pole(self, form: CanonicalForm, filter_order: int = 0) -> float:
+        """The largest modulus of the eigenvalues at theta = 1."""
+        roots = [np.roots([1.0, *self.gain(filter_order + length)]) for length in form.chains]
+        return max(float(np.max(np.abs(r))) for r in roots)
+
     def chain_gains(self, form: CanonicalForm, filter_order: int = 0) -> tuple[np.ndarray, np.ndarray]:
         """(K_r; K_n) of every chain: K_r with one column a chain, shape (r, q), K_n stacked, shape (n,)."""
         gains = [self.gain(filter_order + length) for length in form.chains]
@@ -73,8 +78,7 @@ class ConstantGain(HighGain, PlacedGain, ContinuousObserver):
         return self.placed_poles(order)
 
     def _rate(self, form: CanonicalForm, filter_order: int = 0) -> float:
-        roots = [np.roots([1.0, *self.gain(filter_order + length)]) for length in form.chains]
-        return self.theta * max(float(np.max(np.abs(r))) for r in roots)
+        return self.theta * self.largest_pole(form, filter_order)
 
 
 class FilteredGain(FilterOrder, ConstantGain):

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import casadi as ca
 
 from hgorun.observers.base import Arrival, CorrectedObserver, Flow, observer
+from hgorun.observers.gaussian import linear_update
 from hgorun.observers.kalman import ChainNoise, KalmanFilter
 from hgorun.symbolic.forms import Form, ModelCopy
 from hgorun.symbolic.symbols import Symbols
@@ -56,13 +57,7 @@ class ExtendedKalmanFilter(KalmanFilter, CorrectedObserver[Form, ModelCopy]):
     def correct(self, plant: ModelCopy, s: Symbols, arrival: Arrival, k: Symbols) -> Mapping[str, ca.SX]:
         y = plant.output(s.xhat)
         H, R = ca.jacobian(y, s.xhat), self.variance(y, k)
-        shift, P, unit = ca.SX.zeros(s.xhat.numel()), s.P, ca.SX.eye(s.xhat.numel())
-        for i in range(y.numel()):
-            h = H[i, :]
-            K = arrival.fresh[i] * (P @ h.T / (h @ P @ h.T + R[i]))
-            shift += K @ (arrival.y[i] - y[i] - h @ shift)
-            P = (unit - K @ h) @ P @ (unit - K @ h).T + K @ R[i] @ K.T
-            P = (P + P.T) / 2
+        shift, P = linear_update(s.P, arrival.y - y, H, R, arrival.fresh)
         return {"xhat": s.xhat + shift, "P": P}
 
 

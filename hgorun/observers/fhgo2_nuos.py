@@ -12,6 +12,7 @@ from hgorun.errors import Problem
 from hgorun.observers.base import Flow, Role, observer
 from hgorun.observers.capabilities import FilterOrder
 from hgorun.observers.riccati import RiccatiGain, gain_of, lyapunov, riccati, stationary
+from hgorun.symbolic.forms import Form
 from hgorun.symbolic.matrices import A, B, C, hurwitz_gain
 from hgorun.symbolic.states import Symmetric
 from hgorun.symbolic.symbols import Symbols
@@ -81,9 +82,9 @@ class FilteredObserver2TimeVarying(FilterOrder, RiccatiGain):
     def roles(self, form: TriangularForm) -> dict[str, Role]:
         return {name: "filter" if name == "eta" else "gain" for name in self.states(form)}
 
-    def settled(self, n: int) -> dict[str, np.ndarray]:
+    def settled(self, form: Form) -> dict[str, np.ndarray]:
         """S = S_inf of order r + n; of its blocks, U = -S_1^-1 S_2 and P^-1 = S_3 - S_2^T S_1^-1 S_2."""
-        r, S = self.r, stationary(self.r + n)
+        r, S = self.r, stationary(self.r + form.plant.n)
         U = -np.linalg.solve(S[:r, :r], S[:r, r:])
         return {"S": S, "U": U, "P": np.linalg.inv(S[r:, r:] + S[r:, :r] @ U)}
 

@@ -14,6 +14,7 @@ from hgorun.config.types import Name, NonNegative, Number, Positive
 from hgorun.errors import Problem
 from hgorun.observers.base import ContinuousObserver
 from hgorun.observers.capabilities import NoiseInformed
+from hgorun.observers.gaussian import spread_along
 from hgorun.observers.riccati import require_positive_definite
 from hgorun.symbolic.canonical import CanonicalForm, PlantCopy
 from hgorun.symbolic.forms import Form, ModelCopy
@@ -39,6 +40,60 @@ ProcessNoise = Annotated[
 SensorNoise = Annotated[
     Annotated[dict[Name, Positive], Tag("by name")] | Annotated[Positive, Tag("as a whole")], Discriminator(_kind)
 ]
+
+
+def by_output(given: dict[str, float] | float, form: Form, key: str = "R") -> np.ndarray:
+    """One number an output, shape (q,), from one for all or one each.
+
+    Raises
+    ------
+    Problem
+        Where a name is unknown or missing.
+    """
+    outputs = form.plant.outputs
+    if not isinstance(given, dict):
+        return np.full(len(outputs), given)
+    for name in given:
+        if name not in outputs:
+            raise Problem((key, name), f"unknown output {name!r}; the plant's outputs are {', '.join(outputs)}")
+    missing = [name for name in outputs if name not in given]
+    if missing:
+        raise Problem((key,), f"{key} of output {', '.join(missing)} is missing")
+    return np.array([given[name] for name in outputs])
+
+
+def mean_intervals(given: float | None, sensors: Sequence[Sensor], form: Form, key: str) -> np.ndarray:
+    """The mean time between two samples of every output, shape (q,): as given, or from the measurement.
+
+    Raises
+    ------
+    Problem
+        Where it does not follow.
+    """
+    found = []
+    for name, sensor in zip(form.plant.outputs, sensors or (_UNKNOWN,) * len(form.plant.outputs), strict=True):
+        interval = sensor.interval if given is None else given
+        if interval is None:
+            raise Problem((key,), f"the mean time between samples of {name} is not known, or changes: give {key}")
+        found.append(interval)
+    return np.array(found)
+
+
+def require_covariance(rows: Sequence[Sequence[float]], n: int, instead: str) -> np.ndarray:
+    """Q as a matrix, shape (n, n), from its rows.
+
+    Raises
+    ------
+    Problem
+        Where they are no covariance.
+    """
+    if [len(row) for row in rows] != [n] * n:
+        raise Problem(("Q",), f"expected {n} rows of {n} numbers, or {instead}")
+    Q = np.array(rows)
+    size = float(np.max(np.abs(Q)))
+    if np.max(np.abs(Q - Q.T)) > _SYMMETRIC * size or np.min(np.linalg.eigvalsh(Q)) < -_SYMMETRIC * size:
+        raise Problem(("Q",), "expected a symmetric matrix without negative eigenvalues")
+    return Q
 
 
 class KalmanFilter(NoiseInformed, ContinuousObserver[Form, ModelCopy]):
@@ -122,13 +177,7 @@ class KalmanFilter(NoiseInformed, ContinuousObserver[Form, ModelCopy]):
                     raise Problem(("Q", name), f"unknown state {name!r}; known here: {', '.join(states)}")
             return {"Q": np.diag([self.Q.get(name, 0.0) for name in states])}
         assert self.Q is not None
-        if [len(row) for row in self.Q] != [len(states)] * len(states):
-            raise Problem(("Q",), f"expected {len(states)} rows of {len(states)} numbers, or state: number")
-        Q = np.array(self.Q)
-        size = float(np.max(np.abs(Q)))
-        if np.max(np.abs(Q - Q.T)) > _SYMMETRIC * size or np.min(np.linalg.eigvalsh(Q)) < -_SYMMETRIC * size:
-            raise Problem(("Q",), "expected a symmetric matrix without negative eigenvalues")
-        return {"Q": Q}
+        return {"Q": require_covariance(self.Q, len(states), "state: number")}
 
     def density(self, plant: ModelCopy, xhat: ca.SX, k: Symbols) -> ca.SX:
         """Q at the estimate, shape (n, n)."""
@@ -140,8 +189,7 @@ class KalmanFilter(NoiseInformed, ContinuousObserver[Form, ModelCopy]):
 
     def spread(self, plant: ModelCopy, xhat: ca.SX, P: ca.SX, k: Symbols) -> ca.SX:
         """F P + P F^T + Q: P' where nothing is measured."""
-        F = ca.jacobian(plant.copy(xhat), xhat)
-        return F @ P + P @ F.T + self.density(plant, xhat, k)
+        return spread_along(ca.jacobian(plant.copy(xhat), xhat), P, self.density(plant, xhat, k))
 
     def _sensor_noise(self, form: Form) -> tuple[np.ndarray, np.ndarray]:
         """R of every output: a number, and what it is relative to h^2; shapes (q,)."""

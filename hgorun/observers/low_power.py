@@ -9,10 +9,12 @@ import casadi as ca
 import numpy as np
 from pydantic import Field
 
-from hgorun.config.types import Number
-from hgorun.errors import NotObservableForm
+from hgorun.config.types import Number, Positive
+from hgorun.errors import NotObservableForm, Problem
 from hgorun.observers.base import Flow, observer
+from hgorun.observers.capabilities import LocallyLinear
 from hgorun.observers.constant_gain import ConstantGain
+from hgorun.observers.nested import clipped
 from hgorun.observers.treangle import cascade, characteristic
 from hgorun.symbolic.canonical import CanonicalForm, PlantCopy
 from hgorun.symbolic.matrices import A
@@ -66,8 +68,13 @@ def _further_term(form: CanonicalForm) -> str | None:
     return None
 
 
+def _upper(s: Symbols) -> ca.SX:
+    """xi_12, ..., xi_(n-1,2)."""
+    return ca.vertcat(s.xhat[1:-1] + s.e, s.xhat[-1]) if "e" in vars(s) else s.xhat[-1]
+
+
 @observer("low_power")
-class LowPowerObserver(ConstantGain):
+class LowPowerObserver(LocallyLinear, ConstantGain):
     """Low-power high-gain observer: n - 1 blocks of two states, theta to the power 2 at most.
 
     For plants with one output and phi in the last equation alone, x_i' = x_(i+1), x_n' = phi(u, x), n >= 2,
@@ -85,17 +92,53 @@ class LowPowerObserver(ConstantGain):
     like 1/omega^min(i, n-1, n+2-i). Choose it for long chains, where theta^n in the standard observer is
     out of range; treangle filters x_1 too.
 
+    ``saturate: [M_1, ..., M_(n-1)]`` is the peaking-free form, M_i a bound of |x_(i+1)| (twice its largest value, say):
+    with sat_i the saturation at M_i,
+
+        xi_i1' = xi_i2 + theta k_i1 e_i,    xi_i2' = sat_(i+1)(xi_(i+1,2)) + theta^2 k_i2 e_i,    i <= n - 2
+        e_i = sat_(i-1)(xi_(i-1,2)) - xi_i1,    xhat = (xi_11, xi_21, ..., xi_(n-1,1), sat_(n-1)(xi_(n-1,2)))
+
+    Each block but the first filters a bounded signal at the rate theta, so no component of xhat peaks; the internal
+    xi_i2 peak like theta. It converges, as its authors prove, if M_i > sup |x_(i+1)|; that the peaks are bounded has
+    been derived again here, the convergence has not. It computes in z, where the saturations act, and needs the
+    inverse of the map for plants that are not chains. With no saturation active it is the linear observer to the last
+    bit.
+
     Astolfi, Marconi, Praly and Teel 2016 expect an exponent above 1 for every component after the first; it
     is so for the outputs above, and not for (xi_11, xi_12, xi_22, ...), where the second has 1.
     """
 
-    reference = "Astolfi, Marconi 2015"
+    reference = "Astolfi, Marconi 2015; peaking-free: Astolfi, Marconi, Praly, Teel 2018, quoted from memory"
     form = PhaseVariableForms()
 
     gains: tuple[Number, ...] | None = Field(default=None, description="k_11, k_12, k_21, k_22, ..., instead of poles")
+    saturate: tuple[Positive, ...] | None = Field(
+        default=None, description="bounds M of |x_2|..|x_n|, n - 1 numbers > 0: no component of the estimate peaks"
+    )
 
     def design(self, form: CanonicalForm) -> dict[str, np.ndarray]:
-        return {"theta": np.array(self.theta), "K": self._blocks(form)}
+        numbers = {"theta": np.array(self.theta), "K": self._blocks(form)}
+        if self.saturate is None:
+            return numbers
+        n = form.plant.n
+        if len(self.saturate) != n - 1:
+            raise Problem(("saturate",), f"expected {n - 1} bounds, of x_2..x_{n}; found {len(self.saturate)}")
+        return {**numbers, "M": np.array(self.saturate)}
+
+    @property
+    def canonical(self) -> bool:
+        return self.saturate is not None or super().canonical
+
+    @property
+    def nonlinear(self) -> str | None:
+        return None if self.saturate is None else "a saturation is active while |xi_i2| > M_i"
+
+    def beyond(self, plant: PlantCopy, s: Symbols, e: ca.SX, k: Symbols) -> ca.SX:
+        return ca.fabs(_upper(s)) >= k.M
+
+    def estimate(self, s: Symbols, k: Symbols) -> ca.SX:
+        last = s.xhat[-1]
+        return ca.vertcat(s.xhat[:-1], clipped(last, k.M[-1]) if "M" in vars(k) else last)
 
     def states(self, form: CanonicalForm) -> dict[str, np.ndarray | Symmetric]:
         return {"e": np.zeros(form.plant.n - 2)} if form.plant.n > 2 else {}
@@ -105,14 +148,25 @@ class LowPowerObserver(ConstantGain):
         # e_i' = xi_(i-1,2)' - xi_i1' both have xi_i2: e is driven by itself and the innovation alone, and
         # xhat' is the plant's copy minus a correction kappa, as in any other observer.
         shift = A(plant.n - 1)
-        errors = ca.vertcat(-e, s.e) if plant.n > 2 else -e
+        excess = self._excess(plant.n, s, k)  # xi_i2 - sat(xi_i2), zero where nothing is saturated
+        apart = ca.vertcat(-e, s.e) if plant.n > 2 else -e  # e_i as if nothing were
+        errors = ca.vertcat(apart[0], *[apart[i + 1] - excess[i] for i in range(plant.n - 2)])
         first = k.theta * k.K[:, 0] * errors
         second = k.theta**2 * k.K[:, 1] * errors
-        kappa = -ca.vertcat(first + shift @ errors, second[-1])
-        derivatives = {"xhat": plant.copy(s.xhat) - plant.lift(s.xhat, kappa)}
+        kappa = -ca.vertcat(first + shift @ apart, second[-1])
+        copy = plant.copy(s.xhat)
+        if "M" in vars(k):
+            copy = ca.vertcat(copy[:-1], plant.copy(self.estimate(s, k))[-1])
+        derivatives = {"xhat": copy - plant.lift(s.xhat, kappa)}
         if plant.n > 2:
-            derivatives["e"] = (shift.T @ second - first)[1:]
+            derivatives["e"] = (shift.T @ second - first)[1:] - excess[1:]
         return Flow(derivatives, correction=-first[0])  # xi_12, not xi_21, is x_2 in the equation of xi_11
+
+    def _excess(self, n: int, s: Symbols, k: Symbols) -> ca.SX:
+        """xi_i2 - sat_i(xi_i2), shape (n - 1,)."""
+        if "M" not in vars(k):
+            return ca.SX(n - 1, 1)
+        return _upper(s) - clipped(_upper(s), k.M)
 
     def fastest_rate(self, form: CanonicalForm) -> float:
         K = self._blocks(form)

@@ -12,7 +12,8 @@ from pydantic import Field
 from hgorun.config.types import Positive
 from hgorun.errors import Problem
 from hgorun.observers.base import ContinuousObserver
-from hgorun.observers.capabilities import HighGain
+from hgorun.observers.capabilities import HighGain, SettlingGain
+from hgorun.symbolic.forms import Form
 from hgorun.symbolic.states import StateBlock, Symmetric
 from hgorun.symbolic.triangular import TriangularCopy, TriangularForm, triangular_form
 
@@ -37,7 +38,7 @@ def gain_of(S: ca.SX, C: ca.SX) -> ca.SX:
     return ca.solve(R, ca.solve(R.T, C.T))
 
 
-class RiccatiGain(HighGain, ContinuousObserver[TriangularForm, TriangularCopy]):
+class RiccatiGain(HighGain, SettlingGain, ContinuousObserver[TriangularForm, TriangularCopy]):
     """theta, and a symmetric matrix that is integrated beside the estimate."""
 
     form = staticmethod(triangular_form)
@@ -54,12 +55,12 @@ class RiccatiGain(HighGain, ContinuousObserver[TriangularForm, TriangularCopy]):
         """A few theta: :meth:`fastest_rate` is that of the peaks of P."""
         return _ERROR * self.theta
 
-    def settled(self, n: int) -> dict[str, np.ndarray]:
+    def settled(self, form: Form) -> dict[str, np.ndarray]:
         """The gain's matrices where they come to rest on a chain of n integrators.
 
         S = S_inf of order n, whose S^-1 C^T are the binomial coefficients, and P = S^-1.
         """
-        S = stationary(n)
+        S = stationary(form.plant.n)
         return {"S": S, "P": np.linalg.inv(S)}
 
     def rate(self, order: int) -> float:

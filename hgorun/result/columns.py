@@ -11,6 +11,7 @@ import ctypes
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, lru_cache
+from typing import ClassVar
 
 import numpy as np
 
@@ -24,7 +25,7 @@ from hgorun.result.metrics.smoothness import HF, TV, odd_points
 from hgorun.result.passes import FOUND, Passes
 from hgorun.result.windows import MetricSettings, points_in
 
-_LANES = (2, 4, 8)  # columns at once: the fewest that do, since there may be many rows
+LANES = (2, 4, 8)  # columns at once: the fewest that do, since there may be many rows
 # What the code takes: addresses, numbers, and in the last word a double.
 _ARRAYS = ("xhat", "truth", "places", "work", "error", "found")
 _NUMBERS = ("rows", "width", "step", "true_step", "first", "stop", "early", "late", "points")
@@ -55,6 +56,8 @@ class Windows:
             return None
         points = odd_points(settings.average, float(time[1] - time[0]) if time.size > 1 else np.nan)
         return cls(steady, transient, points, settings.settling)
+
+    known: ClassVar[frozenset[Metric]] = frozenset({RMSE, SUP, PEAK, SETTLING, HF, TV})
 
     @property
     def length(self) -> int:
@@ -108,11 +111,11 @@ def measured(
 
 def _passes(x: np.ndarray, estimated: Estimated, windows: Windows) -> dict[str, np.ndarray]:
     """What the code finds, arrays of shape (m, n) by name."""
-    truth, values = _rows_of_doubles(x), _rows_of_doubles(estimated.values)
+    truth, values = rows_of_doubles(x), rows_of_doubles(estimated.values)
     count, n, m = len(x), x.shape[1], len(estimated.places)
-    lanes = next((lanes for lanes in _LANES if lanes >= m * n), _LANES[-1])
+    lanes = next((lanes for lanes in LANES if lanes >= m * n), LANES[-1])
     width = -(-m * n // lanes) * lanes
-    places = _places(tuple(map(tuple, estimated.places)), width)
+    places = places_of(tuple(map(tuple, estimated.places)), width)
     work, error = np.empty((2, count + 1, lanes))
     found = np.empty((len(FOUND), width))
     addresses = [address_of(array) for array in (values, truth, places, work, error, found)]
@@ -123,7 +126,7 @@ def _passes(x: np.ndarray, estimated: Estimated, windows: Windows) -> dict[str, 
 
 
 @lru_cache(maxsize=64)
-def _places(columns: tuple[tuple[int, ...], ...], width: int) -> np.ndarray:
+def places_of(columns: tuple[tuple[int, ...], ...], width: int) -> np.ndarray:
     """For every column those of xhat and of x; what is left over of the last vector repeats the first ones."""
     m, n = len(columns), len(columns[0])
     places = np.zeros((2, width), dtype=np.int64)
@@ -132,7 +135,7 @@ def _places(columns: tuple[tuple[int, ...], ...], width: int) -> np.ndarray:
     return places
 
 
-def _rows_of_doubles(values: np.ndarray) -> np.ndarray:
+def rows_of_doubles(values: np.ndarray) -> np.ndarray:
     """An array whose rows lie anywhere, each of them in one piece."""
     fits = values.dtype == float and values.strides[1] == 8 and values.strides[0] % 8 == 0
     return values if fits else np.ascontiguousarray(values, dtype=float)

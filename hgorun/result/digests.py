@@ -18,8 +18,12 @@ _LEFT_OUT = {ATTRIBUTE, "created"}  # equal results are equal files but for the 
 
 def of_numbers(values: np.ndarray) -> str:
     """The digest of an array of numbers, whatever the order of its bytes."""
-    little = np.ascontiguousarray(values, dtype=values.dtype.newbyteorder("<"))
-    return sha256(little.data if little.size else b"").hexdigest()
+    return sha256(little(values).data if values.size else b"").hexdigest()
+
+
+def little(values: np.ndarray) -> np.ndarray:
+    """An array as its digest takes it: little-endian, row after row."""
+    return np.ascontiguousarray(values, dtype=values.dtype.newbyteorder("<"))
 
 
 def of_names(names: Sequence[str]) -> str:

@@ -14,9 +14,6 @@ from hgorun.result.estimated import Estimated
 from hgorun.result.lanes import LaneMetrics
 from hgorun.result.measure import measure_together
 from hgorun.result.metrics.base import Metric
-from hgorun.result.metrics.settling import SETTLING
-from hgorun.result.metrics.sizes import PEAK, RMSE, SUP
-from hgorun.result.metrics.smoothness import HF, TV
 from hgorun.result.windows import MetricSettings
 
 
@@ -64,8 +61,7 @@ class MetricReduction:
     def reducer(self, lanes: int, *, whole: int | None = None) -> Reducer | None:
         """The built-in metrics compiled; None where they are left to numpy."""
         windows = Windows.of(self.time, self.settings)
-        known = {RMSE, SUP, PEAK, SETTLING, HF, TV}
-        if self.places is None or self.n < 2 or windows is None or not known.issuperset(self.metrics):
+        if self.places is None or self.n < 2 or windows is None or not windows.known.issuperset(self.metrics):
             return None
         code = self._code(windows, lanes, whole=whole)
         return Reducer(address=code.address, arrays=code.workspace(), size=code.size)

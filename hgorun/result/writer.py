@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from hashlib import sha256
 from typing import Any
 
 import h5py
@@ -12,28 +14,83 @@ from hgorun.result import digests
 _CHUNK = 2**20
 
 
-class Writer:
-    """Data sets without time stamps, each with its dimensions named."""
+class Growing:
+    """A data set whose rows come some at a time, written by whole chunks.
 
-    def __init__(self, file: h5py.File) -> None:
-        self.file = file
+    Parameters
+    ----------
+    group : h5py.Group
+    name : str
+    rows : int
+        How many there will be.
+    like : ndarray
+        Some of them.
+    """
+
+    def __init__(self, group: h5py.Group, name: str, rows: int, like: np.ndarray) -> None:
+        shape = rows, *like.shape[1:]
+        layout = _layout(shape, like.dtype)
+        self._data = group.create_dataset(name, shape=shape, dtype=like.dtype, track_times=False, **layout)
+        self._waiting = np.empty((layout["chunks"][0] if layout else 1, *like.shape[1:]), dtype=like.dtype)
+        self._count, self._written, self._digest = 0, 0, sha256()
+
+    def append(self, rows: np.ndarray) -> None:
+        """Take the next rows."""
+        room, taken = len(self._waiting), 0
+        while taken < len(rows):
+            some = min(len(rows) - taken, room - self._count)
+            self._waiting[self._count : self._count + some] = rows[taken : taken + some]
+            taken, self._count = taken + some, self._count + some
+            if self._count == room:
+                self._write()
+
+    def _write(self) -> None:
+        rows = self._waiting[: self._count]
+        if rows.size:
+            self._data[self._written : self._written + self._count] = rows
+            self._digest.update(digests.little(rows).data)
+        self._written, self._count = self._written + self._count, 0
+
+    def finished(self) -> h5py.Dataset:
+        """The data set, with all that has come and its digest."""
+        self._write()
+        assert self._written == len(self._data)
+        self._data.attrs[digests.ATTRIBUTE] = self._digest.hexdigest()
+        return self._data
+
+
+class Writer:
+    """Data sets without time stamps, each with its dimensions named.
+
+    Parameters
+    ----------
+    file : h5py.File
+    growing : mapping of str to Growing, optional
+        By path, data sets whose rows have come already, in place of what is given for them.
+    """
+
+    def __init__(self, file: h5py.File, growing: Mapping[str, Growing] | None = None) -> None:
+        self.file, self._growing = file, growing or {}
         # kept, since h5py needs as long to find one as to write it
         self._groups: dict[str, h5py.Group] = {"": file}
         self._scales: dict[str, h5py.Dataset] = {}
 
     def group(self, path: str) -> h5py.Group:
         if path not in self._groups:
-            self._groups[path] = self.file.create_group(path, track_order=True)
+            there = path in self.file
+            self._groups[path] = self.file[path] if there else self.file.create_group(path, track_order=True)
         return self._groups[path]
 
     def data(self, path: str, values: Any, dimensions: tuple[str, ...] = (), **attributes: Any) -> h5py.Dataset:
         parent, _, name = path.rpartition("/")
         group, array = self.group(parent), np.asarray(values)
-        if array.dtype.kind == "O":
+        if path in self._growing:
+            data = self._growing[path].finished()
+        elif array.dtype.kind == "O":
             data = group.create_dataset(name, data=values, track_times=False)
             data.attrs[digests.ATTRIBUTE] = digests.of_names([str(name) for name in array])
         else:
-            data = group.create_dataset(name, data=array, track_times=False, **_checked(array))
+            data = group.create_dataset(name, data=array, track_times=False, **_layout(array.shape, array.dtype))
             data.attrs[digests.ATTRIBUTE] = digests.of_numbers(array)
         for axis, dimension in enumerate(dimensions):
             data.dims[axis].attach_scale(self._scales[dimension])
@@ -60,12 +117,12 @@ class Writer:
             self.scale(path, np.array(names, dtype=object).astype(h5py.string_dtype()))
 
 
-def _checked(array: np.ndarray) -> dict[str, Any]:
+def _layout(shape: tuple[int, ...], dtype: np.dtype[Any]) -> dict[str, Any]:
     """Checksums in the file, which HDF5 keeps for each chunk: whole rows, of about a MiB."""
-    if not array.ndim or not array.size:
+    if not shape or 0 in shape:
         return {}
-    rows = max(1, min(len(array), _CHUNK // max(array[:1].nbytes, 1)))
-    return {"fletcher32": True, "chunks": (rows, *array.shape[1:])}
+    of_a_row = int(np.prod(shape[1:], dtype=int)) * dtype.itemsize
+    return {"fletcher32": True, "chunks": (max(1, min(shape[0], _CHUNK // of_a_row)), *shape[1:])}
 
 
 def labels_of(names: tuple[str, ...]) -> Any:

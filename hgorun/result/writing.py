@@ -47,21 +47,23 @@ def save(result: ResultData, path: Path) -> Path:
     HgorunError
         When the file cannot be written.
     """
-    with hdf5_written_whole(path, _form(result)) as file:
-        _write(result, file)
+    with hdf5_written_whole(path, form(len(result.observers))) as file:
+        write(result, Writer(file))
     return path
 
 
 def digests_of(result: ResultData) -> dict[str, str]:
     """The digests of all data sets that :func:`save` would write, by their paths."""
-    with h5py.File("digests", "w", driver="core", backing_store=False, track_order=True, libver=_form(result)) as file:
-        _write(result, file)
+    with h5py.File(
+        "digests", "w", driver="core", backing_store=False, track_order=True, libver=form(len(result.observers))
+    ) as file:
+        write(result, Writer(file))
         return digests.of_file(file)
 
 
-def _form(result: ResultData) -> tuple[str, str] | None:
+def form(observers: int) -> tuple[str, str] | None:
     """The form of the file: in the oldest one a dimension cannot have more than some 4,000 data sets."""
-    return ("v108", "v108") if len(result.observers) > _MANY else None
+    return ("v108", "v108") if observers > _MANY else None
 
 
 def _measured_states(result: ResultData) -> Any:
@@ -70,8 +72,9 @@ def _measured_states(result: ResultData) -> Any:
     return None if known is None else labels_of(tuple(known.get(output, "") for output in result.outputs))
 
 
-def _write(result: ResultData, file: h5py.File) -> None:
-    w = Writer(file)
+def write(result: ResultData, w: Writer) -> None:
+    """Write a result into an open file."""
+    file = w.file
     for key, value in _root_attributes(result).items():
         file.attrs[key] = value.encode(errors="replace").decode() if isinstance(value, str) else value
     units = result.units

@@ -8,7 +8,9 @@ from hgorun.engine.memory import history_bytes, history_pieces
 from hgorun.errors import Problem
 from hgorun.measurement.channels import continuous_delays
 from hgorun.measurement.signals import delay_range
-from hgorun.observers.base import CorrectedObserver, SampledObserver, SampleSchedule
+from hgorun.observers.base import CorrectedObserver, SampledObserver, SampleSchedule, treatment_of
+from hgorun.observers.capabilities import Punctual
+from hgorun.observers.hold import Shrinking
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.steps import steps_between
 from hgorun.symbolic.evaluate import roughly_at
@@ -29,9 +31,22 @@ def check_run(run: PreparedRun) -> None:
     _check_clock(run)
     check_jumps(run)
     check_corrections(run)
+    _check_punctual(run)
+    check_holds(run)
     check_start(run)
     for channel in run.channels:
         _ = channel.gain_and_bias  # noise that is not a number at some sample is reported before any run starts
+
+
+def _check_punctual(run: PreparedRun) -> None:
+    """Some observers take outputs without delay only."""
+    late = [c.name for c in run.channels if np.any(c.samples.taken < c.samples.arrival)]
+    late += [c.name for c in run.channels if any(s.continuous and not s.undelayed for s in c.stretches)]
+    for b in run.observers:
+        if late and isinstance(b.observer, Punctual):
+            raise Problem(
+                ("observers", b.label), f"{b.observer.type} takes outputs without delay, but {late[0]} is late"
+            )
 
 
 def _check_clock(run: PreparedRun) -> None:
@@ -138,6 +153,22 @@ def check_corrections(run: PreparedRun) -> None:
                 if any(s.continuous for s in channel.stretches):
                     message = f"this needs sampled outputs, but {channel.name} is continuous"
                     raise Problem(("observers", b.label), message)
+            late = treatment_of(b.observer) == "replay"
+            times = {c.name: np.sort(c.samples.taken if late else c.samples.arrival) for c in run.channels}
+            try:
+                b.observer.check_times(b.form, times)
+            except Problem as problem:
+                raise Problem(("observers", b.label, *problem.path), problem.message) from problem
+
+
+def check_holds(run: PreparedRun) -> None:
+    """What shrinks between samples needs samples: a continuous output that is late is not one."""
+    for b in run.observers:
+        if isinstance(b.observer.hold, Shrinking):
+            for channel in run.channels:
+                if any(s.continuous and not s.undelayed for s in channel.stretches):
+                    message = f"shrink is for sampled outputs, but {channel.name} is continuous and late"
+                    raise Problem(("observers", b.label, "hold"), message)
 
 
 def _check_schedules(run: PreparedRun, intervals: np.ndarray) -> None:

@@ -41,13 +41,19 @@ class Controlled:
 
     Attributes
     ----------
+    run : PreparedRun
+        The run, with the events that it has been found to need.
+    how : Pass
+        The most accurate pass.
     raw, measured
-        Of the most accurate pass.
+        What it has given.
     integration : Integration
     of_plant : Verdict
         Whether the plant is as accurate as it should be.
     """
 
+    run: PreparedRun
+    how: Pass
     raw: Raw
     measured: Measured
     integration: Integration
@@ -99,6 +105,8 @@ def controlled(run: PreparedRun, progress: Progress = None) -> Controlled:
     verdicts |= _not_seen(run, how, found.finished.raw) | unseen | _lost(run, found.finished, progress)
     observers = tuple(verdicts.get(b.label, v) for b, v in zip(run.observers, known.verdicts, strict=True))
     return Controlled(
+        run=search.run,
+        how=how,
         raw=found.finished.raw,
         measured=replace(known, verdicts=observers),
         integration=integration,

@@ -10,10 +10,12 @@ import numpy as np
 
 from hgorun.errors import PluginError, Problem, called
 from hgorun.memo import same
-from hgorun.observers.base import AnyObserver
+from hgorun.observers.base import AnyObserver, ContinuousObserver, CorrectedObserver
 from hgorun.symbolic.forms import ChosenChains, Form
 from hgorun.symbolic.parameters import flat
 from hgorun.symbolic.states import StateBlock, Symmetric
+
+SHRINK = "hold.shrink"  # among the numbers of a design: gamma of an innovation that shrinks between samples
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -48,10 +50,16 @@ class Design:
         Problem
             When the observer's block does not fit the plant.
         """
-        canonical = observer.coordinates == "canonical"
+        canonical = observer.canonical
         if canonical and isinstance(form, ChosenChains) and form.no_inverse is not None:
-            raise Problem(("observers", label, "coordinates"), form.no_inverse)
-        for key, known in (("initial", form.plant.states), ("saturation", form.saturable(canonical))):
+            if observer.coordinates == "canonical":
+                raise Problem(("observers", label, "coordinates"), f"{form.no_inverse}; use coordinates: original")
+            raise Problem(("observers", label), f"it computes in z = Phi(x): {form.no_inverse}")
+        saturable = form.saturable(canonical) or (form.plant.states if observer.clip_estimate else ())
+        if observer.clip_estimate and not observer.saturation:
+            message = "there is nothing to clip to: give saturation, with the bounds of the estimate"
+            raise Problem(("observers", label, "clip_estimate"), message)
+        for key, known in (("initial", form.plant.states), ("saturation", saturable)):
             for name in getattr(observer, key):
                 if not known:
                     raise Problem(("observers", label, key), f"{observer.type} has no state that could be given here")
@@ -63,6 +71,7 @@ class Design:
                 gains = {name: np.asarray(value, dtype=float) for name, value in found.items()}
         except Problem as problem:
             raise Problem(("observers", label, *problem.path), problem.message) from problem
+        gains |= _shrinking(label, observer)
         defaults = {"xhat": np.zeros(form.plant.n), **observer.states(form)}
         for name, value in defaults.items():
             if not isinstance(value, (np.ndarray, Symmetric)):
@@ -82,7 +91,8 @@ class Design:
         known = self._last.get("start")
         if known is None or known[0] != key:  # the runs of a family often have the same parameters
             try:
-                xhat = self.form.start(self._estimate, parameters, self.observer.coordinates == "canonical")
+                estimate = self.form.start(self._estimate, parameters, self.observer.canonical)
+                xhat = self.observer.start(np.asarray(estimate), self.gains)
             except ValueError as error:
                 at = "" if self.observer.initial else "; that is where estimates start by default: give initial"
                 raise self._fail("initial", f"{error}{at}") from error
@@ -141,3 +151,13 @@ class Design:
         return np.concatenate(
             [np.zeros(0), *map(flat, self.gains.values()), *map(flat, self.observer.saturation.values())]
         )
+
+
+def _shrinking(label: str, observer: AnyObserver) -> dict[str, np.ndarray]:
+    """gamma, where the innovation shrinks between samples."""
+    if observer.hold is None:
+        return {}
+    if isinstance(observer, CorrectedObserver) or not isinstance(observer, ContinuousObserver):
+        message = f"{observer.type} has no innovation between samples that could be held"
+        raise Problem(("observers", label, "hold"), message)
+    return {} if observer.hold == "predictor" else {SHRINK: np.array(observer.hold.shrink)}

@@ -3,36 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from contextlib import AbstractContextManager
 from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
 
-from hgorun.config.models import ExperimentBlocks, Time
-from hgorun.config.yaml_source import Source, parse
 from hgorun.errors import ConfigError
 from hgorun.measurement.availability import Stretch, resolve
-from hgorun.measurement.blocks import Measurement
 from hgorun.measurement.noise import deviations
 from hgorun.measurement.sensors import sensors_of
 from hgorun.memo import Memo, same
 from hgorun.observers.base import AnyObserver
 from hgorun.observers.capabilities import NoiseInformed
-from hgorun.plants.base import Plant
 from hgorun.plants.build import BuiltPlant, build_plant
 from hgorun.result.observer import Coordinates
-from hgorun.simulation.blocks import (
-    Checked,
-    as_yaml,
-    changed,
-    check,
-    check_again,
-    observer_of,
-    plain,
-    resolved,
-    resolved_text,
-)
+from hgorun.simulation.blocks import Checked, changed, check_again, observer_of, resolved, resolved_text
+from hgorun.simulation.configured import ONLY_A_FILE, Configured
 from hgorun.simulation.design import Design
 from hgorun.simulation.forms import coordinates_of, form_of
 from hgorun.simulation.grid import grid_of, metric_step
@@ -44,11 +30,10 @@ from hgorun.symbolic.sensors import Sensor
 _STRETCHES: Memo[list[list[Stretch]]] = Memo(16)
 _DESIGNS: Memo[Design] = Memo(256)
 
-_ONLY_A_FILE = "only a file can extend another one; see hgorun.load"
 _KEPT = ("name", "text", "source", "_checked", "_noise", "_chosen", "_known")  # in a copy; all else follows from these
 
 
-class Experiment:
+class Experiment(Configured):
     """One run, complete: everything that :func:`hgorun.simulate` needs.
 
     Figures and claims are checked for their keys and then left out: which names they may use is decided by all runs
@@ -75,21 +60,6 @@ class Experiment:
     ConfigError
         For the first thing wrong in it.
     """
-
-    def __init__(
-        self, config: Mapping[str, Any] | Source, *, name: str = "experiment", text: str | None = None
-    ) -> None:
-        if not isinstance(config, Source):
-            if "extends" in config:
-                raise ConfigError(_ONLY_A_FILE, key="extends")
-            text = as_yaml(plain(dict(config)))
-            config = parse(text, name)
-        self.name, self.text, self.source = name, text or "", config
-        self._checked = check(config)
-
-    def located(self) -> AbstractContextManager[None]:
-        """Turn a problem at a key into an error that names file, line and key."""
-        return self.source.located()
 
     def varied(self, changes: Mapping[str, Any], *, seed: int | None = None, name: str | None = None) -> Experiment:
         """The same experiment, but for some values.
@@ -118,7 +88,7 @@ class Experiment:
         """
         source, touched = changed(self.source, changes if seed is None else {**changes, "seed": seed})
         if ("extends",) in touched:
-            raise ConfigError(_ONLY_A_FILE, key="extends")
+            raise ConfigError(ONLY_A_FILE, key="extends")
         new = object.__new__(type(self))
         new.__dict__ |= self.__dict__
         new._chosen, new._noise = self._taken(), self._noise
@@ -155,26 +125,6 @@ class Experiment:
         known["_formed"] = {label: forms for label, forms in formed.items() if label in same_blocks}
         for name in stale(before, self._checked):
             known.pop(name, None)
-
-    @property
-    def blocks(self) -> ExperimentBlocks:
-        """The configuration's own keys."""
-        return self._checked.blocks
-
-    @property
-    def plant_block(self) -> Plant:
-        """The block of the plant."""
-        return self._checked.plant
-
-    @property
-    def measurement(self) -> Measurement:
-        """The block of the measurement."""
-        return self._checked.measurement
-
-    @property
-    def observers(self) -> dict[str, AnyObserver]:
-        """The blocks of the observers by their labels."""
-        return self._checked.observers
 
     @cached_property
     def plant(self) -> BuiltPlant:
@@ -260,30 +210,22 @@ class Experiment:
             )
 
     @property
-    def adaptive(self) -> bool:
-        """Whether given tolerances control every step."""
-        return self.blocks.solver.adaptive
-
-    @property
-    def given_step(self) -> float | None:
-        """The step of the file; None where it is found automatically."""
-        step = self.blocks.solver.step
-        return None if step == "auto" or self.adaptive else step
-
-    @property
-    def origin(self) -> float:
-        """The start of the run, on the clock of the configuration."""
-        return self.blocks.time.start
-
-    @property
-    def time(self) -> Time:
-        """Horizon and output grid, counted from the start of the run: where the clock began costs no digits."""
-        return self.blocks.time.from_zero
-
-    @property
     def metric_step(self) -> float:
         """Spacing of the points that metrics are taken from."""
-        return metric_step(self.blocks.time, self.blocks.metrics)
+        return self._every * metric_step(self.blocks.time, self.blocks.metrics)
+
+    @cached_property
+    def _every(self) -> int:
+        """How many points of the metrics' grid make a step of this experiment's, see :meth:`looked_at`."""
+        return 1
+
+    def looked_at(self, every: int) -> Experiment:
+        """The same, but with output at every so many points of the metrics' grid alone."""
+        new = object.__new__(type(self))
+        new.__dict__ |= self.__dict__
+        points, _, of_metrics = self.grid
+        new._every, new.grid = every, (points[:: every * of_metrics].copy(), 1, 1)
+        return new
 
     @cached_property
     def grid(self) -> tuple[np.ndarray, int, int]:

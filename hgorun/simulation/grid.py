@@ -19,6 +19,9 @@ def metric_step(time: Time, metrics: Metrics) -> float:
     return metrics.record or time.output_step
 
 
+LONG = 1 << 20  # output points of a run that is carried out without holding its trajectories in memory
+
+
 _KEPT = 1_000_000  # points of a grid that is kept in memory
 _GRIDS: Memo[Grid] = Memo(16, lambda grid: grid[0].size < _KEPT)
 _POINTS: Memo[np.ndarray] = Memo(16, lambda points: points.size < _KEPT)  # tables are known again by them
@@ -66,7 +69,7 @@ def _grid(time: Time, metrics: Metrics, states: int, observers: int) -> Grid:
     for path, step in ((("time", "output_step"), time.output_step), (("metrics", "record"), record)):
         if step > end * (1 + 1e-9):
             raise Problem(path, f"{step:g} is longer than the run, {end:g}: shorten it")
-    points = _POINTS.get((int(count), fine), lambda: np.arange(int(count)) * fine)
+    points = _POINTS.get((int(count), fine), lambda: _points(int(count), fine))
     _check_windows(points[:: ratios[1]], fine, time, metrics)
     return points, ratios[0], ratios[1]
 
@@ -88,3 +91,10 @@ def _check_windows(measured: np.ndarray, fine: float, time: Time, metrics: Metri
             )
         if measured[points_in(measured, since)].size == 0:
             raise Problem(("metrics", key), f"no output point lies in [{window[0]:g}, {window[1]:g}]")
+
+
+def _points(count: int, step: float) -> np.ndarray:
+    """0, step, 2 step, ..., in place: there may be many."""
+    points = np.arange(count, dtype=float)
+    points *= step
+    return points

@@ -11,8 +11,8 @@ import numpy as np
 from hgorun.errors import Problem, called
 from hgorun.observers.base import AnyObserver, Arrival, ContinuousObserver, CorrectedObserver, Sample, SampledObserver
 from hgorun.observers.kalman import KalmanFilter
-from hgorun.simulation.design import Design
-from hgorun.symbolic.forms import Copy, Form, ModelCopy
+from hgorun.simulation.design import SHRINK, Design
+from hgorun.symbolic.forms import Copy, Form, ModelCopy, saturate
 from hgorun.symbolic.parameters import Parameters
 from hgorun.symbolic.states import StateBlock
 from hgorun.symbolic.symbols import Symbols
@@ -79,7 +79,7 @@ class ObserverBlock:
     @property
     def canonical(self) -> bool:
         """Whether the observer computes in canonical coordinates."""
-        return self.observer.coordinates == "canonical"
+        return self.observer.canonical
 
     @property
     def end(self) -> int:
@@ -97,7 +97,7 @@ class ObserverBlock:
 
     def guess(self, t: ca.SX, u: ca.SX, p: ca.SX, z: ca.SX) -> ca.SX:
         """C xhat."""
-        return self.copy(t, u, p).output(self.symbols(z).xhat)
+        return self.copy(t, u, p).output(self._estimate(z))
 
     def spread(self, t: ca.SX, u: ca.SX, p: ca.SX, z: ca.SX) -> ca.SX | None:
         """The diagonal of H P H^T, shape (q,): the variance of C xhat where the observer knows that of xhat."""
@@ -108,8 +108,21 @@ class ObserverBlock:
         return ca.densify(ca.diag(H @ s.P @ H.T))
 
     def estimate(self, t: ca.SX, u: ca.SX, p: ca.SX, z: ca.SX) -> ca.SX:
-        """The estimate in the plant's coordinates."""
-        return self.copy(t, u, p).state(self.symbols(z).xhat)
+        """The estimate in the plant's coordinates, clipped where that is asked for."""
+        xhat, known = self._estimate(z), self.form.saturable(self.canonical)
+        of_plant = not known or known == self.form.plant.states
+        if not self.observer.clip_estimate:
+            return self.copy(t, u, p).state(xhat)
+        if of_plant:
+            return saturate(self.copy(t, u, p).state(xhat), self.form.plant.states, self.bounds)
+        return self.copy(t, u, p).state(saturate(xhat, known, self.bounds))
+
+    def _estimate(self, z: ca.SX) -> ca.SX:
+        """The estimate in the observer's coordinates."""
+        with called("observer", self.observer.type, "estimate"):
+            return self._of_shape(
+                self.observer.estimate(self.symbols(z), self.k), (self.form.plant.n, 1), "the estimate"
+            )
 
     def flow(self, t: ca.SX, u: ca.SX, p: ca.SX, z: ca.SX, e: ca.SX) -> ca.SX:
         """d/dt of the block, alpha' = -c last."""
@@ -129,6 +142,9 @@ class ObserverBlock:
         missing = [name for name in self._own if name not in derivatives]
         if missing:
             raise self._wrong(f"equations: no derivative of {', '.join(missing)}")
+        gamma = vars(self.k).get(SHRINK)
+        if gamma is not None:  # then e = s + alpha - y shrinks as exp(-gamma t)
+            return derivatives, gamma * e
         if flow.correction is None:
             return derivatives, self._felt(copy, s.xhat, derivatives["xhat"])
         return derivatives, self._of_shape(flow.correction, e.shape, "equations: the correction")

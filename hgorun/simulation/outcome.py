@@ -19,6 +19,7 @@ from hgorun.result.result import Result
 from hgorun.result.status import OK, Verdict
 from hgorun.result.windows import MetricSettings
 from hgorun.simulation.measured import Measured
+from hgorun.simulation.observer_block import ObserverBlock
 from hgorun.simulation.prepared import PreparedRun
 
 _KEPT = 1_000_000  # numbers of an array that is kept in memory
@@ -27,7 +28,15 @@ Places = np.ndarray | slice
 _ROWS: Memo[tuple[np.ndarray, list[Places]]] = Memo(8, lambda rows: rows[0].size * len(rows[1]) < _KEPT)
 
 
-def record(run: PreparedRun, raw: Raw, found: Measured, integration: Integration, of_plant: Verdict = OK) -> Result:
+def record(
+    run: PreparedRun,
+    raw: Raw,
+    found: Measured,
+    integration: Integration,
+    of_plant: Verdict = OK,
+    *,
+    grid: np.ndarray | None = None,
+) -> Result:
     """Trajectories in the plant's coordinates, on the output grid, with metrics from the metric grid.
 
     Parameters
@@ -36,15 +45,14 @@ def record(run: PreparedRun, raw: Raw, found: Measured, integration: Integration
         The run, what it has given, and how.
     of_plant : Verdict
         What is said of the plant.
+    grid : ndarray, optional
+        The times that ``found`` has rows of, where these are not those of the output grid.
     """
-    structure, numbers, blocks, model = run.structure, run.numbers, run.experiment.blocks, run.plant.model
-    grid, origin = run.grid[:: run.experiment.grid[1]], run.origin
+    numbers, blocks, model, origin = run.numbers, run.experiment.blocks, run.plant.model, run.origin
+    if grid is None:
+        grid = run.grid[:: run.experiment.grid[1]]
     u = _inputs(run, grid)
-    y = np.ascontiguousarray(structure.outputs.along(grid, numbers.p, found.rows))
-    if not np.all(np.isfinite(y)):
-        row, column = np.argwhere(~np.isfinite(y))[0]
-        when = origin + grid[row]
-        raise Problem(("plant",), f"output {model.outputs[column]} is not a finite number at t = {when:g}")
+    y = outputs_of(run, grid, found.rows)
     return Result(
         name=run.experiment.name,
         title=blocks.title,
@@ -70,6 +78,38 @@ def record(run: PreparedRun, raw: Raw, found: Measured, integration: Integration
     )
 
 
+def outputs_of(run: PreparedRun, grid: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """The noise-free outputs at some times, shape (len(grid), q).
+
+    Raises
+    ------
+    Problem
+        When one of them is not finite.
+    """
+    y = np.ascontiguousarray(run.structure.outputs.along(grid, run.numbers.p, rows))
+    if not np.all(np.isfinite(y)):
+        row, column = np.argwhere(~np.isfinite(y))[0]
+        when = run.origin + grid[row]
+        raise Problem(("plant",), f"output {run.plant.model.outputs[column]} is not a finite number at t = {when:g}")
+    return y
+
+
+def measured_at_once(run: PreparedRun) -> bool:
+    """Whether all outputs are continuous all the time, and known without delay."""
+    return all(len(c.stretches) == 1 and c.stretches[0].continuous and c.stretches[0].undelayed for c in run.channels)
+
+
+def continuous_measurements(run: PreparedRun, grid: np.ndarray, y: np.ndarray) -> Measurements:
+    """What is measured at some times of outputs that are :func:`measured_at_once`."""
+    columns = []
+    for i, c in enumerate(run.channels):
+        (stretch,), (noise,) = c.stretches, c.noise
+        v = noise_at(stretch, grid) + noise.held(grid)
+        columns.append(run.plant.model.wrapped(i, y[:, i] * (1 + v) if stretch.multiplicative else y[:, i] + v))
+    taken = np.repeat((run.origin + grid)[:, None], len(columns), axis=1)
+    return Measurements(time=run.origin + grid, taken=taken, y=np.column_stack(columns))
+
+
 def _observers(run: PreparedRun, measured: Measured) -> dict[str, ObserverResult]:
     """Every observer's part of the result."""
     metrics = from_origin(measured.metrics, run.origin) if run.origin else measured.metrics
@@ -80,7 +120,7 @@ def _observers(run: PreparedRun, measured: Measured) -> dict[str, ObserverResult
         found[b.label] = ObserverResult(
             type=b.observer.type,
             xhat=measured.estimates.of(j),
-            internal={name: st.shaped(measured.rows) for name, st in b.states.items() if name != "xhat" and st.size},
+            internal=internal(b, measured.rows),
             gains={name: np.asarray(value).tolist() for name, value in b.design.items()},
             dimension=sum(st.size for name, st in b.states.items() if name != "alpha"),
             verdict=verdict if verdict.at is None else replace(verdict, at=run.origin + verdict.at),
@@ -88,6 +128,11 @@ def _observers(run: PreparedRun, measured: Measured) -> dict[str, ObserverResult
             coordinates=coordinates.get(b.label),
         )
     return {label: found[label] for label in run.experiment.observers}
+
+
+def internal(block: ObserverBlock, rows: np.ndarray) -> dict[str, np.ndarray]:
+    """The internal states of an observer along a run, in their own shapes."""
+    return {name: st.shaped(rows) for name, st in block.states.items() if name != "xhat" and st.size}
 
 
 def since_start(run: PreparedRun, result: Result) -> Result:
@@ -108,14 +153,20 @@ def since_start(run: PreparedRun, result: Result) -> Result:
 
 
 def _inputs(run: PreparedRun, times: np.ndarray) -> np.ndarray:
+    """u(t), which runs of one family share."""
+    key = run.structure.groups[0].truth.plant, run.plant.everything.tobytes(), same(run.grid), times.size
+    return _INPUTS.get(key, lambda: inputs_of(run, times))
+
+
+def inputs_of(run: PreparedRun, times: np.ndarray) -> np.ndarray:
     """u(t), which does not depend on what the observers do."""
-    key = run.structure.groups[0].truth.plant, run.plant.everything.tobytes(), same(run.grid), run.experiment.grid[1]
-    nothing = np.zeros(run.structure.system.states)
-    return _INPUTS.get(key, lambda: run.structure.inputs.along(times, run.numbers.p, nothing))
+    return run.structure.inputs.along(times, run.numbers.p, np.zeros(run.structure.system.states))
 
 
 def _measurements(run: PreparedRun, raw: Raw, grid: np.ndarray, y: np.ndarray) -> Measurements:
     """Samples at their arrival, continuous outputs on the output grid."""
+    if not grid.size and measured_at_once(run):
+        return continuous_measurements(run, grid, y)
     parts: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
     base = 0
     for i, c in enumerate(run.channels):

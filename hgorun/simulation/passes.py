@@ -11,6 +11,7 @@ from hgorun.config.models import Method
 from hgorun.engine.memory import Raw, Start, Tolerance
 from hgorun.engine.methods import METHODS, Rosenbrock
 from hgorun.engine.plan import Plan
+from hgorun.engine.window import Take
 from hgorun.simulation.checks import check_steps, longest_step
 from hgorun.simulation.loss import UNBOUNDED
 from hgorun.simulation.prepared import PreparedRun
@@ -68,17 +69,24 @@ def as_given(run: PreparedRun) -> Pass:
     return Pass(method=solver.given_method, step=run.step, tolerance=tolerance)
 
 
-def integrate(run: PreparedRun, how: Pass, progress: Callable[[float], None] | None = None) -> Raw:
-    """One pass, as the engine gives it."""
-    return carry_out(run, how, *plan_of(run, how, in_parts=True), progress)
+def integrate(
+    run: PreparedRun, how: Pass, progress: Callable[[float], None] | None = None, take: Take | None = None
+) -> Raw:
+    """One pass, as the engine gives it; without rows where something else takes them."""
+    return carry_out(run, how, *plan_of(run, how, in_parts=True), progress, take)
 
 
 def carry_out(
-    run: PreparedRun, how: Pass, plan: Plan, start: Start, progress: Callable[[float], None] | None = None
+    run: PreparedRun,
+    how: Pass,
+    plan: Plan,
+    start: Start,
+    progress: Callable[[float], None] | None = None,
+    take: Take | None = None,
 ) -> Raw:
     """One pass, from its tables."""
     program = run.structure.program(how.method, adaptive=how.tolerance is not None)
-    return program.run(plan, start, how.tolerance, progress, limit=how.limit)
+    return program.run(plan, start, how.tolerance, progress, limit=how.limit, take=take)
 
 
 def integrate_lanes(runs: Sequence[PreparedRun], how: Pass) -> Raw:

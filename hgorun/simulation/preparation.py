@@ -228,7 +228,23 @@ def _remarks(experiment: Experiment) -> tuple[str, ...]:
     time = experiment.time
     continuous = [s for one in experiment.stretches for s in one if s.continuous]
     found = [signal_remarks(s, time.max_memory) for s in continuous]
-    return tuple(dict.fromkeys(sum(found, plant_remarks(experiment.plant, time, experiment.origin))))
+    of_plant = plant_remarks(experiment.plant, time, experiment.origin)
+    of_observers = [
+        f"observer {label}: {remark}"
+        for label, design in experiment.designs.items()
+        for remark in design.observer.remarks(design.form)
+    ]
+    return tuple(dict.fromkeys([*sum(found, of_plant), *_never_held(experiment)])) + tuple(of_observers)
+
+
+def _never_held(experiment: Experiment) -> list[str]:
+    """Of observers that say what is held between samples, where there are none."""
+    if any(not s.continuous for one in experiment.stretches for s in one):
+        return []
+    given = [label for label, observer in experiment.observers.items() if observer.hold is not None]
+    return [
+        f"observer {label}: hold is given, but all outputs are continuous, so that nothing is held" for label in given
+    ]
 
 
 def _unknown(experiment: Experiment) -> tuple[Unknown, ...]:

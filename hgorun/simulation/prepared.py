@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -119,6 +119,10 @@ class PreparedRun:
     def grid(self) -> np.ndarray:
         """The finer of output and metric grid."""
         return self.experiment.grid[0]
+
+    def looked_at(self, every: int) -> PreparedRun:
+        """The same run with output at every so many points of the metrics' grid alone."""
+        return replace(self, experiment=self.experiment.looked_at(every))
 
     @property
     def observers(self) -> tuple[ObserverBlock, ...]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 from hgorun.engine.memory import Raw
 from hgorun.errors import PlantDiverged, SimulationError
@@ -13,6 +14,7 @@ from hgorun.simulation import loss
 from hgorun.simulation.confirmation import confirmed, plant_lost
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.given import LaterEstimate
+from hgorun.simulation.grid import LONG
 from hgorun.simulation.measured import measured
 from hgorun.simulation.outcome import record
 from hgorun.simulation.passes import Again, as_given, integrate
@@ -54,6 +56,12 @@ def simulate_prepared(
 ) -> Result:
     """Simulate a prepared run; see :func:`simulate`."""
     with located(run):
+        if run.grid.size > LONG:
+            from hgorun.simulation.long_run import simulated  # not for the short ones
+
+            found = simulated(run, progress, check_step=check_step)
+            if found is not None:
+                return found
         if run.solver.controlled:
             from hgorun.simulation.control import controlled  # not for the short runs of a given step
 
@@ -66,6 +74,40 @@ def simulate_prepared(
         except PlantDiverged as error:
             raise plant_lost(run, error, again) from error
         return finished(run, raw, again, check_step=check_step)
+
+
+def simulate_into(
+    run: PreparedRun, path: Path, *, check_step: bool = False, progress: Callable[[float], None] | None = None
+) -> Result:
+    """Simulate a prepared run and write its result, whose trajectories are written as they come where they are long.
+
+    Parameters
+    ----------
+    path : Path
+        The file, see :meth:`hgorun.result.result.Result.save`.
+
+    Returns
+    -------
+    Result
+        Without points of trajectories where they were written as they came.
+
+    Raises
+    ------
+    SimulationError
+        When the plant diverges.
+    HgorunError
+        When the file cannot be written.
+    """
+    if run.grid.size > LONG:
+        from hgorun.simulation.long_run import written  # not for the short ones
+
+        with located(run):
+            found = written(run, path, progress, check_step=check_step)
+        if found is not None:
+            return found
+    result = simulate_prepared(run, check_step=check_step, progress=progress)
+    result.save(path)
+    return result
 
 
 def finished(run: PreparedRun, raw: Raw, again: loss.Again, *, check_step: bool = False) -> Result:

@@ -120,6 +120,15 @@ class Structure:
         """Whether another block of one of the observers has the same values at all keys that equations read."""
         return self.reads[place].hold_for(observer)
 
+    def depends_on_input(self, number: int) -> bool:
+        """Whether a recorded input appears in what happens to the observers, or in their estimates."""
+        system, places = self.system, set(self.system.held.input(number))
+        functions = [one.flow for one in system.regimes] + [one for _, _, one in system.jumps]
+        functions += [system.channels, *(one.function for one in self.estimates)]
+        return any(
+            places & set(one.jac_sparsity(0, 3).get_col()) for one in functions if one.size1_in(3) and one.numel_out(0)
+        )
+
     def program(self, method: str, *, adaptive: bool = False, lanes: int = 1) -> Program:
         """Native code for a method of integration, compiled when first asked for."""
         key = method, adaptive, lanes

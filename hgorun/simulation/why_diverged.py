@@ -10,7 +10,7 @@ import numpy as np
 from hgorun.engine.memory import Raw
 from hgorun.engine.plan import Plan
 from hgorun.observers.base import ContinuousObserver
-from hgorun.observers.capabilities import SlidingMode
+from hgorun.observers.capabilities import NotLinear, SlidingMode
 from hgorun.simulation.loss import Again
 from hgorun.simulation.observer_block import ObserverBlock
 from hgorun.simulation.prepared import PreparedRun
@@ -118,7 +118,7 @@ def _unstable_gain(run: PreparedRun, raw: Raw, block: ObserverBlock) -> str | No
     Not said of gains that are states, which follow the plant, and of what jumps or has no linearisation.
     """
     observer = block.observer
-    if not isinstance(observer, ContinuousObserver) or isinstance(observer, SlidingMode):
+    if not isinstance(observer, ContinuousObserver) or isinstance(observer, (NotLinear, SlidingMode)):
         return None
     if "gain" in observer.roles(block.form).values():
         return None
@@ -137,7 +137,8 @@ def _rate(run: PreparedRun, block: ObserverBlock, row: int, x: Floats) -> float:
     z[own] = run.numbers.z0[own]
     xhat = block.states["xhat"]
     try:
-        z[xhat.start : xhat.start + xhat.size] = block.form.start(x, run.plant.parameters, block.canonical)
+        estimate = np.asarray(block.form.start(x, run.plant.parameters, block.canonical))
+        z[xhat.start : xhat.start + xhat.size] = block.observer.start(estimate, block.design)
     except ValueError:  # the coordinates do not exist there
         return 0.0
     u = structure.inputs.along(np.array([t]), run.numbers.p, np.zeros((1, structure.system.states)))[0]

@@ -105,9 +105,9 @@ class CanonicalForm:
     def no_inverse(self) -> str | None:
         """Why x is not known as a function of z; None where it is."""
         if not self.square:
-            return "there are more chain components than states; use coordinates: original"
+            return "there are more chain components than states"
         if not (self.identity or self.links or self.plant.inverse is not None):
-            return "this plant gives no inverse of its canonical map; use coordinates: original"
+            return "this plant gives no inverse of its canonical map"
         return None
 
     def inverse(self, z: ca.SX, p: ca.SX) -> ca.SX:
@@ -239,6 +239,15 @@ class PlantCopy:
         except NotObservableForm:
             return self.form.lift(x, self.p, self.form.shift @ (self.form.J(x, self.p) @ excess), 1.0)
         return superdiagonal(self.form.plant, block)(self.t, x, self.u, self.p) @ excess
+
+    @property
+    def C(self) -> ca.DM:
+        """y = C z, shape (q, sum(chains))."""
+        return ca.DM(np.eye(sum(self.chains))[self.form.heads])
+
+    def links(self, xhat: ca.SX) -> ca.DM:
+        """A of the chains, block-diagonal: what leads in z' from each component to the next."""
+        return self.form.shift
 
     def inv_Delta(self, theta: ca.SX) -> ca.SX:
         """Delta^-1(theta) of every chain, block-diagonal, shape (n, n)."""

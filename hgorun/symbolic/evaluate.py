@@ -20,8 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from hgorun.config.expressions import parse
 from hgorun.memo import Memo, same
-from hgorun.symbolic.instructions import Instruction
-from hgorun.symbolic.interpreter import carry_out, interpreted
+from hgorun.symbolic.interpreter import Step, carry_out, interpreted
 
 Floats = NDArray[np.float64]
 
@@ -49,9 +48,9 @@ def evaluate(function: ca.Function, *arguments: ArrayLike) -> list[Floats]:
         if array.size != size * (points if array.ndim == 2 else 1):
             raise ValueError(f"argument {i} of {function}: {array.shape} does not fit")
     results = [np.zeros((points, matrix.nonzeros)) for matrix in ports.given]
-    instructions = _INTERPRETED.get(same(function), lambda: interpreted(function))
-    if instructions:
-        carry_out(instructions, arrays, results)
+    steps = _INTERPRETED.get(same(function), lambda: interpreted(function))
+    if steps:
+        carry_out(steps, arrays, results)
     elif points == 1:
         buffer.call(arrays, results)
     else:
@@ -100,7 +99,7 @@ class _Ports:
 
 # points that are evaluated in one call, which CasADi takes microseconds to prepare: all of a few, or of many so many
 _FEW, _PIECE = 16, 128
-_INTERPRETED: Memo[list[Instruction]] = Memo(256)
+_INTERPRETED: Memo[list[Step]] = Memo(256)
 
 
 class _Buffer:
@@ -149,13 +148,18 @@ def _piece(array: Floats, start: int, length: int) -> Floats:
 
 def at(function: ca.Function, *arguments: ArrayLike) -> list[Floats]:
     """The outputs at one point: shapes (rows,), or (rows, columns)."""
-    return [value[0] for value in evaluate(function, *map(np.ravel, arguments))]
+    if _INTERPRETED.get(same(function), lambda: interpreted(function)):
+        return [value[0] for value in evaluate(function, *map(np.ravel, arguments))]
+    return roughly_at(function, *arguments)
 
 
 def roughly_at(function: ca.Function, *arguments: ArrayLike) -> list[Floats]:
     """What :func:`at` gives but for last bits, which depend on the machine: for questions such as what is finite."""
-    arrays = [np.asarray(argument, dtype=float).ravel() for argument in arguments]
+    arrays = [np.ascontiguousarray(argument, dtype=float) for argument in arguments]
     buffer, ports = _BUFFERS.get(same(function), lambda: (_Buffer(function), _Ports.of(function)))
+    for i, (array, size) in enumerate(zip(arrays, ports.taken, strict=True)):
+        if array.size != size:
+            raise ValueError(f"argument {i} of {function}: {array.shape} does not fit")
     results = [np.zeros((1, matrix.nonzeros)) for matrix in ports.given]
     buffer.call(arrays, results)
     return [matrix.full(array)[0] for matrix, array in zip(ports.given, results, strict=True)]

@@ -7,6 +7,7 @@ Sums, products, quotients and roots are rounded alike by every processor, NumPy'
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -80,38 +81,53 @@ def value_of(op: int, *arguments: float) -> float:
 
 
 _NUMBERS = 1 << 22  # that are kept at the same time
-_PIECE = 4096  # points at the same time: what the processor's cache holds
+_PIECE = 8192  # points at the same time: what the processor's cache holds of the few values that are needed at once
 
 
-def interpreted(function: ca.Function) -> list[Instruction]:
-    """The instructions of a function that calls an elementary function; none for others, which CasADi computes."""
+@dataclass(frozen=True, eq=False, repr=False)
+class Step:
+    """An instruction, with the values that nothing needs after it."""
+
+    instruction: Instruction
+    done: tuple[int, ...]
+
+
+def interpreted(function: ca.Function) -> list[Step]:
+    """The steps of a function that calls an elementary function; none for others, which CasADi computes."""
     if not function.is_a("SXFunction"):
         return []
     operations = {function.instruction_id(k) for k in range(function.n_instructions())}
     own = operations & CALLS.keys() and operations <= {*_OPERATIONS, ca.OP_CONST, ca.OP_INPUT, ca.OP_OUTPUT}
-    return read(function) if own else []
+    return steps_of(read(function)) if own else []
 
 
-def carry_out(instructions: Sequence[Instruction], arguments: Sequence[Floats], results: Sequence[Floats]) -> None:
+def steps_of(instructions: Sequence[Instruction]) -> list[Step]:
+    """Instructions, each with the values that are needed for the last time."""
+    last = {a: k for k, i in enumerate(instructions) for a in i.arguments}
+    return [Step(i, tuple(a for a in set(i.arguments) if last[a] == k)) for k, i in enumerate(instructions)]
+
+
+def carry_out(steps: Sequence[Step], arguments: Sequence[Floats], results: Sequence[Floats]) -> None:
     """Fill the results.
 
     Parameters
     ----------
-    instructions : sequence of Instruction
+    steps : sequence of Step
     arguments : sequence of ndarray, shapes (N, nonzeros), or what is the same at all points
     results : sequence of ndarray, shape (N, nonzeros)
     """
     points = len(results[0])
-    length = min(_PIECE, max(_NUMBERS // len(instructions), 64))
+    length = min(_PIECE, max(_NUMBERS // len(steps), 64))
     with np.errstate(all="ignore"):
         for start in range(0, points, length):
             part = slice(start, start + length)
-            _piece(instructions, [a[part] if a.ndim == 2 else a.ravel() for a in arguments], [r[part] for r in results])
+            _piece(steps, [a[part] if a.ndim == 2 else a.ravel() for a in arguments], [r[part] for r in results])
 
 
-def _piece(instructions: Sequence[Instruction], arguments: Sequence[Floats], results: Sequence[Floats]) -> None:
+def _piece(steps: Sequence[Step], arguments: Sequence[Floats], results: Sequence[Floats]) -> None:
     values: dict[int, Any] = {}
-    for i in instructions:
+    for step in steps:
+        i = step.instruction
         if i.op == ca.OP_OUTPUT:
             results[i.place[0]][:, i.place[1]] = values[i.arguments[0]]
         elif i.op == ca.OP_INPUT:
@@ -120,3 +136,5 @@ def _piece(instructions: Sequence[Instruction], arguments: Sequence[Floats], res
             values[i.value] = np.float64(i.number)
         else:
             values[i.value] = _OPERATIONS[i.op](*[values[a] for a in i.arguments])
+        for value in step.done:  # what is kept no longer leaves its place in the cache to what comes
+            del values[value]

@@ -90,7 +90,7 @@ class _Search:
         self.links = Links(plant)
         self._known: dict[tuple[int, ...], CanonicalForm] = {}
         self._linked: dict[tuple[tuple[int, ...], ...], CanonicalForm] = {}
-        self._slope_functions: dict[tuple[int, ...], ca.Function] = {}
+        self._slope_functions: dict[tuple[int, ...], ca.Function | None] = {}
         self._moving: dict[tuple[int, ...], bool] = {}
         self._rows: dict[tuple[int, int], ca.Function] = {}
 
@@ -175,7 +175,7 @@ class _Search:
         ]
         return np.array(rows).reshape(-1, self.plant.n)
 
-    def _slopes(self, form: CanonicalForm) -> ca.Function:
+    def _slopes(self, form: CanonicalForm) -> ca.Function | None:
         if form.chains not in self._slope_functions:
             self._slope_functions[form.chains] = input_slopes(form)
         return self._slope_functions[form.chains]
@@ -190,12 +190,16 @@ class _Search:
             if self._regular(lengths, points, parameters):
                 return lengths
             raise NotObservableForm(self._why_not(lengths, points, parameters))
+        if q == 1:
+            if self._regular((plant.n,), points, parameters):
+                return (plant.n,)
+            raise NotObservableForm(self._why_not((plant.n,), points, parameters))
         for _, even in groupby(chain_lengths(plant.outputs, plant.n), unevenness):
             sizes = {lengths: self._size(lengths, points, parameters) for lengths in even}
             best = max(sizes.values())
             if best > -np.inf:
                 return next(lengths for lengths, size in sizes.items() if size >= best - _TIE * (1 + abs(best)))
-        for length in range(1, plant.n + 1 if q > 1 else 1):
+        for length in range(1, plant.n + 1):
             if q * length >= plant.n and self._regular((length,) * q, points, parameters):
                 return (length,) * q
         raise NotObservableForm(self._why_not((plant.n,) * q, points, parameters))
@@ -220,8 +224,6 @@ class _Search:
         Differences of it do not depend on units: those of the states change all determinants alike, that of
         time does so among equally uneven lengths, and those of the outputs cancel against their noise.
         """
-        if len(self.plant.outputs) == 1:
-            return 0.0 if self._regular(lengths, points, parameters) else -np.inf
         sizes: list[float] = []
         for x in points if not self._moves(lengths) else ():
             jacobian = self._jacobian(lengths, x, parameters)

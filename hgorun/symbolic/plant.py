@@ -55,11 +55,23 @@ class PlantModel:
         """Number of states."""
         return len(self.states)
 
+    def depends_on_input(self, number: int) -> bool:
+        """Whether an input appears in the equations."""
+        return bool(ca.depends_on(ca.vertcat(self.dynamics, self.output), self.u[number]))
+
+    @cached_property
+    def measured(self) -> tuple[int | None, ...]:
+        """For each output the state that it is, its number; None where it is no state."""
+        return tuple(
+            next((k for k in range(self.n) if ca.is_equal(ca.SX(self.output[i]), self.x[k])), None)
+            for i in range(len(self.outputs))
+        )
+
     @cached_property
     def measures(self) -> dict[str, str]:
         """The outputs that are states, with the states that they are."""
-        pairs = [(i, k) for i in range(len(self.outputs)) for k in range(self.n)]
-        return {self.outputs[i]: self.states[k] for i, k in pairs if ca.is_equal(self.output[i], self.x[k])}
+        pairs = zip(self.outputs, self.measured, strict=True)
+        return {output: self.states[k] for output, k in pairs if k is not None}
 
     def wrapped(self, output: int, difference: Wrapped) -> Wrapped:
         """A difference of an output without its whole periods, in [-period/2, period/2); itself where it has none."""

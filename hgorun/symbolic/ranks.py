@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from functools import lru_cache
 
 import numpy as np
 
 SINGULAR = 1e-10  # smallest over largest singular value below which a matrix counts as singular
 _SURELY = 1e-3  # smallest over largest singular value above which nothing is near singular
+_SMALL = 3  # rows of a matrix whose determinant is quickly written down
 _ROUNDS, _ALIKE = 30, 1e-3  # at most so many rounds, until all norms are as close to one
 
 
@@ -44,11 +46,42 @@ def is_regular(matrix: np.ndarray, least: float = SINGULAR) -> bool:
     Further rounds of scaling bring the singular values together rather than apart, so where they are close
     after the first, nothing more has to be asked.
     """
-    if np.isfinite(matrix).all() and matrix.any(axis=1).all() and matrix.any(axis=0).all():
-        values = np.linalg.svd(_largest_one(matrix), compute_uv=False)
+    rows, columns = matrix.shape
+    if rows == columns <= _SMALL and _surely_regular(matrix.tolist()):
+        return True
+    heights = np.abs(matrix).max(axis=1, keepdims=True)
+    if heights.min() > 0 and heights.max() < np.inf:  # nor is one of them no number
+        scaled = matrix / heights
+        widths = np.abs(scaled).max(axis=0)
+        values = np.linalg.svd(scaled / widths, compute_uv=False) if widths.min() > 0 else np.zeros(0)
         if values.size == matrix.shape[1] and values[-1] > _SURELY * values[0]:
             return True
     return singular_value_ratio(matrix) > least
+
+
+def _surely_regular(rows: list[list[float]]) -> bool:
+    """Whether its determinant alone says that a small matrix is regular, entries being at most one in size.
+
+    The smallest singular value is at least ``|det|`` over the others, and none is larger than n. For a run that asks
+    nothing else of a library of linear algebra, to call that would take several times as long.
+    """
+    heights = [max(map(abs, row)) for row in rows]
+    if not all(0 < height < np.inf for height in heights):
+        return False
+    scaled = [[value / height for value in row] for row, height in zip(rows, heights, strict=True)]
+    widths = [max(map(abs, column)) for column in zip(*scaled, strict=True)]
+    size: float = math.prod(widths)
+    return size > 0 and abs(_determinant(scaled)) > _SURELY * size * float(len(rows)) ** len(rows)
+
+
+def _determinant(rows: list[list[float]]) -> float:
+    """By its first row."""
+    first, *others = rows
+    if not others:
+        return first[0]
+    minors = (_determinant([row[:j] + row[j + 1 :] for row in others]) for j in range(len(first)))
+    signed = (-value if j % 2 else value for j, value in enumerate(first))
+    return sum(value * minor for value, minor in zip(signed, minors, strict=True))
 
 
 def singular_value_ratio(matrix: np.ndarray) -> float:

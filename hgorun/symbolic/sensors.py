@@ -20,6 +20,9 @@ class Sensor:
         The mean time between two samples; None where there are none, or nothing is known of it.
     multiplicative : bool
         Whether the noise is in proportion to the output.
+    amplitude : float or None
+        What the noise does not exceed, or rarely: amplitudes of sinusoids, two standard deviations of gaussian noise,
+        the bound of uniform noise, added; None where there is no noise, or it is not known.
     why : str
         Why there is no variance or no density.
     """
@@ -29,3 +32,4 @@ class Sensor:
     interval: float | None
     multiplicative: bool = False
     why: str = ""
+    amplitude: float | None = None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from math import prod
 
 import casadi as ca
@@ -33,7 +34,7 @@ class StateBlock:
             return cls(start, value.values.shape, symmetric=True)
         return cls(start, value.shape)
 
-    @property
+    @cached_property
     def size(self) -> int:
         """How many numbers are integrated."""
         n = self.shape[0] if self.shape else 1

@@ -152,16 +152,15 @@ def strict_feedback_form(plant: PlantModel, at: np.ndarray, parameters: np.ndarr
 def _sorted(plant: PlantModel) -> tuple[tuple[int, ...], tuple[int, ...]]:
     """Places of the measured and of the other states."""
     measured: list[int] = []
-    for i, name in enumerate(plant.outputs):
-        same = [k for k in range(plant.n) if ca.is_equal(ca.SX(plant.output[i]), plant.x[k])]
-        if not same:
+    for name, state in zip(plant.outputs, plant.measured, strict=True):
+        if state is None:
             raise NotObservableForm(
                 f"output {name} is not one of the states: a reduced-order observer takes the measured states "
                 "from the samples and estimates the others"
             )
-        if same[0] in measured:
-            raise NotObservableForm(f"state {plant.states[same[0]]} is measured twice")
-        measured.append(same[0])
+        if state in measured:
+            raise NotObservableForm(f"state {plant.states[state]} is measured twice")
+        measured.append(state)
     hidden = tuple(k for k in range(plant.n) if k not in measured)
     if not hidden:
         raise NotObservableForm("all states are measured: a reduced-order observer has nothing to estimate")

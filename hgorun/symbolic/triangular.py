@@ -91,6 +91,14 @@ class TriangularCopy:
         F = superdiagonal(self.form.model, self.form.block)
         return F(self.t, self.saturated(xhat), self.u, self.p)
 
+    def links(self, xhat: ca.SX) -> ca.SX:
+        """F: what leads from each block to the next."""
+        return self.F(xhat)
+
+    def lift(self, xhat: ca.SX, kappa: ca.SX) -> ca.SX:
+        """A correction as it is: the estimate is in the coordinates of the blocks."""
+        return kappa
+
     def copy(self, xhat: ca.SX) -> ca.SX:
         """F(u, sat x) x + phi(u, sat x): the x that multiplies F is not saturated."""
         clipped = self.saturated(xhat)
@@ -144,14 +152,13 @@ def blocks_of(model: PlantModel) -> tuple[tuple[int, ...], tuple[int, ...]]:
         When an output is not a state, or a state reaches the measured ones through no other.
     """
     measured = []
-    for i, name in enumerate(model.outputs):
-        same = [k for k in range(model.n) if ca.is_equal(ca.SX(model.output[i]), model.x[k])]
-        if not same:
+    for name, state in zip(model.outputs, model.measured, strict=True):
+        if state is None:
             raise NotObservableForm(
                 f"output {name} is not one of the states: an observer with time-varying gain takes a triangular "
                 "model as it is, with the measured states first"
             )
-        measured.append(same[0])
+        measured.append(state)
     depends = np.zeros((model.n, model.n), dtype=bool)
     sparsity = ca.jacobian(model.dynamics, model.x).sparsity()
     depends[sparsity.row(), sparsity.get_col()] = True

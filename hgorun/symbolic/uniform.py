@@ -17,7 +17,9 @@ _TRIANGULAR = 1e-7  # relative size of a slope that is rounding
 _BESIDE = 1e-8  # relative distance at which rounding differs and a slope does not
 
 
-def require_uniform(form: CanonicalForm, states: list[np.ndarray], parameters: np.ndarray, slopes: ca.Function) -> None:
+def require_uniform(
+    form: CanonicalForm, states: list[np.ndarray], parameters: np.ndarray, slopes: ca.Function | None
+) -> None:
     """In z the model must be a chain plus phi(u, z) with phi_i a function of z_1..z_i only.
 
     What is not drift is what inputs and time bring in; the drift's own slopes say what is rounding.
@@ -26,14 +28,14 @@ def require_uniform(form: CanonicalForm, states: list[np.ndarray], parameters: n
     ----------
     states : list of ndarray
         Where it is decided, at random inputs.
-    slopes : casadi.Function
+    slopes : casadi.Function or None
         The :func:`input_slopes` of the form.
 
     Raises
     ------
     NotObservableForm
     """
-    if not form.plant.inputs:
+    if slopes is None:
         return
     above = _above(form.chains)
     points = Instants.of(states, form.plant.u.numel(), _INPUTS)
@@ -61,14 +63,38 @@ def _above(chains: tuple[int, ...]) -> np.ndarray:
     return np.asarray((position > position[:, None]) & ~last[:, None])
 
 
-def input_slopes(form: CanonicalForm) -> ca.Function:
-    """The slopes in x of z' with the inputs less z' without them, and of z' itself, and J, from (t, x, u, p)."""
+def input_slopes(form: CanonicalForm) -> ca.Function | None:
+    """The slopes in x of z' with the inputs less z' without them, and of z' itself, and J, from (t, x, u, p).
+
+    None where the model is triangular whatever the numbers are: without inputs, and where z_i and what inputs add to
+    z_i' depend on the same i states.
+    """
     plant = form.plant
+    if not plant.inputs:
+        return None
     drift = plant.f(plant.t, plant.x, ca.SX.zeros(plant.u.shape), plant.p)
     added = ca.jacobian(form.jacobian @ (plant.dynamics - drift), plant.x)
+    if len(form.chains) == 1 and form.square and _always_triangular(form.jacobian, added):
+        return None
     whole = ca.jacobian(form.jacobian @ plant.dynamics, plant.x)
     arguments = [plant.t, plant.x, plant.u, plant.p]
     return ca.Function("slopes", arguments, [ca.densify(ca.cse(one)) for one in (added, whole, form.jacobian)])
+
+
+def _always_triangular(jacobian: ca.SX, added: ca.SX) -> bool:
+    """Whether row i of both has entries in the same i columns alone; the last row of what is added may have any."""
+    known: set[int] = set()
+    last = jacobian.shape[0] - 1
+    for i in range(last):
+        known |= _columns(jacobian, i)
+        if len(known) != i + 1 or not _columns(added, i) <= known:
+            return False
+    return True
+
+
+def _columns(matrix: ca.SX, row: int) -> set[int]:
+    """Where a row has entries."""
+    return set(ca.sparsify(matrix[row, :]).sparsity().get_col())
 
 
 def _added(

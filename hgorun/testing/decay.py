@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 
 from hgorun.errors import HgorunError, Problem
 from hgorun.observers.base import ContinuousObserver, CorrectedObserver, SampledObserver
-from hgorun.observers.capabilities import Differentiator, SlidingMode
+from hgorun.observers.capabilities import Differentiator, NotLinear, SlidingMode
 from hgorun.testing.cases import CHAINS, TWO_OUTPUTS, Subject
 from hgorun.testing.contract import Broken, NotApplicable
 from hgorun.testing.equations import Equations
@@ -29,6 +29,8 @@ def decays(subject: Subject) -> None:
     observer = subject.cases[0].observer()
     if isinstance(observer, Differentiator):
         raise NotApplicable("it does without the plant's equations")
+    if isinstance(observer, NotLinear) and observer.not_linear is not None:
+        raise NotApplicable(observer.not_linear)
     if isinstance(observer, SlidingMode):
         raise NotApplicable("its right-hand side has no slope where the error is zero")
     looked_at = 0

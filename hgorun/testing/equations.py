@@ -67,8 +67,13 @@ class Equations:
         """The plant as the observer copies it."""
         model = self.plant.model
         u = ca.substitute(ca.substitute(self.plant.inputs, model.p, self._p), model.t, t)
-        canonical = self.observer.coordinates == "canonical"
-        return self.form.copy(t, u, self._p, canonical, {})
+        return self.form.copy(t, u, self._p, self.observer.canonical, {})
+
+    @property
+    def estimate(self) -> ca.SX:
+        """The estimate in the observer's coordinates."""
+        with told("estimate"):
+            return self.observer.estimate(self._s, self._k)
 
     @cached_property
     def rates(self) -> dict[str, ca.SX]:
@@ -99,7 +104,7 @@ class Equations:
     def pulls(self) -> tuple[ca.SX, ca.SX]:
         """How the innovation moves the declared correction, and -(C xhat)'; shapes (q, q)."""
         xhat = self._s.xhat
-        slope = ca.jacobian(self.copy(self._t).output(xhat), xhat) @ ca.jacobian(self.rates["xhat"], self._e)
+        slope = ca.jacobian(self.copy(self._t).output(self.estimate), xhat) @ ca.jacobian(self.rates["xhat"], self._e)
         return ca.jacobian(ca.SX(self.correction), self._e), -slope
 
     @cached_property
@@ -107,7 +112,7 @@ class Equations:
         """(t, parameters, z, e) -> (z', its Jacobian with e = C xhat - y)."""
         rate = ca.vertcat(*[block.flat(self.rates[name]) for name, block in self.states.items()])
         slope = ca.jacobian(rate, self._z)
-        guess = self.copy(self._t).output(self._s.xhat)
+        guess = self.copy(self._t).output(self.estimate)
         closed = slope + ca.jacobian(rate, self._e) @ ca.jacobian(guess, self._z)
         return self.function("flow", rate, closed)
 
@@ -172,7 +177,9 @@ class Equations:
 
     def start(self, x: np.ndarray) -> np.ndarray:
         """z with the estimate at the plant's state x and the other states where they start."""
-        xhat = self.form.start(x, self.plant.parameters, self.observer.coordinates == "canonical")
+        with told("start"):
+            estimate = np.asarray(self.form.start(x, self.plant.parameters, self.observer.canonical))
+            xhat = self.observer.start(estimate, self.design)
         values = {n: v.values if isinstance(v, Symmetric) else v for n, v in self.defaults.items()}
         values["xhat"] = xhat
         return np.concatenate([block.numbers(np.asarray(values[name])) for name, block in self.states.items()])

@@ -19,7 +19,7 @@ from hgorun.observers.base import (
     Sample,
     SampledObserver,
 )
-from hgorun.observers.capabilities import Differentiator, SlidingMode
+from hgorun.observers.capabilities import Differentiator, NotLinear, SlidingMode
 from hgorun.simulation.preparation import prepare
 from hgorun.symbolic.states import Symmetric
 from hgorun.testing.cases import CHAINS, WRONG_PLANTS, Case, Keys, Subject, as_tuple, built, lent
@@ -200,6 +200,8 @@ def _rate(subject: Subject) -> None:
             raise NotApplicable("it has no flow: only that the rate is a number was looked at")
         if declared == 0:
             raise NotApplicable("fastest_rate is 0, unknown: step: auto goes by the plant alone")
+        if isinstance(equations.observer, NotLinear) and equations.observer.not_linear is not None:
+            raise NotApplicable(equations.observer.not_linear)
         if isinstance(equations.observer, SlidingMode):
             raise NotApplicable("its right-hand side has no slope where the error is zero")
         found, rounding = fastest(equations)

@@ -88,12 +88,12 @@ def test_one_of_several_runs(shell: Shell) -> None:
     [
         (("--holdout", "b=5"), "no such output"),
         (("--holdout", "a=1"), "at least 2"),
-        (("--holdout", "z=more.csv"), "does not say in which column z stands"),
+        (("--holdout", "z=more.csv"), "neither data.outputs nor data.reference says in which column z stands"),
         (("--holdout", "a=2.5"), "--holdout a=2.5: expected a number of samples, or a file; there is no file 2.5"),
         (("--holdout", "a=5", "--holdout", "a=3"), "--holdout a=3: samples of a are held out already"),
         (("--set", "time.start=100"), "time.start: there are no data then: they are from 0 to 9.9"),
         (("--set", "time.end=-1"), "time.end: there are no data then: they are from 0 to 9.9"),
-        (("--set", "data.inputs={v: angle}"), "data.inputs.v: no expression of the plant or of an observer has"),
+        (("--set", "data.inputs={v: angle}"), "data.inputs.v: nothing depends on this input"),
         (("--run", "x"), "has no runs"),
         (("--every", "1"), "for streams"),
         (("--set", "data.outputs.a.column=nothing"), "no column"),
@@ -157,6 +157,19 @@ def test_a_stream_goes_on_from_its_checkpoint(shell: Shell, monkeypatch: pytest.
     _, first, _ = piped(shell, monkeypatch, "\n".join(["t,signal,y", *lines[:13]]), "--checkpoint", "state")
     _, rest, _ = piped(shell, monkeypatch, "\n".join(["t,signal,y", *lines]), "--checkpoint", "state")
     assert first + rest[1:] == whole
+
+
+def test_a_file_that_is_held_out_has_the_columns_that_the_reference_names_there(shell: Shell) -> None:
+    (shell.folder / "laboratory.csv").write_text("drawn,phi\n2.05,0.88\n3.05,0.09\n4.05,-0.79\n")
+    of_laboratory = "data.reference={a: {file: laboratory.csv, column: phi, time: drawn}}"
+    words = ("--holdout", "a=laboratory.csv", "--set", of_laboratory, "--no-plots", "--no-sensitivity")
+    code, _, err = shell("estimate", "pendulum.yaml", *words)
+    assert (code, err) == (0, "")
+    scores = json.loads(shell("estimate", "pendulum.yaml", *words, "--json")[1])["observers"]["o"]["scores"]
+    assert scores["holdout_rmse"] == scores["reference_rmse"]
+    code, _, err = shell("estimate", "pendulum.yaml", "--holdout", "a=laboratory.csv", "--no-plots")
+    assert code == 2
+    assert "angle" in err
 
 
 CONSTANT = "data.outputs.a={column: angle, std: 0.02}"

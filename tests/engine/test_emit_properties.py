@@ -27,7 +27,7 @@ from hgorun.engine.emit import emit
 from hgorun.errors import HgorunError
 from hgorun.native.compiler import NativeModule, _target_machine
 from hgorun.symbolic.instructions import read
-from hgorun.symbolic.interpreter import carry_out
+from hgorun.symbolic.interpreter import carry_out, steps_of
 
 Array = npt.NDArray[np.float64]
 LANES = (1, 2, 4, 8, 16)
@@ -199,8 +199,8 @@ class Native:
 def interpreted(inputs: Sequence[ca.SX], outputs: Sequence[ca.SX], at: dict[str, Array]) -> Array:
     """The outputs at all points, shape (outputs, points), as what is computed outside the compiled code has them."""
     found = np.empty((POINTS, len(outputs)))
-    instructions = read(ca.Function("f", [*inputs], [ca.densify(ca.vertcat(*outputs))]))
-    carry_out(instructions, [at["t"], *(np.ascontiguousarray(at[name].T) for name in ("p", "z", "w"))], [found])
+    steps = steps_of(read(ca.Function("f", [*inputs], [ca.densify(ca.vertcat(*outputs))])))
+    carry_out(steps, [at["t"], *(np.ascontiguousarray(at[name].T) for name in ("p", "z", "w"))], [found])
     return found.T
 
 

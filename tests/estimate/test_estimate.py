@@ -54,7 +54,7 @@ def test_the_recording_of_a_simulation_gives_its_bits(delay: str, start: float) 
 def test_several_rates_and_late_samples_give_the_simulations_bits() -> None:
     plant = inline({"a": "b", "b": "-a + c", "c": "d", "d": "-c - a*b"}, ["a", "c"])
     outputs = {"a": {"sampling": {"period": 0.1}}, "c": {"sampling": {"period": 0.17}, "delay": 0.05}}
-    blocks = {"shgo": {"type": "shgo", "theta": 2, "poles": -1, "initial": {"a": 0.0}}}
+    blocks = {"shgo": {"type": "shgo", "theta": 2, "poles": -1, "initial": {"a": 0.0, "c": 0.0}}}
     run = prepare(experiment(plant, blocks, end=4, step=0.01, measurement={"noise": NOISE, "outputs": outputs}))
     found = estimate(run.experiment.source, of_simulation(run), sensitivity=False)
     assert np.array_equal(found.observers["shgo"].xhat, simulate_prepared(run).observers["shgo"].xhat)
@@ -180,7 +180,7 @@ def test_held_out_samples_are_not_used_and_a_reference_changes_nothing(tmp_path:
             "time.start: there are no data then: they are from 0 to 2",
         ),
         ({"plant": 3}, "plant"),
-        ({"observers": {}}, "no observers"),
+        ({"observers": {}}, "observers: there are none: give one"),
     ],
 )
 def test_what_cannot_be_is_said(change: dict[str, object], message: str) -> None:
@@ -239,3 +239,30 @@ def test_long_logs_are_not_run_again_for_every_gain(monkeypatch: pytest.MonkeyPa
     found = estimate(source({"plant": PENDULUM, "observers": observers("shgo")}), recording(signal("a", taken, taken)))
     assert "sensitivity" not in assessed_of(found, "shgo").scores
     assert any("20 samples" in remark for remark in found.remarks)
+
+
+def test_measured_states_start_at_their_first_samples_unless_they_are_given() -> None:
+    taken = np.arange(0, 2, 0.1)
+    log = recording(signal("a", taken, 0.7 + taken))
+    blocks = {name: {"type": "shgo", "theta": 2, "poles": -1, "initial": start} for name, start in STARTS.items()}
+    found = estimate(source({"plant": PENDULUM, "observers": blocks}), log, sensitivity=False)
+    starts = {name: one.xhat[0].tolist() for name, one in found.observers.items()}
+    assert starts == {"nothing": [0.7, 0.0], "the other": [0.7, 3.0], "this": [0.1, 0.0]}
+
+
+STARTS: dict[str, dict[str, float]] = {"nothing": {}, "the other": {"b": 3.0}, "this": {"a": 0.1}}
+
+
+def test_an_input_has_to_act_on_the_plant_or_on_an_observer() -> None:
+    """What is asked is the equations: a name in a text is not enough, and one that is built in need not be written."""
+    taken = np.arange(0, 2, 0.1)
+    log = recording(signal("a", taken, np.sin(taken)), u=held_input("u", [0, 1], [0.3, -0.2]))
+    silent = inline({"a": "b", "b": "-sin(a) - 0*u"}, "a", inputs={})
+    with pytest.raises(ConfigError, match=r"data\.inputs\.u: nothing depends on this input"):
+        estimate(source({"plant": silent, "observers": observers("shgo")}), log)
+    rate: Block = {"type": "kinetic_rate", "theta": 2, "yields": {"a": [1.0]}, "dilution": "u"}
+    found = estimate(source({"plant": silent, "observers": {"o": rate}}), log, sensitivity=False)
+    assert found.inputs == ("u",)
+    listed = inline({"a": "b", "b": "-sin(a) + u"}, "a", inputs={"u": {}})  # what it is comes with the data
+    found = estimate(source({"plant": listed, "observers": observers("shgo")}), log, sensitivity=False)
+    assert found.u[-1].tolist() == [-0.2]

@@ -11,6 +11,7 @@ from examples import Block, experiment, inline
 from recordings import NOISE, PENDULUM, START, observers, of_simulation, pendulum, recording, signal
 
 import hgorun
+from hgorun.engine.live import Live
 from hgorun.errors import ConfigError
 from hgorun.estimate.carrying import estimates, one_pass
 from hgorun.estimate.completed import completed
@@ -75,6 +76,44 @@ def test_what_is_predicted_changes_nothing(small: Experiment) -> None:
         assert np.array_equal(one.predict(0.1 * k)["shgo"], other.estimate()["shgo"])
 
 
+def test_what_is_predicted_on_a_grid_takes_as_many_steps_as_the_way_is_long(
+    small: Experiment, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    estimator, advanced = Estimator(small), []
+    estimator.update(0.1, {"a": 0.1})
+    through = Live.advance
+
+    def advance(live: Live, t: float, regime: int) -> None:
+        advanced.append(t - live.t)
+        through(live, t, regime)
+
+    monkeypatch.setattr(Live, "advance", advance)
+    times = np.linspace(0.1, 3.0, 50).tolist()
+    found = list(estimator.predictions(times))
+    assert sum(advanced) == pytest.approx(2.9)
+    assert [t for t, _ in found] == times
+    for t, ahead in found[::7]:  # other steps, the same to their error
+        np.testing.assert_allclose(ahead["shgo"], estimator.predict(t)["shgo"], rtol=0, atol=1e-6)
+    assert estimator.t == 0.1
+
+
+def test_whoever_is_interrupted_while_he_predicts_has_lost_nothing(
+    small: Experiment, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    estimator = Estimator(small)
+    estimator.update(0.1, {"a": 0.1})
+    before, through = estimator.checkpoint(), Live.advance
+
+    def interrupted(live: Live, t: float, regime: int) -> None:
+        through(live, t, regime)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Live, "advance", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        estimator.predict(1.0)
+    assert estimator.checkpoint() == before
+
+
 def test_a_checkpoint_goes_on_with_the_same_bits(small: Experiment) -> None:
     one = Estimator(small, gates={"a": 4})
     for k in range(1, 15):
@@ -113,7 +152,7 @@ def test_observers_that_jump_are_followed() -> None:
     run = prepare(experiment(PENDULUM, blocks, end=4, step=0.01, measurement={"sampling": {"period": 0.1}}))
     log = of_simulation(run)
     prepared = prepare_estimate(completed(run.experiment.source, log, "x", ""), log)
-    assert np.array_equal(follow(Estimator(run.experiment), prepared), at_arrivals(prepared))
+    assert np.array_equal(follow(Estimator(prepared.experiment), prepared), at_arrivals(prepared))
 
 
 def test_what_cannot_be_followed_is_said(small: Experiment) -> None:

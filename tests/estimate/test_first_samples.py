@@ -101,6 +101,14 @@ def test_a_start_that_is_given_is_kept() -> None:
     assert initial == {"a": 0.0, "b": 1.0}
 
 
+def test_of_a_start_that_is_given_in_part_the_rest_is_fitted() -> None:
+    blocks = {"o": {"type": "shgo", "theta": 2, "initial": {"b": 5.0}}}
+    config = {"plant": OSCILLATOR, "observers": blocks, "solver": {"step": 0.01}}
+    recorded = replace(recording(*outputs_at(TIMES, a=np.cos(2 * TIMES))), first_samples=3)
+    initial = completed(source(config), recorded, "start", "").observers["o"].initial
+    assert initial == pytest.approx({"a": 1.0, "b": 5.0})
+
+
 def test_a_model_that_leaves_all_bounds_is_refused() -> None:
     plant = plant_of({"a": "b", "b": "exp(50*a)"}, "a")
     with pytest.raises(ConfigError, match="leaves all bounds"):

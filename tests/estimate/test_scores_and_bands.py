@@ -2,15 +2,28 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from recordings import recording, signal
+from recordings import PENDULUM, observers, recording, signal, source
+from scipy.special import chdtrc
 
 from hgorun.errors import ConfigError
 from hgorun.estimate.bands import Band, band_of, coverage, since_last
+from hgorun.estimate.completed import completed
+from hgorun.estimate.evaluated import evaluate_run
 from hgorun.estimate.gate import RunningDeviation
 from hgorun.estimate.holdout import HoldOut, held_out, number_of, parse_holdout
-from hgorun.estimate.scores import ljung_box, rms, settled
+from hgorun.estimate.prepared import prepare_estimate
+from hgorun.estimate.scores import chi_squared_beyond, ljung_box, rms, scores_of, settled
+
+
+@pytest.mark.parametrize("degrees", [2, 10, 24])
+def test_chi_squared_is_that_of_scipy(degrees: int) -> None:
+    values = np.concatenate([np.linspace(0, 60, 121), [200.0, 1400.0, 1e9]])
+    found = [chi_squared_beyond(float(value), degrees) for value in values]
+    np.testing.assert_allclose(found, chdtrc(degrees, values), rtol=1e-12, atol=1e-300)
 
 
 def test_white_numbers_pass_the_test_of_whiteness_as_often_as_it_says() -> None:
@@ -98,3 +111,24 @@ def test_hold_outs() -> None:
         held_out(log, [HoldOut("E", 5)])
     with pytest.raises(ConfigError, match="12 samples only"):
         held_out(log, [HoldOut("S", 50)])
+
+
+def test_an_estimate_that_is_undefined_for_moments_leaves_the_scores_what_they_are() -> None:
+    taken = np.arange(0, 4, 0.1)
+    log = recording(signal("a", taken, np.sin(taken)), reference={"a": signal("a", taken, np.sin(taken))})
+    config = source({"plant": PENDULUM, "observers": observers("shgo")})
+    prepared = prepare_estimate(completed(config, log, "x", ""), log)
+    found = evaluate_run(prepared, {}, log.reference)
+    one = found.reference["a"]
+    whole = scores_of(prepared, found, 0)["reference_rmse"]["a"]
+
+    def undefined(*places: int, values: float = np.nan) -> float:
+        residuals = one.residuals.copy()
+        residuals[0, list(places)] = values
+        changed = replace(found, reference={"a": replace(one, residuals=residuals)})
+        return scores_of(prepared, changed, 0)["reference_rmse"]["a"]
+
+    assert undefined(3, 17) == pytest.approx(whole, rel=0.1)
+    assert undefined(*range(25)) == np.inf  # that is no moment
+    found.carried.raw.diverged[0, 0] = 3.0
+    assert undefined(39) == np.inf

@@ -84,6 +84,35 @@ def test_the_filter_of_what_has_arrived(delay: str) -> None:
         np.testing.assert_allclose(found.internal["P"][row, 0], z[2:4], rtol=0, atol=2e-7)
 
 
+JUMPING: list[Block] = [
+    EKF,
+    {"type": "ukf", "Q": {"b": 0.1}, "R": 0.01},
+    {"type": "hg_ekf", "theta": 2, "update": "jump"},
+    {"type": "hg_ekf", "theta": 2, "late": "replay"},
+    {"type": "impulsive", "theta": 2},
+    {"type": "impulsive_riccati", "theta": 2},
+]
+
+
+@pytest.mark.parametrize("block", JUMPING, ids=lambda block: f"{block['type']} {block.get('update', '')}")
+def test_with_all_samples_in_hand_any_filter_is_the_one_in_order_bit_for_bit(block: Block) -> None:
+    """One output; every second sample is 0.5 late, so that it comes after the one that was taken behind it."""
+    end = 2.0
+    keep: Block = {"end": end, "output_step": 0.25, "step": STEP}
+    late = {"sampling": {"period": PERIOD, "offset": PERIOD}, "delay": "0.25*(1 + sign(cos(4*pi*t)))"}
+    result = simulated(PENDULUM, {"K": block}, measurement=late, **keep)
+    taken = np.sort(result.measurements.taken[:, 0])
+    assert np.any(np.diff(result.measurements.taken[:, 0]) < 0)
+    assert np.all(np.diff(taken) > 0)
+    in_order = {"sampling": {"times": taken.tolist()}}
+    wanted = simulated(PENDULUM, {"K": block}, measurement=in_order, **keep).observers["K"]
+    found = result.observers["K"]
+    assert np.array_equal(found.xhat[-1], wanted.xhat[-1])
+    for name, values in found.internal.items():
+        assert np.array_equal(np.asarray(values)[-1], np.asarray(wanted.internal[name])[-1])
+    assert not np.array_equal(found.xhat, wanted.xhat)
+
+
 def test_with_all_samples_in_hand_it_is_the_filter_in_order_bit_for_bit() -> None:
     """Delays of whole periods, so that both have the same steps; by t = 3.5 all of the first twelve have come."""
     times = [PERIOD * k for k in range(1, 13)]

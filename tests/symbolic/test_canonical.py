@@ -13,6 +13,7 @@ import hgorun
 from hgorun.errors import ConfigError
 from hgorun.symbolic.canonical import CanonicalForm
 from hgorun.symbolic.matrices import A, C, hurwitz_gain, inv_Delta
+from hgorun.symbolic.uniform import input_slopes
 
 MEASURED = {"sampling": {"period": 0.1}, "noise": [{"type": "sinusoids", "terms": [{"amplitude": 0.1, "omega": 20}]}]}
 
@@ -215,3 +216,27 @@ def test_canonical_coordinates_need_an_inverse(kind: str, dynamics: dict[str, st
     with pytest.raises(hgorun.ConfigError, match="gives no inverse of its canonical map") as error:
         hgorun.simulate(experiment(plant, {"O": block}))
     assert error.value.key == "observers.O.coordinates"
+
+
+@pytest.mark.parametrize(
+    ("dynamics", "output", "always"),
+    [
+        ({"a": "b + u*a*k", "b": "-a*b + u*b"}, "a", True),
+        ({"b": "-a*b + u*b", "a": "b + u*a*k"}, "a", True),
+        ({"a": "b + u*a*k", "b": "-a*b + u*b"}, "a + a*a", True),
+        ({"a": "b + u*b*k", "b": "-a + u*b"}, "a", False),
+        ({"a": "b + k*a", "b": "-a + u"}, "a + 0.1*b", False),
+    ],
+)
+def test_what_is_triangular_for_all_numbers_is_known_from_the_equations(
+    dynamics: dict[str, str], output: str, always: bool
+) -> None:
+    for k in (0.0, 1.5):  # b reaches a' through the input, unless k is zero
+        plant = inline(" ".join(dynamics), dynamics, output, inputs={"u": "sin(t)"}, parameters={"k": k})
+        plant["initial"] = {"a": 0.4, "b": 0.7}
+        e = experiment(plant, {"o": {"type": "shgo", "theta": 2, "map": "derivatives"}})
+        if "u*b*k" in dynamics["a"] and k:
+            with pytest.raises(ConfigError, match="not uniformly observable"):
+                _ = e.forms
+        else:
+            assert (input_slopes(form_of(e)) is None) == always

@@ -10,6 +10,8 @@ import examples
 import numpy as np
 import pytest
 import yaml
+from hypothesis import given
+from hypothesis import strategies as st
 
 import hgorun
 from hgorun.errors import ConfigError
@@ -247,3 +249,12 @@ def test_ranks_do_not_depend_on_units() -> None:
         assert ranks.singular_value_ratio(rows[:, None] * regular * columns) > 1e-3
         assert ranks.singular_value_ratio(rows[:, None] * singular * columns) < ranks.SINGULAR
         assert ranks.rank(rows[:, None] * singular * columns) == 3
+
+
+@given(st.data(), st.integers(1, 4), st.integers(0, 1))
+def test_a_short_cut_says_of_a_matrix_what_its_singular_values_say(data: st.DataObject, n: int, more: int) -> None:
+    number = st.floats(-1, 1) | st.sampled_from([0.0, 1e-12, 1e9, np.nan, np.inf])
+    matrix = np.array([[data.draw(number) for _ in range(n)] for _ in range(n + more)])
+    if data.draw(st.booleans()):
+        matrix[:, -1] = matrix[:, 0] * (1 + 1e-11 * matrix[:, -1])
+    assert ranks.is_regular(matrix) == (ranks.singular_value_ratio(matrix) > ranks.SINGULAR)

@@ -17,9 +17,10 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from hgorun.analysis.reasons import NoValue
-from hgorun.observers.base import AnyObserver, ContinuousObserver
-from hgorun.observers.capabilities import HighGain
+from hgorun.analysis.reasons import CORRECTED, NoValue
+from hgorun.errors import Problem
+from hgorun.observers.base import AnyObserver, ContinuousObserver, CorrectedObserver
+from hgorun.observers.capabilities import HighGain, NotLinear, SettlingGain
 from hgorun.observers.constant_gain import PlacedGain
 from hgorun.observers.forward_differences import ForwardDifferences
 from hgorun.observers.riccati import RiccatiGain
@@ -145,6 +146,8 @@ def error_dynamics(observer: AnyObserver, form: Form) -> ErrorDynamics:
         Where there are no such matrices.
     """
     chains = _chains(observer, form)
+    if isinstance(observer, NotLinear) and observer.not_linear is not None:
+        raise NoValue(observer.not_linear)
     if isinstance(observer, ForwardDifferences):
         return _differences(observer, form)
     at_one, other = (_linear(observer, chains, theta) for theta in (1.0, _ELSEWHERE))
@@ -168,6 +171,8 @@ def _asked_for(observer: AnyObserver, A: np.ndarray) -> np.ndarray | None:
 def _chains(observer: AnyObserver, form: Form) -> tuple[int, ...]:
     """Lengths of the chains."""
     if isinstance(form, ChainForm):
+        if isinstance(observer, CorrectedObserver):
+            raise NoValue(CORRECTED)
         if isinstance(observer, ForwardDifferences) or _is_flow(observer):
             return form.chains
     elif isinstance(form, BlockForm) and isinstance(observer, RiccatiGain):
@@ -228,14 +233,19 @@ def _chain_model(chains: tuple[int, ...]) -> PlantModel:
 def _linear(observer: AnyObserver, chains: tuple[int, ...], theta: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """A, E and the flux of an observer on chains, differentiated where there is no error."""
     model = _chain_model(chains)
-    plain = observer.model_copy(update={"theta": theta, "saturation": {}, "coordinates": "original", "initial": {}})
+    neutral: dict[str, object] = {"saturation": {}, "clip_estimate": None, "coordinates": "original", "initial": {}}
+    plain = observer.model_copy(update={"theta": theta, **neutral})
     form: Form
     if isinstance(observer, RiccatiGain):
         form = TriangularForm(model, model, tuple(range(model.n)), (0,))
     else:
         form = CanonicalForm(model, chains, model.x, ca.SX.eye(model.n), identity=True)
     parameters = Parameters()
-    block = ObserverBlock.place(Design.of("observer", plain, form), 0, False, parameters)
+    try:
+        design = Design.of("observer", plain, form)
+    except Problem as problem:  # its keys name the plant's own states or outputs
+        raise NoValue(f"the observer does not take chains of integrators: {problem.message}") from problem
+    block = ObserverBlock.place(design, 0, False, parameters)
     z, e = ca.SX.sym("z", block.end), ca.SX.sym("e", len(chains))
     copy = block.copy(model.t, model.u, model.p)
     s = block.symbols(z)
@@ -249,15 +259,15 @@ def _linear(observer: AnyObserver, chains: tuple[int, ...], theta: float) -> tup
     flux = H @ rate + correction
     parts = [ca.jacobian(rate, xi), ca.jacobian(rate, e), H, ca.jacobian(flux, xi), ca.jacobian(flux, e)]
     values = ca.Function("linear", [parameters.symbol, z, e], [ca.densify(part) for part in parts])
-    found = values(parameters.values, _settled(block, model.n), np.zeros(len(chains)))
+    found = values(parameters.values, _settled(block), np.zeros(len(chains)))
     A0, E, H_, F0, F1 = (np.asarray(v.full()) for v in found)
     return A0 + E @ H_, E, F0 + F1 @ H_
 
 
-def _settled(block: ObserverBlock, n: int) -> np.ndarray:
-    """No error, and the matrices of a time-varying gain where they settle on a chain of n integrators."""
+def _settled(block: ObserverBlock) -> np.ndarray:
+    """No error, and the matrices of a time-varying gain where they settle on chains of integrators."""
     z = np.zeros(block.end)
-    matrices = block.observer.settled(n) if isinstance(block.observer, RiccatiGain) else {}
+    matrices = block.observer.settled(block.form) if isinstance(block.observer, SettlingGain) else {}
     for name, values in matrices.items():
         if name in block.states:
             state = block.states[name]

@@ -16,7 +16,7 @@ from hgorun.analysis.convergence.signals import Amplitudes, amplitudes
 from hgorun.analysis.reasons import NoValue, outcome, require_innovation
 from hgorun.analysis.subject import Subject, once
 from hgorun.observers.base import CorrectedObserver, SampledObserver
-from hgorun.observers.capabilities import HighGain
+from hgorun.observers.capabilities import HighGain, LocallyLinear, SettlingGain
 from hgorun.symbolic.forms import BlockForm, ChainForm
 
 _FINE = 0.5  # of the fastest time constant: the output grid shows a transient whose steps are shorter
@@ -85,10 +85,22 @@ def premises_of(subject: Subject) -> Premises:
     a = amplitudes(subject.run, chart, subject.result)
     start = _start(subject, chart)
     dynamics = outcome(lambda: dynamics_of(subject)).found
-    bounded = dynamics is not None and dynamics.lyapunov.hurwitz and isinstance(subject.form, ChainForm)
+    constant = isinstance(subject.form, ChainForm) and not isinstance(subject.observer, SettlingGain)
+    bounded = dynamics is not None and dynamics.lyapunov.hurwitz and constant
     reach = _reach(dynamics, start, theta, a) if dynamics is not None and bounded and is_coarse(subject) else None
     slopes = lipschitz(subject.run, chart, saturation, subject.result, subject.label, reach)
     return Premises(theta=theta, chart=chart, lipschitz=slopes, amplitudes=a, reach=reach, start=start)
+
+
+def require_linear(subject: Subject) -> None:
+    """The theorems are for corrections that are linear in the innovation.
+
+    Raises
+    ------
+    NoValue
+    """
+    if isinstance(subject.observer, LocallyLinear) and subject.observer.nonlinear is not None:
+        raise NoValue(f"the theorems are for corrections linear in the innovation: here {subject.observer.nonlinear}")
 
 
 def _start(subject: Subject, chart: Chart) -> dict[str, np.ndarray]:

@@ -9,11 +9,11 @@ import numpy as np
 from hgorun.analysis.convergence import bounds, envelope, time_varying
 from hgorun.analysis.convergence.bounds import Halanay
 from hgorun.analysis.convergence.envelope import Envelope
-from hgorun.analysis.convergence.premises import Premises, dynamics_of, is_coarse, premises_of, weights
+from hgorun.analysis.convergence.premises import Premises, dynamics_of, is_coarse, premises_of, require_linear, weights
 from hgorun.analysis.convergence.time_varying import FilterTheorem, Gramian
 from hgorun.analysis.reasons import NoValue, outcome, why_lost
 from hgorun.analysis.subject import Subject, once
-from hgorun.observers.capabilities import FilterCascade
+from hgorun.observers.capabilities import FilterCascade, SettlingGain
 from hgorun.observers.riccati import RiccatiGain
 from hgorun.result.theory import Transient
 from hgorun.symbolic.forms import BlockForm, ChainForm
@@ -54,7 +54,13 @@ def theorem_of(subject: Subject) -> Theorem:
         Where none is known, or its assumptions have no numbers.
     """
     premises = premises_of(subject)
+    require_linear(subject)
     if not isinstance(subject.observer, RiccatiGain):
+        if isinstance(subject.observer, SettlingGain):
+            raise NoValue(
+                f"the gain of {subject.observer.type} follows the linearisation along the estimate: its theorem says "
+                "that some theta is large enough, not which"
+            )
         return _constant_gain(subject, premises)
     gramian = gramian_of(subject)
     if isinstance(subject.observer, FilterCascade):
@@ -80,12 +86,14 @@ def _constant_gain(subject: Subject, p: Premises) -> Theorem:
 
 def delay_of(subject: Subject) -> Halanay:
     """Theorem 3.4.1 for an observer of constant gain."""
+    require_linear(subject)
     p = premises_of(subject)
     return bounds.delayed(dynamics_of(subject), p.lipschitz, p.theta)
 
 
 def sharp_delay_of(subject: Subject) -> Halanay:
     """The same proof with nothing given away."""
+    require_linear(subject)
     p = premises_of(subject)
     return bounds.delayed_sharply(dynamics_of(subject), p.lipschitz, p.theta)
 
@@ -220,6 +228,8 @@ def _lacking(subject: Subject) -> list[str]:
         found.append(why_lost(subject.found))
     if run.plant.block.discretise:
         found.append("the plant is a difference equation")
+    if subject.observer.clip_estimate:
+        found.append("the estimate is shown clipped, and the theorem is about what is behind it")
     if isinstance(subject.form, ChainForm) and not p.chart.identity and _clipped(subject):
         found.append("the estimate leaves its saturation, which is in x and not in z")
     if not run.adaptive and observer.fastest_rate(subject.form) * run.step > 1:

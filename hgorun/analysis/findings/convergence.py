@@ -17,6 +17,7 @@ from hgorun.analysis.convergence.theorem import (
 from hgorun.analysis.finding import Remarked, finding
 from hgorun.analysis.reasons import NoValue, outcome
 from hgorun.analysis.subject import Subject
+from hgorun.observers.capabilities import SettlingGain
 from hgorun.observers.riccati import RiccatiGain
 
 
@@ -33,9 +34,14 @@ def _holds(observer: Subject) -> bool:
     return not _follows(observer)
 
 
-def _follows(observer: Subject) -> bool:
-    """Whether its gain follows F(u, xhat)."""
+def _has_gramian(observer: Subject) -> bool:
+    """Whether its theorem is about S(t)."""
     return isinstance(observer.observer, RiccatiGain)
+
+
+def _follows(observer: Subject) -> bool:
+    """Whether its gain follows the plant."""
+    return isinstance(observer.observer, SettlingGain)
 
 
 @finding(r"L_phi of (3.8), (3.16): the largest \|d phi_k/d z_i\|", group="slopes")
@@ -177,7 +183,7 @@ def peaking_law(observer: Subject) -> dict[str, dict[str, float]]:
     return peaking_law_of(observer)
 
 
-@finding("time-varying gains: sup lambda_max(S)/inf lambda_min(S) over the run", optional=True, applies=_follows)
+@finding("time-varying gains: sup lambda_max(S)/inf lambda_min(S) over the run", optional=True, applies=_has_gramian)
 def chi_S(observer: Subject) -> float:  # the theorem's letter
     premises_of(observer)  # there is a theorem
     return gramian_of(observer).chi

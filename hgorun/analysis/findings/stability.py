@@ -19,7 +19,7 @@ from hgorun.analysis.stability.critical import (
     timing_of,
 )
 from hgorun.analysis.subject import Context, Subject, once
-from hgorun.observers.base import SampledObserver
+from hgorun.observers.base import CorrectedObserver, SampledObserver
 from hgorun.result.result import Result
 
 _UNDELAYED = "the observer takes samples without delay"
@@ -68,7 +68,11 @@ def _remarked(name: str, limit: Limit) -> Remarked:
 )
 def period_critical(observer: Subject) -> Remarked:
     if isinstance(observer.observer, SampledObserver):
-        return _remarked("period_critical", jumping_period(observer.observer, observer.form))
+        return _remarked("period_critical", jumping_period(observer.observer.longest_period(observer.form)))
+    if isinstance(observer.observer, CorrectedObserver):
+        known = observer.observer.longest_period(observer.form)
+        if known is not None:
+            return _remarked("period_critical", jumping_period(known))
     return _limit(observer, "period_critical", critical_period, _along_run)
 
 

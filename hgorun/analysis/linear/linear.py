@@ -15,6 +15,8 @@ import casadi as ca
 import numpy as np
 
 from hgorun.analysis.linear.coordinates import transformed
+from hgorun.analysis.reasons import NoValue
+from hgorun.observers.capabilities import NotLinear
 from hgorun.result.observer import ObserverResult
 from hgorun.simulation.observer_block import ObserverBlock
 from hgorun.simulation.prepared import PreparedRun
@@ -78,6 +80,8 @@ class Linearisation:
     @cached_property
     def _functions(self) -> ca.Function:
         run, b = self.run, self.block
+        if isinstance(b.observer, NotLinear) and b.observer.not_linear is not None:
+            raise NoValue(b.observer.not_linear)
         model, p = run.plant.model, run.structure.plant
         t = model.t
         u = ca.substitute(run.plant.inputs, model.p, p)
@@ -155,7 +159,8 @@ class Linearisation:
         canonical = b.canonical
         z0 = self.run.numbers.z0[b.start : b.stop].copy()
         place = b.states["xhat"]
-        z0[place.start - b.start :][: place.size] = form.start(x, self.run.plant.parameters, canonical)
+        estimate = np.asarray(form.start(x, self.run.plant.parameters, canonical))
+        z0[place.start - b.start :][: place.size] = b.observer.start(estimate, b.design)
         return z0
 
     def along(self, result: ObserverResult, i: int) -> np.ndarray:
@@ -165,10 +170,22 @@ class Linearisation:
     def states(self, result: ObserverResult, points: np.ndarray) -> np.ndarray:
         """The states xi (M, N) at several points of the output grid of a finished run."""
         parts = []
+        self._require_unclipped(result, points)
         for name, place in self.block.states.items():
             if name == "xhat":
                 parameters, canonical = self.run.plant.parameters, self.block.canonical
-                parts.append(transformed(self.block.form, result.xhat[points], parameters, canonical=canonical))
+                estimates = transformed(self.block.form, result.xhat[points], parameters, canonical=canonical)
+                parts.append(self.block.observer.start(estimates, self.block.design))
             elif name != "alpha" and place.size:
                 parts.append(place.flattened(result.internal[name][points]))
         return np.concatenate(parts, axis=1)
+
+    def _require_unclipped(self, result: ObserverResult, points: np.ndarray) -> None:
+        """Where what is shown of an estimate lies at a bound, what is behind it is not known."""
+        b, names = self.block, self.block.form.plant.states
+        if not b.observer.clip_estimate:
+            return
+        shown = result.xhat[points]
+        for name, bounds in b.observer.saturation.items():
+            if name in names and np.any(np.isin(shown[:, names.index(name)], bounds)):
+                raise NoValue(f"{name} is clipped to its bounds along the run (clip_estimate)")

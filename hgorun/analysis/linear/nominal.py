@@ -57,7 +57,7 @@ def nominal(run: PreparedRun, label: str | None = None) -> Result:
             changes[f"observers.{name}"] = None
             continue
         try:  # the true state, unless the observer cannot start there
-            run.forms[name].start(plant.initial, plant.parameters, observer.coordinates != "original")
+            run.forms[name].start(plant.initial, plant.parameters, observer.canonical)
         except ValueError:
             continue
         changes[f"observers.{name}.initial"] = initial
@@ -88,7 +88,7 @@ def chain(run: PreparedRun, label: str) -> tuple[PreparedRun, Result]:
     if isinstance(run.forms[label], ChainForm):
         states = [s for one in names for s in one]
     block = run.experiment.resolved()["observers"][label]
-    for name in ("initial", "saturation", "coordinates", "map", "chains"):
+    for name in ("initial", "saturation", "clip_estimate", "coordinates", "map", "chains"):
         block.pop(name, None)
     observer = run.experiment.observers[label]
     slowest = observer.settling_rate if isinstance(observer, HighGain) else 1.0

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -21,9 +20,8 @@ from hgorun.analysis.linear.nominal import chain
 from hgorun.analysis.reasons import NoValue
 from hgorun.analysis.stability.growth import MAX_PERIODS, growth
 from hgorun.measurement.availability import Stretch
-from hgorun.observers.base import SampledObserver
+from hgorun.observers.base import PeriodLimit
 from hgorun.simulation.prepared import PreparedRun
-from hgorun.symbolic.forms import Form
 
 _RATIO_CONSTANT, _RATIO_VARYING = 1.04, 1.12  # of neighbouring values in a search for a first crossing
 _SHORTEST, _LONGEST = 1e-2, 3e2  # of 1/rate, where the search starts and ends
@@ -221,7 +219,7 @@ def _search(
     return Limit(0.5 * (low + high), where)
 
 
-def jumping_period(observer: SampledObserver[Any, Any], form: Form) -> Limit:
+def jumping_period(declared: PeriodLimit) -> Limit:
     """The critical period of an observer that jumps at the samples, as the observer declares it.
 
     Raises
@@ -229,7 +227,7 @@ def jumping_period(observer: SampledObserver[Any, Any], form: Form) -> Limit:
     NoValue
         Where no period makes it unstable.
     """
-    value, where = observer.longest_period(form)
+    value, where = declared
     if value is None:
         raise NoValue(where)
     return Limit(value, where)

@@ -1,0 +1,64 @@
+"""What samples do to observers that are corrected by them alone."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hgorun.analysis.finding import Remarked, finding
+from hgorun.analysis.linear.corrections import SampledError, sampled_error
+from hgorun.analysis.reasons import NoValue
+from hgorun.analysis.stability.critical import timing_of
+from hgorun.analysis.subject import Subject, once
+from hgorun.observers.base import CorrectedObserver
+from hgorun.observers.capabilities import Differentiator
+
+
+def _is_corrected(observer: Subject) -> bool:
+    """Whether it is a copy of the plant that samples correct."""
+    return isinstance(observer.observer, CorrectedObserver) and not isinstance(observer.observer, Differentiator)
+
+
+@once
+def _error(observer: Subject) -> SampledError:
+    period = timing_of(observer.run).period
+    if period is None:
+        raise NoValue("there are no two samples")
+    return sampled_error(observer.run, observer.label, observer.found, observer.result.time, period)
+
+
+@finding(
+    "for observers that samples correct: eigenvalues of what a period of sampling makes of a small error, with the "
+    "observer as it is at the end of the run",
+    group="poles",
+    optional=True,
+    applies=_is_corrected,
+)
+def period_factors(observer: Subject) -> Remarked:
+    timing = timing_of(observer.run)
+    remarks = "; ".join(text for text in (timing.phase, timing.regular, timing.uneven) if text)
+    return Remarked(_error(observer).factors, (f"period_factors: {remarks}",) if remarks else ())
+
+
+@finding(
+    "for observers that samples correct: the gain of a sample at the end of the run, for each output",
+    group="poles",
+    unit="state/output",
+    places=("json",),
+    optional=True,
+    applies=_is_corrected,
+)
+def sample_gain(observer: Subject) -> dict[str, list[float]]:
+    gain = _error(observer).gain
+    return {state: [float(one) for one in row] for state, row in zip(observer.result.states, gain, strict=True)}
+
+
+@finding(
+    "for observers that samples correct: standard deviation behind a sample under white noise of unit variance, with "
+    "the error of `period_factors`",
+    group="h2",
+    unit="state/output",
+    optional=True,
+    applies=_is_corrected,
+)
+def sample_noise(observer: Subject) -> dict[str, float]:
+    return observer.by_state(np.asarray(_error(observer).deviation()))

@@ -1,0 +1,146 @@
+"""``estimate CONFIG mqtt://HOST/TOPIC``: samples from a broker, estimates to standard output or to a broker."""
+
+from __future__ import annotations
+
+import io
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from importlib.util import find_spec
+from typing import Protocol
+
+from hgorun.commands.mqtt_address import Address, Credentials, client_id_of, require_topic
+from hgorun.commands.mqtt_session import Message, Session
+from hgorun.commands.options import Estimate
+from hgorun.commands.stream_lines import Block, JsonForm, Sample
+from hgorun.commands.stream_progress import Redelivered
+from hgorun.commands.stream_samples import REMEMBERED, Grid, OneByOne, Stream, Writer, refuse_results
+from hgorun.config.yaml_source import Source
+from hgorun.errors import ConfigError, HgorunError, printable
+from hgorun.process import say
+
+_TOLD = 20  # messages that are left out and told; of more it is known that there are more
+
+
+class Broker(Protocol):
+    """What is asked of a session; see :class:`~hgorun.commands.mqtt_session.Session`."""
+
+    def messages(self) -> list[Message]: ...
+
+    def publish(self, topic: str, payloads: list[str]) -> None: ...
+
+    def acknowledge(self, messages: list[Message]) -> None: ...
+
+
+def follow_topic(source: Source, name: str, options: Estimate) -> int:
+    """Follow a topic until the process is ended."""
+    refuse_results(options)
+    if find_spec("paho") is None:
+        raise HgorunError("MQTT needs the package paho-mqtt: pip install 'hgorun[mqtt]'")
+    address = Address.of(options.data[0])
+    if options.checkpoint is None:
+        raise ConfigError("with mqtt:// --checkpoint FILE is needed: what has been acknowledged is kept there")
+    if options.publish is not None:
+        require_topic(options.publish, wildcards=False)
+    credentials = Credentials.of(os.environ)
+    known = options.checkpoint.exists()
+    follower = Follower.of(Stream.of(source, name), options)
+    client_id = options.client_id or client_id_of(name, address.topic, options.checkpoint)
+    session = Session(address, client_id, credentials, _tell, known=known)
+    try:
+        while True:
+            follower.take_some(session)
+    finally:
+        with suppress(OSError):
+            session.close()
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Follower:
+    """Takes messages, and acknowledges them when what follows from them is told and kept.
+
+    A process that ends at any moment, and begins again with its checkpoint, gets the messages once more that it has not
+    acknowledged. What it had estimated from them and not kept it estimates again, with the same bits; those that it had
+    kept it knows.
+
+    Attributes
+    ----------
+    one_by_one : OneByOne
+    progress : Redelivered
+    lines : StringIO
+        What is to be told.
+    topic : str or None
+        Where that is published; None for standard output.
+    told : list of str
+        What has been said of messages that were left out.
+    """
+
+    one_by_one: OneByOne
+    progress: Redelivered
+    lines: io.StringIO
+    topic: str | None
+    told: list[str]
+
+    @classmethod
+    def of(cls, stream: Stream, options: Estimate) -> Follower:
+        """One that goes on from the checkpoint, if there is one."""
+        estimator, lines = stream.estimator(remembered=REMEMBERED), io.StringIO()
+        progress = Redelivered(estimator, options.checkpoint, 2 * REMEMBERED)
+        grid = Grid(stream.experiment.origin, options.every, progress.t)
+        writer = Writer(lines, estimator, as_json=True)
+        return cls(OneByOne(estimator, stream.inputs, grid, progress, writer), progress, lines, options.publish, [])
+
+    def take_some(self, broker: Broker) -> None:
+        """Take those messages that are there, or the next one."""
+        messages = broker.messages()
+        for message in messages:
+            self._take(message)
+        lines = self.lines.getvalue()
+        self.lines.seek(0)
+        self.lines.truncate()
+        if self.topic is None:
+            sys.stdout.write(lines)
+        else:
+            broker.publish(self.topic, lines.splitlines())
+        self.progress.save()
+        broker.acknowledge(messages)
+
+    def _take(self, message: Message) -> None:
+        try:
+            for sample in self._samples(message):
+                self.one_by_one.take(sample)
+        except ConfigError as error:
+            self._leave_out(message.topic, error.message)
+
+    def _samples(self, message: Message) -> Iterator[Sample]:
+        """The samples of a message that have not been taken, those before the time that has been reached as late ones.
+
+        Raises
+        ------
+        ConfigError
+        """
+        try:
+            lines = message.payload.decode("utf-8-sig").splitlines()
+        except UnicodeDecodeError as error:
+            raise ConfigError(f"not UTF-8: {error.reason}") from None
+        for sample in JsonForm(message.topic.rpartition("/")[2]).samples(Block(1, lines)):
+            if sample.signal not in self.one_by_one.estimator.kinds:
+                known = ", ".join(self.one_by_one.estimator.kinds)
+                raise ConfigError(f"the signal {sample.signal!r:.50} is none of {known}")
+            if not self.progress.knows(sample):
+                known_at = sample.t if sample.available is None else sample.available
+                yield sample if known_at >= self.progress.t else sample._replace(available=self.progress.t)
+
+    def _leave_out(self, topic: str, why: str) -> None:
+        text = f"{topic}: a message is left out: {why}"
+        if len(self.told) < _TOLD and text not in self.told:
+            self.told.append(text)
+            _tell(text)
+            if len(self.told) == _TOLD:
+                _tell("further messages that are left out are not told")
+
+
+def _tell(text: str) -> None:
+    say(f"hgorun: {printable(text)}")

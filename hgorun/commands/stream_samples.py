@@ -1,0 +1,164 @@
+"""What pipes and brokers have in common: samples are taken one by one, and estimates are written as lines."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from itertools import chain, repeat
+from typing import TextIO
+
+import numpy as np
+
+from hgorun.commands.options import Estimate
+from hgorun.commands.stream_lines import INPUT, Sample
+from hgorun.commands.stream_progress import Progress
+from hgorun.config.data import Data
+from hgorun.config.validation import validate
+from hgorun.config.yaml_source import Source
+from hgorun.errors import ConfigError
+from hgorun.estimate.completed import streamed
+from hgorun.estimate.estimator import Estimator
+from hgorun.process import uninterrupted
+from hgorun.simulation.experiment import Experiment
+from hgorun.symbolic.evaluate import Floats
+
+REMEMBERED = 1000
+"""Events that late samples may go back to."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Stream:
+    """What a configuration says of a stream.
+
+    Attributes
+    ----------
+    experiment : Experiment
+    inputs : tuple of str
+        Those that come with the samples.
+    gates : mapping of str to float
+        By output, standard deviations beyond which a sample is not used.
+    """
+
+    experiment: Experiment
+    inputs: tuple[str, ...]
+    gates: Mapping[str, float]
+
+    @classmethod
+    def of(cls, source: Source, name: str) -> Stream:
+        """That of a configuration.
+
+        Raises
+        ------
+        ConfigError
+        """
+        data = source.data.get("data") if isinstance(source.data, dict) else None
+        block = None if data is None else validate(Data, data, source, ("data",))
+        outputs = {} if block is None else block.outputs
+        inputs = () if block is None else tuple(block.inputs)
+        deviations = {output: one.std for output, one in outputs.items() if one.std is not None}
+        gates = {output: one.gate for output, one in outputs.items() if one.gate is not None}
+        return cls(streamed(source, inputs, deviations, name), inputs, gates)
+
+    def estimator(self, *, remembered: int) -> Estimator:
+        """At the start of the stream."""
+        return Estimator(self.experiment, gates=self.gates, inputs=self.inputs, remembered=remembered)
+
+
+def refuse_results(options: Estimate) -> None:
+    """What a stream does not have."""
+    if len(options.data) > 1:
+        raise ConfigError(f"{options.data[0]} is a stream; there are no files beside it")
+    if options.holdout or options.export_csv is not None or options.output is not None:
+        raise ConfigError("of a stream no result is written: leave --holdout, --export-csv and --output out")
+    if options.every is not None and not 0 < options.every < math.inf:
+        raise ConfigError(f"--every: expected a time above 0, found {options.every:g}")
+
+
+@dataclass(frozen=True)
+class OneByOne:
+    """What becomes of single samples."""
+
+    estimator: Estimator
+    inputs: tuple[str, ...]
+    grid: Grid
+    progress: Progress
+    writer: Writer
+
+    def take(self, sample: Sample) -> None:
+        """Take a sample, and write what is known then."""
+        if self.progress.knows(sample):
+            return
+        known = sample.t if sample.available is None else sample.available
+        try:
+            self.estimator.require_reachable(known)
+            for t, estimates in self.estimator.predictions(self.grid.until(known)):
+                with uninterrupted():
+                    if t > self.progress.shown:  # else it was told before the stream was started again
+                        self.writer.write(t, estimates)
+                        self.progress.shown = t
+            with uninterrupted():
+                self._update(sample)
+                self.progress.took(sample)
+                if self.grid.step is None:
+                    self.writer.write(known, self.estimator.estimate())
+        except ValueError as error:
+            raise ConfigError(str(error), file=INPUT, line=sample.line) from None
+
+    def _update(self, sample: Sample) -> None:
+        if sample.signal in self.inputs:
+            self.estimator.update(sample.t, {}, sample.available, {sample.signal: sample.y})
+        else:
+            self.estimator.update(sample.t, {sample.signal: sample.y}, sample.available)
+
+
+class Grid:
+    """Multiples of a step, from what has been reached on."""
+
+    def __init__(self, origin: float, step: float | None, reached: float) -> None:
+        self._origin, self.step, self._next = origin, step, 0
+        if step is not None and reached > origin:
+            self._next = max(math.floor((reached - origin) / step) - 1, 0)
+            while self._origin + self._next * step < reached:
+                self._next += 1
+
+    def until(self, t: float) -> Iterator[float]:
+        """Those before a time."""
+        while self.step is not None and self._origin + self._next * self.step < t:
+            yield self._origin + self._next * self.step
+            self._next += 1
+
+
+class Writer:
+    """Writes estimates as lines, in the form of the input."""
+
+    def __init__(self, stream: TextIO, estimator: Estimator, *, as_json: bool) -> None:
+        self._stream, self._estimator, self._as_json = stream, estimator, as_json
+        if not as_json:
+            stream.write(",".join(["t", "observer", *estimator.states, "status"]) + "\n")
+
+    def write(self, t: float, estimates: Mapping[str, Floats]) -> None:
+        """The estimates of all observers at a time."""
+        lost = self._estimator.lost if self._estimator.any_lost else {}
+        for label, xhat in estimates.items():
+            numbers, status = xhat.tolist(), "ok"
+            if lost.get(label):
+                status = "diverged"
+            elif not all(map(math.isfinite, numbers)):
+                status = "undefined"
+            if self._as_json:
+                states = zip(self._estimator.states, numbers, strict=True)
+                values = {s: v if math.isfinite(v) else None for s, v in states}
+                self._stream.write(json.dumps({"t": t, "observer": label, **values, "status": status}) + "\n")
+            else:
+                self._stream.write(f"{t!r},{label},{','.join(map(repr, numbers))},{status}\n")
+
+    def write_many(self, times: Floats, estimates: Mapping[str, tuple[Floats, np.ndarray]]) -> None:
+        """Those at many times, as CSV; with them whether an observer had no numbers any more."""
+        moments, found = list(map(repr, times.tolist())), []
+        for label, (xhat, lost) in estimates.items():
+            status = np.where(lost, "diverged", np.where(np.isfinite(xhat).all(axis=1), "ok", "undefined"))
+            numbers = [map(repr, column) for column in xhat.T.tolist()]
+            found.append(map(",".join, zip(moments, repeat(label), *numbers, status.tolist())))
+        self._stream.write("\n".join(chain.from_iterable(zip(*found, strict=True))) + "\n")

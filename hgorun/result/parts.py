@@ -1,0 +1,126 @@
+"""A result file whose trajectories are written part by part, while the run goes on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+
+import h5py
+import numpy as np
+
+from hgorun.result.data import Measurements, ResultData
+from hgorun.result.sink import hdf5_written_whole
+from hgorun.result.writer import Growing, Writer
+from hgorun.result.writing import form, write
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Trajectories:
+    """Some points of the trajectories of a result, see :class:`~hgorun.result.data.ResultData`.
+
+    Attributes
+    ----------
+    time, x, u, y : ndarray, shapes (N,), (N, n), (N, m), (N, q)
+    measured : Measurements or None
+        Of these points, where outputs are measured continuously.
+    xhat : mapping of str to ndarray, shape (N, n)
+    internal : mapping of str to mapping of str to ndarray, shape (N, ...)
+    """
+
+    time: np.ndarray
+    x: np.ndarray
+    u: np.ndarray
+    y: np.ndarray
+    measured: Measurements | None
+    xhat: Mapping[str, np.ndarray]
+    internal: Mapping[str, Mapping[str, np.ndarray]]
+
+    def along_time(self, numbers: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
+        """All of them, with the paths of their data sets.
+
+        Parameters
+        ----------
+        numbers : ndarray of int, shape (N,)
+            Of the points.
+        """
+        yield "time", self.time
+        yield "plant/x", self.x
+        if self.u.shape[1]:
+            yield "plant/u", self.u
+        yield "plant/y", self.y
+        if self.measured is not None:
+            yield "measurement/number", numbers
+            yield "measurement/time", self.measured.time
+            yield "measurement/taken", self.measured.taken
+            yield "measurement/y", self.measured.y
+        for label, xhat in self.xhat.items():
+            yield f"observers/{label}/xhat", xhat
+            for name, values in self.internal[label].items():
+                yield f"observers/{label}/state/{name}", values
+
+
+class ResultInParts(AbstractContextManager["ResultInParts"]):
+    """A result file that is written whole or not at all, though never in memory as a whole.
+
+    Parameters
+    ----------
+    path : Path
+    points : int
+        Of the output grid.
+    observers : int
+
+    Raises
+    ------
+    HgorunError
+        When the file cannot be written.
+    """
+
+    def __init__(self, path: Path, points: int, observers: int) -> None:
+        self._points, self._passed = points, 0
+        self._written = hdf5_written_whole(path, form(observers))
+        self._file: h5py.File | None = None
+        self._growing: dict[str, Growing] = {}
+
+    def __enter__(self) -> ResultInParts:
+        self._file = self._written.__enter__()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> bool | None:
+        return self._written.__exit__(kind, error, trace)
+
+    def append(self, part: Trajectories) -> None:
+        """The next points."""
+        count = part.time.size
+        numbers = np.arange(self._passed, self._passed + count)
+        for path, rows in part.along_time(numbers):
+            self._append(path, rows)
+        self._passed += count
+
+    def finish(self, result: ResultData) -> None:
+        """Everything else.
+
+        Parameters
+        ----------
+        result : ResultData
+            Without points.
+        """
+        write(result, Writer(self._open, self._growing))
+
+    @property
+    def _open(self) -> h5py.File:
+        assert self._file is not None
+        return self._file
+
+    def _append(self, path: str, rows: np.ndarray) -> None:
+        if path not in self._growing:
+            group, _, name = path.rpartition("/")
+            folder = self._open
+            for one in group.split("/") if group else ():
+                folder = folder[one] if one in folder else folder.create_group(one, track_order=True)
+            self._growing[path] = Growing(folder, name, self._points, rows)
+        self._growing[path].append(rows)

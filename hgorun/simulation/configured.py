@@ -1,0 +1,77 @@
+"""The configuration of a run, checked, and what is read off it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import AbstractContextManager
+from typing import Any
+
+from hgorun.config.models import ExperimentBlocks, Time
+from hgorun.config.yaml_source import Source, parse
+from hgorun.errors import ConfigError
+from hgorun.measurement.blocks import Measurement
+from hgorun.observers.base import AnyObserver
+from hgorun.plants.base import Plant
+from hgorun.simulation.blocks import as_yaml, check, plain
+
+ONLY_A_FILE = "only a file can extend another one; see hgorun.load"
+
+
+class Configured:
+    """What stands in a configuration; :class:`~hgorun.simulation.experiment.Experiment` has what follows from it."""
+
+    def __init__(
+        self, config: Mapping[str, Any] | Source, *, name: str = "experiment", text: str | None = None
+    ) -> None:
+        if not isinstance(config, Source):
+            if "extends" in config:
+                raise ConfigError(ONLY_A_FILE, key="extends")
+            text = as_yaml(plain(dict(config)))
+            config = parse(text, name)
+        self.name, self.text, self.source = name, text or "", config
+        self._checked = check(config)
+
+    def located(self) -> AbstractContextManager[None]:
+        """Turn a problem at a key into an error that names file, line and key."""
+        return self.source.located()
+
+    @property
+    def blocks(self) -> ExperimentBlocks:
+        """The configuration's own keys."""
+        return self._checked.blocks
+
+    @property
+    def plant_block(self) -> Plant:
+        """The block of the plant."""
+        return self._checked.plant
+
+    @property
+    def measurement(self) -> Measurement:
+        """The block of the measurement."""
+        return self._checked.measurement
+
+    @property
+    def observers(self) -> dict[str, AnyObserver]:
+        """The blocks of the observers by their labels."""
+        return self._checked.observers
+
+    @property
+    def adaptive(self) -> bool:
+        """Whether given tolerances control every step."""
+        return self.blocks.solver.adaptive
+
+    @property
+    def given_step(self) -> float | None:
+        """The step of the file; None where it is found automatically."""
+        step = self.blocks.solver.step
+        return None if step == "auto" or self.adaptive else step
+
+    @property
+    def origin(self) -> float:
+        """The start of the run, on the clock of the configuration."""
+        return self.blocks.time.start
+
+    @property
+    def time(self) -> Time:
+        """Horizon and output grid, counted from the start of the run: where the clock began costs no digits."""
+        return self.blocks.time.from_zero

@@ -1,0 +1,40 @@
+"""Trajectories of a result as text, for spreadsheets and other programs."""
+
+from __future__ import annotations
+
+import csv as csv_module
+import io
+from collections.abc import Iterator
+
+import numpy as np
+
+from hgorun.result.data import PLANT, ResultData
+
+
+def csv(result: ResultData) -> str:
+    """The states over time, a line for every time and source: the plant where it was simulated, and every observer.
+
+    Estimates of recorded data have their bands besides. Numbers have all their digits; what is undefined is empty.
+    """
+    buffer = io.StringIO()
+    writer = csv_module.writer(buffer, lineterminator="\n")
+    recorded = result.recorded is not None
+    bands = [f"{state}_{end}" for state in result.states for end in ("lower", "upper")] if recorded else []
+    writer.writerow(["t", "observer", *result.states, *bands])
+    times = result.time.tolist()
+    for label, values in _sources(result):
+        for t, row in zip(times, values.tolist(), strict=True):
+            writer.writerow([repr(t), label, *(repr(v) if v == v else "" for v in row)])
+    return buffer.getvalue()
+
+
+def _sources(result: ResultData) -> Iterator[tuple[str, np.ndarray]]:
+    """Labels, and their columns of numbers, shape (Nt, n) or (Nt, 3 n)."""
+    if result.recorded is None:
+        yield PLANT, result.x
+    for label, one in result.observers.items():
+        if one.assessed is None:
+            yield label, one.xhat
+        else:
+            ends = np.stack([one.assessed.lower, one.assessed.upper], axis=2)
+            yield label, np.column_stack([one.xhat, ends.reshape(len(one.xhat), -1)])
