@@ -35,23 +35,20 @@ def hgorun(*arguments: str | Path) -> dict[str, object]:
     return found
 
 
-def changed(file: Path, base: str, change: Mapping[str, object]) -> Path:
-    """A configuration that changes one of those here."""
-    file.write_text(yaml.safe_dump({"extends": str(HERE / base), **change}))
-    return file
-
-
-def tuned(folder: Path, logs: Sequence[Path], period: float) -> Path:
-    """The model and then the gains that some recordings speak for."""
-    model = changed(folder / "model.yaml", "model.yaml", {"data": {"period": period}})
-    found = hgorun("tune", model, *logs, "-o", folder)["observers"]
+def identified(folder: Path, logs: Sequence[Path]) -> dict[str, float]:
+    """The parameters of the plant that some recordings speak for."""
+    found = hgorun("tune", HERE / "model.yaml", *logs, "-o", folder)["observers"]
     assert isinstance(found, dict)
     gains = found["SHGO"]["gains"]
-    parameters = {key.rpartition(".")[2]: value for key, value in gains.items() if key.startswith("plant.")}
-    change = {"data": {"period": period}, "plant": {"parameters": parameters}}
-    base = CONFIGS[period]
-    hgorun("tune", changed(folder / base, base, change), *logs, "-o", folder)
-    return folder / f"{base.removesuffix('.yaml')}.tuned.yaml"
+    return {key.rpartition(".")[2]: value for key, value in gains.items() if key.startswith("plant.")}
+
+
+def tuned(folder: Path, base: str, parameters: Mapping[str, float], logs: Sequence[Path]) -> Path:
+    """A configuration with the gains that some recordings speak for."""
+    config = folder / base
+    config.write_text(yaml.safe_dump({"extends": str(HERE / base), "plant": {"parameters": dict(parameters)}}))
+    hgorun("tune", config, *logs, "-o", folder)
+    return folder / f"{config.stem}.tuned.yaml"
 
 
 def scores(config: Path, log: Path, folder: Path, period: float) -> tuple[Scores, Scores]:
@@ -69,34 +66,36 @@ def best(of: Scores, kind: str, name: str) -> float:
     return min(one[name] for label, one in of.items() if label.startswith(kind))
 
 
-def lines(logs: Path, period: float, run: str, folder: Path) -> Iterator[str]:
+def lines(logs: Path, run: str, folder: Path) -> Iterator[str]:
     """The rows of the table for a recording that is left out."""
-    config = tuned(folder, [logs / other for other in RUNS if other != run], period)
-    held_out, velocity = scores(config, logs / run, folder, period)
-    for angle in ANGLES:
-        plain = scores(HERE / f"{angle}.yaml", logs / run, folder, period)
-        for what, ours, theirs, name in (
-            ("angle", held_out, plain[0], angle),
-            ("velocity", velocity, plain[1], f"{angle}_dot"),
-        ):
-            own = [ours[label][name] for label in OBSERVERS]
-            spline, savgol = best(theirs, "spline", name), best(theirs, "SG", name)
-            cells = [f"{1 / period:.0f} Hz", run.removesuffix(".csv"), f"{what} of {angle}"]
-            cells += [f"{value:.4f}" for value in (*own, spline, savgol)]
-            cells += [f"{own[0] / other:.2f}" for other in (own[3], spline, savgol)]
-            yield f"| {' | '.join(cells)} |"
+    others = [logs / other for other in RUNS if other != run]
+    parameters = identified(folder, others)
+    for period, base in CONFIGS.items():
+        config = tuned(folder, base, parameters, others)
+        held_out, velocity = scores(config, logs / run, folder, period)
+        for angle in ANGLES:
+            plain = scores(HERE / f"{angle}.yaml", logs / run, folder, period)
+            for what, ours, theirs, name in (
+                ("angle", held_out, plain[0], angle),
+                ("velocity", velocity, plain[1], f"{angle}_dot"),
+            ):
+                own = [ours[label][name] for label in OBSERVERS]
+                spline, savgol = best(theirs, "spline", name), best(theirs, "SG", name)
+                cells = [run.removesuffix(".csv"), f"{1 / period:.0f} Hz", f"{what} {angle}"]
+                cells += [f"{value:.4f}" for value in (*own, spline, savgol)]
+                cells += [f"{own[0] / other:.2f}" for other in (own[3], spline, savgol)]
+                yield f"| {' | '.join(cells)} |"
 
 
 def main() -> None:
     if len(sys.argv) != 2:
         raise SystemExit(__doc__)
-    head = ["rate", "left out", "error", *OBSERVERS, "spline", "SG", "SHGO/EKF", "SHGO/spline", "SHGO/SG"]
+    head = ["left out", "rate", "error of", *OBSERVERS, "spline", "SG", "SHGO/EKF", "SHGO/spline", "SHGO/SG"]
     print(f"| {' | '.join(head)} |\n|{'---|' * len(head)}")
-    for period in CONFIGS:
-        for run in RUNS:
-            with TemporaryDirectory() as folder:
-                for line in lines(Path(sys.argv[1]), period, run, Path(folder)):
-                    print(line, flush=True)
+    for run in RUNS:
+        with TemporaryDirectory() as folder:
+            for line in lines(Path(sys.argv[1]), run, Path(folder)):
+                print(line, flush=True)
 
 
 if __name__ == "__main__":

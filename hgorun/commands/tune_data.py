@@ -15,10 +15,12 @@ from hgorun.config.validation import validate
 from hgorun.config.yaml_source import Source
 from hgorun.ensemble.members import written_out
 from hgorun.errors import ConfigError, Problem
+from hgorun.estimate.cases import Case, score
 from hgorun.estimate.completed import completed
+from hgorun.estimate.goal import ALL, Goal, Samples, read_goal, split
 from hgorun.estimate.holdout import thinned
 from hgorun.estimate.samples import stated
-from hgorun.estimate.tuning import ALL, Case, Goal, Samples, Trials, read_goal, score, search, split
+from hgorun.estimate.tuning import Trials, search
 from hgorun.files import json_value, write_text
 from hgorun.process import say
 from hgorun.simulation.experiment import Experiment

@@ -10,8 +10,8 @@ from recordings import assessed_of, observers, of_simulation, pendulum, recordin
 
 from hgorun.estimate.estimate import estimate
 from hgorun.estimate.evaluated import lagged
+from hgorun.estimate.goal import Goal, split
 from hgorun.estimate.holdout import thinned
-from hgorun.estimate.tuning import Goal, split
 
 
 def test_every_fifth_of_samples_that_jitter() -> None:
