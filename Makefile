@@ -13,10 +13,11 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 LOWEST := .venv-lowest
 LOWEST_PYTHON ?= $(or $(shell command -v python3.11),$(PYTHON))
 
-.PHONY: help figures test test-lowest coverage bench lint wheel clean
+.PHONY: help figures benchmark test test-lowest coverage bench lint wheel clean
 
 help:
 	@echo "make figures   every figure and claim of the publications, and results/REPORT.md"
+	@echo "make benchmark compare observers on several plants, in results/benchmark/: minutes; continues where it was"
 	@echo "make test      run the tests; the fast ones: make test ARGS='-m \"not slow\"'"
 	@echo "make test-lowest  the fast tests with the lowest versions that pyproject.toml permits"
 	@echo "make coverage  run the tests, list the lines and branches of each file that they leave out"
@@ -27,6 +28,9 @@ help:
 
 figures: $(VENV)/.installed
 	$(BIN)/hgorun figures --report
+
+benchmark: $(VENV)/.installed
+	$(BIN)/hgorun benchmark experiments/benchmark/benchmark.yaml
 
 test: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest $(ARGS)

@@ -134,6 +134,13 @@ def _tune(chosen: options.Tune) -> int:
     return tune(chosen)
 
 
+@_command("benchmark", options.Bench)
+def _benchmark(chosen: options.Bench) -> int:
+    from hgorun.commands.benchmark import benchmark
+
+    return benchmark(chosen)
+
+
 @_command("export", options.Export)
 def _export(chosen: options.Export) -> int:
     from hgorun.commands.export import export

@@ -31,7 +31,7 @@ FLOORS: list[set[str]] = [
     {"tables"},
     {"export", "figures"},
     {"explore", "study"},
-    {"reproduce", "tuning"},
+    {"benchmark", "reproduce", "tuning"},
     {"hgorun"},  # __init__.py, what `import hgorun` offers
     {"commands"},
     {"cli"},

@@ -218,7 +218,9 @@ def choose(names: Sequence[str]) -> list[str]:
     ValueError
         When a name means nothing.
     """
-    files = (p for p in sorted(EXPERIMENTS.rglob("*.yaml")) if not p.name.startswith("_"))
+    files = (
+        p for p in sorted(EXPERIMENTS.rglob("*.yaml")) if not p.name.startswith("_") and p.parent.name != "benchmark"
+    )
     every = [p.relative_to(EXPERIMENTS).with_suffix("").as_posix() for p in files]
     chosen = {name: [e for e in every if f"{e}/".startswith(f"{name}/") or Path(e).name == name] for name in names}
     for name, meant in chosen.items():

@@ -1,9 +1,10 @@
 """What a second run costs beside its native loop: the same experiment with other numbers, in milliseconds.
 
-    python tools/second_run.py [CONFIG] [--runs N]
+    python tools/second_run.py [CONFIG] [--run NAME] [--runs N]
 
 Each line is the median over some runs, and the least, of the processor time of ``simulate(experiment.varied(...))``
-without that of the native loop. The structure is shared, so none of it is symbolic work or compilation.
+without that of the native loop; and how the median compares with that of other seeds. The structure is shared, so none
+of it is symbolic work or compilation. Runs of all kinds take turns: what else the machine does, slows all of them.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import statistics
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +22,7 @@ import hgorun
 from hgorun.config.expressions import parse
 from hgorun.engine.program import Program
 
+_FIRST = 5  # runs that are not counted
 CONFIG = Path(__file__).parents[1] / "experiments" / "robles2023" / "chapter3" / "contois_te025.yaml"
 
 
@@ -48,15 +51,12 @@ def native_time() -> Iterator[list[float]]:
         Program.__init__ = make  # type: ignore[method-assign]  # as it was
 
 
-def beside(experiment: hgorun.Experiment, changes: list[dict[str, Any]], spent: list[float]) -> list[float]:
-    """Processor time of runs with changes, in s, without the native loop."""
-    found = []
-    for change in changes:
-        spent.clear()
-        before = time.process_time()
-        hgorun.simulate(experiment.varied(change))
-        found.append(time.process_time() - before - sum(spent))
-    return found
+def beside(experiment: hgorun.Experiment, change: dict[str, Any], spent: list[float]) -> float:
+    """Processor time of a run with a change, in ms, without the native loop."""
+    spent.clear()
+    before = time.process_time()
+    hgorun.simulate(experiment.varied(change))
+    return 1e3 * (time.process_time() - before - sum(spent))
 
 
 def kinds_of_change(experiment: hgorun.Experiment, parts: list[float]) -> dict[str, list[dict[str, Any]]]:
@@ -81,21 +81,28 @@ def kinds_of_change(experiment: hgorun.Experiment, parts: list[float]) -> dict[s
     terms = next((item.get("terms") for item in data.get("measurement", {}).get("noise", [])), None)
     if terms:
         times("amplitude of noise", "measurement.noise.0.terms.0.amplitude", float(terms[0]["amplitude"]))
-    return found
+    all_at_once = zip(*found.values(), strict=True)
+    return found | {"all at once": [dict(chain(*(change.items() for change in some))) for some in all_at_once]}
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("config", nargs="?", type=Path, default=CONFIG)
     parser.add_argument("--runs", type=int, default=100)
+    parser.add_argument("--run", help="which run of the file")
     options = parser.parse_args()
     with native_time() as spent:
-        experiment = hgorun.load(options.config)
+        experiment = hgorun.load(options.config, run=options.run)
         hgorun.simulate(experiment)
-        for name, changes in kinds_of_change(experiment, [1 + 1e-3 * i for i in range(options.runs)]).items():
-            beside(experiment, changes[:5], spent)
-            times = beside(experiment, changes, spent)
-            print(f"{name}: {1e3 * statistics.median(times):.2f} ms, at least {1e3 * min(times):.2f}")
+        kinds = kinds_of_change(experiment, [1 + 1e-3 * i for i in range(options.runs + _FIRST)])
+        times: dict[str, list[float]] = {name: [] for name in kinds}
+        for number in range(options.runs + _FIRST):
+            for name, changes in kinds.items():
+                times[name].append(beside(experiment, changes[number], spent))
+    usual = statistics.median(times["seed"][_FIRST:])
+    for name, found in times.items():
+        middle = statistics.median(found[_FIRST:])
+        print(f"{name}: {middle:.2f} ms, at least {min(found):.2f}, {middle / usual:.2f} of a seed's")
 
 
 if __name__ == "__main__":

@@ -238,6 +238,21 @@ class Tune(Printing):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Bench(Printing):
+    """Compare observers on several plants in several scenarios, each tuned alike and scored on seeds not seen.
+
+    The file names plants, scenarios and observers with one knob each. Run again, it carries out what is new or has
+    changed. Tables and a figure are written to results/NAME/.
+    """
+
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A YAML file with plants, scenarios and observers.")]
+    plots: Annotated[bool, typer.Option("--plots/--no-plots", help="Draw the fronts (PNG and PDF).")] = True
+    jobs: Annotated[
+        int | None, typer.Option("--jobs", min=1, help="Number of threads (default: one per processor).")
+    ] = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Export(Configured):
     """Write the observers of a configuration in another language, to results/NAME/.
 

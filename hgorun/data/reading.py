@@ -109,8 +109,9 @@ class _Reader:
         if not absolute:
             return self._no_epoch()
         number = next(((file, clock) for file, clock in clocks if not clock.absolute), None)
-        if number is not None:
-            raise Problem(number[1].path, "numbers here and dates elsewhere: the two clocks cannot be compared")
+        if number is not None and self._block.origin is None:
+            message = "numbers here and dates elsewhere: data.origin has to say from which date the numbers count"
+            raise Problem(number[1].path, message)
         zones = {zone for _, clock in absolute if isinstance(clock.cells, Stamps) for zone in clock.cells.zoned}
         zones |= {True for _, clock in absolute if clock.clock.format == "unix"}
         if len(zones) > 1:
@@ -136,9 +137,13 @@ class _Reader:
         return None, False
 
     def _to_times(self, signals: Sequence[Wanted], epoch: int | None) -> None:
+        """Dates become times since the origin; numbers count from there already."""
         for file, clock in dict.fromkeys(self._clocks(signals)):
             found = self._stamps[file, clock]
-            self._times[file, clock] = found if epoch is None else times_since(found, epoch, self._unit)
+            if clock.absolute:
+                assert epoch is not None
+                found = times_since(found, epoch, self._unit)
+            self._times[file, clock] = found
 
     def _samples(self, signal: Wanted) -> Samples:
         tables = [self._tables[part.file] for part in signal.parts]

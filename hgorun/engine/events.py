@@ -71,11 +71,12 @@ def add_actions(m: Module) -> None:
             with f.when(f.test("eq", op, str(SHOW))):
                 rows = f.word("%ctx", WORD["rows"], "ptr")
                 copy(f, z, f.at(rows, f.scalar("mul", slot, str(s.states * lanes))), s.states)
-        if s.replayed is not None:
+        if s.replayed is not None or s.recalled:
             with f.when(f.test("eq", op, str(RETAKE))):
                 f.call("channels", f"ptr %ctx, double {t}")
                 of_output = f.at(channels, f.scalar("mul", output, str(s.width * lanes)))
                 copy(f, f.at(of_output, lanes), f.at(here, lanes), s.observers)
+        if s.replayed is not None:
             _add_snapshots(m, f, op, slot)
         for number in range(len(s.jumps)):
             wanted = f.test("eq", output, str(number))

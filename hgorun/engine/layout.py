@@ -129,16 +129,22 @@ class HybridSystem:
         The channels from (t, p, z, w).
     jumps : tuple of (start, stop, casadi.Function)
         What z[start:stop] becomes, from (t, p, z, w), when a sample arrives: the plant's where it is stepped,
-        then those of the discrete-time observers and of those that are corrected.
+        then those of the discrete-time observers; then the inputs when a controller acts, and at last those of the
+        observers that are corrected.
+    acts : int
+        How many of the jumps are a controller's.
     corrections : tuple of (number, first output, last output + 1)
-        Those of the jumps that are made whenever a sample of some of the outputs arrives; the others are from the
-        second sample on.
+        Those of the jumps that are made whenever a sample of some of the outputs arrives; the first ones are from
+        the second sample on.
     replayed : (int, int) or None
         From where on the states and what is held can be taken back to what they have been.
     channel_slopes : casadi.Function
         The channels, then their time derivatives, from (t, p, z, z'); used where something is delayed.
     innovations : bool
         Whether every observer's innovation is kept of every sample that arrives.
+    recalled : int
+        How many of the outputs, the last ones, are none: they stand for signals of observers that look back at their
+        own past, which are their first channel.
     """
 
     states: int
@@ -151,9 +157,11 @@ class HybridSystem:
     channels: ca.Function
     channel_slopes: ca.Function
     jumps: tuple[tuple[int, int, ca.Function], ...] = ()
+    acts: int = 0
     corrections: tuple[tuple[int, int, int], ...] = ()
     replayed: tuple[int, int] | None = None
     innovations: bool = False
+    recalled: int = 0
 
     @property
     def outputs(self) -> int:
@@ -173,7 +181,13 @@ class HybridSystem:
     @property
     def stepped(self) -> tuple[tuple[int, int, ca.Function], ...]:
         """Those of the jumps that are made from the second sample on."""
-        return self.jumps[: len(self.jumps) - len(self.corrections)]
+        return self.jumps[: len(self.jumps) - self.acts - len(self.corrections)]
+
+    @property
+    def acting(self) -> range:
+        """The numbers of the jumps that are made when a controller acts."""
+        first = len(self.stepped)
+        return range(first, first + self.acts)
 
     @property
     def has_alpha(self) -> bool:
@@ -184,6 +198,11 @@ class HybridSystem:
     def snapshot(self) -> int:
         """How many numbers are kept to go back to them."""
         return 0 if self.replayed is None else self.states - self.replayed[0] + self.held.size - self.replayed[1]
+
+    @property
+    def compares_with_past(self) -> bool:
+        """Whether observers compare a continuous output with what they have estimated of it before."""
+        return any(output < self.outputs - self.recalled for regime in self.regimes for output in regime.delayed)
 
     @property
     def remembers(self) -> bool:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from hgorun.data.recording import Signal
 from hgorun.estimate.carrying import Carried, carry_out, estimates
 from hgorun.estimate.covariance import Covariance
+from hgorun.estimate.lag import behind
 from hgorun.estimate.prepared import PreparedEstimate
 from hgorun.symbolic.evaluate import Floats
 from hgorun.symbolic.levels import distinct
@@ -71,6 +72,8 @@ class Evaluated:
     held_out, reference : mapping of str to Compared
     normal : sequence of Normal or None
         Of every observer what it knows of its own errors.
+    undefined : ndarray, shape (m,)
+        From when on an estimate is no number; infinite where it always is one.
     """
 
     carried: Carried
@@ -81,6 +84,7 @@ class Evaluated:
     held_out: Mapping[str, Compared]
     reference: Mapping[str, Compared]
     normal: Sequence[Normal | None]
+    undefined: Floats
 
 
 def evaluate_run(
@@ -99,7 +103,7 @@ def evaluate_run(
     origin, end = experiment.origin, experiment.time.end
     asked = {(0, name): signal for name, signal in held_out.items()}
     asked |= {(1, name): signal for name, signal in reference.items()}
-    chosen = {key: _inside(signal, origin, end) for key, signal in asked.items()}
+    chosen = {key: inside(signal, origin, end) for key, signal in asked.items()}
     grid, _, _ = experiment.grid
     every = experiment.grid[1]
     shown = grid[::every]
@@ -112,12 +116,11 @@ def evaluate_run(
     # where nothing is compared in between, no copies are made
     on_grid = slice(None) if times.size == shown.size else np.searchsorted(times, shown)
     compared = {
-        key: _compared(
-            prepared, key[1], taken, values, [x[np.searchsorted(times, taken)] for x in everywhere], asked[key].lag
-        )
+        key: compared_with(prepared, key[1], taken, values, [x[np.searchsorted(times, taken)] for x in everywhere])
         for key, (taken, values) in chosen.items()
     }
-    predicted = [_predicted(prepared, i, times, everywhere, carried) for i in range(len(prepared.samples))]
+    compared = {key: with_lag(prepared, one, asked[key].lag) for key, one in compared.items()}
+    predicted = [innovations_of(prepared, i, times, everywhere, carried) for i in range(len(prepared.samples))]
     normal = [
         None if one is None else _normal(prepared, one, carried.raw.rows[:, :, 0], times, shown, before, predicted, j)
         for j, one in enumerate(covariances)
@@ -131,7 +134,14 @@ def evaluate_run(
         {name: one for (which, name), one in compared.items() if which == 0},
         {name: one for (which, name), one in compared.items() if which == 1},
         normal,
+        np.array([first_undefined(shown, x[on_grid]) for x in everywhere]),
     )
+
+
+def first_undefined(grid: Floats, xhat: Floats) -> float:
+    """The first time at which an estimate is no number; infinite without one."""
+    bad = np.flatnonzero(~np.all(np.isfinite(xhat), axis=1))
+    return float(grid[bad[0]]) if bad.size else np.inf
 
 
 def _before(available: Floats) -> Floats:
@@ -164,63 +174,36 @@ def _normal(
     return Normal(covariance.deviation(rows[np.searchsorted(times, shown)]), nis)
 
 
-def _inside(signal: Signal, origin: float, end: float) -> tuple[Floats, Floats]:
+def inside(signal: Signal, origin: float, end: float) -> tuple[Floats, Floats]:
     """Times and values of a signal in a run."""
     taken = signal.taken - origin
     inside = (taken >= 0.0) & (taken <= end)
     return taken[inside], signal.values[inside]
 
 
-def _compared(
-    prepared: PreparedEstimate,
-    name: str,
-    taken: Floats,
-    values: Floats,
-    xhat: Sequence[Floats],
-    lag: float | None,
+def compared_with(
+    prepared: PreparedEstimate, name: str, taken: Floats, values: Floats, xhat: Sequence[Floats]
 ) -> Compared:
     model = prepared.run.plant.model
     if name in model.outputs:
         i = model.outputs.index(name)
-        found = [prepared.outputs(taken, x)[:, i] for x in xhat]
+        residuals = [model.wrapped(i, values - prepared.outputs(taken, x)[:, i]) for x in xhat]
     else:
         k = model.states.index(name)
-        found = [x[:, k] for x in xhat]
-    estimated = np.array(found).reshape(len(xhat), taken.size)
-    if lag is not None:
-        estimated = lagged(taken, estimated, lag, values[:1])
-    residuals = values - estimated
-    if name in model.outputs:
-        residuals = model.wrapped(model.outputs.index(name), residuals)
-    return Compared(name, taken, values, residuals)
+        residuals = [values - x[:, k] for x in xhat]
+    return Compared(name, taken, values, np.array(residuals).reshape(len(xhat), taken.size))
 
 
-def lagged(times: Floats, values: Floats, lag: float, start: Floats) -> Floats:
-    """What an instrument shows that follows a quantity with a lag of the first order, lag v' = x - v.
-
-    Parameters
-    ----------
-    times : ndarray, shape (k,)
-        They do not fall.
-    values : ndarray, shape (m, k)
-        Of several quantities, on straight lines from one time to the next.
-    lag : float
-        The time constant, > 0.
-    start : ndarray, shape (1,)
-        What it shows first.
-    """
-    steps = np.diff(times) / lag
-    left = np.exp(-steps)
-    ramp = 1 - np.divide(1 - left, steps, out=np.ones_like(left), where=steps > 0)
-    constant = 1 - left - ramp  # of what was at the beginning of a step, beside that of its end
-    found = np.empty_like(values)
-    found[:, :1] = start
-    for k in range(steps.size):
-        found[:, k + 1] = left[k] * found[:, k] + constant[k] * values[:, k] + ramp[k] * values[:, k + 1]
-    return found
+def with_lag(prepared: PreparedEstimate, one: Compared, lag: float | None) -> Compared:
+    """A measured quantity beside what its instrument would have shown of the estimates; itself without a lag."""
+    if lag is None:
+        return one
+    model = prepared.run.plant.model
+    periods = dict(zip(model.outputs, model.periods, strict=False))
+    return replace(one, residuals=behind(one.taken, one.values, one.residuals, lag, periods.get(one.name)))
 
 
-def _predicted(
+def innovations_of(
     prepared: PreparedEstimate, output: int, times: Floats, xhat: Sequence[Floats], carried: Carried
 ) -> Floats:
     """Measured minus estimated at the time of every sample of an output.

@@ -16,7 +16,8 @@ from hgorun.estimate.covariance import Covariance
 from hgorun.estimate.given import require_observers
 from hgorun.measurement.late import Treatment
 from hgorun.measurement.variants import HELD, SILENT
-from hgorun.observers.base import SampledObserver, treatment_of
+from hgorun.observers.base import SampledObserver
+from hgorun.observers.treatment import treatment_of
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.first_step import nominal_step
 from hgorun.simulation.preparation import check_limit, numbers_of
@@ -106,7 +107,7 @@ class LiveSystem:
             experiment=experiment,
             structure=structure,
             p=numbers.p,
-            start=numbers.z0[model.n :],
+            start=numbers.z0,
             labels=tuple(b.label for b in numbers.observers),
             inputs={name: i for i, name in enumerate(name for name in model.inputs if name in inputs)},
             outputs=outputs,
@@ -164,6 +165,7 @@ class LiveSystem:
 
 def _check(experiment: Experiment, inputs: tuple[str, ...]) -> None:
     model = experiment.plant.model
+    experiment.require_open("a stream is told its inputs, which no observer here decides")
     require_observers(experiment)
     for label, observer in experiment.observers.items():
         check_limit(experiment, label, observer)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -19,7 +19,7 @@ from hgorun.estimate.given import require_observers
 from hgorun.estimate.samples import Sampled, all_sampled, channel, recorded_inputs
 from hgorun.measurement.late import HeardOtherwise, heard
 from hgorun.measurement.schedule import build_schedule
-from hgorun.observers.base import treatment_of
+from hgorun.observers.treatment import treatment_of
 from hgorun.simulation.actions import RecordedInputs
 from hgorun.simulation.checks import check_corrections, check_jumps, check_start
 from hgorun.simulation.experiment import Experiment
@@ -126,11 +126,17 @@ class PreparedEstimate:
     def start(self) -> Start:
         """Where it begins."""
         numbers = self.run.numbers
-        bound = self.run.solver.divergence
-        if bound is None:
-            values = [np.ones(1), numbers.z0, *(one.values for one in self.samples)]
-            bound = _DIVERGED * max(float(np.max(np.abs(part), initial=0.0)) for part in values)
-        return Start(numbers.z0[:, None], numbers.p[:, None], (bound, 0.0))
+        return Start(numbers.z0[:, None], numbers.p[:, None], (self.bound, 0.0))
+
+    @property
+    def bound(self) -> float:
+        """Beyond that an observer is lost."""
+        given = self.run.solver.divergence
+        if given is not None:
+            return given
+        values = [self.run.numbers.z0, *(one.values for one in self.samples)]
+        sizes = [max(-float(np.min(part)), float(np.max(part))) for part in values if part.size]
+        return _DIVERGED * max(1.0, *sizes)
 
     def u(self, times: Floats) -> Floats:
         """The inputs at several times, shape (len(times), m)."""
@@ -201,12 +207,10 @@ def prepare_estimate(experiment: Experiment, recording: Recorded) -> PreparedEst
         recorded = tuple(i for i, name in enumerate(plant.model.inputs) if name in recording.inputs)
         truth = Recording(plant.symbolic, recorded)
         truths: list[Truth] = [truth, *(SameTruth(truth, treatment == "replay") for treatment in treatments)]
-        stretches = [one for _ in truths for one in experiment.stretches]
-        variants, everything = schedule.variants, plant.everything
+        stretches, variants, everything = experiment.stretches, schedule.variants, plant.everything
         structure = structure_of(truths, of_groups, stretches, variants, everything, innovations=True)
         _check_inputs(plant.model, recorded, structure)
         numbers = numbers_of(structure, plant, experiment, designs)
-        numbers = replace(numbers, z0=numbers.z0[plant.model.n :])
         run = PreparedRun(
             experiment=experiment,
             structure=structure,
@@ -242,6 +246,7 @@ def _check_inputs(model: PlantModel, recorded: tuple[int, ...], structure: Struc
 
 def _refuse(experiment: Experiment) -> None:
     """What a recording cannot have, or lacks."""
+    experiment.require_open("recorded data come of inputs that were applied, not of what is estimated here")
     require_observers(experiment)
     if experiment.plant_block.discretise is not None:
         raise Problem(("plant", "discretise"), "this steps a simulated plant, and nothing is simulated here")

@@ -15,7 +15,9 @@ from hgorun.estimate.prepared import PreparedEstimate
 from hgorun.export.equations import Equations, Output, equations_of, outputs_of
 from hgorun.export.names import identifier
 from hgorun.export.observer import Exported
-from hgorun.observers.base import ContinuousObserver, CorrectedObserver, treatment_of
+from hgorun.observers.base import ContinuousObserver, CorrectedObserver
+from hgorun.observers.recalling import RecallingObserver
+from hgorun.observers.treatment import treatment_of
 from hgorun.simulation.checks import longest_step
 from hgorun.simulation.passes import Pass, as_given, plan_of
 from hgorun.simulation.prepared import PreparedRun
@@ -74,6 +76,8 @@ def exported(run: PreparedRun, wanted: Wanted | None = None) -> list[Exported]:
         When one of them cannot be exported; the message says why.
     """
     wanted = Wanted() if wanted is None else wanted
+    with run.experiment.located():
+        run.experiment.require_open("an exported observer is told its inputs, or computes them from the time")
     model = run.plant.model
     told = tuple(range(len(model.inputs))) if wanted.inputs_given else ()
     return _all(run, wanted, told, lambda: _steps(run))
@@ -176,6 +180,8 @@ def _exported(run: PreparedRun, label: str, steps: _Steps | None, wanted: Wanted
             "exported code takes late samples into the innovation or not at all: it does not go back to the time of a "
             "sample, and leaves none out; export it from a configuration without delay",
         )
+    if isinstance(design.observer, RecallingObserver):
+        raise Problem((*path, "type"), "it looks back at its own past, which is kept in simulations alone")
     flows = isinstance(design.observer, ContinuousObserver)
     compares = flows and not isinstance(design.observer, CorrectedObserver)
     lateness = [max(_lateness(run, i), wanted.late if compares else 0.0) for i in range(len(plant.model.outputs))]

@@ -1,14 +1,15 @@
 """What is done with samples that come late: other channels of the same outputs, and the order in which time passes.
 
-Beside the common innovation, which compares a late sample with what had been estimated when it was taken, late samples
-can be left out, or the observer can be taken back to the time of the sample and integrated again. To its observers a
+Beside the common innovation, which compares a late sample with what had been estimated when it was taken, late
+samples can be left out, or the observer can be taken back to the time of the sample and integrated again; or it lives
+in the past itself, where no sample is late, and compares what arrives with what it estimates then. To its observers a
 replayed output looks as if it were not late: its samples arrive when they are taken, but for those that are not known
 yet.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
@@ -19,7 +20,7 @@ from hgorun.measurement.channels import Channel
 from hgorun.measurement.sampling import Samples
 from hgorun.measurement.variants import HELD, SILENT
 
-Treatment = Literal["innovation", "drop", "replay"]
+Treatment = Literal["innovation", "received", "drop", "replay"]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -33,11 +34,14 @@ class HeardOtherwise(Channel):
         The samples among those of the source.
     known : ndarray or None, shape (Nk,)
         When each is known, where that is later than it seems.
+    retaken : bool
+        Whether each is compared with what is estimated when it arrives, not with what was when it was taken.
     """
 
     source: Channel
     which: np.ndarray
     known: np.ndarray | None
+    retaken: bool = False
 
     @cached_property
     def gain_and_bias(self) -> tuple[np.ndarray, np.ndarray]:
@@ -58,9 +62,22 @@ def are_late(channels: Sequence[Channel]) -> bool:
 
 
 def heard(channels: Sequence[Channel], treatments: Sequence[Treatment]) -> list[Channel]:
-    """The channels, and behind them those of each further treatment of late samples."""
-    of = {"drop": _in_time, "replay": _when_taken}
+    """The channels, and behind them those of each further group of observers by its treatment of late samples."""
+    of: Mapping[Treatment, Callable[[Channel], Channel]]
+    of = {"innovation": _as_they_come, "received": _as_received, "drop": _in_time, "replay": _when_taken}
     return [*channels, *(of[treatment](c) for treatment in treatments for c in channels)]
+
+
+def _as_they_come(channel: Channel) -> Channel:
+    return channel
+
+
+def _as_received(channel: Channel) -> HeardOtherwise:
+    """All samples as they are, for observers that live as far in the past as the samples are late."""
+    every = np.arange(channel.samples.arrival.size)
+    return HeardOtherwise(
+        channel.name, channel.stretches, channel.samples, channel.noise, channel, every, None, retaken=True
+    )
 
 
 def _in_time(channel: Channel) -> HeardOtherwise:

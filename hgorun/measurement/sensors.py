@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
+from hgorun.config.expressions import parse
 from hgorun.measurement.availability import Stretch
 from hgorun.measurement.blocks import Times
 from hgorun.measurement.noise import is_relative
@@ -35,20 +36,21 @@ def sensors_of(stretches: Iterable[Sequence[Stretch]]) -> tuple[Sensor, ...]:
 def _sensor(stretches: Sequence[Stretch]) -> Sensor:
     intervals = {_interval(s) for s in stretches}
     interval = intervals.pop() if len(intervals) == 1 else None
-    amplitude = _amplitude(stretches)
+    delays = {float(parse(s.delay).number()) if s.delay_is_constant else None for s in stretches}
+    delay, amplitude = delays.pop() if len(delays) == 1 else None, _amplitude(stretches)
     try:
         strengths = [_strength(s) for s in stretches]
         if len({one.power for one in strengths}) > 1 or len({s.multiplicative for s in stretches}) > 1:
             raise _Unknown("the noise changes from one phase to the next")
     except _Unknown as unknown:
-        return Sensor(None, None, interval, why=str(unknown), amplitude=amplitude)
+        return Sensor(None, None, interval, why=str(unknown), amplitude=amplitude, delay=delay)
     first = strengths[0]
     variance = first.power if not any(s.continuous for s in stretches) else None
     density = first.density if len({one.density for one in strengths}) == 1 else None
     why = "the output is continuous: it has no samples" if variance is None else ""
     if density is None:
         why = why or "the mean time between its samples is not known, or changes"
-    return Sensor(variance, density, interval, stretches[0].multiplicative, why, amplitude)
+    return Sensor(variance, density, interval, stretches[0].multiplicative, why, amplitude, delay)
 
 
 def _amplitude(stretches: Sequence[Stretch]) -> float | None:

@@ -53,7 +53,6 @@ __all__ = [
     "SampledObserver",
     "is_observer",
     "observer",
-    "treatment_of",
 ]
 
 # The class of plants that an observer is for, and the copy of the plant that this class gives it.
@@ -295,13 +294,6 @@ class CorrectedObserver(ContinuousObserver[FormT, CopyT]):
 
 # Any observer, where its class of plants does not matter.
 AnyObserver: TypeAlias = "Observer[Any, Any]"
-
-
-def treatment_of(observer: AnyObserver) -> Literal["innovation", "replay", "drop"]:
-    """What an observer does with samples that come late."""
-    if observer.late is not None:
-        return observer.late
-    return "replay" if isinstance(observer, CorrectedObserver) else "innovation"
 
 
 def is_observer(thing: object) -> TypeGuard[type[AnyObserver]]:

@@ -12,8 +12,11 @@ def folder() -> Path:
     return inside if inside.is_dir() else package.parent / "experiments"
 
 
+_BENCHMARK = "benchmark"  # a folder with plants, and what hgorun benchmark takes: no figures, no claims
+
+
 def experiments() -> dict[str, Path]:
     """{path without suffix, below the folder: file}, sorted; files called _... are only extended."""
     base = folder()
-    files = (p for p in sorted(base.rglob("*.yaml")) if not p.name.startswith("_"))
+    files = (p for p in sorted(base.rglob("*.yaml")) if not p.name.startswith("_") and p.parent.name != _BENCHMARK)
     return {p.relative_to(base).with_suffix("").as_posix(): p for p in files}

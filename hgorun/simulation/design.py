@@ -11,7 +11,7 @@ import numpy as np
 from hgorun.errors import PluginError, Problem, called
 from hgorun.memo import same
 from hgorun.observers.base import AnyObserver, ContinuousObserver, CorrectedObserver
-from hgorun.symbolic.forms import ChosenChains, Form
+from hgorun.symbolic.forms import ChosenChains, Form, Guessing
 from hgorun.symbolic.parameters import flat
 from hgorun.symbolic.states import StateBlock, Symmetric
 
@@ -94,12 +94,17 @@ class Design:
                 estimate = self.form.start(self._estimate, parameters, self.observer.canonical)
                 xhat = self.observer.start(np.asarray(estimate), self.gains)
             except ValueError as error:
-                at = "" if self.observer.initial else "; that is where estimates start by default: give initial"
-                raise self._fail("initial", f"{error}{at}") from error
+                raise self._fail("initial", f"{error}{self._defaulted}") from error
             own = self._own_alpha if has_alpha else self._own
             # in one piece: runs in other threads may share the design
             known = self._last["start"] = key, np.concatenate([np.ravel(xhat), own])
         return known[1]
+
+    @property
+    def _defaulted(self) -> str:
+        """What a message adds where states start at 0 for want of another value."""
+        absent = [state for state in self.form.plant.states if state not in self.observer.initial]
+        return f"; states without an initial value start at 0: give initial of {', '.join(absent)}" if absent else ""
 
     @cached_property
     def _estimate(self) -> np.ndarray:
@@ -147,10 +152,16 @@ class Design:
 
     @cached_property
     def numbers(self) -> np.ndarray:
-        """Its part of the parameters: gains, then saturation bounds."""
+        """Its part of the parameters: gains, then saturation bounds, then what its form starts Newton's method at."""
+        guess = [] if self.guess is None else [self.guess]
         return np.concatenate(
-            [np.zeros(0), *map(flat, self.gains.values()), *map(flat, self.observer.saturation.values())]
+            [np.zeros(0), *map(flat, self.gains.values()), *map(flat, self.observer.saturation.values()), *guess]
         )
+
+    @cached_property
+    def guess(self) -> np.ndarray | None:
+        """Where Newton's method starts that finds the estimate; None where there is none."""
+        return self.form.guess if isinstance(self.form, Guessing) else None
 
 
 def _shrinking(label: str, observer: AnyObserver) -> dict[str, np.ndarray]:

@@ -15,9 +15,10 @@ from pathlib import Path
 import numpy as np
 
 from hgorun.errors import PlantDiverged
-from hgorun.observers.base import treatment_of
+from hgorun.observers.treatment import treatment_of
 from hgorun.result.columns import Windows
 from hgorun.result.data import Integration
+from hgorun.result.estimated import Estimated
 from hgorun.result.metrics.base import Metric, all_metrics
 from hgorun.result.parts import ResultInParts, Trajectories
 from hgorun.result.result import Result
@@ -84,7 +85,7 @@ def written(run: PreparedRun, path: Path, progress: Progress = None, *, check_st
     Result or None
         Without points of its trajectories.
     """
-    running = _running(run)
+    running = None if run.closed else _running(run)
     if running is None or not _in_rows(run):
         return None
     look = look_at(run, progress, check_step=check_step)
@@ -102,12 +103,18 @@ def written(run: PreparedRun, path: Path, progress: Progress = None, *, check_st
         return None
     running.again()
     of_metrics.again()
-    with ResultInParts(path, run.grid[:: run.experiment.grid[1]].size, len(run.observers)) as file:
+    points = run.grid[:: run.experiment.grid[1]].size
+    passed = 0
+    with ResultInParts(path, len(run.observers)) as file:
 
         def both(times: np.ndarray, rows: np.ndarray) -> None:
+            nonlocal passed
             measure(times, rows)
             shown = of_output.of(times.size)
-            file.append(_trajectories(run, times[shown], rows[shown]))
+            part = _trajectories(run, times[shown], rows[shown])
+            for name, values in part.along_time(np.arange(passed, passed + part.time.size)):
+                file.append(name, values, points)
+            passed += part.time.size
 
         raw = integrate(look.run, look.how, progress, both)
         metrics = running.metrics(run.grid[:: run.experiment.grid[2]])
@@ -181,15 +188,16 @@ def _measured(
     run: PreparedRun, look: Look, grid: np.ndarray, rows: np.ndarray, metrics: dict[Metric, np.ndarray]
 ) -> Measured:
     """What is known of some rows, beside the metrics of all of them."""
-    n, none = run.plant.model.n, np.zeros((0, run.plant.model.n))
+    n, truths = run.plant.model.n, Estimated(rows, run.structure.truths)
     return Measured(
         rows=rows,
         x=rows[:, :n],
+        truths=truths,
         estimates=run.structure.estimates_along(grid, run.numbers.p, rows),
         verdicts=tuple(look.verdicts.get(b.label, OK) for b in run.observers),
         metrics={name: metrics[metric] for name, metric in all_metrics().items() if metric in metrics},
         settings=MetricSettings.of(run.experiment.blocks.metrics, run.experiment.blocks.time),
-        steady=none,
+        steady=truths,
     )
 
 

@@ -11,8 +11,9 @@ import numpy as np
 from hgorun.errors import Problem, called
 from hgorun.observers.base import AnyObserver, Arrival, ContinuousObserver, CorrectedObserver, Sample, SampledObserver
 from hgorun.observers.kalman import KalmanFilter
+from hgorun.observers.recalling import LAGS, RecallingObserver
 from hgorun.simulation.design import SHRINK, Design
-from hgorun.symbolic.forms import Copy, Form, ModelCopy, saturate
+from hgorun.symbolic.forms import Copy, Form, GuessingCopy, ModelCopy, saturate
 from hgorun.symbolic.parameters import Parameters
 from hgorun.symbolic.states import StateBlock
 from hgorun.symbolic.symbols import Symbols
@@ -34,6 +35,8 @@ class ObserverBlock:
         Symbols for the saturation.
     design : dict of str to ndarray
         The numbers.
+    newton : casadi.SX or None
+        Symbols for where Newton's method starts that finds the estimate.
     """
 
     label: str
@@ -44,6 +47,7 @@ class ObserverBlock:
     k: Symbols
     bounds: dict[str, tuple[ca.SX, ca.SX]]
     design: Mapping[str, np.ndarray]
+    newton: ca.SX | None
 
     @classmethod
     def place(
@@ -62,6 +66,7 @@ class ObserverBlock:
         for state, interval in design.observer.saturation.items():
             both = parameters.add(f"{label}.sat.{state}", interval)
             bounds[state] = (both[0], both[1])
+        newton = None if design.guess is None else parameters.add(f"{label}.guess", design.guess)
         defaults = dict(design.defaults)
         if has_alpha:
             defaults["alpha"] = np.zeros(len(design.form.plant.outputs))
@@ -69,12 +74,12 @@ class ObserverBlock:
         for name, value in defaults.items():
             states[name] = StateBlock.of(end, value)
             end += states[name].size
-        return cls(label, observer or design.observer, design.form, start, states, k, bounds, design.gains)
+        return cls(label, observer or design.observer, design.form, start, states, k, bounds, design.gains, newton)
 
     def of(self, design: Design) -> ObserverBlock:
         """The same place and equations with the numbers of another observer."""
         mine = self.label, design.observer, design.form
-        return ObserverBlock(*mine, self.start, self.states, self.k, self.bounds, design.gains)
+        return ObserverBlock(*mine, self.start, self.states, self.k, self.bounds, design.gains, self.newton)
 
     @property
     def canonical(self) -> bool:
@@ -95,9 +100,25 @@ class ObserverBlock:
         """The observer's states as parts of z, in their shapes."""
         return Symbols({name: block.symbol(z) for name, block in self.states.items()})
 
+    @property
+    def recalled(self) -> int:
+        """How many of its own signals it looks back at."""
+        return int(np.size(self.design[LAGS])) if isinstance(self.observer, RecallingObserver) else 0
+
     def guess(self, t: ca.SX, u: ca.SX, p: ca.SX, z: ca.SX) -> ca.SX:
-        """C xhat."""
+        """C xhat, or what else is compared with what arrives."""
+        if isinstance(self.observer, RecallingObserver):
+            with called("observer", self.observer.type, "compared"):
+                return self.observer.compared(self.copy(t, u, p), self.symbols(z), self.k)
         return self.copy(t, u, p).output(self._estimate(z))
+
+    def signals(self, t: ca.SX, u: ca.SX, p: ca.SX, z: ca.SX) -> ca.SX:
+        """What it looks back at, shape (recalled, 1)."""
+        if not isinstance(self.observer, RecallingObserver):
+            return ca.SX(0, 1)
+        with called("observer", self.observer.type, "signals"):
+            found = self.observer.signals(self.copy(t, u, p), self.symbols(z), self.k)
+        return self._of_shape(found, (self.recalled, 1), "signals: what it looks back at")
 
     def spread(self, t: ca.SX, u: ca.SX, p: ca.SX, z: ca.SX) -> ca.SX | None:
         """The diagonal of H P H^T, shape (q,): the variance of C xhat where the observer knows that of xhat."""
@@ -124,9 +145,28 @@ class ObserverBlock:
                 self.observer.estimate(self.symbols(z), self.k), (self.form.plant.n, 1), "the estimate"
             )
 
-    def flow(self, t: ca.SX, u: ca.SX, p: ca.SX, z: ca.SX, e: ca.SX) -> ca.SX:
-        """d/dt of the block, alpha' = -c last."""
-        derivatives, correction = self.equations(self.copy(t, u, p), self.symbols(z), e)
+    def own(self, z: ca.SX) -> dict[str, ca.SX]:
+        """The numbers among the observer's own states by their names in a law.
+
+        ``sigma`` is a single number, ``sigma_2`` one of a vector, ``P_1_2`` one of a matrix.
+        """
+        return {
+            entry: state.symbol(z)[place]
+            for name, state in self._own.items()
+            for entry, place in _entries(name, state).items()
+        }
+
+    @property
+    def own_names(self) -> tuple[str, ...]:
+        """The names of these."""
+        return tuple(entry for name, state in self._own.items() for entry in _entries(name, state))
+
+    def flow(self, t: ca.SX, u: ca.SX, p: ca.SX, z: ca.SX, e: ca.SX, past: ca.SX | None = None) -> ca.SX:
+        """d/dt of the block, alpha' = -c last; ``past`` is what it has looked back at."""
+        s = self.symbols(z)
+        if past is not None:
+            s = Symbols(vars(s) | {"past": past})
+        derivatives, correction = self.equations(self.copy(t, u, p), s, e)
         if "alpha" in self.states:
             derivatives["alpha"] = -correction
         return ca.vertcat(*[block.flat(derivatives[name]) for name, block in self.states.items()])
@@ -209,4 +249,21 @@ class ObserverBlock:
 
     def copy(self, t: ca.SX, u: ca.SX, p: ca.SX) -> Copy:
         """The plant as the observer copies it."""
-        return self.form.copy(t, u, p, self.canonical, self.bounds)
+        plant = self.form.copy(t, u, p, self.canonical, self.bounds)
+        if self.newton is None:
+            return plant
+        assert isinstance(plant, GuessingCopy)
+        return plant.started_at(self.newton)
+
+
+def _entries(name: str, state: StateBlock) -> dict[str, tuple[int, int]]:
+    """The entries of an observer's own state by their names: row and column of each."""
+    if name == "xhat":
+        return {}
+    rows, columns = state.matrix
+    places = [(i, j) for i in range(rows) for j in range(columns)]
+    if len(places) == 1:
+        return {name: places[0]}
+    if 1 in (rows, columns):
+        return {f"{name}_{i + j + 1}": (i, j) for i, j in places}
+    return {f"{name}_{i + 1}_{j + 1}": (i, j) for i, j in places}

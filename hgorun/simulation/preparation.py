@@ -2,36 +2,43 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable
+from collections.abc import Hashable, Mapping
 from dataclasses import replace
+from itertools import chain
 
 import numpy as np
 
+from hgorun.config.models import Time
 from hgorun.errors import Problem
 from hgorun.measurement.channels import Channel, check_delays, find_channels
 from hgorun.measurement.extremes import Unknown
 from hgorun.measurement.late import Treatment, are_late, heard
 from hgorun.measurement.noise import is_relative
+from hgorun.measurement.sampling import EVENT_BYTES
 from hgorun.measurement.schedule import Schedule, build_schedule
 from hgorun.measurement.signals import extremes_of, kinks_of, signal_remarks, unknown_extremes
 from hgorun.memo import Memo, same
-from hgorun.observers.base import AnyObserver, CorrectedObserver, SampledObserver, treatment_of
+from hgorun.observers.base import AnyObserver, CorrectedObserver, SampledObserver
 from hgorun.observers.capabilities import Switching
+from hgorun.observers.recalling import LAGS, RecallingObserver
+from hgorun.observers.treatment import treatment_of
 from hgorun.plants.build import BuiltPlant
 from hgorun.result.data import DesignNumbers
 from hgorun.simulation.checks import check_run
 from hgorun.simulation.design import Design
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.first_step import nominal_step
+from hgorun.simulation.loop import DrivenPlant
 from hgorun.simulation.plant_alone import PlantRun, plant_extremes, plant_kinks, plant_remarks, plant_unknown
 from hgorun.simulation.prepared import Numbers, PreparedRun
 from hgorun.simulation.structure import Structure, parameter_values, structure_of
-from hgorun.simulation.truth import SameTruth, SimulatedPlant
+from hgorun.simulation.truth import SameTruth, SimulatedPlant, Truth
 
 _EVENTS = 100_000  # of schedules that are kept in memory
 _CHANNELS: Memo[list[Channel]] = Memo(16, lambda channels: all(c.samples.arrival.size < _EVENTS for c in channels))
 _SCHEDULES: Memo[Schedule] = Memo(16, lambda schedule: schedule.events.size < _EVENTS)
 _TRUTHS: Memo[SimulatedPlant] = Memo(64)
+_DRIVEN: Memo[DrivenPlant] = Memo(64)
 
 
 def prepare(experiment: Experiment, design: DesignNumbers | None = None) -> PreparedRun:
@@ -85,16 +92,13 @@ def _prepared(experiment: Experiment, design: DesignNumbers | None) -> PreparedR
     chance = seed if any(s.by_chance for one in stretches for s in one) else None
     key = same(stretches), chance, None if sizes is None else tuple(sizes)
     channels = _CHANNELS.get(key, lambda: find_channels(stretches, plant.model.outputs, time, seed, sizes))
-    smallest_delay, reach = check_delays(channels)
+    smallest_delay, reach = _with_lags(experiment, step, *check_delays(channels))
     treatments = treatments_of(experiment, channels)
     schedule = schedule_of(experiment, channels, step, treatments=treatments)
     of_groups = in_groups(experiment, treatments)
     designs = [design for group in of_groups for design in group]
-    stepped = plant.block.discretise == "euler"
-    truth = _TRUTHS.get((plant.symbolic, stepped), lambda: SimulatedPlant(plant.symbolic, stepped))
-    others = [SameTruth(truth, treatment == "replay") for treatment in treatments]
-    every = [*stretches, *(one for _ in treatments for one in stretches)]
-    structure = structure_of([truth, *others], of_groups, every, schedule.variants, plant.everything)
+    truths = _truths(plant, treatments)
+    structure = structure_of(truths, of_groups, stretches, schedule.variants, plant.everything)
     numbers = numbers_of(structure, plant, experiment, designs)
     return PreparedRun(
         experiment=experiment,
@@ -111,8 +115,45 @@ def _prepared(experiment: Experiment, design: DesignNumbers | None) -> PreparedR
     )
 
 
+def _truths(plant: BuiltPlant, treatments: tuple[Treatment, ...]) -> list[Truth]:
+    """What every group of observers observes."""
+    if plant.symbolic.controller is not None:  # the run with the true state, and a copy for each observer
+        driven = _DRIVEN.get((plant.symbolic,), lambda: DrivenPlant(plant.symbolic))
+        return [driven] * (1 + len(treatments))
+    stepped = plant.block.discretise == "euler"
+    truth = _TRUTHS.get((plant.symbolic, stepped), lambda: SimulatedPlant(plant.symbolic, stepped))
+    return [truth, *(SameTruth(truth, treatment == "replay") for treatment in treatments)]
+
+
+def _with_lags(experiment: Experiment, step: float, smallest: float, reach: float) -> tuple[float, float]:
+    """The smallest and the largest delay, those by which observers look back at themselves among them.
+
+    Raises
+    ------
+    Problem
+        Where one is shorter than steps that are given, and that other observers share.
+    """
+    for label, lags in lags_of(experiment).items():
+        if experiment.given_step is not None and np.any(lags < step * (1 - 1e-9)):
+            apart = f"its copies are {np.min(lags):.4g} apart, less than the step {step:g}"
+            raise Problem(("observers", label, "m"), f"{apart}: give a shorter step, or fewer copies")
+        smallest, reach = float(np.min(lags, initial=smallest)), float(np.max(lags, initial=reach))
+    return smallest, reach
+
+
+def lags_of(experiment: Experiment) -> dict[str, np.ndarray]:
+    """By how much observers look back at signals of their own."""
+    found = {}
+    for label, design in experiment.designs.items():
+        if isinstance(design.observer, RecallingObserver):
+            found[label] = design.gains[LAGS]
+    return found
+
+
 def treatments_of(experiment: Experiment, channels: list[Channel]) -> tuple[Treatment, ...]:
     """What observers do with late samples beside the common innovation; nothing where no sample is late.
+
+    In a closed loop what each of them does, one after the other: each drives a plant of its own.
 
     Raises
     ------
@@ -123,6 +164,8 @@ def treatments_of(experiment: Experiment, channels: list[Channel]) -> tuple[Trea
     late = are_late(channels)
     for label, treatment in found.items():
         observer = experiment.observers[label]
+        if isinstance(observer, RecallingObserver) and observer.late is not None:
+            raise Problem(("observers", label, "late"), "this observer crosses the delay itself: leave the key out")
         if isinstance(observer, SampledObserver) and observer.late is not None:
             raise Problem(("observers", label, "late"), "this observer takes samples without delay")
         if treatment == "innovation" and isinstance(observer, CorrectedObserver):
@@ -133,13 +176,36 @@ def treatments_of(experiment: Experiment, channels: list[Channel]) -> tuple[Trea
         if treatment != "innovation" and observer.late is not None and continuous and delayed:
             message = f"{treatment} needs sampled outputs, but {continuous[0].name} is continuous"
             raise Problem(("observers", label, "late"), message)
-    known: tuple[Treatment, ...] = ("drop", "replay")
+    if experiment.closed:
+        return _in_loops(experiment, found if late else dict.fromkeys(found, "innovation"))
+    own_past = [label for label, lags in lags_of(experiment).items() if lags.size]
+    if late and own_past and "replay" in found.values():
+        other = next(label for label, treatment in found.items() if treatment == "replay")
+        message = f"it looks back at its own past, and {other} goes back in time (late: replay): run them apart"
+        raise Problem(("observers", own_past[0], "type"), message)
+    known: tuple[Treatment, ...] = ("received", "drop", "replay")
     return tuple(treatment for treatment in known if late and treatment in found.values())
+
+
+def _in_loops(experiment: Experiment, found: Mapping[str, Treatment]) -> tuple[Treatment, ...]:
+    for label, treatment in found.items():
+        if isinstance(experiment.observers[label], RecallingObserver):
+            message = "its copies live in the past and need the inputs of then, which a controller does not keep"
+            raise Problem(("observers", label, "type"), message)
+        if treatment == "replay":
+            raise Problem(
+                ("observers", label, "late"),
+                "replay takes an observer back to the time of a late sample, but not the plant, which its estimates "
+                "have driven since then: innovation or drop",
+            )
+    return tuple(found.values())
 
 
 def in_groups(experiment: Experiment, treatments: tuple[Treatment, ...]) -> list[list[Design]]:
     """The designs by what their observers do with late samples: the common innovation first."""
     designs = experiment.designs
+    if experiment.closed:
+        return [[], *([design] for design in designs.values())]
     if not treatments:
         return [list(designs.values())]
     of = {label: treatment_of(observer) for label, observer in experiment.observers.items()}
@@ -150,10 +216,11 @@ def numbers_of(structure: Structure, plant: BuiltPlant, experiment: Experiment, 
     """The numbers of an experiment for its structure."""
     blocks = tuple(block.of(design) for block, design in zip(structure.observers, designs, strict=True))
     has_alpha = structure.system.has_alpha
-    initial = [design.initial(plant.parameters, has_alpha=has_alpha) for design in designs]
+    own = {design.label: design.initial(plant.parameters, has_alpha=has_alpha) for design in designs}
+    initial = [(group.truth.initial(plant), *(own[b.label] for b in group.observers)) for group in structure.groups]
     return Numbers(
         p=parameter_values(plant.everything, experiment.stretches, designs),
-        z0=np.concatenate([plant.initial, *initial, np.zeros(int(len(structure.groups) > 1))]),
+        z0=np.concatenate([*chain(*initial), np.zeros(int(len(structure.groups) > 1))]),
         observers=blocks,
     )
 
@@ -169,6 +236,10 @@ def _mean_squares(experiment: Experiment, step: float) -> np.ndarray | None:
     """Of the noise-free outputs, where the size of some noise is relative to them."""
     if not any(is_relative(stretch) for one in experiment.stretches for stretch in one):
         return None
+    if experiment.closed:
+        raise Problem(
+            ("controller",), "snr_db is relative to the outputs, and every observer's plant has its own: give std"
+        )
     if experiment.plant.block.discretise:
         raise Problem(("plant", "discretise"), "snr_db needs a plant in continuous time; give std")
     stiff = experiment.blocks.solver.alone_stiff
@@ -208,12 +279,49 @@ def schedule_of(
     found += [kinks_of(s, time.max_memory) for channel in channels for s in channel.stretches if s.continuous]
     kinks = np.concatenate([irregular.times for irregular in found])
     looked_at = _extremes(experiment, channels) if experiment.blocks.solver.controlled else np.zeros(0)
+    looked_at = np.concatenate([looked_at, _returns(experiment, channels)])
     if more is not None:
         looked_at = np.concatenate([looked_at, more])
     timings, changes = tuple(channel.timing for channel in channels), (kinks.tobytes(), looked_at.tobytes())
     short = _SHORTER * step if experiment.adaptive else step
-    key: Hashable = timings, time, experiment.origin, changes, short, treatments  # delays depend on the clock
-    return _SCHEDULES.get(key, lambda: build_schedule(heard(channels, treatments), time, kinks, short, looked_at))
+    period = None if experiment.controller is None else experiment.controller.period
+    # delays depend on the clock
+    key: Hashable = timings, time, experiment.origin, changes, short, treatments, period
+    instants = None if period is None else _instants(period, time)
+    return _SCHEDULES.get(
+        key, lambda: build_schedule(heard(channels, treatments), time, kinks, short, looked_at, instants)
+    )
+
+
+def _instants(period: float, time: Time) -> np.ndarray:
+    """When a controller acts: from the start of the run on.
+
+    Raises
+    ------
+    Problem
+        Where there are more times than fit into memory.
+    """
+    count = np.floor((time.end - time.start) / period) + 1
+    if count * EVENT_BYTES > time.max_memory:
+        raise Problem(
+            ("controller", "period"),
+            f"{count:.4g} times at which the controller acts take {count * EVENT_BYTES / 2**30:.3g} GiB; "
+            f"time.max_memory allows {time.max_memory / 2**30:.3g} GiB",
+        )
+    return np.asarray(time.start + period * np.arange(int(count)))
+
+
+_LEVELS = 4  # times that a kink comes back: by then it is one of a derivative of high order
+
+
+def _returns(experiment: Experiment, channels: list[Channel]) -> np.ndarray:
+    """When kinks of the start and of what is late come back to observers that look back at themselves."""
+    lags = {float(lag) for of in lags_of(experiment).values() for lag in np.unique(of)}
+    if not lags or experiment.given_step is not None:  # given steps are those of all observers, alone and together
+        return np.zeros(0)
+    late = {float(s.delay_at(np.zeros(1))[0]) for c in channels for s in c.stretches if s.delay_is_constant}
+    times = [age + k * lag for lag in lags for age in {0.0, *late} for k in range(_LEVELS + 1)]
+    return experiment.time.start + np.array([time for time in times if time > 0])
 
 
 def _extremes(experiment: Experiment, channels: list[Channel]) -> np.ndarray:

@@ -13,11 +13,13 @@ from itertools import accumulate
 import casadi as ca
 
 from hgorun.engine.layout import Held, HybridSystem, Regime
+from hgorun.errors import Problem
 from hgorun.measurement.signals import Signal
 from hgorun.measurement.variants import CONTINUOUS, DELAYED, FROZEN, HELD, SILENT, Variant, is_delayed
 from hgorun.observers.base import Arrival, CorrectedObserver, Sample, SampledObserver
+from hgorun.observers.recalling import RecallingObserver
 from hgorun.simulation.observer_block import ObserverBlock
-from hgorun.simulation.truth import Placed, PlantNumbers, SameTruth, Truth
+from hgorun.simulation.truth import Placed, PlantNumbers, SameTruth, Seen, SimulatedPlant, Truth
 from hgorun.symbolic.plant import PlantModel
 
 
@@ -41,6 +43,17 @@ class Group:
         """Behind the last of its states in z."""
         return self.observers[-1].end if self.observers else self.start + self.truth.size
 
+    def placed(self, t: ca.SX, z: ca.SX, p: PlantNumbers, w: ca.SX, held: Held) -> Placed:
+        """The truth's equations; where a controller drives it, it gets what the first observer estimates.
+
+        Parameters
+        ----------
+        z : casadi.SX
+            All states.
+        """
+        seen = Seen(self.observers[0], z) if self.observers else None
+        return self.truth.place(t, z[self.truth_states], p, w, held, seen)
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class _Symbols:
@@ -57,10 +70,12 @@ class _Symbols:
 class _Part:
     """The equations of one group, whose outputs and observers are counted from ``first`` and ``before`` on."""
 
-    def __init__(self, group: Group, symbols: _Symbols, first: int, before: int, has_alpha: bool) -> None:
-        self.group, self.symbols, self.first, self.before = group, symbols, first, before
+    def __init__(
+        self, group: Group, symbols: _Symbols, first: int, before: int, has_alpha: bool, recalled: Sequence[range]
+    ) -> None:
+        self.group, self.symbols, self.first, self.before, self.recalled = group, symbols, first, before, recalled
         s = symbols
-        self.placed: Placed = group.truth.place(s.t, s.z[group.truth_states], s.plant, s.w, s.held)
+        self.placed: Placed = group.placed(s.t, s.z, s.plant, s.w, s.held)
         q = self.placed.y.numel()
         self.outputs = range(first, first + q)
         self.guesses = [b.guess(s.t, self.placed.u, s.plant.parameters, s.z) for b in group.observers]
@@ -77,8 +92,9 @@ class _Part:
                 parts.append(ca.SX(0))
             elif what == HELD:
                 parts.append(s + self.alphas[j][k] - output)
-            elif what == CONTINUOUS:
-                parts.append(self.guesses[j][k] - _measured(self.placed.y[k], w[held.noise(i)], signals[i, phase]))
+            elif what == CONTINUOUS or (what == DELAYED and self.recalled[j]):
+                y = self.placed.y[k] if what == CONTINUOUS else output
+                parts.append(self.guesses[j][k] - _measured(y, w[held.noise(i)], signals[i, phase]))
             else:
                 parts.append(s + self.alphas[j][k] - _measured(output, w[held.noise(i)], signals[i, phase]))
         return ca.vertcat(*[self._model.wrapped(k, part) for k, part in enumerate(parts)])
@@ -104,7 +120,9 @@ class _Part:
             return
         yield self.placed.rate
         for j, b in enumerate(self.group.observers):
-            yield b.flow(s.t, self.placed.u, s.plant.parameters, s.z, self.innovation(j, variant, signals))
+            past = ca.vertcat(ca.SX(0, 1), *[s.w[s.held.output(i)] for i in self.recalled[j]])
+            e = self.innovation(j, variant, signals)
+            yield b.flow(s.t, self.placed.u, s.plant.parameters, s.z, e, past)
 
     def channels(self, observers: int) -> Iterator[ca.SX]:
         """For each output y, and s of all the system's observers: zero for those of other groups."""
@@ -112,6 +130,12 @@ class _Part:
         for k in range(len(self.outputs)):
             own = [g[k] - a[k] for g, a in zip(self.guesses, self.alphas, strict=True)]
             yield ca.vertcat(self.placed.y[k], *[ca.SX(0)] * self.before, *own, *[ca.SX(0)] * behind)
+
+    def signals(self) -> Iterator[ca.SX]:
+        """What its observers look back at."""
+        s = self.symbols
+        for b in self.group.observers:
+            yield b.signals(s.t, self.placed.u, s.plant.parameters, s.z)
 
     def _arrival(self, j: int) -> Arrival:
         """What arrives, as observer j is to compare it: whole periods away from its own output where there are some."""
@@ -143,6 +167,13 @@ class _Part:
             if isinstance(b.observer, SampledObserver):
                 own, u = self._unwrapped(j, sample), (self.placed.u, self.placed.u_before)
                 yield b.start, b.end, b.jump(s.t, *u, s.plant.parameters, s.z, own)
+
+    def acts(self) -> Iterator[tuple[int, int, ca.SX]]:
+        """What becomes of which states when a controller acts."""
+        if self.placed.acted is not None:
+            first, new = self.placed.acted
+            start = self.group.start + first
+            yield start, start + new.numel(), new
 
 
 def build_system(
@@ -181,11 +212,15 @@ def build_system(
     widths = [len(group.truth.plant.model.outputs) for group in groups]
     counts = [len(group.observers) for group in groups]
     recorded = max(group.truth.recorded_inputs for group in groups)
-    held = Held(sum(widths), sum(counts), recorded, flags=_has_corrected(groups))
+    recalled = _recalled(groups, sum(widths))
+    lags = ca.vertcat(ca.SX(0, 1), *[b.k.lags for group in groups for b in group.observers if b.recalled])
+    held = Held(sum(widths) + lags.numel(), sum(counts), recorded, flags=_has_corrected(groups))
     symbols = _Symbols(t, ca.SX.sym("z", size), ca.SX.sym("w", held.size), p, plant, held)
     z, w = symbols.z, symbols.w
     starts = zip(accumulate([0, *widths]), accumulate([0, *counts]), strict=True)
-    parts = [_Part(group, symbols, *start, has_alpha) for group, start in zip(groups, starts, strict=False)]
+    parts = [
+        _Part(group, symbols, *start, has_alpha, of) for group, start, of in zip(groups, starts, recalled, strict=False)
+    ]
 
     def compiled(name: str, expression: ca.SX, last: ca.SX = w) -> ca.Function:
         return ca.Function(name, [t, p, z, last], [ca.densify(ca.cse(expression))])
@@ -194,18 +229,24 @@ def build_system(
     for variant in variants:
         rates = [rate for part in parts for rate in part.flow(variant, signals)]
         flow = compiled("flow", ca.vertcat(*rates, *[ca.SX(0)] * several))
-        if is_delayed(variant):
+        if is_delayed(variant) or lags.numel():
             delays = [signals[i, phase].delay if what == DELAYED else 0 for i, (what, phase) in enumerate(variant)]
             late = tuple(i for i, (what, _) in enumerate(variant) if what == DELAYED)
-            regimes.append(Regime(flow, compiled("lags", ca.vertcat(*delays)), late))
+            own = tuple(range(len(variant), held.outputs))
+            regimes.append(Regime(flow, compiled("lags", ca.vertcat(*delays, lags)), late + own))
         else:
             regimes.append(Regime(flow))
-    channels = ca.vertcat(*[channel for part in parts for channel in part.channels(held.observers)])
+    own_signals = ca.vertcat(ca.SX(0, 1), *[signal for part in parts for signal in part.signals()])
+    channels = ca.vertcat(
+        *[channel for part in parts for channel in part.channels(held.observers)],
+        *[ca.vertcat(signal, ca.SX.zeros(held.observers)) for signal in ca.vertsplit(own_signals) if signal.numel()],
+    )
     dz = ca.SX.sym("dz", size)
     slopes = ca.SX(0, 1)
     if any(regime.delayed for regime in regimes):
         slopes = ca.vertcat(channels, ca.jtimes(channels, z, dz) + ca.jacobian(channels, t))
     jumps = [(a, b, compiled("jump", new)) for part in parts for a, b, new in part.jumps()]
+    acts = [(a, b, compiled("act", new)) for part in parts for a, b, new in part.acts()]
     corrections = [(part.outputs, a, b, compiled("jump", new)) for part in parts for a, b, new in part.corrections()]
     return HybridSystem(
         states=size,
@@ -213,15 +254,33 @@ def build_system(
         parameters=p.numel(),
         held=held,
         blocks=tuple(block for i, group in enumerate(groups) for block in _blocks(group, first=i == 0)),
-        alpha=_alpha(groups, size - 1) if has_alpha else (),
+        alpha=(*_alpha(groups, size - 1), *[(size - 1,) * held.observers] * lags.numel()) if has_alpha else (),
         regimes=tuple(regimes),
         channels=compiled("channels", channels),
         channel_slopes=compiled("trace", slopes, dz),
-        jumps=(*jumps, *((a, b, new) for _, a, b, new in corrections)),
-        corrections=tuple((len(jumps) + i, of.start, of.stop) for i, (of, *_) in enumerate(corrections)),
+        jumps=(*jumps, *acts, *((a, b, new) for _, a, b, new in corrections)),
+        acts=len(acts),
+        corrections=tuple((len(jumps) + len(acts) + i, of.start, of.stop) for i, (of, *_) in enumerate(corrections)),
         replayed=_replayed(groups[-1], held, parts[-1].outputs.start),
         innovations=innovations,
+        recalled=lags.numel(),
     )
+
+
+def _recalled(groups: Sequence[Group], first: int) -> list[list[range]]:
+    """Of every observer of every group the outputs from ``first`` on that stand for what it looks back at."""
+    found = []
+    for group in groups:
+        own = []
+        for b in group.observers:
+            own.append(range(first, first + b.recalled))
+            first += b.recalled
+            simulated = isinstance(group.truth, (SimulatedPlant, SameTruth))
+            if isinstance(b.observer, RecallingObserver) and not simulated:
+                message = "it looks back at its own past, which is kept in simulations alone, not of data or a stream"
+                raise Problem(("observers", b.label, "type"), message)
+        found.append(own)
+    return found
 
 
 def _replayed(last: Group, held: Held, output: int) -> tuple[int, int] | None:

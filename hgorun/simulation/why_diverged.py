@@ -32,6 +32,8 @@ def why_diverged(run: PreparedRun, raw: Raw, j: int, again: Again) -> str | None
     again : Again
         That run once more.
     """
+    if run.closed:
+        return None  # where the plant goes depends on the estimate
     return _unstable_gain(run, raw, run.observers[j]) or singular(run, raw, j, again)
 
 
@@ -55,7 +57,7 @@ def singular(run: PreparedRun, raw: Raw, j: int, again: Again) -> str | None:
         return evaluate(determinant, states, run.plant.parameters)[0].ravel()
 
     estimate = _finite(_estimate(block, raw))
-    truth = raw.rows[: len(estimate) + 1, : form.plant.n, 0]
+    truth = raw.rows[: len(estimate) + 1, run.structure.truths[j], 0]
     for states in (estimate, truth):
         when = _sign_changes(run.grid, along(states))
         if when is not None:
@@ -115,10 +117,10 @@ def _rising(values: Floats, times: Floats) -> tuple[Floats, Floats]:
 def _unstable_gain(run: PreparedRun, raw: Raw, block: ObserverBlock) -> str | None:
     """Small errors grow with a continuous output at the start, in the middle and at the end of the run.
 
-    Not said of gains that are states, which follow the plant, and of what jumps or has no linearisation.
+    Not said of gains that are states, which follow the plant, and of what jumps, looks back or has no linearisation.
     """
     observer = block.observer
-    if not isinstance(observer, ContinuousObserver) or isinstance(observer, (NotLinear, SlidingMode)):
+    if not isinstance(observer, ContinuousObserver) or isinstance(observer, (NotLinear, SlidingMode)) or block.recalled:
         return None
     if "gain" in observer.roles(block.form).values():
         return None

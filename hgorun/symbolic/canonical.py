@@ -11,7 +11,7 @@ the correction in x is the one that comes nearest to kappa, in units of the outp
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal
 
@@ -214,6 +214,11 @@ class PlantCopy:
     def chains(self) -> tuple[int, ...]:
         """Length of each output's chain."""
         return self.form.chains
+
+    def earlier(self, lag: ca.SX) -> PlantCopy:
+        """The plant as it was some time before: its inputs must be functions of time."""
+        t = self.t - lag
+        return replace(self, t=t, u=ca.substitute(self.u, self.t, t))
 
     def copy(self, xhat: ca.SX) -> ca.SX:
         """The plant's vector field at the estimate: F x + phi(u, sat x).

@@ -43,6 +43,15 @@ class ModelCopy(Copy, Protocol):
         ...
 
 
+@runtime_checkable
+class GuessingCopy(Copy, Protocol):
+    """A copy whose estimate is found by Newton's method."""
+
+    def started_at(self, guess: ca.SX) -> Copy:
+        """The same with other numbers to start from, shape (n,)."""
+        ...
+
+
 class Form(Protocol):
     """A class of plants, and one member of it: built by a function that refuses what is not in the class."""
 
@@ -65,6 +74,16 @@ class Form(Protocol):
 
     def copy(self, t: ca.SX, u: ca.SX, p: ca.SX, canonical: bool, bounds: Bounds) -> Copy:
         """The copy of the plant with these inputs and parameters."""
+        ...
+
+
+@runtime_checkable
+class Guessing(Form, Protocol):
+    """A form whose copies of the plant are :class:`GuessingCopy`, where there is something to guess."""
+
+    @property
+    def guess(self) -> np.ndarray | None:
+        """Where Newton's method starts, shape (n,): a number of the run, and no part of its equations."""
         ...
 
 

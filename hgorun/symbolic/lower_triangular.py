@@ -135,11 +135,18 @@ class DerivativeForm:
         return self.lower.plant
 
     def again(self, at: np.ndarray, parameters: np.ndarray) -> DerivativeForm | None:
-        """The form with other numbers, where they lead to the same equations; a guess is a part of them."""
+        """The form with other numbers, where they lead to the same equations."""
         lower = self.lower.again(at, parameters)
-        if lower is None or (self.lower.guesses and not np.array_equal(lower.points[0], self.lower.points[0])):
+        if lower is None:
             return None
-        return replace(self, lower=lower)
+        form = replace(self, lower=lower)
+        form.__dict__["_derivatives"] = self._derivatives
+        return form
+
+    @property
+    def guess(self) -> np.ndarray | None:
+        """Where Newton's method starts, in the coordinates of the lower triangular model."""
+        return self.lower.points[0] if self.lower.guesses else None
 
     def saturable(self, canonical: bool) -> tuple[str, ...]:
         """A differentiator has no copy of the plant whose arguments could be saturated."""
@@ -168,10 +175,15 @@ class DerivativeCopy:
 
     form: DerivativeForm
     lower: LowerTriangularCopy
+    guess: ca.SX | None = None
+
+    def started_at(self, guess: ca.SX) -> DerivativeCopy:
+        """The same, with another start of Newton's method."""
+        return replace(self, guess=guess)
 
     def state(self, z: ca.SX) -> ca.SX:
         """The estimate in the plant's coordinates, Phi(z, u, u', ...)."""
-        guess = ca.DM(self.form.lower.points[0])
+        guess = ca.DM(self.form.lower.points[0]) if self.guess is None else self.guess
         return self.lower.state(self.lower.reconstruct(z, guess))
 
     def output(self, z: ca.SX) -> ca.SX:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import groupby
@@ -74,7 +74,11 @@ class CanonicalForms:
             When a state does not reach the output, when J is singular everywhere, or when the model is
             not triangular in z, so that some input can hide a state.
         """
-        return _Search(self, plant).form(at, parameters)
+        return self.finder(plant)(at, parameters)
+
+    def finder(self, plant: PlantModel) -> Callable[[np.ndarray, np.ndarray], CanonicalForm]:
+        """The same of one plant, from a typical state and parameters: its symbolic work is done once."""
+        return _Search(self, plant).form
 
 
 canonical_form = CanonicalForms()

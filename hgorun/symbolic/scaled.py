@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import casadi as ca
@@ -37,11 +38,24 @@ class ScaledCopy(ModelCopy, Protocol):
         ...
 
 
+@dataclass(frozen=True)
 class BlocksForm(TriangularForm):
-    """A triangular model that has been taken since the plant has no chains; other numbers may give it some."""
+    """A triangular model that has been taken since the plant has no chains; other numbers may give it some.
 
-    def again(self, at: np.ndarray, parameters: np.ndarray) -> None:
-        """Not known: the plant is looked at anew."""
+    Attributes
+    ----------
+    chains : callable
+        (at, parameters) -> the chains for other numbers, or NotObservableForm.
+    """
+
+    chains: Callable[[np.ndarray, np.ndarray], Form] = field(compare=False, repr=False)
+
+    def again(self, at: np.ndarray, parameters: np.ndarray) -> BlocksForm | None:
+        """Itself, where other numbers do not lead to chains either."""
+        try:
+            self.chains(at, parameters)
+        except NotObservableForm:
+            return self
         return None
 
 
@@ -58,16 +72,21 @@ class ChainsOrBlocks(CanonicalForms):
         NotObservableForm
             With the reason why there are no chains, and no blocks.
         """
+        find = self.finder(plant)
+
+        def chains(at: np.ndarray, parameters: np.ndarray) -> CanonicalForm:
+            return _square(find(at, parameters))
+
         if self.map != "auto" or self.chains:
-            return _square(super().__call__(plant, at, parameters))
+            return chains(at, parameters)
         try:
-            return _square(super().__call__(plant, at, parameters))
+            return chains(at, parameters)
         except NotObservableForm as no_chains:
             try:
                 found = triangular_form(plant, at, parameters)
             except NotObservableForm as no_blocks:
                 raise NotObservableForm(f"{no_chains}; nor is it triangular: {no_blocks}") from no_blocks
-            return BlocksForm(found.plant, found.model, found.block, found.measured)
+            return BlocksForm(found.plant, found.model, found.block, found.measured, chains)
 
 
 def _square(form: CanonicalForm) -> CanonicalForm:

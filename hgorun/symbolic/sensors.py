@@ -25,6 +25,8 @@ class Sensor:
         the bound of uniform noise, added; None where there is no noise, or it is not known.
     why : str
         Why there is no variance or no density.
+    delay : float or None
+        By how much it is late; None where that changes.
     """
 
     variance: float | None
@@ -33,3 +35,4 @@ class Sensor:
     multiplicative: bool = False
     why: str = ""
     amplitude: float | None = None
+    delay: float | None = 0.0

@@ -105,6 +105,18 @@ def test_clocks_that_cannot_be_compared(tmp_path: Path) -> None:
         recorded(tmp_path, log([date.isoformat() for date in DATES]), other)
 
 
+def test_numbers_beside_dates_count_from_the_stated_origin(tmp_path: Path) -> None:
+    """A device counts its own seconds; another one writes dates."""
+    tmp_path.joinpath("pump.csv").write_text("s,q\n0,2\n90,3\n")
+    pump = {"file": "pump.csv", "column": "q", "time": {"column": "s", "unit": "s"}}
+    block = {"origin": "2024-01-01T00:00", "inputs": {"F": pump}}
+    content = log([f"2024-01-01T00:{k + 1:02d}:00" for k in range(len(DATES))])
+    found = recorded(tmp_path, content, block)
+    per = {"s": 1.0, "min": 60.0, "h": 3600.0}[found.origin.unit]
+    assert found.inputs["F"].times.tolist() == [0.0, 90 / per]
+    assert found.outputs["S"].taken[:2].tolist() == [60 / per, 120 / per]
+
+
 def test_a_unit_of_the_file_for_its_time_is_told(tmp_path: Path) -> None:
     content = log([repr(t) for t in TIMES.tolist()]).replace("glucose\n", "glucose\nh;g/L\n")
     (note,) = recorded(tmp_path, content).notes

@@ -266,3 +266,13 @@ def test_an_input_has_to_act_on_the_plant_or_on_an_observer() -> None:
     listed = inline({"a": "b", "b": "-sin(a) + u"}, "a", inputs={"u": {}})  # what it is comes with the data
     found = estimate(source({"plant": listed, "observers": observers("shgo")}), log, sensitivity=False)
     assert found.u[-1].tolist() == [-0.2]
+
+
+def test_what_the_first_samples_do_not_say_is_asked_for() -> None:
+    """A tank whose outflow has no slope where it is empty: the level that is not measured has no start of its own."""
+    taken = np.arange(0, 2, 0.1)
+    log = recording(signal("low", taken, 20 + taken))
+    plant = inline({"high": "1 - sqrt(high)", "low": "sqrt(high) - sqrt(low)"}, "low")
+    block: Block = {"type": "shgo", "theta": 1, "poles": -1}
+    with pytest.raises(ConfigError, match="states without an initial value start at 0: give initial of high"):
+        estimate(source({"plant": plant, "observers": {"o": block}}), log)

@@ -13,7 +13,9 @@ from hypothesis import strategies as st
 
 import hgorun
 from hgorun.config.expressions import parse
+from hgorun.measurement import extremes as measured_extremes
 from hgorun.measurement.events import Irregular, Kinks, repeated
+from hgorun.measurement.extremes import extremes
 from hgorun.measurement.signals import delay_range
 from hgorun.symbolic.crossings import TooMany
 
@@ -299,3 +301,17 @@ def test_a_remark_tells_of_a_function_that_cannot_be_followed(tmp_path: Path) ->
     assert remark.startswith("plant.inputs.u: kinks or jumps between t = ")
     assert hgorun.read(result.save(tmp_path / "r.h5")).remarks == result.remarks
     assert run("1", 10.0).remarks == ()
+
+
+def test_a_narrow_pulse_is_found_among_too_many_extremes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """sin(20 t) has 636 extremes in 100 s, of which none is looked for; the pulse at t = 33.3 is a hundred times as
+    steep."""
+    monkeypatch.setattr(measured_extremes, "EXTREMES", 100)
+    t, p = ca.SX.sym("t"), ca.SX.sym("p", 1)
+    calm, both = ca.sin(20 * t), ca.sin(20 * t) + p * ca.exp(-(((t - 33.3) / 1e-3) ** 2))
+    found = extremes(Kinks.of_slopes([calm, both], t, p), np.array([2.0]), 0.0, 100.0)
+    assert np.min(np.abs(found.times - 33.3)) < 1e-5
+    assert found.times.size < 20
+    assert found.lost == ((0.0, 100.0),)
+    nothing = extremes(Kinks.of_slopes([calm], t, p), np.array([2.0]), 0.0, 100.0)
+    assert not nothing.times.size

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from examples import VAN_DER_POL, Block, experiment
 
-from hgorun.engine.plan import Plan, Segments
 from hgorun.simulation import actions, tables
 from hgorun.simulation.passes import as_given, carry_out, plan_of
 from hgorun.simulation.prepared import PreparedRun
@@ -35,15 +34,6 @@ def prepared(observers: dict[str, Block] = SHGO, **more: Any) -> PreparedRun:
     return prepare(experiment(VAN_DER_POL, observers, end=3.0, output_step=0.03, step=0.02, **more))
 
 
-def joined(plan: Plan) -> Segments:
-    """The parts of a plan, put together."""
-    parts = list(plan.parts())
-    before = np.cumsum([0, *(len(part.actions) for part in parts)])
-    for part, first in zip(parts, before, strict=False):
-        part.counts[:, 4:6] += first
-    return Segments(*(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(Segments)))
-
-
 @pytest.mark.parametrize("uneven", [None, 0.62])
 @pytest.mark.parametrize("case", CASES)
 def test_parts_are_those_of_the_whole(case: str, uneven: float | None, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -59,7 +49,8 @@ def test_parts_are_those_of_the_whole(case: str, uneven: float | None, monkeypat
     expected, found = carry_out(run, how, whole, start), carry_out(run, how, plan, start)
     for field in fields(expected):
         np.testing.assert_array_equal(getattr(found, field.name), getattr(expected, field.name))
-    one = joined(plan)
+    one = plan.whole()
+    assert one.following is None
     np.testing.assert_array_equal(one.spans, whole.spans)
     np.testing.assert_array_equal(one.counts, whole.counts)
     np.testing.assert_array_equal(one.actions, whole.actions)

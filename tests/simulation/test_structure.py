@@ -185,6 +185,37 @@ def test_a_second_run_costs_no_symbolic_work(reached: str, change: str, monkeypa
     assert "sha256" not in counts or change in ("seed", "noise", "everything")
 
 
+def test_a_start_of_newtons_method_is_a_number(monkeypatch: pytest.MonkeyPatch) -> None:
+    """x is found from y, y' by Newton's method, which starts at the plant's initial state."""
+    observer = {"o": {"type": "levant", "G": 2, "initial": {"a": 0.1}}}
+    solver = {"method": "euler", "step": 0.01}
+    base = experiment(VAN_DER_POL_LIKE, observer, end=0.5, output_step=0.05, measurement={}, solver=solver)
+    hgorun.simulate(base)
+    varied = base.varied({"plant.initial.a": 0.6, "plant.initial.b": -0.4})
+    with counted(monkeypatch) as counts:
+        second = hgorun.simulate(varied)
+    assert not counts
+    forget()
+    assert_equal(second, hgorun.simulate(Experiment(varied.source.data, name="test")))
+
+
+def test_a_plant_without_chains_keeps_its_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The input multiplies b in a', so that it can hide b."""
+    plant = inline({"a": "u*b", "b": "-k*b"}, "a", inputs={"u": "cos(t)"}, parameters={"k": "1"})
+    block = {"type": "impulsive_riccati", "theta": 2, "initial": {"a": 0.1}}
+    sampled = {"sampling": {"period": 0.1}}
+    base = experiment(plant, {"o": block}, end=1.0, output_step=0.1, step=0.02, measurement=sampled)
+    structure = prepare(base).structure
+    hgorun.simulate(base)
+    varied = base.varied({"plant.parameters.k": "1.2", "plant.initial.b": 0.3})
+    with counted(monkeypatch) as counts:
+        second = hgorun.simulate(varied)
+    assert "generate" not in counts
+    assert prepare(varied).structure is structure
+    forget()
+    assert_equal(second, hgorun.simulate(Experiment(varied.source.data, name="test")))
+
+
 def test_what_the_equations_read_decides_the_structure() -> None:
     base = experiment(CONTOIS, {"o": {"type": "fhgo2", "r": 1, "theta": 2, "initial": {"x1": 1, "x2": 14}}}, step=0.01)
     known = prepare(base).structure

@@ -17,12 +17,13 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from hgorun.analysis.reasons import CORRECTED, NoValue
+from hgorun.analysis.reasons import CORRECTED, RECALLS, NoValue
 from hgorun.errors import Problem
 from hgorun.observers.base import AnyObserver, ContinuousObserver, CorrectedObserver
 from hgorun.observers.capabilities import HighGain, NotLinear, SettlingGain
 from hgorun.observers.constant_gain import PlacedGain
 from hgorun.observers.forward_differences import ForwardDifferences
+from hgorun.observers.recalling import LAGS, RecallingObserver
 from hgorun.observers.riccati import RiccatiGain
 from hgorun.simulation.design import Design
 from hgorun.simulation.observer_block import ObserverBlock
@@ -173,6 +174,8 @@ def _chains(observer: AnyObserver, form: Form) -> tuple[int, ...]:
     if isinstance(form, ChainForm):
         if isinstance(observer, CorrectedObserver):
             raise NoValue(CORRECTED)
+        if isinstance(observer, RecallingObserver) and observer.design(form)[LAGS].size:
+            raise NoValue(RECALLS)
         if isinstance(observer, ForwardDifferences) or _is_flow(observer):
             return form.chains
     elif isinstance(form, BlockForm) and isinstance(observer, RiccatiGain):

@@ -13,7 +13,7 @@ from hgorun.analysis.convergence.charts import Chart, chart_of
 from hgorun.analysis.convergence.gains import ErrorDynamics, error_dynamics
 from hgorun.analysis.convergence.lipschitz import Lipschitz, lipschitz
 from hgorun.analysis.convergence.signals import Amplitudes, amplitudes
-from hgorun.analysis.reasons import NoValue, outcome, require_innovation
+from hgorun.analysis.reasons import RECALLS, NoValue, outcome, require_innovation
 from hgorun.analysis.subject import Subject, once
 from hgorun.observers.base import CorrectedObserver, SampledObserver
 from hgorun.observers.capabilities import HighGain, LocallyLinear, SettlingGain
@@ -77,6 +77,8 @@ def premises_of(subject: Subject) -> Premises:
     """
     if isinstance(subject.observer, (CorrectedObserver, SampledObserver)):
         raise NoValue(f"{subject.observer.type} jumps at the samples; the theorems are for flows")
+    if subject.block.recalled:
+        raise NoValue(RECALLS)
     require_innovation(subject.run, subject.label)
     theta = theta_of(subject)
     chart = chart_of(subject.form, subject.run.plant)

@@ -15,11 +15,12 @@ from hgorun.analysis.stability.critical import (
     chain_system,
     critical_delay,
     critical_period,
-    jumping_period,
+    declared_limit,
     timing_of,
 )
 from hgorun.analysis.subject import Context, Subject, once
 from hgorun.observers.base import CorrectedObserver, SampledObserver
+from hgorun.observers.recalling import RecallingObserver
 from hgorun.result.result import Result
 
 _UNDELAYED = "the observer takes samples without delay"
@@ -68,11 +69,11 @@ def _remarked(name: str, limit: Limit) -> Remarked:
 )
 def period_critical(observer: Subject) -> Remarked:
     if isinstance(observer.observer, SampledObserver):
-        return _remarked("period_critical", jumping_period(observer.observer.longest_period(observer.form)))
+        return _remarked("period_critical", declared_limit(observer.observer.longest_period(observer.form)))
     if isinstance(observer.observer, CorrectedObserver):
         known = observer.observer.longest_period(observer.form)
         if known is not None:
-            return _remarked("period_critical", jumping_period(known))
+            return _remarked("period_critical", declared_limit(known))
     return _limit(observer, "period_critical", critical_period, _along_run)
 
 
@@ -85,6 +86,8 @@ def period_critical(observer: Subject) -> Remarked:
 def delay_critical(observer: Subject) -> Remarked:
     if isinstance(observer.observer, SampledObserver):
         raise NoValue(_UNDELAYED)
+    if isinstance(observer.observer, RecallingObserver) and observer.block.recalled:
+        return _remarked("delay_critical", declared_limit(observer.observer.longest_delay(observer.form)))
     return _limit(observer, "delay_critical", critical_delay, _along_run)
 
 

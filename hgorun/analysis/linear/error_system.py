@@ -20,7 +20,7 @@ from functools import cached_property
 import numpy as np
 
 from hgorun.analysis.linear.linear import Linearisation
-from hgorun.analysis.reasons import CORRECTED, JUMPS, SLIDING, NoValue, why_lost
+from hgorun.analysis.reasons import CORRECTED, JUMPS, RECALLS, SLIDING, NoValue, why_lost
 from hgorun.observers.base import CorrectedObserver, SampledObserver
 from hgorun.observers.capabilities import SlidingMode
 from hgorun.result.observer import ObserverResult
@@ -121,6 +121,8 @@ def error_system(run: PreparedRun, label: str, result: Result) -> ErrorSystem:
         raise NoValue(JUMPS)
     if isinstance(observer, CorrectedObserver):
         raise NoValue(CORRECTED)
+    if next(b for b in run.observers if b.label == label).recalled:
+        raise NoValue(RECALLS)
     if label not in result.observers:
         raise NoValue("the nominal run does not have this observer")
     found = result.observers[label]

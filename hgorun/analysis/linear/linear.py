@@ -15,7 +15,7 @@ import casadi as ca
 import numpy as np
 
 from hgorun.analysis.linear.coordinates import transformed
-from hgorun.analysis.reasons import NoValue
+from hgorun.analysis.reasons import RECALLS, NoValue
 from hgorun.observers.capabilities import NotLinear
 from hgorun.result.observer import ObserverResult
 from hgorun.simulation.observer_block import ObserverBlock
@@ -65,12 +65,15 @@ class Linearisation:
 
     Notes
     -----
-    For observers that are differential equations; those that jump at samples have no flow.
+    For observers that are differential equations; those that jump at samples have no flow. NoValue for those that look
+    back at their own past.
     """
 
     def __init__(self, run: PreparedRun, label: str) -> None:
         self.run, self.label = run, label
         self.block: ObserverBlock = next(b for b in run.observers if b.label == label)
+        if self.block.recalled:
+            raise NoValue(RECALLS)
 
     @property
     def size(self) -> int:

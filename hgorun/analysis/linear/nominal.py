@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from hgorun.analysis.reasons import NoValue
+from hgorun.analysis.reasons import RECALLS, NoValue
 from hgorun.errors import HgorunError
 from hgorun.observers.base import AnyObserver, CorrectedObserver, SampledObserver
 from hgorun.observers.capabilities import HighGain, Switching
@@ -28,7 +28,7 @@ def nominal(run: PreparedRun, label: str | None = None) -> Result:
 
     What the observers' gains are when nothing disturbs them: the trajectory along which small errors are
     looked at, the same for every sampling period, delay and noise. The plant keeps its disturbance. Observers
-    that jump at samples are left out.
+    that jump at samples or look back at their own past are left out.
 
     Parameters
     ----------
@@ -43,6 +43,9 @@ def nominal(run: PreparedRun, label: str | None = None) -> Result:
     experiment, plant = run.experiment, run.plant
     if all(isinstance(o, _JUMPING) for o in experiment.observers.values()):
         raise NoValue("all observers here jump at the samples")
+    recalled = {b.label for b in run.observers if b.recalled}
+    if recalled == set(experiment.observers):
+        raise NoValue(RECALLS)
     if plant.block.discretise:
         raise NoValue("the plant is stepped at the samples")
     span = run.span
@@ -53,7 +56,7 @@ def nominal(run: PreparedRun, label: str | None = None) -> Result:
     }
     initial = dict(zip(plant.model.states, map(float, plant.initial), strict=True))
     for name, observer in experiment.observers.items():
-        if isinstance(observer, _JUMPING) or label not in (None, name):
+        if isinstance(observer, _JUMPING) or label not in (None, name) or name in recalled:
             changes[f"observers.{name}"] = None
             continue
         try:  # the true state, unless the observer cannot start there
@@ -79,6 +82,8 @@ def chain(run: PreparedRun, label: str) -> tuple[PreparedRun, Result]:
     ------
     NoValue
     """
+    if next(b for b in run.observers if b.label == label).recalled:
+        raise NoValue(RECALLS)
     lengths = chain_lengths(run.forms[label])
     if lengths is None:
         raise NoValue("blocks of different sizes are not chains of integrators")

@@ -219,13 +219,13 @@ def _search(
     return Limit(0.5 * (low + high), where)
 
 
-def jumping_period(declared: PeriodLimit) -> Limit:
-    """The critical period of an observer that jumps at the samples, as the observer declares it.
+def declared_limit(declared: PeriodLimit) -> Limit:
+    """The limit that an observer declares itself.
 
     Raises
     ------
     NoValue
-        Where no period makes it unstable.
+        Where there is none.
     """
     value, where = declared
     if value is None:

@@ -16,7 +16,7 @@ from hgorun.analysis.stability.critical import (
     chain_system,
     critical_delay,
     critical_period,
-    jumping_period,
+    declared_limit,
     timing_of,
 )
 from hgorun.analysis.stability.growth import growth
@@ -47,7 +47,7 @@ def own_period(run: PreparedRun, label: str) -> float:
     """What an observer that jumps at the samples declares."""
     observer = run.experiment.observers[label]
     assert isinstance(observer, SampledObserver)
-    return jumping_period(observer.longest_period(run.forms[label])).value
+    return declared_limit(observer.longest_period(run.forms[label])).value
 
 
 def along(limit: Callable[[Any, Any], Limit], run: PreparedRun, label: str) -> float:

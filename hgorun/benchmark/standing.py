@@ -1,0 +1,79 @@
+"""How contestants stand: in each scenario, over all plants, relative to the best one of each.
+
+In a cell, one plant in one scenario, a contestant's ratio is its mean error over the seeds divided by the smallest
+such mean. Over the plants that it takes, ratios are averaged geometrically: 1 is the best everywhere, 2 has twice the
+error of the best on average. The interval comes from drawing the seeds anew with repetition, the same for all
+contestants, since they have met the same noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hgorun.benchmark.benchmark import Entry, of_cells
+
+Floats = NDArray[np.float64]
+_RESAMPLED, _SEED = 2000, 20_240_229
+_QUANTILES = (0.025, 0.975)
+_MOST_LOST = 0.5  # of the seeds: with more, a contestant has no mean
+
+
+@dataclass(frozen=True)
+class Standing:
+    """A contestant in a scenario.
+
+    Attributes
+    ----------
+    ratio : float
+        Its error in units of that of the best, averaged over plants; NaN where it takes none.
+    low, high : float
+        Its 95 % interval.
+    plants : int
+        How many it takes without losing the estimate with more than half of the seeds.
+    lost : int
+        Runs that have lost the estimate, on all plants.
+    """
+
+    ratio: float
+    low: float
+    high: float
+    plants: int
+    lost: int
+
+
+def standings(entries: Sequence[Entry]) -> dict[tuple[str, str], Standing]:
+    """By (scenario, label)."""
+    logs: dict[tuple[str, str], list[Floats]] = {}
+    lost: dict[tuple[str, str], int] = {}
+    for (_, scenario), cell in of_cells(list(entries)):
+        scored = {entry.label: entry.score for entry in cell if entry.score is not None}
+        for label, score in scored.items():
+            lost[scenario, label] = lost.get((scenario, label), 0) + score.lost
+        totals = {label: np.array(score.total) for label, score in scored.items()}
+        kept = {label: total for label, total in totals.items() if np.mean(np.isinf(total)) <= _MOST_LOST}
+        if not kept:
+            continue
+        means = np.stack([_resampled(total) for total in kept.values()])
+        best = means.min(axis=0)
+        for label, mean in zip(kept, means, strict=True):
+            logs.setdefault((scenario, label), []).append(np.log(mean / best))
+    found = {}
+    for key in dict.fromkeys((entry.scenario, entry.label) for entry in entries):
+        ratios = np.exp(np.mean(logs[key], axis=0)) if key in logs else np.full(1 + _RESAMPLED, np.nan)
+        low, high = np.quantile(ratios[1:], _QUANTILES)
+        found[key] = Standing(float(ratios[0]), float(low), float(high), len(logs.get(key, [])), lost.get(key, 0))
+    return found
+
+
+def _resampled(total: Floats) -> Floats:
+    """The mean over the seeds, then those over resamplings of them; of the seeds that kept the estimate."""
+    random = np.random.default_rng(_SEED)
+    chosen = np.vstack([np.arange(total.size), random.integers(0, total.size, (_RESAMPLED, total.size))])
+    values = np.where(np.isfinite(total), total, np.nan)[chosen]
+    whole = float(np.nanmean(values[0]))
+    counts = np.sum(np.isfinite(values), axis=1)
+    return np.where(counts > 0, np.nansum(values, axis=1) / np.maximum(counts, 1), whole)

@@ -1,0 +1,100 @@
+"""A benchmark as text, Markdown and CSV."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from hgorun.benchmark.benchmark import Entry
+from hgorun.benchmark.standing import Standing
+from hgorun.tables.layout import packed
+
+COLUMNS = (
+    "plant",
+    "scenario",
+    "observer",
+    "group",
+    "knob",
+    "at_end",
+    "error",
+    "error_ci95",
+    "steady",
+    "peak",
+    "converged",
+    "lost",
+    "operations",
+    "at_samples",
+    "refused",
+)
+
+
+def text(found: Mapping[tuple[str, str], Standing], scenarios: Sequence[str]) -> str:
+    """For a terminal: an observer a row, a scenario a column."""
+    labels = _labels(found)
+    columns = [[name, *(_cell(found[name, label]) for label in labels)] for name in scenarios]
+    lines = packed(labels, [[column] for column in columns], title="error / that of the best")
+    return "\n\n".join("\n".join(block) for block in lines)
+
+
+def markdown(found: Mapping[tuple[str, str], Standing], scenarios: Sequence[str]) -> str:
+    """The same with intervals, for a page."""
+    lines = ["| observer | " + " | ".join(scenarios) + " |", "|---" * (1 + len(scenarios)) + "|"]
+    for label in _labels(found):
+        cells = [_with_interval(found[name, label]) for name in scenarios]
+        lines.append(f"| {label} | " + " | ".join(cells) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def table(entries: Sequence[Entry]) -> str:
+    """Every entry as a line of CSV."""
+    file = io.StringIO()
+    writer = csv.DictWriter(file, COLUMNS, lineterminator="\n", restval="")
+    writer.writeheader()
+    for entry in entries:
+        row: dict[str, object] = {
+            "plant": entry.plant,
+            "scenario": entry.scenario,
+            "observer": entry.label,
+            "group": entry.group,
+            "refused": entry.refused,
+        }
+        if (score := entry.score) is not None:
+            mean, half = _mean(score.total)
+            row |= {"knob": _short(score.value), "at_end": int(score.at_end), "error": _short(mean)}
+            row |= {"error_ci95": _short(half), "steady": _short(_mean(score.steady)[0]), "peak": _short(score.peak)}
+            row |= {"converged": _short(score.converged), "lost": score.lost}
+            row |= {"operations": score.operations, "at_samples": score.at_samples}
+        writer.writerow(row)
+    return file.getvalue()
+
+
+def _labels(found: Mapping[tuple[str, str], Standing]) -> list[str]:
+    return list(dict.fromkeys(label for _, label in found))
+
+
+def _cell(one: Standing) -> str:
+    """The ratio, and of how many plants."""
+    return f"{one.ratio:.2f} ({one.plants})" if one.plants else "-"
+
+
+def _with_interval(one: Standing) -> str:
+    if not one.plants:
+        return "-"
+    lost = f", {one.lost} lost" if one.lost else ""
+    return f"{one.ratio:.2f} [{one.low:.2f}, {one.high:.2f}] ({one.plants}{lost})"
+
+
+def _mean(values: Sequence[float]) -> tuple[float, float]:
+    """The mean over the seeds that kept the estimate, and half of its 95 % interval."""
+    kept = np.array(values)[np.isfinite(values)]
+    if not kept.size:
+        return math.inf, math.inf
+    return float(kept.mean()), float(1.96 * kept.std(ddof=1) / math.sqrt(kept.size)) if kept.size > 1 else math.inf
+
+
+def _short(value: float) -> str:
+    return f"{value:.5g}"

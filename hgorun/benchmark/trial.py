@@ -1,0 +1,212 @@
+"""One contestant on one plant in one scenario: with what value of its knob it is best, and how good it is then.
+
+The score of a run is the error relative to the plant's own swing, over all states and the whole run,
+
+    score = sqrt(mean_i (rmse_i / s_i)^2),    s_i the standard deviation of x_i along the run,
+
+so that speed and noise both count: a low gain forgets its first error late, a high one passes the noise on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hgorun.benchmark.scan import Floats, Scan
+from hgorun.config.benchmark import Contestant, Seeds, Tries
+from hgorun.ensemble.block import compute
+from hgorun.ensemble.members import Members
+from hgorun.errors import HgorunError
+from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.preparation import prepare
+from hgorun.simulation.simulate import simulate
+
+TRANSIENT = 3  # one part in so many of a run; the rest is steady
+_FEW = 4  # one seed in so many is enough to try values all over a range
+_FOLLOWED = 5  # seeds whose trajectories are looked at
+_LEVEL = 2.0  # times its steady size an error is, when it has converged
+
+
+@dataclass(frozen=True, kw_only=True)
+class Score:
+    """What a contestant reaches with its best value, on seeds that were not used for finding it.
+
+    Attributes
+    ----------
+    value : float
+        Of the knob.
+    at_end : bool
+        Whether it is at an end of its range, beyond which better values may lie.
+    total, steady : tuple of float
+        For each seed the error relative to the swing: over the whole run, and without its first third. Infinite where
+        the estimate was lost.
+    peak : float
+        The largest error of any state relative to its swing; median over the seeds.
+    converged : float
+        How long it takes until the error, over some of the seeds and all states, is at most twice its steady size.
+    operations, at_samples : int
+        Of the observer's equations: of its right-hand side, and of what it does at a sample.
+    tried : tuple of (float, float)
+        Values of the knob, and the mean error of each over the seeds of tuning.
+    """
+
+    value: float
+    at_end: bool
+    total: tuple[float, ...]
+    steady: tuple[float, ...]
+    peak: float
+    converged: float
+    operations: int
+    at_samples: int
+    tried: tuple[tuple[float, float], ...]
+
+    @property
+    def lost(self) -> int:
+        """With how many seeds the estimate was lost."""
+        return int(np.sum(~np.isfinite(self.total)))
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """A contestant on a plant in a scenario.
+
+    Attributes
+    ----------
+    experiment : Experiment
+        With that observer alone.
+    label : str
+    contestant : Contestant
+    scale : ndarray, shape (n,)
+        The swing of each state.
+    rate : float
+        Of the plant, 1/time.
+    """
+
+    experiment: Experiment
+    label: str
+    contestant: Contestant
+    scale: Floats
+    rate: float
+
+    def score(self, seeds: Seeds, tries: Tries, threads: int = 1) -> Score:
+        """Tune and score, with some threads side by side.
+
+        Raises
+        ------
+        HgorunError
+            When a run cannot be carried out.
+        """
+        tuning, scoring = np.split(seeds.first + np.arange(seeds.tuning + seeds.scoring), [seeds.tuning])
+        start, end = self.experiment.blocks.time.start, self.experiment.blocks.time.end
+        whole = self.experiment.varied({"metrics.window": [start, end], "metrics.transient": [start, end]})
+        steady = self.experiment.varied({"metrics.window": [start + (end - start) / TRANSIENT, end]})
+
+        scan = Scan(self.contestant.knob, self.rate)
+        few = tuning[: max(len(tuning) // _FEW, 1)]
+        scan.add(values := scan.coarse(tries.coarse), self._errors(whole, values, few, threads).mean(axis=1))
+        fine = scan.begin_again()
+        fine.add(values := scan.around_best(tries.fine), self._errors(whole, values, tuning, threads).mean(axis=1))
+        best = np.array([fine.best])
+        total, peak = self._runs(whole, best, scoring, threads, ("rmse", "peak"))
+        return Score(
+            value=fine.best,
+            at_end=fine.is_end(fine.best),
+            total=_listed(self._size(total)),
+            steady=_listed(self._errors(steady, best, scoring, threads)[0]),
+            peak=float(np.median(np.max(peak / self.scale, axis=-1))),
+            converged=self._converged(fine.best, scoring[:_FOLLOWED].tolist()),
+            **_cost(self.experiment, self.label),
+            tried=tuple(zip(_listed(fine.values), _listed(fine.errors), strict=True)),
+        )
+
+    @property
+    def path(self) -> str:
+        """Of the knob, as after ``--set``."""
+        return f"observers.{self.label}.{self.contestant.knob.key}"
+
+    def _errors(self, base: Experiment, values: Floats, seeds: NDArray[np.int64], threads: int) -> Floats:
+        """The error relative to the swing, shape (values, seeds)."""
+        (rmse,) = self._runs(base, values, seeds, threads, ("rmse",))
+        return self._size(rmse).reshape(values.size, seeds.size)
+
+    def _runs(
+        self, base: Experiment, values: Floats, seeds: NDArray[np.int64], threads: int, metrics: Sequence[str]
+    ) -> list[Floats]:
+        """Metrics (values x seeds, states) of runs."""
+        knob = self.contestant.knob
+        columns: dict[str, Any] = {
+            self.path: np.repeat(values.astype(int) if knob.whole else values, seeds.size),
+            "seed": np.tile(seeds, values.size),
+        }
+        found = compute(base, Members.of(columns), metrics=metrics, threads=threads)
+        if any(found.error):
+            raise HgorunError(f"{base.name}: {self.label}: {next(filter(None, found.error))}")
+        return [found.metrics[name][:, 0] for name in metrics]
+
+    def _size(self, rmse: Floats) -> Floats:
+        """Errors of all states together, relative to their swings."""
+        return np.asarray(np.sqrt(np.mean((rmse / self.scale) ** 2, axis=-1)))
+
+    def _converged(self, value: float, seeds: Sequence[int]) -> float:
+        knob = self.contestant.knob
+        tuned = self.experiment.varied({self.path: round(value) if knob.whole else value})
+        squares = []
+        for seed in seeds:
+            run = simulate(tuned.varied({}, seed=seed))
+            squares.append(np.mean(((run.observers[self.label].xhat - run.x) / self.scale) ** 2, axis=1))
+        size, time = np.sqrt(np.mean(squares, axis=0)), run.time - run.time[0]
+        return first_below(time, size, _LEVEL * float(np.sqrt(np.mean(size[time >= time[-1] / TRANSIENT] ** 2))))
+
+
+def _cost(experiment: Experiment, label: str) -> dict[str, int]:
+    """How many operations the equations of an observer have beside those of its plant."""
+    system = prepare(experiment).structure.system
+    alone = prepare(experiment.varied({f"observers.{label}": None})).structure.system
+    flow, plant = (max(regime.flow.n_instructions() for regime in one.regimes) for one in (system, alone))
+    return {
+        "operations": flow - plant,
+        "at_samples": sum(function.n_instructions() for *_, function in system.jumps),
+    }
+
+
+def first_below(time: Floats, size: Floats, level: float) -> float:
+    """The first time, but that of the start, at which a size is at most a level; the last one where it never is."""
+    below = np.flatnonzero(size[1:] <= level)
+    return float(time[1 + below[0]] if below.size else time[-1])
+
+
+def swing(base: Experiment) -> Floats:
+    """The standard deviation of each state along the run; of a state that rests, its size."""
+    x = simulate(base).x
+    size = np.maximum(np.abs(x).max(axis=0), np.finfo(float).tiny)
+    spread: Floats = x.std(axis=0)
+    return np.where(spread > 1e-6 * size, spread, size)
+
+
+def _listed(values: Floats) -> tuple[float, ...]:
+    return tuple(float(value) for value in values)
+
+
+def contestant_in(base: Experiment, label: str, one: Contestant, rate: float) -> Experiment:
+    """The plant and scenario of a base with a contestant in place of its observer, whose initial estimate it gets.
+
+    Raises
+    ------
+    ConfigError
+        When the observer does not take the plant, or what is measured of it.
+    """
+    (reference,) = base.observers
+    middle = Scan(one.knob, rate).coarse(3)[1]
+    block: Mapping[str, Any] = {
+        **one.block,
+        "initial": dict(base.observers[reference].initial),
+        one.knob.key: round(middle) if one.knob.whole else float(middle),
+    }
+    changes: dict[str, Any] = {"observers": {label: block}}
+    if one.steps == "auto":
+        changes["solver"] = {"method": "auto"}
+    return base.varied(changes)

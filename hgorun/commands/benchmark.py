@@ -1,0 +1,106 @@
+"""``benchmark``: observers tuned alike on several plants in several scenarios, scored on seeds not seen."""
+
+from __future__ import annotations
+
+import json as json_text
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+
+from hgorun.benchmark import tables
+from hgorun.benchmark.benchmark import Benchmark, Entry, load_benchmark, of_cells
+from hgorun.benchmark.standing import Standing, standings
+from hgorun.commands.options import Bench
+from hgorun.commands.outputs import RESULTS, refuse_other_kinds
+from hgorun.commands.run import require_file
+from hgorun.figures.benchmark import Contender
+from hgorun.files import json_value, write_text
+from hgorun.process import processors
+from hgorun.progress import shown
+
+
+def benchmark(options: Bench) -> int:
+    """Carry out what is missing of a benchmark, and write its tables and its figure.
+
+    Raises
+    ------
+    ConfigError
+        For anything wrong in the benchmark's file, or in that of a plant.
+    HgorunError
+        When a run cannot be carried out, or a file cannot be written.
+    """
+    refuse_other_kinds(options.output, ())
+    require_file(options.file)
+    asked = load_benchmark(options.file)
+    folder = (options.output or RESULTS) / asked.name
+    with shown(asked.size, asked.name, "entries", show=options.text) as progress:
+        entries = asked.entries(folder / "entries", options.jobs or processors(), progress.update)
+    found = standings(entries)
+    files = _write(asked, entries, found, folder, plots=options.plots)
+    if options.json:
+        print(json_text.dumps(_as_json(asked, entries, found, files), indent=2, allow_nan=False))
+    elif not options.quiet:
+        print(tables.text(found, asked.blocks.scenarios))
+        print("written: " + ", ".join(map(str, files)))
+    return 0
+
+
+def _write(
+    asked: Benchmark,
+    entries: Sequence[Entry],
+    found: Mapping[tuple[str, str], Standing],
+    folder: Path,
+    *,
+    plots: bool,
+) -> list[Path]:
+    files = [folder / "standings.md", folder / "entries.csv"]
+    write_text(files[0], tables.markdown(found, asked.blocks.scenarios))
+    write_text(files[1], tables.table(entries))
+    if plots:
+        from hgorun.figures.benchmark import benchmark as draw
+        from hgorun.figures.files import save
+
+        files += save(draw(contenders(entries, asked.blocks.scenarios)), folder / "fronts")
+    return files
+
+
+def contenders(entries: Sequence[Entry], scenarios: Sequence[str]) -> dict[str, list[Contender]]:
+    """The points of the figure: geometric means over the plants, each in units of the smallest there."""
+    logs: dict[tuple[str, str], list[tuple[float, float]]] = {}
+    groups = {entry.label: entry.group for entry in entries}
+    for (_, scenario), cell in of_cells(list(entries)):
+        scores = {e.label: e.score for e in cell if e.score is not None and not e.score.lost}
+        if not scores:
+            continue
+        sizes = {
+            label: (max(s.converged, np.finfo(float).tiny), float(np.mean(s.steady))) for label, s in scores.items()
+        }
+        best = np.min(list(sizes.values()), axis=0)
+        for label, size in sizes.items():
+            speed, steady = np.log(np.array(size) / best)
+            logs.setdefault((scenario, label), []).append((float(speed), float(steady)))
+    return {
+        name: [
+            Contender(label, groups[label], *map(float, np.exp(np.mean(logs[name, label], axis=0))))
+            for label in groups
+            if (name, label) in logs
+        ]
+        for name in scenarios
+    }
+
+
+def _as_json(
+    asked: Benchmark, entries: Sequence[Entry], found: Mapping[tuple[str, str], Standing], files: Sequence[Path]
+) -> dict[str, object]:
+    by_label: dict[str, dict[str, object]] = {}
+    for (scenario, label), one in found.items():
+        by_label.setdefault(label, {})[scenario] = asdict(one)
+    told: dict[str, object] = {
+        "name": asked.name,
+        "files": [str(file) for file in files],
+        "observers": by_label,
+        "entries": [asdict(entry) for entry in entries],
+    }
+    return dict(json_value(told))

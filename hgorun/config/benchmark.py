@@ -1,0 +1,77 @@
+"""The file of a benchmark: plants, scenarios, contestants with one knob each, seeds, and how much is tried."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, model_validator
+
+from hgorun.config.tuning import Range
+from hgorun.config.types import Block, NonEmpty, Positive
+
+Count = Annotated[int, Field(ge=2, le=1000, strict=True)]
+
+
+class Venue(Block):
+    """A plant: a configuration with a run for each scenario and one observer, which gives the initial estimate."""
+
+    file: str = Field(description="the configuration, as seen from the benchmark's file")
+    rate: Positive = Field(
+        default=1.0, description="how fast the plant is, 1/time: knobs that are rates are multiples of it"
+    )
+
+
+class Knob(Block):
+    """The one number of a contestant that is tuned."""
+
+    key: str = Field(default="theta", description="of the observer's block")
+    range: Range = Field(default_factory=lambda: Range(log=(0.5, 200)), description="where it is sought")
+    rate: bool = Field(default=True, description="whether the range is in multiples of the plant's rate")
+    whole: bool = Field(default=False, description="whether it is a whole number")
+
+
+class Contestant(Block):
+    """An observer, and what is tuned of it."""
+
+    group: str = Field(description="which kind it is: a colour of the figure")
+    knob: Knob = Field(default_factory=Knob, description="the number that is tuned")
+    steps: Literal["auto", "plant"] = Field(
+        default="auto", description="of integration: found by error control, or those of the plant's file"
+    )
+    block: dict[str, Any] = Field(description="the observer's block without its knob and its initial estimate")
+
+    @model_validator(mode="after")
+    def _free(self) -> Contestant:
+        if "type" not in self.block:
+            raise ValueError("block: the key type is missing")
+        for key in (self.knob.key, "initial"):
+            if key in self.block:
+                why = "it is that of the plant's file" if key == "initial" else "it is tuned"
+                raise ValueError(f"block: {key} is not given here: {why}")
+        return self
+
+
+class Seeds(Block):
+    """Seeds for tuning, and others, which follow, for the numbers that are reported."""
+
+    first: Annotated[int, Field(ge=0, strict=True)] = Field(default=0, description="the first of them")
+    tuning: Count = Field(default=20, description="for tuning")
+    scoring: Count = Field(default=50, description="for the numbers that are reported")
+
+
+class Tries(Block):
+    """How many values of each knob are tried: all over its range, then around the best one."""
+
+    coarse: Count = Field(default=15, description="all over its range, with a quarter of the seeds")
+    fine: Count = Field(default=9, description="around the best of these, with all seeds")
+
+
+class BenchmarkFile(Block):
+    """Plants x scenarios x contestants."""
+
+    title: str = ""
+    plants: Annotated[dict[str, Venue], NonEmpty] = Field(description="name: plant")
+    scenarios: Annotated[tuple[str, ...], NonEmpty] = Field(description="the runs that every plant's file has")
+    observers: Annotated[dict[str, Contestant], NonEmpty] = Field(description="label: contestant")
+    seeds: Seeds = Field(default_factory=Seeds, description="whose runs are averaged")
+    tries: Tries = Field(default_factory=Tries, description="how many values of each knob are tried")

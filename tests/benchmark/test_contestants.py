@@ -1,0 +1,22 @@
+"""The benchmark that comes with hgorun: its files are right, and all its observers take some plant."""
+
+from __future__ import annotations
+
+from hgorun.benchmark.benchmark import load_benchmark
+from hgorun.benchmark.trial import contestant_in
+from hgorun.errors import ConfigError
+from hgorun.reproduce.shipped import folder
+from hgorun.simulation.preparation import prepare
+
+
+def test_every_contestant_takes_a_plant() -> None:
+    asked = load_benchmark(folder() / "benchmark" / "benchmark.yaml")
+    left = dict(asked.blocks.observers)
+    for (plant, _), base in asked.bases.items():
+        for label, one in list(left.items()):
+            try:
+                prepare(contestant_in(base, label, one, asked.blocks.plants[plant].rate))
+            except ConfigError:
+                continue
+            del left[label]
+    assert not left
