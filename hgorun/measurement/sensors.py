@@ -45,22 +45,23 @@ def _sensor(stretches: Sequence[Stretch]) -> Sensor:
     except _Unknown as unknown:
         return Sensor(None, None, interval, why=str(unknown), amplitude=amplitude, delay=delay)
     first = strengths[0]
+    power = None if stretches[0].multiplicative else first.power
     variance = first.power if not any(s.continuous for s in stretches) else None
     density = first.density if len({one.density for one in strengths}) == 1 else None
     why = "the output is continuous: it has no samples" if variance is None else ""
     if density is None:
         why = why or "the mean time between its samples is not known, or changes"
-    return Sensor(variance, density, interval, stretches[0].multiplicative, why, amplitude, delay)
+    return Sensor(variance, density, interval, stretches[0].multiplicative, why, amplitude, delay, power)
 
 
 def _amplitude(stretches: Sequence[Stretch]) -> float | None:
     """Of the noise in the phase where it is largest; None where there is none, or it is not known."""
     if any(is_relative(s) or s.multiplicative for s in stretches):
         return None
-    found = [item.amplitude() for s in stretches for item in s.noise]
+    found = [item.largest() for s in stretches for item in s.noise]
     if any(amplitude is None for amplitude in found):
         return None
-    return max(sum(item.amplitude() or 0.0 for item in s.noise) for s in stretches) or None
+    return max(sum(item.largest() or 0.0 for item in s.noise) for s in stretches) or None
 
 
 def _interval(stretch: Stretch) -> float | None:

@@ -7,13 +7,14 @@ import numpy as np
 from hgorun.engine.memory import history_bytes, history_pieces
 from hgorun.errors import Problem
 from hgorun.measurement.channels import continuous_delays
+from hgorun.measurement.schedule import Schedule
 from hgorun.measurement.signals import delay_range
-from hgorun.observers.base import CorrectedObserver, SampledObserver, SampleSchedule
+from hgorun.observers.base import CorrectedObserver, DecidedObserver, SampledObserver, SampleSchedule
 from hgorun.observers.capabilities import Punctual
 from hgorun.observers.hold import Shrinking
 from hgorun.observers.treatment import treatment_of
 from hgorun.simulation.prepared import PreparedRun
-from hgorun.simulation.steps import steps_between
+from hgorun.simulation.steps import counted_steps, steps_between
 from hgorun.symbolic.evaluate import roughly_at
 
 _COARSE = 0.01  # of a step: so far apart neighbouring numbers may be
@@ -34,15 +35,16 @@ def check_run(run: PreparedRun) -> None:
     check_corrections(run)
     _check_law(run)
     _check_punctual(run)
+    _check_decisions(run)
     check_holds(run)
     check_start(run)
-    for channel in run.channels:
+    for channel in run.channels if isinstance(run.schedule, Schedule) else []:
         _ = channel.gain_and_bias  # noise that is not a number at some sample is reported before any run starts
 
 
 def _check_punctual(run: PreparedRun) -> None:
     """Some observers take outputs without delay only."""
-    late = [c.name for c in run.channels if np.any(c.samples.taken < c.samples.arrival)]
+    late = [c.name for c in run.channels if c.samples.late]
     late += [c.name for c in run.channels if any(s.continuous and not s.undelayed for s in c.stretches)]
     for b in run.observers:
         if late and isinstance(b.observer, Punctual):
@@ -75,7 +77,7 @@ def _reads_the_clock(run: PreparedRun) -> bool:
 
 
 def longest_step(run: PreparedRun, step: float, *, adaptive: bool = False) -> float:
-    """The longest step: no longer than the delays, unless they are very short.
+    """The longest step: no longer than decisions allow, nor than the delays, unless these are very short.
 
     Parameters
     ----------
@@ -84,8 +86,28 @@ def longest_step(run: PreparedRun, step: float, *, adaptive: bool = False) -> fl
     adaptive : bool
         Whether steps are controlled and only the delays limit them.
     """
-    longest = np.inf if adaptive else step
+    longest = min(np.inf if adaptive else step, _between_decisions(run)[0])
     return min(longest, run.smallest_delay) if run.smallest_delay > _OVERLAP * step else longest
+
+
+def _between_decisions(run: PreparedRun) -> tuple[float, str]:
+    """The longest step that the decisions of an observer allow, and which one's."""
+    limits = [
+        (b.observer.longest_step(b.form), b.label) for b in run.observers if isinstance(b.observer, DecidedObserver)
+    ]
+    return min(limits, default=(np.inf, ""))
+
+
+def _check_decisions(run: PreparedRun) -> None:
+    """A step that is given has to be short enough for decisions."""
+    longest, label = _between_decisions(run)
+    given = run.experiment.given_step
+    if not run.adaptive and given is not None and given > longest * (1 + 1e-9):
+        raise Problem(
+            ("solver", "step"),
+            f"observer {label} decides at the ends of steps, which must not be longer than {longest:.4g}: found "
+            f"{given:g}",
+        )
 
 
 def check_steps(run: PreparedRun, step: float, *, adaptive: bool) -> None:
@@ -100,17 +122,20 @@ def check_steps(run: PreparedRun, step: float, *, adaptive: bool) -> None:
     """
     longest = longest_step(run, step, adaptive=adaptive)
     if adaptive:
-        steps_between(run.schedule, run.solver.max_step or np.inf, "max_step")
-    steps = None if adaptive else steps_between(run.schedule, longest)
+        counted_steps(run.schedule, run.solver.max_step or np.inf, "max_step")
+    elif not run.structure.system.remembers:
+        counted_steps(run.schedule, longest)
     if not run.structure.system.remembers:
         return
+    steps = None if adaptive else steps_between(run.schedule, longest)
     events = run.schedule.events
     pieces = history_pieces(np.column_stack([events[:-1], events[1:]]), steps, run.reach)
     size = history_bytes(run.structure.system, pieces)
     if size > run.time.max_memory:
-        late = max(continuous_delays(run.channels), key=lambda stretch: delay_range(stretch)[1])
+        late = max(continuous_delays(run.channels), key=lambda stretch: delay_range(stretch)[1], default=None)
+        recalling = [("observers", b.label) for b in run.observers if b.recalled]
         raise Problem(
-            late.paths["delay"],
+            recalling[0] if late is None else late.paths["delay"],
             f"with steps of {longest:.3g} the history of a delay of {run.reach:.3g} takes "
             f"{size / 2**30:.3g} GiB; time.max_memory allows {run.time.max_memory / 2**30:.3g} GiB",
         )
@@ -142,9 +167,9 @@ def check_jumps(run: PreparedRun) -> None:
         samples = channel.samples
         if any(s.continuous for s in channel.stretches):
             raise Problem(stepped[0], f"this needs sampled outputs, but {channel.name} is continuous")
-        if not np.array_equal(samples.arrival, first.arrival):
+        if samples.identity != first.identity and not np.array_equal(samples.arrival, first.arrival):
             raise Problem(stepped[0], "this needs all outputs sampled at the same times")
-        if np.any(samples.taken < samples.arrival):
+        if samples.late:
             raise Problem(stepped[0], "this takes samples without delay")
     _check_schedules(run, np.diff(first.arrival[first.used]))
 

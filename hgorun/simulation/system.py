@@ -12,11 +12,11 @@ from itertools import accumulate
 
 import casadi as ca
 
-from hgorun.engine.layout import Held, HybridSystem, Regime
+from hgorun.engine.layout import Decision, Held, HybridSystem, Regime
 from hgorun.errors import Problem
 from hgorun.measurement.signals import Signal
 from hgorun.measurement.variants import CONTINUOUS, DELAYED, FROZEN, HELD, SILENT, Variant, is_delayed
-from hgorun.observers.base import Arrival, CorrectedObserver, Sample, SampledObserver
+from hgorun.observers.base import Arrival, CorrectedObserver, DecidedObserver, Sample, SampledObserver
 from hgorun.observers.recalling import RecallingObserver
 from hgorun.simulation.observer_block import ObserverBlock
 from hgorun.simulation.truth import Placed, PlantNumbers, SameTruth, Seen, SimulatedPlant, Truth
@@ -124,6 +124,16 @@ class _Part:
             e = self.innovation(j, variant, signals)
             yield b.flow(s.t, self.placed.u, s.plant.parameters, s.z, e, past)
 
+    def decisions(self, variant: Variant, signals: Mapping[tuple[int, int], Signal]) -> dict[int, ca.SX]:
+        """What the group's observers decide, by places in z."""
+        s, found = self.symbols, dict[int, ca.SX]()
+        if variant[self.outputs.start][0] != FROZEN:
+            for j, b in enumerate(self.group.observers):
+                if isinstance(b.observer, DecidedObserver):
+                    e = self.innovation(j, variant, signals)
+                    found |= b.decisions(s.t, self.placed.u, s.plant.parameters, s.z, e)
+        return found
+
     def channels(self, observers: int) -> Iterator[ca.SX]:
         """For each output y, and s of all the system's observers: zero for those of other groups."""
         behind = observers - self.before - len(self.guesses)
@@ -229,13 +239,17 @@ def build_system(
     for variant in variants:
         rates = [rate for part in parts for rate in part.flow(variant, signals)]
         flow = compiled("flow", ca.vertcat(*rates, *[ca.SX(0)] * several))
+        decided = {k: v for part in parts for k, v in part.decisions(variant, signals).items()}
+        decision = None
+        if decided:
+            decision = Decision(tuple(decided), compiled("decision", ca.vertcat(*decided.values())))
         if is_delayed(variant) or lags.numel():
             delays = [signals[i, phase].delay if what == DELAYED else 0 for i, (what, phase) in enumerate(variant)]
             late = tuple(i for i, (what, _) in enumerate(variant) if what == DELAYED)
             own = tuple(range(len(variant), held.outputs))
-            regimes.append(Regime(flow, compiled("lags", ca.vertcat(*delays, lags)), late + own))
+            regimes.append(Regime(flow, compiled("lags", ca.vertcat(*delays, lags)), late + own, decision))
         else:
-            regimes.append(Regime(flow))
+            regimes.append(Regime(flow, decision=decision))
     own_signals = ca.vertcat(ca.SX(0, 1), *[signal for part in parts for signal in part.signals()])
     channels = ca.vertcat(
         *[channel for part in parts for channel in part.channels(held.observers)],
@@ -275,8 +289,8 @@ def _recalled(groups: Sequence[Group], first: int) -> list[list[range]]:
         for b in group.observers:
             own.append(range(first, first + b.recalled))
             first += b.recalled
-            simulated = isinstance(group.truth, (SimulatedPlant, SameTruth))
-            if isinstance(b.observer, RecallingObserver) and not simulated:
+            truth = group.truth.truth if isinstance(group.truth, SameTruth) else group.truth
+            if isinstance(b.observer, RecallingObserver) and not isinstance(truth, SimulatedPlant):
                 message = "it looks back at its own past, which is kept in simulations alone, not of data or a stream"
                 raise Problem(("observers", b.label, "type"), message)
         found.append(own)
