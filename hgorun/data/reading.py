@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hgorun.config.data import Column, Data, Measured, Recorded
+from hgorun.config.data import Beside, Column, Data, Measured, Recorded
 from hgorun.data.cells import NAT, Stamps
 from hgorun.data.clocks import ClockColumn, origin, origin_stamp, stamps, times_since
 from hgorun.data.recording import InputSignal, Note, Recording, Signal
@@ -83,6 +83,7 @@ class _Reader:
             reference=reference,
             notes=tuple(dict.fromkeys(self._notes)),
             origin=origin(self._unit, epoch, zoned),
+            first_samples=self._block.first_samples,
         )
 
     def _clocks(self, signals: Sequence[Wanted]) -> Iterator[tuple[LogFile, ClockColumn]]:
@@ -213,6 +214,7 @@ class _Reader:
             std=block.std,
             plausible=block.plausible,
             gate=block.gate,
+            lag=block.lag if isinstance(block, Beside) else None,
         )
 
     def _input(self, signal: Wanted) -> InputSignal:
