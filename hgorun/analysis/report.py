@@ -127,6 +127,11 @@ def analysis_of(
     run: PreparedRun, result: Result, findings: Sequence[Finding] | None = None, *, search: bool = False
 ) -> Analysis:
     """The same for a run that has been simulated."""
+    with run.experiment.located():
+        run.experiment.require_open(
+            "the analysis is of an observer beside a plant whose inputs are functions of time; in a closed loop they "
+            "follow from its estimates"
+        )
     asked = all_findings() if findings is None else tuple(findings)
     context = Context(run, since_start(run, result), search)
     with run.experiment.located():

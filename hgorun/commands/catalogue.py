@@ -57,7 +57,7 @@ def _entries(kind: str) -> dict[str, str]:
     if kind == "findings":
         return {name: finding.meaning for name, finding in _findings().items()}
     if kind == "metrics":
-        return {name: metric.meaning for name, metric in all_metrics().items()}
+        return {name: metric.meaning for name, metric in all_metrics(closed=True).items()}
     return {name: _first_line(cls) for name, cls in _REGISTRIES[kind].all().items()}
 
 
@@ -87,7 +87,7 @@ def show(options: Show) -> int:
             found = described.of_class(name, registry.kind, classes[name])
             print(json_text.dumps(found, indent=2) if json else described.as_text(found))
             return 0
-    metrics = all_metrics()
+    metrics = all_metrics(closed=True)
     if name in metrics:
         return _told(described.of_metric(metrics[name]), json=json)
     findings = _findings()

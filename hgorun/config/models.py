@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
 
+from hgorun.config.controller import Controller
 from hgorun.config.data import Data
 from hgorun.config.study import Claim, Figure
 from hgorun.config.tuning import Tune
@@ -142,6 +143,7 @@ class ExperimentBlocks(Block):
     time: Time
     plant: dict[str, Any]
     measurement: dict[str, Any] = Field(default_factory=dict)
+    controller: Controller | None = Field(default=None, description="inputs that are a function of the estimates")
     data: Data | None = Field(default=None, description="recorded measurements, which hgorun estimate takes")
     observers: dict[str, dict[str, Any]]
     solver: Solver = Field(default_factory=Solver)

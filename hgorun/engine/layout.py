@@ -129,10 +129,13 @@ class HybridSystem:
         The channels from (t, p, z, w).
     jumps : tuple of (start, stop, casadi.Function)
         What z[start:stop] becomes, from (t, p, z, w), when a sample arrives: the plant's where it is stepped,
-        then those of the discrete-time observers and of those that are corrected.
+        then those of the discrete-time observers; then the inputs when a controller acts, and at last those of the
+        observers that are corrected.
+    acts : int
+        How many of the jumps are a controller's.
     corrections : tuple of (number, first output, last output + 1)
-        Those of the jumps that are made whenever a sample of some of the outputs arrives; the others are from the
-        second sample on.
+        Those of the jumps that are made whenever a sample of some of the outputs arrives; the first ones are from
+        the second sample on.
     replayed : (int, int) or None
         From where on the states and what is held can be taken back to what they have been.
     channel_slopes : casadi.Function
@@ -154,6 +157,7 @@ class HybridSystem:
     channels: ca.Function
     channel_slopes: ca.Function
     jumps: tuple[tuple[int, int, ca.Function], ...] = ()
+    acts: int = 0
     corrections: tuple[tuple[int, int, int], ...] = ()
     replayed: tuple[int, int] | None = None
     innovations: bool = False
@@ -177,7 +181,13 @@ class HybridSystem:
     @property
     def stepped(self) -> tuple[tuple[int, int, ca.Function], ...]:
         """Those of the jumps that are made from the second sample on."""
-        return self.jumps[: len(self.jumps) - len(self.corrections)]
+        return self.jumps[: len(self.jumps) - self.acts - len(self.corrections)]
+
+    @property
+    def acting(self) -> range:
+        """The numbers of the jumps that are made when a controller acts."""
+        first = len(self.stepped)
+        return range(first, first + self.acts)
 
     @property
     def has_alpha(self) -> bool:

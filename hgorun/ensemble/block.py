@@ -76,7 +76,7 @@ def compute(
     ConfigError
         For an unknown metric, and for a path ``observers.*`` that no observer has.
     """
-    block = Block.empty(base, len(members), _known(metrics), quantities)
+    block = Block.empty(base, len(members), _known(metrics, closed=base.closed), quantities)
     _Work(base, members.of_observers(base), block, threads, progress, watch).carry_out()
     return block
 
@@ -236,8 +236,8 @@ class _Work:
             self.progress(self.done)
 
 
-def _known(metrics: Sequence[str]) -> tuple[str, ...]:
-    known = all_metrics()
+def _known(metrics: Sequence[str], *, closed: bool) -> tuple[str, ...]:
+    known = all_metrics(closed=closed)
     for name in metrics:
         if name not in known:
             raise ConfigError(f"no metric is called {name!r}; known: {', '.join(known)}", key="metrics")

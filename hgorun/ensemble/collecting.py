@@ -158,7 +158,7 @@ def _places(size: int) -> Iterator[NDArray[np.int64]]:
 
 def _columns(ensemble: Ensemble, layout: Layout) -> dict[str, Column]:
     """Everything that has a value for every member."""
-    base, known = ensemble.base, all_metrics()
+    base, known = ensemble.base, all_metrics(closed=True)
     unit = base.blocks.time.unit
     each = [base.plant.units.get(state, "") for state in base.plant.model.states]
     of_states = (each[0] if len(set(each)) == 1 else "; ".join(each)) if any(each) else None

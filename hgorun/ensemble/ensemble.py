@@ -67,7 +67,7 @@ class Ensemble:
     @property
     def metrics(self) -> tuple[str, ...]:
         """Names of the metrics that are kept, in the order of tables."""
-        known = tuple(all_metrics())
+        known = tuple(all_metrics(closed=self.base.closed))
         kept = self.keep.metrics
         return known if kept is None else tuple(name for name in known if name in kept)
 
@@ -242,13 +242,15 @@ class Ensemble:
                 raise Problem(("axes", path), f"one value cannot be both {first:g} and {last:g}: give 2 or more")
 
     def _check_keep(self) -> None:
-        known, kept = all_metrics(), self.keep.trajectories
+        known, kept = all_metrics(closed=self.base.closed), self.keep.trajectories
         _ = self.quantities  # is refused here, if it is
         for i, name in enumerate(self.keep.metrics or ()):
             if name not in known:
                 near, all_names = nearest(name, known), ", ".join(known)
                 raise Problem(("keep", "metrics", i), f"no metric is called {name!r}.{near} Known: {all_names}")
         place: KeyPath = ("keep", "trajectories")
+        if kept != "none" and self.base.closed:
+            raise Problem(place, "of closed loops metrics and quantities are kept; simulate a member to see more")
         if isinstance(kept, Worst):
             for key, names in (
                 ("by", self.metrics),

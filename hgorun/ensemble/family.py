@@ -20,6 +20,7 @@ from hgorun.ensemble.lot import Lot, Numbers, times_of
 from hgorun.ensemble.members import Members
 from hgorun.errors import HgorunError, Problem
 from hgorun.measurement.channels import Channel
+from hgorun.measurement.late import heard
 from hgorun.measurement.schedule import Schedule
 from hgorun.memo import Memo, same
 from hgorun.simulation.checks import check_run
@@ -190,15 +191,17 @@ class Family:
 
     def numbers(self, run: PreparedRun, which: Integers) -> Numbers:
         """The numbers of some members."""
-        return Numbers.with_noise(*self._vectors(which), self._noise(run, which))
+        return Numbers.with_noise(*self._vectors(which), heard(self._noise(run, which), run.treatments))
 
     def _vectors(self, which: Integers) -> tuple[Floats, Floats]:
         """z at the start and p, shapes (states, len(which)) and (parameters, len(which))."""
         columns = self.members.columns
         z0, p = (np.repeat(one[:, None], which.size, axis=1) for one in (self.run.numbers.z0, self.run.numbers.p))
-        for places, numbers in ((self.axes.start, z0), (self.axes.parameters, p)):
-            for path, place in places.items():
-                numbers[place] = columns[path][which]
+        for path, state in self.axes.start.items():
+            for place in {state, *(truth[state] for truth in self.run.structure.truths)}:
+                z0[place] = columns[path][which]
+        for path, place in self.axes.parameters.items():
+            p[place] = columns[path][which]
         for gains in self._gains.values():
             gains.write(p, z0, columns, which)
         return z0, p

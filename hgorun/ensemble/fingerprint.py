@@ -34,7 +34,7 @@ def ingredients(ensemble: Ensemble) -> Ingredients:
     """All that the numbers follow from, as JSON holds it."""
     base = ensemble.base
     noise = chain.from_iterable(items for _, items in noise_blocks(base.measurement))
-    metrics = all_metrics()
+    metrics = all_metrics(closed=True)
     theirs = code_of(metrics[name].measure for name in ensemble.metrics)
     theirs |= code_of(map(type, (base.plant_block, *base.observers.values(), *noise)))
     return {

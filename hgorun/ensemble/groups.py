@@ -75,7 +75,7 @@ def able(run: PreparedRun) -> bool:
 def size_of_lots(run: PreparedRun) -> int:
     """How many members of a lot fit into the memory that is allowed for one."""
     numbers = run.numbers.z0.size + run.numbers.p.size
-    numbers += sum(channel.samples.arrival.size + channel.held_changes[0].size for channel in run.channels)
+    numbers += sum(channel.samples.arrival.size + channel.held_changes[0].size for channel in run.heard)
     if run.solver.controlled:
         numbers += 4 * run.grid.size * run.structure.system.states
     return int(np.clip(_NUMBERS // numbers, _LEAST, _MOST))

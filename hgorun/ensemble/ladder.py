@@ -7,7 +7,7 @@ alone.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -107,7 +107,7 @@ def _one_rung(climber: _Climber, block: Block, threads: int) -> tuple[list[_Clim
     stage = first_stage(run)
     assert stage is not None
     how = Pass(method=stage[0], step=run.span / 2.0**climber.k, bounded=False)
-    other, metrics = replace(how, uneven=UNEVEN), list(all_metrics().values())
+    other, metrics = replace(how, uneven=UNEVEN), list(all_metrics(closed=run.closed).values())
     try:
         fine, coarse = (carry_out(lot, one, metrics, rows=True, threads=threads) for one in (how, other))
     except (Problem, SimulationError):  # there is no memory for so many steps
@@ -141,10 +141,14 @@ def _differences(lot: Lot, fine: Passed, coarse: Passed) -> Floats:
     assert fine.rows is not None
     assert coarse.rows is not None
     shown = slice(None, None, run.experiment.grid[1])
-    x = fine.rows[shown, :n]
-    size, moved = size_of(x), _moved(run, fine.rows)
-    found = [plant_difference(x, coarse.rows[shown, :n])]
-    for j in range(len(run.observers)):
+    found = [plant_difference(fine.rows[shown, :n], coarse.rows[shown, :n])]
+    of_truth: dict[int, tuple[Floats, Floats, Floats]] = {}
+    for j, truth in enumerate(run.structure.truths):
+        if truth[0] not in of_truth:  # of an open loop all observers have the same
+            x = fine.rows[shown, truth[0] : truth[-1] + 1]
+            apart = plant_difference(x, coarse.rows[shown, truth[0] : truth[-1] + 1])
+            of_truth[truth[0]] = size_of(x), _moved(run, fine.rows, truth), apart
+        size, moved, apart = of_truth[truth[0]]
         ours, theirs = (
             Estimate(
                 xhat=_estimates(lot, one.rows, j)[shown],
@@ -153,7 +157,8 @@ def _differences(lot: Lot, fine: Passed, coarse: Passed) -> Floats:
             for one in (fine, coarse)
             if one.rows is not None
         )
-        found.append(difference(run, ours, theirs, size, moved))
+        own = difference(run, ours, theirs, size, moved)
+        found.append(np.maximum(own, apart) if run.closed else own)
     return np.array(found)
 
 
@@ -167,11 +172,11 @@ def _estimates(lot: Lot, rows: Floats, j: int) -> Floats:
     return np.stack(own, axis=2)
 
 
-def _moved(run: PreparedRun, rows: Floats) -> Floats:
-    """The total variation of the truth in the steady window, shape (n, N), added as for a single run."""
+def _moved(run: PreparedRun, rows: Floats, truth: Sequence[int]) -> Floats:
+    """The total variation of a truth in the steady window, shape (n, N), added as for a single run."""
     blocks, every, n = run.experiment.blocks, run.experiment.grid[2], run.plant.model.n
     since = MetricSettings.of(blocks.metrics, blocks.time).since(run.origin)
-    steady = rows[::every, :n][points_in(run.grid[::every], since.steady)]
+    steady = rows[::every, truth[0] : truth[-1] + 1][points_in(run.grid[::every], since.steady)]
     ways = np.abs(np.diff(steady, axis=0))
     if n == 1:  # numpy adds a single column pairwise, several row by row
         return np.asarray(np.ascontiguousarray(np.moveaxis(ways, 0, -1)).sum(axis=-1))

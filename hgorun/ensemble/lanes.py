@@ -27,7 +27,8 @@ def fits(run: PreparedRun, method: Method) -> bool:
     """Whether runs like this one can be carried out side by side."""
     readout = run.structure.outputs.places is not None  # else outputs are looked at along the whole run
     estimates = all(of.places is not None for of in run.structure.estimates) or run.experiment.grid[2] == 1
-    return not run.adaptive and not run.treatments and method in _IN_LANES and readout and estimates
+    alike = all(treatment == "innovation" for treatment in run.treatments)
+    return not run.adaptive and alike and method in _IN_LANES and readout and estimates
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -80,9 +81,12 @@ def _sound(lot: Lot, found: Outcome, metrics: dict[str, Floats]) -> np.ndarray:
     if run.observers:
         lost = np.all([np.all(np.isinf(values), axis=1) for values in metrics.values()], axis=0)  # as where it ends
         sound &= ~np.any(lost, axis=0)
-    x = np.stack([found.first, found.last])[:, : run.plant.model.n]
-    for j in range(len(run.observers)):
+    ends = np.stack([found.first, found.last])
+    for j, truth in enumerate(run.structure.truths):
+        x = ends[:, truth]
         sound &= ~may_have_left(x, _ends(lot, found, j))
+        if run.closed:
+            sound &= ~may_have_left(ends[:, : run.plant.model.n], x)
     return np.asarray(sound)
 
 
@@ -108,7 +112,7 @@ def given_steps(lot: Lot, block: Block, *, threads: int = 1) -> Integers:
     ndarray of int64
         The members that have to be carried out alone.
     """
-    how, known = as_given(lot.run), all_metrics()
+    how, known = as_given(lot.run), all_metrics(closed=True)
     try:
         passed = carry_out(lot, how, [known[name] for name in block.metrics], threads=threads)
     except (Problem, SimulationError):

@@ -46,7 +46,7 @@ class Numbers:
     @classmethod
     def of(cls, runs: Sequence[PreparedRun]) -> Numbers:
         """Those of runs that are prepared."""
-        each = [cls.with_noise(run.numbers.z0, run.numbers.p, run.channels) for run in runs]
+        each = [cls.with_noise(run.numbers.z0, run.numbers.p, run.heard) for run in runs]
         rows = {name: np.stack([getattr(one, name) for one in each]) for name in ("gain", "bias", "held")}
         return cls(np.stack([one.z0 for one in each], axis=1), np.stack([one.p for one in each], axis=1), **rows)
 
@@ -120,7 +120,8 @@ class Lot:
 def times_of(run: PreparedRun) -> Hashable:
     """All that decides when something happens in a run; equal for runs that can have one plan."""
     schedule, digest = run.schedule, blake2b(digest_size=16)
-    for array in (schedule.events, schedule.inward, schedule.variant):
+    acting = np.zeros(0) if schedule.acting is None else schedule.acting
+    for array in (schedule.events, schedule.inward, schedule.variant, acting):
         digest.update(array.tobytes())
     timings = tuple(channel.timing for channel in run.channels)
     return run.step, run.smallest_delay, run.reach, schedule.variants, digest.digest(), timings

@@ -10,7 +10,8 @@ from hgorun.estimate.samples import stated
 from hgorun.observers.kalman import KalmanFilter
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.observer_block import ObserverBlock
-from hgorun.simulation.structure import Readout, Structure
+from hgorun.simulation.readout import Readout
+from hgorun.simulation.structure import Structure
 from hgorun.symbolic.evaluate import Floats, evaluate
 
 

@@ -107,7 +107,7 @@ class LiveSystem:
             experiment=experiment,
             structure=structure,
             p=numbers.p,
-            start=numbers.z0[model.n :],
+            start=numbers.z0,
             labels=tuple(b.label for b in numbers.observers),
             inputs={name: i for i, name in enumerate(name for name in model.inputs if name in inputs)},
             outputs=outputs,
@@ -165,6 +165,7 @@ class LiveSystem:
 
 def _check(experiment: Experiment, inputs: tuple[str, ...]) -> None:
     model = experiment.plant.model
+    experiment.require_open("a stream is told its inputs, which no observer here decides")
     require_observers(experiment)
     for label, observer in experiment.observers.items():
         check_limit(experiment, label, observer)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -201,12 +201,10 @@ def prepare_estimate(experiment: Experiment, recording: Recorded) -> PreparedEst
         recorded = tuple(i for i, name in enumerate(plant.model.inputs) if name in recording.inputs)
         truth = Recording(plant.symbolic, recorded)
         truths: list[Truth] = [truth, *(SameTruth(truth, treatment == "replay") for treatment in treatments)]
-        stretches = [one for _ in truths for one in experiment.stretches]
-        variants, everything = schedule.variants, plant.everything
+        stretches, variants, everything = experiment.stretches, schedule.variants, plant.everything
         structure = structure_of(truths, of_groups, stretches, variants, everything, innovations=True)
         _check_inputs(plant.model, recorded, structure)
         numbers = numbers_of(structure, plant, experiment, designs)
-        numbers = replace(numbers, z0=numbers.z0[plant.model.n :])
         run = PreparedRun(
             experiment=experiment,
             structure=structure,
@@ -242,6 +240,7 @@ def _check_inputs(model: PlantModel, recorded: tuple[int, ...], structure: Struc
 
 def _refuse(experiment: Experiment) -> None:
     """What a recording cannot have, or lacks."""
+    experiment.require_open("recorded data come of inputs that were applied, not of what is estimated here")
     require_observers(experiment)
     if experiment.plant_block.discretise is not None:
         raise Problem(("plant", "discretise"), "this steps a simulated plant, and nothing is simulated here")

@@ -187,7 +187,7 @@ def axis_name(axis: str, time: str = "") -> str:
 
 def name(cast: Cast, metric: str, state: str) -> str:
     """A metric of a state in words, with its unit."""
-    known = all_metrics().get(metric)
+    known = all_metrics(closed=True).get(metric)
     measured_in = {"state": state, "time": "time"}.get(known.unit if known else "", "")
     return f"{metric} {state}{_in_brackets(cast.members.units.get(measured_in, ''))}"
 

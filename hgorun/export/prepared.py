@@ -76,6 +76,8 @@ def exported(run: PreparedRun, wanted: Wanted | None = None) -> list[Exported]:
         When one of them cannot be exported; the message says why.
     """
     wanted = Wanted() if wanted is None else wanted
+    with run.experiment.located():
+        run.experiment.require_open("an exported observer is told its inputs, or computes them from the time")
     model = run.plant.model
     told = tuple(range(len(model.inputs))) if wanted.inputs_given else ()
     return _all(run, wanted, told, lambda: _steps(run))

@@ -6,6 +6,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from hgorun.figures.scaling import ScalingData
 from hgorun.result.data import ResultData
 from hgorun.result.observer import ObserverResult
@@ -48,6 +50,11 @@ class Simulated(Actor):
 
     result: ResultData
     observer: ObserverResult
+
+    @property
+    def truth(self) -> np.ndarray:
+        """What it estimates, shape (Nt, n)."""
+        return self.result.truth_of(self.label)
 
 
 def cast(results: Sequence[ResultData]) -> list[Simulated]:

@@ -65,7 +65,7 @@ class Cast:
     def quantity(self, metric: str, state: str, *, short: bool = False) -> str:
         """What a metric of a state's error is called on an axis, with its unit."""
         error = f"{symbol(state, hat=True)} - {symbol(state)}"
-        known = all_metrics().get(metric)
+        known = all_metrics(closed=True).get(metric)
         named = quantities().get(metric, f"{metric} of ${{}}$")
         text = f"{metric} of ${symbol(state)}$" if short else named.format(error)
         units = self.members.units
@@ -88,7 +88,7 @@ def quantity_label(metric: str, state: str, units: Mapping[str, str]) -> str:
         Of the states, and of ``time``.
     """
     error = f"{symbol(state, hat=True)} - {symbol(state)}"
-    known = all_metrics().get(metric)
+    known = all_metrics(closed=True).get(metric)
     named = quantities().get(metric, f"{words(metric)} of ${{}}$")
     measured_in = {"state": state, "time": "time"}.get(known.unit if known else "", "")
     return named.format(error) + unit(units.get(measured_in, ""))

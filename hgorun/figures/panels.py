@@ -28,7 +28,7 @@ def draw_state(ax: Axes, scene: Scene, name: str, *, samples: bool = False) -> N
     known = own if samples else {run: r for run, r in own.items() if r.recorded is not None}
     measured = _samples(ax, scene, {run: r.outputs_of(name) for run, r in known.items()})
     truths += draw_bands(ax, scene, name) + draw_unseen(ax, scene, name)
-    healthy, lost = _estimates(ax, scene, name, lambda result, xhat, k: xhat)
+    healthy, lost = _estimates(ax, scene, name, lambda actor, xhat, k: xhat)
     _limit(ax, data.state_limits(truths + measured, healthy, lost))
     both = rf"${symbol(name)},\ {symbol(name, hat=True)}$" if scene.actors else f"${symbol(name)}$"
     ax.set_ylabel(both + _unit(scene, name))
@@ -37,7 +37,7 @@ def draw_state(ax: Axes, scene: Scene, name: str, *, samples: bool = False) -> N
 def draw_error(ax: Axes, scene: Scene, name: str) -> None:
     """Estimates of a state minus the truth."""
     ax.axhline(0, color="black", linewidth=0.5, zorder=1)
-    _limit(ax, data.error_limits(*_estimates(ax, scene, name, lambda result, xhat, k: xhat - result.x[:, k])))
+    _limit(ax, data.error_limits(*_estimates(ax, scene, name, lambda actor, xhat, k: xhat - actor.truth[:, k])))
     ax.set_ylabel(f"${symbol(name, hat=True)} - {symbol(name)}$" + _unit(scene, name))
 
 
@@ -46,7 +46,7 @@ def draw_magnitude(ax: Axes, scene: Scene, name: str) -> None:
     ax.set_yscale("log")
     ax.set_ylim(1e-16, 1.0)  # stays when there is no error to show
     healthy, lost = _estimates(
-        ax, scene, name, lambda result, xhat, k: np.abs(xhat - result.x[:, k]), moving_maximum=True
+        ax, scene, name, lambda actor, xhat, k: np.abs(xhat - actor.truth[:, k]), moving_maximum=True
     )
     _limit(ax, data.magnitude_limits(healthy, lost))
     ax.set_ylabel(f"$|{symbol(name, hat=True)} - {symbol(name)}|$" + _unit(scene, name))
@@ -75,7 +75,7 @@ def _estimates(
     ax: Axes,
     scene: Scene,
     name: str,
-    of: Callable[[ResultData, np.ndarray, int], np.ndarray],
+    of: Callable[[Simulated, np.ndarray, int], np.ndarray],
     *,
     moving_maximum: bool = False,
 ) -> tuple[list[np.ndarray], list[np.ndarray]]:
@@ -92,7 +92,7 @@ def _estimates(
         if name not in result.states:
             continue
         column = result.states.index(name)
-        curve = data.finite(result.time, of(result, actor.observer.xhat[:, column], column))
+        curve = data.finite(result.time, of(actor, actor.observer.xhat[:, column], column))
         if moving_maximum and len(result.time) > 1:
             step = float(result.time[1] - result.time[0])
             curve = data.moving_maximum(curve, round(moving_window(result) / step))

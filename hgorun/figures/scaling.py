@@ -22,7 +22,7 @@ _BESIDE_METRICS = {"amplitude": "amplitude of ${}$", "std": "standard deviation 
 
 def quantities() -> dict[str, str]:
     """What can be shown, and how the vertical axis calls it; {} is the error."""
-    return _BESIDE_METRICS | {name: m.phrase or f"{name} of ${{}}$" for name, m in all_metrics().items()}
+    return _BESIDE_METRICS | {name: m.phrase or f"{name} of ${{}}$" for name, m in all_metrics(closed=True).items()}
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ yet.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
@@ -62,9 +62,14 @@ def are_late(channels: Sequence[Channel]) -> bool:
 
 
 def heard(channels: Sequence[Channel], treatments: Sequence[Treatment]) -> list[Channel]:
-    """The channels, and behind them those of each further treatment of late samples."""
-    of = {"received": _as_received, "drop": _in_time, "replay": _when_taken}
+    """The channels, and behind them those of each further group of observers by its treatment of late samples."""
+    of: Mapping[Treatment, Callable[[Channel], Channel]]
+    of = {"innovation": _as_they_come, "received": _as_received, "drop": _in_time, "replay": _when_taken}
     return [*channels, *(of[treatment](c) for treatment in treatments for c in channels)]
+
+
+def _as_they_come(channel: Channel) -> Channel:
+    return channel
 
 
 def _as_received(channel: Channel) -> HeardOtherwise:

@@ -35,6 +35,8 @@ class Schedule:
         Which of them holds from each event on (the last event has none), or from each place of ``order`` on.
     order : Order, optional
         In which events are carried out, where some of them are repeated.
+    acting : ndarray of int, optional
+        The events at which a controller acts, where it does so at instants.
     """
 
     events: np.ndarray
@@ -42,10 +44,16 @@ class Schedule:
     variants: tuple[Variant, ...]
     variant: np.ndarray
     order: Order | None = None
+    acting: np.ndarray | None = None
 
 
 def build_schedule(
-    channels: list[Channel], time: Time, kinks: np.ndarray, step: float, extremes: np.ndarray | None = None
+    channels: list[Channel],
+    time: Time,
+    kinks: np.ndarray,
+    step: float,
+    extremes: np.ndarray | None = None,
+    instants: np.ndarray | None = None,
 ) -> Schedule:
     """Collect all events of a run.
 
@@ -55,12 +63,14 @@ def build_schedule(
         Kinks of the functions of time.
     extremes : ndarray, optional
         Where they are smooth, but should be looked at.
+    instants : ndarray, optional
+        At which a controller acts.
     step : float
         Events much closer to each other than such a step are one.
     """
     rounding = 4 * max(s.spacing for c in channels for s in c.stretches)
     tolerance = max(_SHORT * step, rounding)
-    times = [np.array([time.start, time.end]), kinks, np.zeros(0) if extremes is None else extremes]
+    times = [np.array([time.start, time.end]), kinks, *(more for more in (extremes, instants) if more is not None)]
     for c in channels:
         times += [c.samples.arrival, np.array([s.start for s in c.stretches])]
         if c.samples.taken is not c.samples.arrival:
@@ -101,7 +111,10 @@ def build_schedule(
     order, kinds = _in_order(channels, events, kinds, time)
     distinct, variant = _distinct(kinds)
     variants = tuple(tuple((int(a), int(b)) for a, b in row.reshape(-1, 2)) for row in distinct)
-    return Schedule(events=events, inward=inward, variants=variants, variant=variant.ravel(), order=order)
+    acting = None if instants is None else nearest_event(events, instants)
+    return Schedule(
+        events=events, inward=inward, variants=variants, variant=variant.ravel(), order=order, acting=acting
+    )
 
 
 def _in_order(

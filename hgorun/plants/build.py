@@ -10,11 +10,13 @@ from typing import Any, TypeAlias
 import casadi as ca
 import numpy as np
 
+from hgorun.config.controller import DRIVEN, Controller
 from hgorun.config.expressions import CONSTANTS, ExpressionError, parse
 from hgorun.config.reads import Reads
 from hgorun.errors import KeyPath, Problem, called
 from hgorun.memo import Memo
 from hgorun.plants.base import Invertible, Plant, TriangularCoordinates, units_of
+from hgorun.plants.control import ControlLaw, ControlTexts, Space, driven_of
 from hgorun.plants.expressions import Signals, disturbance_of, inputs_of, parameter_values, require_known
 from hgorun.symbolic.clock import on_the_clock
 from hgorun.symbolic.plant import PlantModel
@@ -33,13 +35,16 @@ class SymbolicPlant:
     numbers : casadi.SX
         Symbols for the numbers written in the expressions of inputs and disturbance.
     inputs, disturbance : casadi.SX
-        u(t) and what is added to x', as expressions of the model's t and p and of the numbers.
+        u(t) and what is added to x', as expressions of the model's t and p and of the numbers. An input that a
+        controller drives is its own symbol, the model's u.
+    controller : ControlLaw, optional
     """
 
     model: PlantModel
     numbers: ca.SX
     inputs: ca.SX
     disturbance: ca.SX
+    controller: ControlLaw | None = None
 
     @property
     def everything(self) -> ca.SX:
@@ -95,7 +100,7 @@ _BUILT: Memo[list[tuple[Reads[Plant], SymbolicPlant]]] = Memo(64)
 _BUCKET = 16  # plants in a bucket
 
 
-def build_plant(block: Plant, origin: float = 0.0) -> BuiltPlant:
+def build_plant(block: Plant, origin: float = 0.0, controller: Controller | None = None) -> BuiltPlant:
     """Build the model, or take the one of a plant that differs in its numbers only.
 
     Parameters
@@ -103,11 +108,13 @@ def build_plant(block: Plant, origin: float = 0.0) -> BuiltPlant:
     block : Plant
     origin : float
         The time, on the clock of the block's expressions, from which the model counts its t.
+    controller : Controller, optional
+        That drives some of its inputs.
 
     Raises
     ------
     Problem
-        With the path inside the file, starting at ``plant``.
+        With the path inside the file, starting at ``plant`` or at ``controller``.
     """
     states, outputs, inputs = block.state_names, block.output_names, block.input_names
     _require_distinct({"states": states, "inputs": inputs})
@@ -124,16 +131,23 @@ def build_plant(block: Plant, origin: float = 0.0) -> BuiltPlant:
     if missing:
         raise Problem(("plant", "initial"), f"the initial value of {', '.join(missing)} is missing")
     known = (*values, "t")
-    signals = inputs_of(tuple(block.inputs.items()), known), disturbance_of(tuple(block.disturbance.items()), known)
+    control = None if controller is None else ControlTexts.of(controller, block, tuple(values))
+    driven = () if DRIVEN in values else driven_of(block)
+    if control is None and driven:
+        raise Problem(("plant", "inputs", driven[0]), f"there is no block {DRIVEN} that gives its law")
+    given = {name: text for name, text in block.inputs.items() if name not in driven}
+    signals = inputs_of(tuple(given.items()), known), disturbance_of(tuple(block.disturbance.items()), known)
     key = type(block), origin, states, outputs, inputs, tuple(values), *(s.templates for s in signals)
+    key = (*key, None if control is None else control.structure)
     bucket = _BUILT.get(key, list)
     symbolic = next((plant for reads, plant in bucket if reads.hold_for(block)), None)
     if symbolic is None:
         reads = Reads(block)
-        symbolic = _symbolic(block, origin, reads.watched, tuple(values), *signals)
+        symbolic = _symbolic(block, origin, reads.watched, tuple(values), *signals, control)
         bucket.append((reads, symbolic))
         del bucket[:-_BUCKET]
     numbers = [v for s in signals for part in s.numbers for v in part]
+    numbers += [] if control is None else control.numbers
     return BuiltPlant(
         block,
         symbolic,
@@ -150,12 +164,14 @@ def _symbolic(
     parameters: tuple[str, ...],
     inputs: Signals,
     disturbance: Signals,
+    control: ControlTexts | None,
 ) -> SymbolicPlant:
     states, outputs, input_names = block.state_names, block.output_names, block.input_names
+    more = () if control is None else control.names
     t = ca.SX.sym("t")
     x, u, p, numbers = (
         ca.vertcat(*[ca.SX.sym(n) for n in names])
-        for names in (states, input_names, parameters, (*inputs.names, *disturbance.names))
+        for names in (states, input_names, parameters, (*inputs.names, *disturbance.names, *more))
     )
     spaces = [_named(names, v) for names, v in ((states, x), (input_names, u), (parameters, p))]
     clock = on_the_clock(t, origin)
@@ -179,14 +195,19 @@ def _symbolic(
         periods=periods,
     )
     symbols = {**vars(spaces[2]), "t": clock}
-    first = len(inputs.names)
+    first, own = len(inputs.names), len(inputs.names) + len(disturbance.names)
     found = inputs.symbols(symbols, numbers[:first], chained=True)
-    pushed = disturbance.symbols(symbols, numbers[first:], chained=False)
+    pushed = disturbance.symbols(symbols, numbers[first:own], chained=False)
+    law = None
+    if control is not None:
+        named = {**symbols, **vars(spaces[0]), **vars(spaces[1])}
+        law = control.built(input_names, Space(t, x, u, named, ca.vertcat(p, numbers), numbers[own:]))
     return SymbolicPlant(
         model,
         numbers,
-        ca.vertcat(*[found[name] for name in input_names]) if input_names else ca.SX(0, 1),
+        ca.vertcat(*[found.get(name, u[i]) for i, name in enumerate(input_names)]) if input_names else ca.SX(0, 1),
         ca.vertcat(*[pushed.get(state, ca.SX(0)) for state in states]),
+        law,
     )
 
 

@@ -48,24 +48,30 @@ Texts: TypeAlias = tuple[tuple[str, str], ...]
 
 @lru_cache(maxsize=256)  # of a family of plants most have the same
 def inputs_of(texts: Texts, known: tuple[str, ...]) -> Signals:
-    return _signals("inputs", _ordered(("plant", "inputs"), dict(texts), known))
+    return _signals(("plant", "inputs"), _ordered(("plant", "inputs"), dict(texts), known))
+
+
+def signals_of(path: KeyPath, texts: Mapping[str, str], known: Collection[str]) -> Signals:
+    """Expressions of known names at a place in the file."""
+    read = [(name, _read((*path, name), text, known)) for name, text in texts.items()]
+    return _signals(path, read)
 
 
 @lru_cache(maxsize=256)
 def disturbance_of(texts: Texts, known: tuple[str, ...]) -> Signals:
-    return _signals("disturbance", [(s, _read(("plant", "disturbance", s), text, known)) for s, text in texts])
+    return signals_of(("plant", "disturbance"), dict(texts), known)
 
 
-def _signals(key: str, expressions: list[tuple[str, Expression]]) -> Signals:
+def _signals(path: KeyPath, expressions: list[tuple[str, Expression]]) -> Signals:
     templates, numbers = [], []
     for name, expression in expressions:
         try:
             lifted, values = template(expression)
         except ExpressionError as error:
-            raise Problem(("plant", key, name), str(error)) from error
+            raise Problem((*path, name), str(error)) from error
         templates.append((name, lifted))
         numbers.append(values)
-    return Signals(key, tuple(templates), tuple(numbers))
+    return Signals(str(path[-1]), tuple(templates), tuple(numbers))
 
 
 def _read(path: KeyPath, text: str, names: Collection[str]) -> Expression:

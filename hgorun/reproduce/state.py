@@ -44,7 +44,7 @@ def _code(*groups: Sequence[str]) -> dict[str, str]:
 
 def _runs(runs: Sequence[Run]) -> dict[str, str]:
     """Their resolved configurations, what makes ensembles of them, and the code that other packages bring."""
-    found = code_of(metric.measure for metric in all_metrics().values())
+    found = code_of(metric.measure for metric in all_metrics(closed=True).values())
     for run in runs:
         experiment = run.experiment
         noise = chain.from_iterable(items for _, items in noise_blocks(experiment.measurement))

@@ -88,7 +88,7 @@ class Windows:
 
 
 def measured(
-    time: np.ndarray, x: np.ndarray, estimated: Estimated, settings: MetricSettings
+    time: np.ndarray, truths: Estimated, estimated: Estimated, settings: MetricSettings
 ) -> dict[Metric, np.ndarray] | None:
     """The built-in metrics, shape (m, n) each; None where they have to be left to numpy.
 
@@ -98,24 +98,24 @@ def measured(
     Parameters
     ----------
     time : ndarray, shape (Nt,)
-    x : ndarray, shape (Nt, n)
-    estimated : Estimated
+    truths, estimated : Estimated
+        Of m observers what they estimate, and their estimates.
     settings : MetricSettings
     """
     windows = Windows.of(time, settings)
-    if x.shape[1] < 2 or not len(estimated.places) or windows is None:
+    if not len(estimated.places) or len(estimated.places[0]) < 2 or windows is None:
         return None
-    found = _passes(x, estimated, windows)
+    found = _passes(truths, estimated, windows)
     return None if found["nothing"].any() else windows.metrics(time, found)
 
 
-def _passes(x: np.ndarray, estimated: Estimated, windows: Windows) -> dict[str, np.ndarray]:
+def _passes(truths: Estimated, estimated: Estimated, windows: Windows) -> dict[str, np.ndarray]:
     """What the code finds, arrays of shape (m, n) by name."""
-    truth, values = rows_of_doubles(x), rows_of_doubles(estimated.values)
-    count, n, m = len(x), x.shape[1], len(estimated.places)
+    truth, values = rows_of_doubles(truths.values), rows_of_doubles(estimated.values)
+    count, n, m = len(truth), len(estimated.places[0]), len(estimated.places)
     lanes = next((lanes for lanes in LANES if lanes >= m * n), LANES[-1])
     width = -(-m * n // lanes) * lanes
-    places = places_of(tuple(map(tuple, estimated.places)), width)
+    places = places_of(tuple(map(tuple, estimated.places)), tuple(map(tuple, truths.places)), width)
     work, error = np.empty((2, count + 1, lanes))
     found = np.empty((len(FOUND), width))
     addresses = [address_of(array) for array in (values, truth, places, work, error, found)]
@@ -126,12 +126,11 @@ def _passes(x: np.ndarray, estimated: Estimated, windows: Windows) -> dict[str, 
 
 
 @lru_cache(maxsize=64)
-def places_of(columns: tuple[tuple[int, ...], ...], width: int) -> np.ndarray:
+def places_of(xhat: tuple[tuple[int, ...], ...], x: tuple[tuple[int, ...], ...], width: int) -> np.ndarray:
     """For every column those of xhat and of x; what is left over of the last vector repeats the first ones."""
-    m, n = len(columns), len(columns[0])
     places = np.zeros((2, width), dtype=np.int64)
-    places[0, : m * n] = np.ravel(columns)
-    places[1, : m * n] = np.resize(np.arange(n), m * n)
+    for row, columns in zip(places, (xhat, x), strict=True):
+        row[: len(columns) * len(columns[0])] = np.ravel(columns)
     return places
 
 

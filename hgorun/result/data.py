@@ -10,6 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from hgorun.errors import printable
+from hgorun.result.closed import ClosedLoop
 from hgorun.result.observer import ObserverResult
 from hgorun.result.recorded import Recorded
 from hgorun.result.status import OK, Status, Verdict, worst
@@ -129,6 +130,9 @@ class ResultData:
         None in files of older versions, and of recorded data.
     recorded : Recorded, optional
         What recorded data an estimate was made of. There is no truth then: x and y have no columns.
+    closed_loop : mapping of str to ClosedLoop
+        Where a controller drives the plant: by observer the plant that its estimates drive, and under ``plant`` the
+        one that the true state drives, which x, u, y and the measurements are of. Else empty.
     """
 
     name: str
@@ -153,6 +157,11 @@ class ResultData:
     verdict: Verdict = OK
     design: DesignNumbers | None = None
     recorded: Recorded | None = None
+    closed_loop: Mapping[str, ClosedLoop] = field(default_factory=dict)
+
+    def truth_of(self, label: str | None) -> np.ndarray:
+        """What an observer estimates, shape (Nt, n): the plant, or in a closed loop the one that it drives."""
+        return self.x if label is None or not self.closed_loop else self.closed_loop[label].x
 
     @property
     def kind(self) -> Literal["simulation", "estimate"]:

@@ -1,4 +1,4 @@
-"""The estimates of a run's observers, where the engine has written them."""
+"""The estimates of a run's observers, or what they estimate, where the engine has written them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Estimated:
-    """The estimates of m observers, which are columns of one array.
+    """The estimates of m observers, or the m truths that they estimate, which are columns of one array.
 
     Attributes
     ----------
@@ -23,6 +23,11 @@ class Estimated:
     places: Sequence[Sequence[int]]
 
     @classmethod
+    def same(cls, x: np.ndarray, count: int) -> Estimated:
+        """So many times the same, from an array of shape (Nt, n)."""
+        return cls(x, [range(x.shape[1])] * count)
+
+    @classmethod
     def of_stack(cls, xhat: np.ndarray) -> Estimated:
         """Of an array of shape (Nt, m, n)."""
         count, m, n = xhat.shape
@@ -33,6 +38,11 @@ class Estimated:
         """An array of shape (Nt, m, n) in the order of C."""
         places = np.asarray(self.places, dtype=int)
         return np.take(self.values, places.ravel(), axis=1).reshape(len(self.values), *places.shape)
+
+    def distinct(self) -> np.ndarray:
+        """Those that differ, an array of shape (Nt, m, n), or (Nt, 1, n) where all are the same columns."""
+        same = all(list(places) == list(self.places[0]) for places in self.places)
+        return Estimated(self.values, self.places[:1] if same else self.places).stack()
 
     def of(self, observer: int) -> np.ndarray:
         """The estimates of one observer, shape (Nt, n): a view where its columns are neighbours."""

@@ -40,51 +40,58 @@ def measure(
     """
     if not estimates:
         return {}
-    found = measure_together(time, x, Estimated.of_stack(np.stack(list(estimates.values()), axis=1)), settings, metrics)
+    stacked = Estimated.of_stack(np.stack(list(estimates.values()), axis=1))
+    found = measure_together(time, Estimated.same(x, len(estimates)), stacked, settings, metrics)
     return {label: {name: values[j].copy() for name, values in found.items()} for j, label in enumerate(estimates)}
 
 
 def measure_together(
     time: np.ndarray,
-    x: np.ndarray,
+    truths: Estimated,
     estimated: Estimated,
     settings: MetricSettings,
     metrics: Sequence[Metric] | None = None,
+    reference: np.ndarray | None = None,
 ) -> dict[str, np.ndarray]:
     """All metrics of estimates that lie in one array; else as :func:`measure`.
 
     Parameters
     ----------
-    estimated : Estimated
-        Of m observers.
+    truths, estimated : Estimated
+        What m observers estimate, and their estimates.
+    reference : ndarray, shape (Nt, n), optional
+        In a closed loop the plant that the true state drives.
 
     Returns
     -------
     dict of str to ndarray, shape (m, n)
         {metric: values}.
     """
-    return measure_and_tell(time, x, estimated, settings, metrics)[0]
+    return measure_and_tell(time, truths, estimated, settings, metrics, reference)[0]
 
 
 def measure_and_tell(
     time: np.ndarray,
-    x: np.ndarray,
+    truths: Estimated,
     estimated: Estimated,
     settings: MetricSettings,
     metrics: Sequence[Metric] | None = None,
+    reference: np.ndarray | None = None,
 ) -> tuple[dict[str, np.ndarray], bool]:
     """What :func:`measure_together` gives, and whether all errors were seen to be finite."""
-    wanted = tuple(all_metrics().values()) if metrics is None else metrics
-    compiled = _compiled(time, x, estimated, settings)
+    wanted = tuple(all_metrics(closed=reference is not None).values()) if metrics is None else metrics
+    compiled = _compiled(time, truths, estimated, settings)
     if compiled is not None and all(metric in compiled for metric in wanted):
         return {metric.name: compiled[metric] for metric in wanted}, True
     xhat = estimated.stack()
+    x = truths.distinct()
     sound = _finite(xhat)
     if sound and all(sound):
-        return by_records(time, np.ascontiguousarray(x), np.ascontiguousarray(xhat), settings, wanted), True
+        return by_records(time, x, xhat, settings, wanted, reference), True
     found = {m.name: np.full(xhat.shape[1:], np.inf) for m in wanted}
     if any(sound):
-        rest = by_records(time, np.ascontiguousarray(x), np.ascontiguousarray(xhat[:, sound]), settings, wanted)
+        own = x if x.shape[1] == 1 else x[:, sound]
+        rest = by_records(time, own, xhat[:, sound], settings, wanted, reference)
         for name, values in rest.items():
             found[name][sound] = values
     return found, False
@@ -95,23 +102,24 @@ _MEASURED = count(1)  # the passes of this process
 
 
 def _compiled(
-    time: np.ndarray, x: np.ndarray, estimated: Estimated, settings: MetricSettings
+    time: np.ndarray, truths: Estimated, estimated: Estimated, settings: MetricSettings
 ) -> dict[Metric, np.ndarray] | None:
     """The built-in metrics from machine code, of the same bits; None where they are left to the records.
 
     So are the first few short ones of a process, which are the passes of a single run and of its error estimate: to
     load the code takes as long as to measure several.
     """
-    if next(_MEASURED) <= _FEW and x.size < _MANY:
+    size = len(time) * len(truths.places[0]) if truths.places else 0
+    if next(_MEASURED) <= _FEW and size < _MANY:
         return None
     from hgorun.result.columns import measured
 
-    return measured(time, x, estimated, settings)
+    return measured(time, truths, estimated, settings)
 
 
 def from_origin(values: Mapping[str, np.ndarray], origin: float) -> dict[str, np.ndarray]:
     """Metrics of estimates whose time is counted from ``origin``, with moments as the clock shows them."""
-    known = all_metrics()
+    known = all_metrics(closed=True)
     return {name: value + origin if known[name].moment else value for name, value in values.items()}
 
 
@@ -125,19 +133,37 @@ def _finite(xhat: np.ndarray) -> list[bool]:
 
 
 def by_records(
-    time: np.ndarray, x: np.ndarray, xhat: np.ndarray, settings: MetricSettings, metrics: Sequence[Metric]
+    time: np.ndarray,
+    x: np.ndarray,
+    xhat: np.ndarray,
+    settings: MetricSettings,
+    metrics: Sequence[Metric],
+    reference: np.ndarray | None = None,
 ) -> dict[str, np.ndarray]:
-    """{metric: values of shape (m, n)} of finite estimates; both arrays in the order of C, which decides the bits."""
+    """{metric: values of shape (m, n)} of finite estimates.
+
+    Parameters
+    ----------
+    x : ndarray, shape (Nt, 1, n) or (Nt, m, n)
+        One truth, or one for each observer.
+    xhat : ndarray, shape (Nt, m, n)
+        All arrays are taken in the order of C, which decides the bits.
+    reference : ndarray, shape (Nt, n), optional
+    """
+    x, xhat = np.ascontiguousarray(x), np.ascontiguousarray(xhat)
     m, n = xhat.shape[1:]
     if n == 1 and m > 1:
         # numpy adds a single column pairwise, several row by row: one state has to be one column in any company
         columns = [np.ascontiguousarray(xhat[:, [j]]) for j in range(m)]
-        each = [by_records(time, x, column, settings, metrics) for column in columns]
+        truths = [np.ascontiguousarray(x[:, [j if x.shape[1] > 1 else 0]]) for j in range(m)]
+        pairs = zip(truths, columns, strict=True)
+        each = [by_records(time, truth, column, settings, metrics, reference) for truth, column in pairs]
         return {metric.name: np.concatenate([values[metric.name] for values in each]) for metric in metrics}
-    error = np.repeat(x[:, None], m, axis=1)  # numpy subtracts rows faster than pairs
+    error = np.repeat(x, m // x.shape[1], axis=1)  # numpy subtracts rows faster than pairs
     np.subtract(xhat, error, out=error)
     step = float(time[1] - time[0]) if time.size > 1 else np.nan
-    whole = Estimates(time, x[:, None], xhat, error, np.abs(error), step, settings)
+    beside = None if reference is None else np.ascontiguousarray(reference)[:, None]
+    whole = Estimates(time, x, xhat, error, np.abs(error), step, settings, beside)
     return {metric.name: _value(metric, whole.within(metric.window)) for metric in metrics}
 
 

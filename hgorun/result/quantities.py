@@ -125,7 +125,7 @@ def _column(quantity: Quantity, results: Mapping[str, Result], i: int = 0) -> tu
     run, label = quantity.of[i]
     result = results[run]
     j = result.states.index(str(quantity.state))
-    x = result.x[:, j]
+    x = result.truth_of(label)[:, j]
     return result, x, x if label is None else result.observers[label].xhat[:, j]
 
 
@@ -150,6 +150,8 @@ def _metric(quantity: Quantity, results: Mapping[str, Result]) -> float:
     steady, transient = (quantity.window or tuple(result.windows[key]) for key in ("steady", "transient"))
     settings = MetricSettings(steady, transient, float(result.windows["average"]), float(result.windows["settling"]))
     asked = METRICS.find(quantity.function)
+    if asked.closed:
+        raise ExpressionError(f"{quantity}: only closed loops have this, without a window")
     return float(measure(result.time, x[:, None], {"": xhat[:, None]}, settings, [asked])[""][asked.name][0])
 
 
@@ -236,7 +238,7 @@ _OTHERS: dict[str, Kind] = {
 
 def kinds() -> dict[str, Kind]:
     """All quantities by their names: the metrics, and what else can be measured."""
-    return dict.fromkeys(all_metrics(), Kind(_metric)) | _OTHERS
+    return dict.fromkeys(all_metrics(closed=True), Kind(_metric)) | _OTHERS
 
 
 def inside(value: float, window: tuple[float, float]) -> bool:

@@ -11,6 +11,7 @@ import numpy as np
 
 from hgorun.errors import ConfigError, printable
 from hgorun.result import digests
+from hgorun.result.closed_file import read_closed
 from hgorun.result.data import DesignNumbers, Integration, Measurements
 from hgorun.result.observer import MAPS, Coordinates, ObserverResult
 from hgorun.result.recorded_file import RecordedFile
@@ -106,6 +107,7 @@ class _Reader(StoredFile):
             verdict=self.verdict("plant", plant) if "status" in plant.attrs else OK,
             design=self.design(),
             recorded=self.recorded_file(outputs).recorded() if estimate else None,
+            closed_loop=read_closed(self, (nt, n, len(inputs), q), tuple(self.group("observers"))),
         )
         self.check_attributes()
         return found

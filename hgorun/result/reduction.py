@@ -32,8 +32,12 @@ class MetricReduction:
     settings : MetricSettings
         On the run's own clock.
     metrics : sequence of Metric
+    truths : sequence of sequence of int
+        For every observer the states that it estimates.
     estimated : callable
         The estimates along a run, from its p, shape (parameters,), and its rows, shape (grid points, states).
+    closed : bool
+        Whether the first n states are those of the plant that the true state drives.
     places : sequence of sequence of int, optional
         Of every observer the states that are its estimates, where all are.
     """
@@ -44,8 +48,9 @@ class MetricReduction:
     m: int
     settings: MetricSettings
     metrics: Sequence[Metric]
+    truths: Sequence[Sequence[int]]
     estimated: Callable[[np.ndarray, np.ndarray], Estimated]
-
+    closed: bool = False
     places: Sequence[Sequence[int]] | None = None
 
     @property
@@ -56,7 +61,7 @@ class MetricReduction:
     @property
     def states(self) -> Sequence[int] | None:
         """Those of the plant and the estimates, where these are states."""
-        return None if self.places is None else sorted({*range(self.n), *chain(*self.places)})
+        return None if self.places is None else sorted({*range(self.n), *chain(*self.truths), *chain(*self.places)})
 
     def reducer(self, lanes: int, *, whole: int | None = None) -> Reducer | None:
         """The built-in metrics compiled; None where they are left to numpy."""
@@ -76,7 +81,7 @@ class MetricReduction:
             every=self.every,
             width=len(at),
             xhat=[at[state] for state in chain(*self.places)],
-            x=[at[state] for state in range(self.n)] * self.m,
+            x=[at[state] for state in chain(*self.truths)],
             windows=windows,
             lanes=lanes,
         )
@@ -96,7 +101,8 @@ class MetricReduction:
         for lane in range(rows.shape[2]):
             z = rows[:, :, lane]
             estimates = self.estimated(p[:, lane], z).at(points)
-            values = measure_together(self.time, z[points, : self.n], estimates, self.settings, self.metrics)
+            truths, reference = Estimated(z[points], self.truths), z[points, : self.n] if self.closed else None
+            values = measure_together(self.time, truths, estimates, self.settings, self.metrics, reference)
             found[:, lane] = np.concatenate([values[metric.name].ravel() for metric in self.metrics])
         return found
 

@@ -46,7 +46,8 @@ class RunningMetrics:
         self._code = _code(lanes)
         points = windows.numbers[-1]
         ring = 1 << points.bit_length()
-        self._places = places_of(tuple(map(tuple, places)), self._width)
+        columns = tuple(map(tuple, places))
+        self._places = places_of(columns, tuple(tuple(range(len(own))) for own in columns), self._width)
         self._found = np.zeros((len(FOUND), self._width))
         self._kept = np.zeros((len(_KEPT), self._width))
         self._sums, self._errors = np.zeros((2, self._width // lanes, ring, lanes))

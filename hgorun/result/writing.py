@@ -17,6 +17,7 @@ import h5py
 import numpy as np
 
 from hgorun.result import digests
+from hgorun.result.closed_file import write_closed
 from hgorun.result.data import PLANT, DesignNumbers, ResultData
 from hgorun.result.metrics.base import all_metrics
 from hgorun.result.observer import ObserverResult
@@ -89,6 +90,7 @@ def write(result: ResultData, w: Writer) -> None:
         _write_truth(w, result, of_states)
     else:
         write_recorded(w, result, result.recorded)
+    write_closed(w, result, of_states)
     if result.design is not None:
         _write_design(w, result.design)
     w.group("observers")
@@ -185,7 +187,7 @@ def _write_observer(w: Writer, result: ResultData, label: str, o: ObserverResult
     if o.diverged_at is not None:
         attributes["diverged_at"] = o.diverged_at
     w.group(f"metrics/{label}")
-    known, of_time = all_metrics(), result.units.get("time") or None
+    known, of_time = all_metrics(closed=True), result.units.get("time") or None
     for name, values in o.metrics.items():
         metric = known.get(name)
         w.data(

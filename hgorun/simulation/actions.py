@@ -15,7 +15,7 @@ from hgorun.simulation.kinds import Kind, Numbered
 from hgorun.simulation.replay import Replay, Replayed
 from hgorun.symbolic.levels import distinct
 
-_FIRST = -5  # the smallest rank of what happens at one event
+_FIRST, _ACTS = -5, 5  # the smallest rank of what happens at one event, and that of a controller's action
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -84,7 +84,12 @@ class Actions:
     """The action table: samples taken and arriving, noise changing, alpha counted from zero again, jumps.
 
     At one event the inputs change first, then the plant is stepped, then samples are taken, then they arrive,
-    then alpha is counted anew, and last the discrete-time observers jump and others are corrected.
+    then alpha is counted anew, the discrete-time observers jump and others are corrected; last a controller acts.
+
+    Parameters
+    ----------
+    acting : ndarray of int, optional
+        The events at which a controller acts.
 
     Attributes
     ----------
@@ -103,9 +108,11 @@ class Actions:
         system: HybridSystem,
         inputs: RecordedInputs | None,
         order: Order | None = None,
+        acting: np.ndarray | None = None,
     ) -> None:
         layout = system.held
         rebase = system.has_alpha and not system.compares_with_past
+        jumps = bool(system.stepped or system.corrections)  # at samples
         kinds: list[Kind] = []
         arrivals: list[np.ndarray] = []
         base, held, self.snapshots = 0, 0, 0
@@ -121,7 +128,7 @@ class Actions:
             kinds.append(Kind.of(take, 0, TAKE, i, Numbered(base)))
             if isinstance(c, HeardOtherwise) and c.retaken:
                 kinds.append(Kind.of(arrive, 0, RETAKE, i, Numbered(base)))
-            heard = s.used & _last_of_equal(arrive) if system.jumps else s.used
+            heard = s.used & _last_of_equal(arrive) if jumps else s.used
             arrivals.append(arrive if heard.all() else arrive[heard])
             what = ARRIVE if heard.all() else np.where(heard, ARRIVE, RECORD).astype(np.int8)
             kinds.append(Kind.of(arrive, 1, what, i, Numbered(base)))
@@ -145,6 +152,8 @@ class Actions:
             kinds += _corrections(arrivals, system, held)
             self.values = np.concatenate([self.values, _FLAGS])
             held += _FLAGS.size
+        if acting is not None:
+            kinds += [Kind.of(acting, _ACTS, JUMP, number) for number in system.acting]
         before = bool(system.stepped)
         lines = [] if inputs is None else list(inputs.actions(events, channels, layout, held, before=before))
         if order is not None:

@@ -134,8 +134,8 @@ def _features(structure: Structure) -> dict[str, tuple[Feature, ...]]:
     jumping = {k for a, b, _ in system.jumps for k in range(a, b)}
     plant = set(range(system.plant_states)) - jumping
     found = {PLANT: features_of(flows, sorted(plant))}
-    for block in structure.observers:
-        own = set(range(block.start, block.end)) - jumping
+    for block, (start, *_) in zip(structure.observers, system.blocks, strict=True):
+        own = set(range(start, block.end)) - jumping
         found[block.label] = tuple(f for f in features_of(flows, sorted(own | plant)) if own & set(f.states))
     return found
 

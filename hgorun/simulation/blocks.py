@@ -52,13 +52,13 @@ def check(source: Source) -> Checked:
     measurement = validate(Measurement, blocks.measurement, source, ("measurement",))
     observers = {label: observer_of(label, block, source) for label, block in blocks.observers.items()}
     with source.located():
-        refuse_unused(source, plant, observers)
+        refuse_unused(source, plant, observers, blocks.controller)
     return Checked(blocks.model_copy(update=_NOT_OF_A_RUN), plant, measurement, observers)
 
 
 _NOT_OF_A_RUN: dict[str, Any] = {"figures": {}, "claims": (), "tune": None}
 _PARTS = {"plant", "measurement", "observers"}  # each has a class of its own
-_OWN_BLOCKS = {"time", "solver", "metrics"}  # what is a block already is not checked again
+_OWN_BLOCKS = {"time", "solver", "metrics", "controller"}  # what is a block already is not checked again
 
 
 def check_again(source: Source, before: Checked, touched: Collection[KeyPath]) -> Checked:
@@ -78,7 +78,8 @@ def check_again(source: Source, before: Checked, touched: Collection[KeyPath]) -
     else:
         known = _NOT_OF_A_RUN.keys() - keys  # checked before, and no part of a run
         parts = {key: part for key, part in data.items() if key not in known}
-        parts |= {key: getattr(before.blocks, key) for key in _OWN_BLOCKS - keys}
+        own = {key: getattr(before.blocks, key) for key in _OWN_BLOCKS - keys}
+        parts |= {key: block for key, block in own.items() if block is not None}
         blocks = validate(ExperimentBlocks, parts, source, ()).model_copy(update=_NOT_OF_A_RUN)
     stale = {path[1] for path in touched if path[0] == "observers" and len(path) > 1}
     if ("observers",) in touched:
@@ -97,7 +98,7 @@ def check_again(source: Source, before: Checked, touched: Collection[KeyPath]) -
         },
     )
     with source.located():
-        refuse_unused_changes(touched, now.plant, now.observers)
+        refuse_unused_changes(touched, now.plant, now.observers, now.blocks.controller)
     return now
 
 

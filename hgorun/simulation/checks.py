@@ -32,6 +32,7 @@ def check_run(run: PreparedRun) -> None:
     _check_clock(run)
     check_jumps(run)
     check_corrections(run)
+    _check_law(run)
     _check_punctual(run)
     check_holds(run)
     check_start(run)
@@ -134,6 +135,8 @@ def check_jumps(run: PreparedRun) -> None:
         stepped.insert(0, ("plant", "discretise"))
     if not stepped:
         return
+    if run.closed:
+        raise Problem(stepped[0], "this steps with the input at the sample before, which a controller does not keep")
     first = run.channels[0].samples
     for channel in run.channels:
         samples = channel.samples
@@ -144,6 +147,18 @@ def check_jumps(run: PreparedRun) -> None:
         if np.any(samples.taken < samples.arrival):
             raise Problem(stepped[0], "this takes samples without delay")
     _check_schedules(run, np.diff(first.arrival[first.used]))
+
+
+def _check_law(run: PreparedRun) -> None:
+    """A state of observers that the law uses must be one of some observer."""
+    law = run.plant.symbolic.controller
+    for name in () if law is None else law.own:
+        known = dict.fromkeys(own for b in run.observers for own in b.own_names)
+        if run.observers and name not in known:
+            raise Problem(
+                ("controller", "truth", name),
+                f"no observer has a state {name}; beside the estimates they have: {', '.join(known) or 'none'}",
+            )
 
 
 def check_corrections(run: PreparedRun) -> None:
@@ -208,10 +223,19 @@ def check_start(run: PreparedRun) -> None:
         return
     bad = np.flatnonzero(~sound[: system.plant_states])
     if bad.size:
+        if bad[0] >= run.plant.model.n:
+            raise Problem(
+                ("controller",), "what its law or its cost gives is not a finite number at the start of the run"
+            )
         name = run.plant.model.states[int(bad[0])]
         path = ("plant", *run.plant.block.place_of(name))
         raise Problem(path, f"the right-hand side of {name} is not a finite number at the start of the run")
-    for b in numbers.observers:
+    for b, (first, *_) in zip(numbers.observers, system.blocks, strict=True):
+        if not sound[first : b.start].all():
+            raise Problem(
+                ("observers", b.label),
+                "at its initial estimate the controller's law is not a finite number; set it with initial",
+            )
         if not sound[b.start : b.end].all():
             internal = ", ".join(name for name in b.states if name not in ("xhat", "alpha"))
             raise Problem(

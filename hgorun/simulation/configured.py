@@ -6,9 +6,10 @@ from collections.abc import Mapping
 from contextlib import AbstractContextManager
 from typing import Any
 
+from hgorun.config.controller import Controller
 from hgorun.config.models import ExperimentBlocks, Time
 from hgorun.config.yaml_source import Source, parse
-from hgorun.errors import ConfigError
+from hgorun.errors import ConfigError, Problem
 from hgorun.measurement.blocks import Measurement
 from hgorun.observers.base import AnyObserver
 from hgorun.plants.base import Plant
@@ -44,6 +45,26 @@ class Configured:
     def plant_block(self) -> Plant:
         """The block of the plant."""
         return self._checked.plant
+
+    @property
+    def controller(self) -> Controller | None:
+        """The block of the controller, where there is one."""
+        return self.blocks.controller
+
+    @property
+    def closed(self) -> bool:
+        """Whether the estimates drive the plant, a copy of it for each observer."""
+        return self.controller is not None
+
+    def require_open(self, why: str) -> None:
+        """Refuse a controller.
+
+        Raises
+        ------
+        Problem
+        """
+        if self.closed:
+            raise Problem(("controller",), f"{why}: leave it out, and give the inputs as expressions of t")
 
     @property
     def measurement(self) -> Measurement:

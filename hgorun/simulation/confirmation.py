@@ -14,6 +14,7 @@ import numpy as np
 
 from hgorun.engine.memory import Raw
 from hgorun.errors import PlantDiverged, Problem, SimulationError
+from hgorun.result.estimated import Estimated
 from hgorun.result.status import OK, Verdict
 from hgorun.simulation.loss import Again, of_estimate, why_lost
 from hgorun.simulation.prepared import PreparedRun
@@ -128,8 +129,8 @@ def judged(run: PreparedRun, raw: Raw, j: int, again: Again | None = None) -> Ve
     It is undefined if some operation was undefined for its arguments before the estimate had left for good; what
     operation that was is found by carrying out the run ``again``, where that is given.
     """
-    x, xhat = _estimate(run, raw, j)
-    left = left_for_good(x, xhat)
+    xhat = run.structure.estimates[j].along(run.grid, run.numbers.p, raw.rows[:, :, 0])
+    left = _left(run, raw, j, xhat)
     overflow = float(raw.diverged[j, 0])
     if left is None and not np.isfinite(overflow):
         return of_estimate(run, raw, j, xhat)
@@ -149,21 +150,34 @@ def _suspects(run: PreparedRun, raw: Raw) -> list[int]:
     """The observers that were given up, or whose estimates may have left for good."""
     if not run.observers:
         return []
-    ends, n = [0, -1], run.plant.model.n
+    ends, structure = [0, -1], run.structure
     rows = raw.rows[ends, :, 0]
-    estimates = run.structure.estimates_along(run.grid[ends], run.numbers.p, rows)
+    estimates = structure.estimates_along(run.grid[ends], run.numbers.p, rows)
+    truths = Estimated(rows, structure.truths)
+    driven = Estimated.same(rows[:, : run.plant.model.n], len(run.observers))
     given_up = [at < np.inf for at in raw.diverged[:, 0].tolist()]
-    if not any(given_up) and estimates_near(rows[:, :n].tolist(), estimates):
+    near = estimates_near(truths, estimates) and (not run.closed or estimates_near(driven, truths))
+    if not any(given_up) and near:
         return []
-    left = may_have_left(rows[:, :n, None], estimates.stack().swapaxes(1, 2))
+    left = may_have_left(_stacked(truths), _stacked(estimates))
+    if run.closed:
+        left |= may_have_left(_stacked(driven), _stacked(truths))
     return np.flatnonzero(left | np.isfinite(raw.diverged[:, 0])).tolist()
 
 
-def _estimate(run: PreparedRun, raw: Raw, j: int) -> tuple[Floats, Floats]:
-    """Truth and estimate on the grid."""
+def _stacked(of: Estimated) -> Floats:
+    """Shape (Nt, n, m)."""
+    return of.stack().swapaxes(1, 2)
+
+
+def _left(run: PreparedRun, raw: Raw, j: int, xhat: Floats) -> int | None:
+    """The first point from which on an observer's estimate has left the truth, or its plant that of the true state."""
     rows = raw.rows[:, :, 0]
-    xhat = run.structure.estimates[j].along(run.grid, run.numbers.p, rows)
-    return rows[:, : run.plant.model.n], xhat
+    x = rows[:, run.structure.truths[j]]
+    found = [left_for_good(x, xhat)]
+    if run.closed:
+        found.append(left_for_good(rows[:, : run.plant.model.n], x))
+    return min((point for point in found if point is not None), default=None)
 
 
 def _beyond_given(run: PreparedRun, raw: Raw, j: int) -> Verdict:
@@ -214,8 +228,8 @@ def _with_blocks(run: PreparedRun, raw: Raw, other: Raw, which: Iterable[int]) -
     """A run with the numbers of some observers from another one."""
     rows, diverged = raw.rows.copy(), raw.diverged.copy()
     for j in which:
-        block = run.observers[j]
-        rows[:, block.start : block.end] = other.rows[:, block.start : block.end]
+        start, _, end = run.structure.system.blocks[j]
+        rows[:, start:end] = other.rows[:, start:end]
         diverged[j] = other.diverged[j]
     return replace(raw, rows=rows, diverged=diverged)
 
@@ -226,6 +240,6 @@ def _ended(run: PreparedRun, raw: Raw, verdicts: dict[int, Verdict]) -> Raw:
     for j, verdict in verdicts.items():
         if np.isfinite(raw.diverged[j, 0]):
             continue
-        block = run.observers[j]
-        rows[run.grid >= verdict.at, block.start : block.end] = np.nan
+        start, _, end = run.structure.system.blocks[j]
+        rows[run.grid >= verdict.at, start:end] = np.nan
     return replace(raw, rows=rows)

@@ -49,8 +49,21 @@ def differences(run: PreparedRun, fine: Measured, coarse: Measured) -> dict[str,
             Estimate(xhat=one.estimates.of(j), metrics={name: values[j] for name, values in one.metrics.items()})
             for one in (fine, coarse)
         )
-        found[block.label] = float(difference(run, ours, theirs, size_of(fine.x), fine.moved))
+        found[block.label] = float(_of_observer(run, fine, coarse, j, ours, theirs))
     return found
+
+
+def _of_observer(
+    run: PreparedRun, fine: Measured, coarse: Measured, j: int, ours: Estimate, theirs: Estimate
+) -> np.ndarray:
+    """Of an estimate; where it drives a plant of its own also of that, and nothing of one that is lost."""
+    x = fine.truths.of(j)
+    if not run.closed:
+        return difference(run, ours, theirs, size_of(x), fine.moved(j))
+    if fine.verdicts[j].lost:
+        return np.zeros(())
+    found = difference(run, ours, theirs, size_of(x), fine.moved(j))
+    return np.asarray(np.maximum(found, plant_difference(x, coarse.truths.of(j))))
 
 
 def size_of(x: np.ndarray) -> np.ndarray:
@@ -119,7 +132,7 @@ def _metrics(
     moved: np.ndarray,
 ) -> np.ndarray:
     """The largest relative difference of the metrics of an observer, shape (...) from (n, ...)."""
-    known, time, worst = all_metrics(), run.time, np.zeros(size.shape[1:])
+    known, time, worst = all_metrics(closed=True), run.time, np.zeros(size.shape[1:])
     part = run.experiment.blocks.metrics.settling
     settled = part * fine[PEAK.name] > run.solver.accuracy * _FLOOR * size
     for name, a in fine.items():

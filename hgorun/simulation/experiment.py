@@ -130,7 +130,7 @@ class Experiment(Configured):
     def plant(self) -> BuiltPlant:
         """The plant as a model with numbers."""
         with self.located():
-            return build_plant(self.plant_block, self.origin)
+            return build_plant(self.plant_block, self.origin, self.controller)
 
     @cached_property
     def _forms(self) -> dict[str, tuple[Form, Form]]:

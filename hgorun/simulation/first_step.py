@@ -10,6 +10,7 @@ from hgorun.errors import Problem
 from hgorun.memo import Memo
 from hgorun.observers.base import AnyObserver
 from hgorun.plants.build import BuiltPlant, SymbolicPlant
+from hgorun.plants.control import ControlLaw
 from hgorun.simulation.experiment import Experiment
 from hgorun.symbolic.evaluate import evaluate
 from hgorun.symbolic.forms import Form
@@ -79,5 +80,22 @@ def step_for(experiment: Experiment, rate: float) -> float:
 def _slopes(plant: SymbolicPlant) -> ca.Function:
     """df/dx with the inputs in it, from (t, x, p)."""
     model = plant.model
-    slopes = ca.substitute(ca.jacobian(model.dynamics, model.x), model.u, plant.inputs)
-    return ca.Function("A", [model.t, model.x, plant.everything], [slopes])
+    slopes = ca.jacobian(model.dynamics, model.x)
+    inputs = plant.inputs
+    if plant.controller is not None:
+        inputs = _state_feedback(plant, plant.controller)
+        if not plant.controller.held:  # what drives it follows its state
+            slopes += ca.jacobian(model.dynamics, model.u) @ ca.jacobian(inputs, model.x)
+    return ca.Function("A", [model.t, model.x, plant.everything], [ca.substitute(slopes, model.u, inputs)])
+
+
+def _state_feedback(plant: SymbolicPlant, law: ControlLaw) -> ca.SX:
+    """All inputs as a controller with the true state and no integrals gives them, in the model's t, x and numbers."""
+    model, everything = plant.model, plant.everything
+    own = law.truth(model.t, model.x, plant.inputs, everything)
+    none = ca.SX.zeros(len(law.integral))
+    driven, _ = law.law(model.t, model.x, plant.inputs, none, own, everything)
+    found = ca.SX(plant.inputs)
+    for i, place in enumerate(law.driven):
+        found[place] = driven[i]
+    return found

@@ -28,7 +28,9 @@ def reduction_of(run: PreparedRun, metrics: Sequence[Metric] | None = None) -> M
         n=run.plant.model.n,
         m=len(run.observers),
         settings=MetricSettings.of(blocks.metrics, blocks.time).since(run.origin),
-        metrics=tuple(all_metrics().values()) if metrics is None else tuple(metrics),
+        metrics=tuple(all_metrics(closed=run.closed).values()) if metrics is None else tuple(metrics),
+        truths=structure.truths,
         estimated=lambda p, z: structure.estimates_along(run.grid, p, z),
+        closed=run.closed,
         places=places if len(places) == len(known) else None,
     )

@@ -18,6 +18,7 @@ from hgorun.errors import PlantDiverged
 from hgorun.observers.treatment import treatment_of
 from hgorun.result.columns import Windows
 from hgorun.result.data import Integration
+from hgorun.result.estimated import Estimated
 from hgorun.result.metrics.base import Metric, all_metrics
 from hgorun.result.parts import ResultInParts, Trajectories
 from hgorun.result.result import Result
@@ -84,7 +85,7 @@ def written(run: PreparedRun, path: Path, progress: Progress = None, *, check_st
     Result or None
         Without points of its trajectories.
     """
-    running = _running(run)
+    running = None if run.closed else _running(run)
     if running is None or not _in_rows(run):
         return None
     look = look_at(run, progress, check_step=check_step)
@@ -181,15 +182,16 @@ def _measured(
     run: PreparedRun, look: Look, grid: np.ndarray, rows: np.ndarray, metrics: dict[Metric, np.ndarray]
 ) -> Measured:
     """What is known of some rows, beside the metrics of all of them."""
-    n, none = run.plant.model.n, np.zeros((0, run.plant.model.n))
+    n, truths = run.plant.model.n, Estimated(rows, run.structure.truths)
     return Measured(
         rows=rows,
         x=rows[:, :n],
+        truths=truths,
         estimates=run.structure.estimates_along(grid, run.numbers.p, rows),
         verdicts=tuple(look.verdicts.get(b.label, OK) for b in run.observers),
         metrics={name: metrics[metric] for name, metric in all_metrics().items() if metric in metrics},
         settings=MetricSettings.of(run.experiment.blocks.metrics, run.experiment.blocks.time),
-        steady=none,
+        steady=truths,
     )
 
 

@@ -74,7 +74,7 @@ def why_lost(run: PreparedRun, again: Again, j: int, lost: float) -> str | None:
     plan, begin, step = _up_to(again.plan(), lost)
     raw = again.integrate(plan)
     block, system = run.observers[j], run.structure.system
-    own = slice(block.start, block.end)
+    own = slice(system.blocks[j][0], block.end)
     before, z, w = raw.rows[0, :, 0], raw.rows[-1, :, 0], raw.held[:, 0]
     if not np.all(np.isfinite(z[own])):  # by a jump with which the step begins
         jumps = [function for start, _, function in system.jumps if start == block.start]
@@ -82,7 +82,7 @@ def why_lost(run: PreparedRun, again: Again, j: int, lost: float) -> str | None:
         return _said(next(filter(None, found), None), run.origin + begin)
     flow = system.regimes[int(plan.counts[-1, 3])].flow
     for t, stage in _stages(flow, begin, step, run.numbers.p, z, w):
-        if _exploded(run, block, stage):
+        if _exploded(run, j, stage):
             return None
         what = _where(run, block, flow, (t, run.numbers.p, stage, w), own)
         if what is not None:
@@ -90,9 +90,15 @@ def why_lost(run: PreparedRun, again: Again, j: int, lost: float) -> str | None:
     return None
 
 
-def _exploded(run: PreparedRun, block: ObserverBlock, z: Floats) -> bool:
-    """Whether an estimate has become too large before anything in it was undefined."""
-    xhat, n = block.states["xhat"], run.plant.model.n
+def _exploded(run: PreparedRun, j: int, z: Floats) -> bool:
+    """Whether an estimate, or the plant that it drives, has become too large before anything was undefined."""
+    block, n = run.observers[j], run.plant.model.n
+    if run.closed:
+        driven, start = (np.abs(of[run.structure.truths[j]]) for of in (z, run.numbers.z0))
+        size = np.maximum(start, np.abs(z[:n]))
+        if not np.all(driven <= _EXPLODED * np.where(size > 0, size, np.max(size, initial=0.0))):
+            return True
+    xhat = block.states["xhat"]
     own = slice(xhat.start, xhat.start + xhat.size)
     size = np.abs(run.numbers.z0[own])
     if xhat.size == n:  # most observers compute in the plant's coordinates, the others in larger ones

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
@@ -26,7 +25,9 @@ class Measured:
     rows : ndarray, shape (Nt, states)
         All states on the output grid, those of the plant first.
     x : ndarray, shape (Nt, n)
-        The plant's.
+        The plant's; in a closed loop that of the plant that the true state drives.
+    truths : Estimated
+        What the observers estimate: that, or of each the plant that it drives.
     estimates : Estimated
         In the plant's coordinates, of the m observers on the output grid.
     verdicts : tuple of Verdict
@@ -35,22 +36,22 @@ class Measured:
         Moments are counted from the run's origin, too.
     settings : MetricSettings
         Where the metrics look, on the clock of the configuration.
-    steady : ndarray, shape (any, n)
-        The truth in the steady window, at the points of the metrics.
+    steady : Estimated
+        The truths in the steady window, at the points of the metrics.
     """
 
     rows: np.ndarray
     x: np.ndarray
+    truths: Estimated
     estimates: Estimated
     verdicts: tuple[Verdict, ...]
     metrics: Mapping[str, np.ndarray]
     settings: MetricSettings
-    steady: np.ndarray
+    steady: Estimated
 
-    @cached_property
-    def moved(self) -> np.ndarray:
-        """Total variation of the truth in the steady window, shape (n,)."""
-        return np.asarray(np.abs(np.diff(self.steady, axis=0)).sum(axis=0))
+    def moved(self, observer: int) -> np.ndarray:
+        """Total variation of an observer's truth in the steady window, shape (n,)."""
+        return np.asarray(np.abs(np.diff(self.steady.of(observer), axis=0)).sum(axis=0))
 
     def lost(self, observer: int) -> float:
         """When an observer is lost; infinite where it is not."""
@@ -67,16 +68,21 @@ def measured(run: PreparedRun, raw: Raw, known: Mapping[str, Verdict]) -> Measur
     estimates = run.structure.estimates_along(run.grid, run.numbers.p, rows)
     settings = MetricSettings.of(run.experiment.blocks.metrics, run.experiment.blocks.time)
     since, x = settings.since(run.origin), rows[points, :n]
-    metrics, finite = measure_and_tell(run.grid[points], x, estimates.at(points), since)
+    truths = Estimated(rows, run.structure.truths)
+    reference = x if run.closed else None
+    metrics, finite = measure_and_tell(
+        run.grid[points], Estimated(rows[points], truths.places), estimates.at(points), since, reference=reference
+    )
     sound = (finite and every_metric == 1) or estimates.finite()
     return Measured(
         rows=kept,
         x=kept[:, :n],
+        truths=Estimated(kept, truths.places),
         estimates=estimates.at(shown),
         verdicts=_verdicts(run, raw, estimates, known, sound=sound),
         metrics=metrics,
         settings=settings,
-        steady=x[points_in(run.grid[points], since.steady)],
+        steady=Estimated(rows[points][points_in(run.grid[points], since.steady)], truths.places),
     )
 
 

@@ -145,6 +145,22 @@ class ObserverBlock:
                 self.observer.estimate(self.symbols(z), self.k), (self.form.plant.n, 1), "the estimate"
             )
 
+    def own(self, z: ca.SX) -> dict[str, ca.SX]:
+        """The numbers among the observer's own states by their names in a law.
+
+        ``sigma`` is a single number, ``sigma_2`` one of a vector, ``P_1_2`` one of a matrix.
+        """
+        return {
+            entry: state.symbol(z)[place]
+            for name, state in self._own.items()
+            for entry, place in _entries(name, state).items()
+        }
+
+    @property
+    def own_names(self) -> tuple[str, ...]:
+        """The names of these."""
+        return tuple(entry for name, state in self._own.items() for entry in _entries(name, state))
+
     def flow(self, t: ca.SX, u: ca.SX, p: ca.SX, z: ca.SX, e: ca.SX, past: ca.SX | None = None) -> ca.SX:
         """d/dt of the block, alpha' = -c last; ``past`` is what it has looked back at."""
         s = self.symbols(z)
@@ -238,3 +254,16 @@ class ObserverBlock:
             return plant
         assert isinstance(plant, GuessingCopy)
         return plant.started_at(self.newton)
+
+
+def _entries(name: str, state: StateBlock) -> dict[str, tuple[int, int]]:
+    """The entries of an observer's own state by their names: row and column of each."""
+    if name == "xhat":
+        return {}
+    rows, columns = state.matrix
+    places = [(i, j) for i in range(rows) for j in range(columns)]
+    if len(places) == 1:
+        return {name: places[0]}
+    if 1 in (rows, columns):
+        return {f"{name}_{i + j + 1}": (i, j) for i, j in places}
+    return {f"{name}_{i + 1}_{j + 1}": (i, j) for i, j in places}

@@ -12,12 +12,13 @@ from hgorun.measurement.events import merge
 from hgorun.measurement.schedule import nearest_event
 from hgorun.measurement.signals import noise_at
 from hgorun.memo import Memo, same
-from hgorun.result.data import DesignNumbers, Integration, Measurements
+from hgorun.result.data import PLANT, DesignNumbers, Integration, Measurements
 from hgorun.result.measure import from_origin
 from hgorun.result.observer import ObserverResult
 from hgorun.result.result import Result
 from hgorun.result.status import OK, Verdict
 from hgorun.result.windows import MetricSettings
+from hgorun.simulation.closed import closed_loops, outputs_at
 from hgorun.simulation.measured import Measured
 from hgorun.simulation.observer_block import ObserverBlock
 from hgorun.simulation.prepared import PreparedRun
@@ -51,7 +52,8 @@ def record(
     numbers, blocks, model, origin = run.numbers, run.experiment.blocks, run.plant.model, run.origin
     if grid is None:
         grid = run.grid[:: run.experiment.grid[1]]
-    u = _inputs(run, grid)
+    loops = closed_loops(run, raw, found)
+    u = loops[PLANT].u if loops else _inputs(run, grid)
     y = outputs_of(run, grid, found.rows)
     return Result(
         name=run.experiment.name,
@@ -64,7 +66,7 @@ def record(
         inputs=model.inputs,
         outputs=model.outputs,
         units={"time": run.time.unit, **run.plant.units},
-        measurements=_measurements(run, raw, grid, y),
+        measurements=_measurements(run, raw, grid, y, integration),
         observers=_observers(run, found),
         config=run.experiment.text,
         resolved=run.experiment.resolved_later,
@@ -75,6 +77,7 @@ def record(
         measures=model.measures,
         remarks=run.remarks,
         design=DesignNumbers(numbers.p, numbers.z0, run.step),
+        closed_loop=loops,
     )
 
 
@@ -163,7 +166,9 @@ def inputs_of(run: PreparedRun, times: np.ndarray) -> np.ndarray:
     return run.structure.inputs.along(times, run.numbers.p, np.zeros(run.structure.system.states))
 
 
-def _measurements(run: PreparedRun, raw: Raw, grid: np.ndarray, y: np.ndarray) -> Measurements:
+def _measurements(
+    run: PreparedRun, raw: Raw, grid: np.ndarray, y: np.ndarray, integration: Integration
+) -> Measurements:
     """Samples at their arrival, continuous outputs on the output grid."""
     if not grid.size and measured_at_once(run):
         return continuous_measurements(run, grid, y)
@@ -184,7 +189,8 @@ def _measurements(run: PreparedRun, raw: Raw, grid: np.ndarray, y: np.ndarray) -
                 then = np.maximum(t - stretch.delay_at(t), run.time.start)
                 order = np.argsort(then, kind="stable")
                 late = np.empty_like(truth)
-                late[order] = run.plant_alone.at(then[order])[0][:, i]
+                past = outputs_at(run, integration, then[order]) if run.closed else run.plant_alone.at(then[order])[0]
+                late[order] = past[:, i]
                 truth = late
             times.append(t)
             taken.append(then)

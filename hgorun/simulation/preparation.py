@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable
+from collections.abc import Hashable, Mapping
 from dataclasses import replace
+from itertools import chain
 
 import numpy as np
 
+from hgorun.config.models import Time
 from hgorun.errors import Problem
 from hgorun.measurement.channels import Channel, check_delays, find_channels
 from hgorun.measurement.extremes import Unknown
 from hgorun.measurement.late import Treatment, are_late, heard
 from hgorun.measurement.noise import is_relative
+from hgorun.measurement.sampling import EVENT_BYTES
 from hgorun.measurement.schedule import Schedule, build_schedule
 from hgorun.measurement.signals import extremes_of, kinks_of, signal_remarks, unknown_extremes
 from hgorun.memo import Memo, same
@@ -25,15 +28,17 @@ from hgorun.simulation.checks import check_run
 from hgorun.simulation.design import Design
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.first_step import nominal_step
+from hgorun.simulation.loop import DrivenPlant
 from hgorun.simulation.plant_alone import PlantRun, plant_extremes, plant_kinks, plant_remarks, plant_unknown
 from hgorun.simulation.prepared import Numbers, PreparedRun
 from hgorun.simulation.structure import Structure, parameter_values, structure_of
-from hgorun.simulation.truth import SameTruth, SimulatedPlant
+from hgorun.simulation.truth import SameTruth, SimulatedPlant, Truth
 
 _EVENTS = 100_000  # of schedules that are kept in memory
 _CHANNELS: Memo[list[Channel]] = Memo(16, lambda channels: all(c.samples.arrival.size < _EVENTS for c in channels))
 _SCHEDULES: Memo[Schedule] = Memo(16, lambda schedule: schedule.events.size < _EVENTS)
 _TRUTHS: Memo[SimulatedPlant] = Memo(64)
+_DRIVEN: Memo[DrivenPlant] = Memo(64)
 
 
 def prepare(experiment: Experiment, design: DesignNumbers | None = None) -> PreparedRun:
@@ -92,11 +97,8 @@ def _prepared(experiment: Experiment, design: DesignNumbers | None) -> PreparedR
     schedule = schedule_of(experiment, channels, step, treatments=treatments)
     of_groups = in_groups(experiment, treatments)
     designs = [design for group in of_groups for design in group]
-    stepped = plant.block.discretise == "euler"
-    truth = _TRUTHS.get((plant.symbolic, stepped), lambda: SimulatedPlant(plant.symbolic, stepped))
-    others = [SameTruth(truth, treatment == "replay") for treatment in treatments]
-    every = [*stretches, *(one for _ in treatments for one in stretches)]
-    structure = structure_of([truth, *others], of_groups, every, schedule.variants, plant.everything)
+    truths = _truths(plant, treatments)
+    structure = structure_of(truths, of_groups, stretches, schedule.variants, plant.everything)
     numbers = numbers_of(structure, plant, experiment, designs)
     return PreparedRun(
         experiment=experiment,
@@ -111,6 +113,16 @@ def _prepared(experiment: Experiment, design: DesignNumbers | None) -> PreparedR
         remarks=_remarks(experiment),
         unknown=_unknown(experiment),
     )
+
+
+def _truths(plant: BuiltPlant, treatments: tuple[Treatment, ...]) -> list[Truth]:
+    """What every group of observers observes."""
+    if plant.symbolic.controller is not None:  # the run with the true state, and a copy for each observer
+        driven = _DRIVEN.get((plant.symbolic,), lambda: DrivenPlant(plant.symbolic))
+        return [driven] * (1 + len(treatments))
+    stepped = plant.block.discretise == "euler"
+    truth = _TRUTHS.get((plant.symbolic, stepped), lambda: SimulatedPlant(plant.symbolic, stepped))
+    return [truth, *(SameTruth(truth, treatment == "replay") for treatment in treatments)]
 
 
 def _with_lags(experiment: Experiment, step: float, smallest: float, reach: float) -> tuple[float, float]:
@@ -141,6 +153,8 @@ def lags_of(experiment: Experiment) -> dict[str, np.ndarray]:
 def treatments_of(experiment: Experiment, channels: list[Channel]) -> tuple[Treatment, ...]:
     """What observers do with late samples beside the common innovation; nothing where no sample is late.
 
+    In a closed loop what each of them does, one after the other: each drives a plant of its own.
+
     Raises
     ------
     Problem
@@ -162,6 +176,8 @@ def treatments_of(experiment: Experiment, channels: list[Channel]) -> tuple[Trea
         if treatment != "innovation" and observer.late is not None and continuous and delayed:
             message = f"{treatment} needs sampled outputs, but {continuous[0].name} is continuous"
             raise Problem(("observers", label, "late"), message)
+    if experiment.closed:
+        return _in_loops(experiment, found if late else dict.fromkeys(found, "innovation"))
     own_past = [label for label, lags in lags_of(experiment).items() if lags.size]
     if late and own_past and "replay" in found.values():
         other = next(label for label, treatment in found.items() if treatment == "replay")
@@ -171,9 +187,25 @@ def treatments_of(experiment: Experiment, channels: list[Channel]) -> tuple[Trea
     return tuple(treatment for treatment in known if late and treatment in found.values())
 
 
+def _in_loops(experiment: Experiment, found: Mapping[str, Treatment]) -> tuple[Treatment, ...]:
+    for label, treatment in found.items():
+        if isinstance(experiment.observers[label], RecallingObserver):
+            message = "its copies live in the past and need the inputs of then, which a controller does not keep"
+            raise Problem(("observers", label, "type"), message)
+        if treatment == "replay":
+            raise Problem(
+                ("observers", label, "late"),
+                "replay takes an observer back to the time of a late sample, but not the plant, which its estimates "
+                "have driven since then: innovation or drop",
+            )
+    return tuple(found.values())
+
+
 def in_groups(experiment: Experiment, treatments: tuple[Treatment, ...]) -> list[list[Design]]:
     """The designs by what their observers do with late samples: the common innovation first."""
     designs = experiment.designs
+    if experiment.closed:
+        return [[], *([design] for design in designs.values())]
     if not treatments:
         return [list(designs.values())]
     of = {label: treatment_of(observer) for label, observer in experiment.observers.items()}
@@ -184,10 +216,11 @@ def numbers_of(structure: Structure, plant: BuiltPlant, experiment: Experiment, 
     """The numbers of an experiment for its structure."""
     blocks = tuple(block.of(design) for block, design in zip(structure.observers, designs, strict=True))
     has_alpha = structure.system.has_alpha
-    initial = [design.initial(plant.parameters, has_alpha=has_alpha) for design in designs]
+    own = {design.label: design.initial(plant.parameters, has_alpha=has_alpha) for design in designs}
+    initial = [(group.truth.initial(plant), *(own[b.label] for b in group.observers)) for group in structure.groups]
     return Numbers(
         p=parameter_values(plant.everything, experiment.stretches, designs),
-        z0=np.concatenate([plant.initial, *initial, np.zeros(int(len(structure.groups) > 1))]),
+        z0=np.concatenate([*chain(*initial), np.zeros(int(len(structure.groups) > 1))]),
         observers=blocks,
     )
 
@@ -203,6 +236,10 @@ def _mean_squares(experiment: Experiment, step: float) -> np.ndarray | None:
     """Of the noise-free outputs, where the size of some noise is relative to them."""
     if not any(is_relative(stretch) for one in experiment.stretches for stretch in one):
         return None
+    if experiment.closed:
+        raise Problem(
+            ("controller",), "snr_db is relative to the outputs, and every observer's plant has its own: give std"
+        )
     if experiment.plant.block.discretise:
         raise Problem(("plant", "discretise"), "snr_db needs a plant in continuous time; give std")
     stiff = experiment.blocks.solver.alone_stiff
@@ -247,8 +284,31 @@ def schedule_of(
         looked_at = np.concatenate([looked_at, more])
     timings, changes = tuple(channel.timing for channel in channels), (kinks.tobytes(), looked_at.tobytes())
     short = _SHORTER * step if experiment.adaptive else step
-    key: Hashable = timings, time, experiment.origin, changes, short, treatments  # delays depend on the clock
-    return _SCHEDULES.get(key, lambda: build_schedule(heard(channels, treatments), time, kinks, short, looked_at))
+    period = None if experiment.controller is None else experiment.controller.period
+    # delays depend on the clock
+    key: Hashable = timings, time, experiment.origin, changes, short, treatments, period
+    instants = None if period is None else _instants(period, time)
+    return _SCHEDULES.get(
+        key, lambda: build_schedule(heard(channels, treatments), time, kinks, short, looked_at, instants)
+    )
+
+
+def _instants(period: float, time: Time) -> np.ndarray:
+    """When a controller acts: from the start of the run on.
+
+    Raises
+    ------
+    Problem
+        Where there are more times than fit into memory.
+    """
+    count = np.floor((time.end - time.start) / period) + 1
+    if count * EVENT_BYTES > time.max_memory:
+        raise Problem(
+            ("controller", "period"),
+            f"{count:.4g} times at which the controller acts take {count * EVENT_BYTES / 2**30:.3g} GiB; "
+            f"time.max_memory allows {time.max_memory / 2**30:.3g} GiB",
+        )
+    return np.asarray(time.start + period * np.arange(int(count)))
 
 
 _LEVELS = 4  # times that a kink comes back: by then it is one of a derivative of high order

@@ -72,8 +72,13 @@ class PreparedRun:
 
     @cached_property
     def heard(self) -> list[Channel]:
-        """The channels of all groups of observers."""
+        """The channels of all groups of observers; where they drive plants those of the true state come first."""
         return heard(self.channels, self.treatments)
+
+    @property
+    def closed(self) -> bool:
+        """Whether the estimates drive the plant, a copy of it for each observer."""
+        return bool(self.structure.loops)
 
     @property
     def plant(self) -> BuiltPlant:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import chain
 from typing import TYPE_CHECKING
 
@@ -22,44 +23,20 @@ from hgorun.measurement.signals import Signal, signal, signal_numbers, signal_st
 from hgorun.measurement.variants import Variant
 from hgorun.memo import Memo
 from hgorun.observers.base import AnyObserver
-from hgorun.result.estimated import Estimated, columns_of
+from hgorun.result.estimated import Estimated
 from hgorun.simulation.design import Design
+from hgorun.simulation.loop import DrivenPlant
 from hgorun.simulation.observer_block import ObserverBlock
+from hgorun.simulation.readout import LoopReadout, Readout
 from hgorun.simulation.system import Group, build_system, has_past
 from hgorun.simulation.truth import PlantNumbers, Truth
-from hgorun.symbolic.evaluate import Floats, evaluate
+from hgorun.symbolic.evaluate import Floats
 from hgorun.symbolic.parameters import Parameters
 
 if TYPE_CHECKING:
     from hgorun.engine.ensemble import Ensemble
 
-Stretches = Sequence[Sequence[Stretch]]  # of every output
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Readout:
-    """What is shown of a run: some of its states, or where these are None a function of (t, p, z, w)."""
-
-    places: list[int] | None
-    function: ca.Function
-
-    def along(self, times: Floats, p: Floats, z: Floats, w: Floats | None = None) -> Floats:
-        """The values along a run, shape (len(times), size).
-
-        Parameters
-        ----------
-        times : ndarray, shape (N,)
-        p : ndarray
-        z : ndarray, shape (N, states)
-        w : ndarray, shape (N, held numbers), optional
-            Needed where inputs are recorded.
-        """
-        if self.places is not None:
-            return columns_of(z, self.places)
-        if not self.function.numel_out(0):
-            return np.zeros((len(times), 0))
-        held = np.zeros(self.function.size1_in(3)) if w is None else w
-        return evaluate(self.function, times[:, None], p, z, held)[0]
+Stretches = Sequence[Sequence[Stretch]]  # of every output of the plant
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -68,7 +45,6 @@ class Structure:
 
     Attributes
     ----------
-    truths : tuple of Truth
     groups : tuple of Group
         Their observers' numbers are those of the experiment that was built first.
     system : HybridSystem
@@ -81,6 +57,8 @@ class Structure:
         u and y of the first truth.
     estimates : tuple of Readout
         xhat of every observer in the plant's coordinates.
+    loops : tuple of LoopReadout
+        Where a controller drives the plant: with the true state, and then with every observer.
     reads : tuple of Reads
         The keys that the observers' equations depend on.
     spreads : tuple of Readout or None
@@ -98,6 +76,7 @@ class Structure:
     estimates: tuple[Readout, ...]
     reads: tuple[Reads[AnyObserver], ...]
     spreads: tuple[Readout | None, ...] = ()
+    loops: tuple[LoopReadout, ...] = ()
     _programs: dict[Hashable, Program] = field(default_factory=dict, repr=False)
     _ensembles: dict[Hashable, Ensemble] = field(default_factory=dict, repr=False)
 
@@ -110,6 +89,13 @@ class Structure:
         n = self.groups[0].truth.plant.model.n
         values = np.concatenate([readout.along(times, p, z, w) for readout in self.estimates], axis=1)
         return Estimated(values, [list(range(j * n, (j + 1) * n)) for j in range(len(known))])
+
+    @cached_property
+    def truths(self) -> tuple[list[int], ...]:
+        """For every observer the places in z of the states that it estimates."""
+        n = self.groups[0].truth.plant.model.n
+        starts = [group.truth_states.start for group in self.groups for _ in group.observers]
+        return tuple(list(range(start, start + n)) for start in starts)
 
     @property
     def observers(self) -> tuple[ObserverBlock, ...]:
@@ -168,7 +154,7 @@ def structure_of(
     designs : sequence of sequence of Design
         The observers of every group.
     stretches : sequence of sequence of Stretch
-        Of every output, group after group.
+        Of every output of the plant: the truths share them.
     variants : sequence of Variant
         The combinations of availabilities that occur.
     parameters : ndarray
@@ -213,12 +199,13 @@ def _build(
     t = plant.model.t
     count = plant.model.p.numel()
     symbols = PlantNumbers(parameters.add("plant", values[:count]), parameters.add("numbers", values[count:]))
-    signals = {
+    of_one = {
         (i, k): signal(s, t, parameters, f"noise.{i}.{k}")
         for i, one in enumerate(stretches)
         for k, s in enumerate(one)
         if s.continuous
     }
+    signals = {(g * len(stretches) + i, k): s for g in range(len(truths)) for (i, k), s in of_one.items()}
     groups, start, watched = [], 0, iter(reads)
     for truth, of in zip(truths, designs, strict=True):
         blocks, end = [], start + truth.size
@@ -230,39 +217,47 @@ def _build(
     p = parameters.symbol
     system = build_system(groups, t, p, symbols, signals, variants, innovations=innovations)
     z, w = ca.SX.sym("z", system.states), ca.SX.sym("w", system.held.size)
+    symbolic = t, p, z, w
     estimates: list[Readout] = []
     spreads: list[Readout | None] = []
-
-    def readout(expression: ca.SX, among: slice) -> Readout:
-        """``among``: states that it may be."""
-        places = _states(expression, z, range(*among.indices(system.states)))
-        return Readout(places, ca.Function("shown", [t, p, z, w], [ca.densify(expression)]))
-
-    for group in reversed(groups):
-        placed = group.truth.place(t, z[group.truth_states], symbols, w, system.held)
-        for b in reversed(group.observers):
+    loops: list[LoopReadout] = []
+    for group in groups:
+        placed = group.placed(t, z, symbols, w, system.held)
+        for b in group.observers:
             xhat = b.states["xhat"]
             shown = b.estimate(t, placed.u, symbols.parameters, z)
-            estimates.insert(0, readout(shown, slice(xhat.start, xhat.start + xhat.size)))
+            estimates.append(Readout.of(shown, symbolic, range(xhat.start, xhat.start + xhat.size)))
             spread = b.spread(t, placed.u, symbols.parameters, z) if innovations else None
-            spreads.insert(0, None if spread is None else readout(spread, slice(0, 0)))
-    nothing, of_truth = slice(0, 0), slice(0, truths[0].size)
+            spreads.append(None if spread is None else Readout.of(spread, symbolic, ()))
+        u, y = Readout.of(placed.u, symbolic, ()), Readout.of(placed.y, symbolic, _places(group.truth_states))
+        if group is groups[0]:
+            inputs, outputs = u, y
+        if isinstance(group.truth, DrivenPlant):
+            states, whole = group.truth.states, _places(group.truth_states)
+            loops.append(
+                LoopReadout(
+                    x=whole[: states.n],
+                    integral=whole[states.integral],
+                    effort=whole[states.effort],
+                    cost=whole[states.cost.start] if states.costs else None,
+                    inputs=u,
+                    outputs=y,
+                )
+            )
     return Structure(
         tuple(groups),
         system,
         p,
         symbols.parameters,
         signals,
-        readout(placed.u, nothing),
-        readout(placed.y, of_truth),
+        inputs,
+        outputs,
         tuple(estimates),
         tuple(reads),
         tuple(spreads),
+        tuple(loops),
     )
 
 
-def _states(expression: ca.SX, z: ca.SX, among: Sequence[int]) -> list[int] | None:
-    """Which states the entries of an expression are; None where one of them is something else."""
-    found = [next((k for k in among if ca.is_equal(e, z[k])), None) for e in ca.vertsplit(expression)]
-    places = [k for k in found if k is not None]
-    return places if places and len(places) == len(found) else None
+def _places(states: slice) -> list[int]:
+    return list(range(states.start, states.stop))

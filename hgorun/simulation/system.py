@@ -19,7 +19,7 @@ from hgorun.measurement.variants import CONTINUOUS, DELAYED, FROZEN, HELD, SILEN
 from hgorun.observers.base import Arrival, CorrectedObserver, Sample, SampledObserver
 from hgorun.observers.recalling import RecallingObserver
 from hgorun.simulation.observer_block import ObserverBlock
-from hgorun.simulation.truth import Placed, PlantNumbers, SameTruth, SimulatedPlant, Truth
+from hgorun.simulation.truth import Placed, PlantNumbers, SameTruth, Seen, SimulatedPlant, Truth
 from hgorun.symbolic.plant import PlantModel
 
 
@@ -43,6 +43,17 @@ class Group:
         """Behind the last of its states in z."""
         return self.observers[-1].end if self.observers else self.start + self.truth.size
 
+    def placed(self, t: ca.SX, z: ca.SX, p: PlantNumbers, w: ca.SX, held: Held) -> Placed:
+        """The truth's equations; where a controller drives it, it gets what the first observer estimates.
+
+        Parameters
+        ----------
+        z : casadi.SX
+            All states.
+        """
+        seen = Seen(self.observers[0], z) if self.observers else None
+        return self.truth.place(t, z[self.truth_states], p, w, held, seen)
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class _Symbols:
@@ -64,7 +75,7 @@ class _Part:
     ) -> None:
         self.group, self.symbols, self.first, self.before, self.recalled = group, symbols, first, before, recalled
         s = symbols
-        self.placed: Placed = group.truth.place(s.t, s.z[group.truth_states], s.plant, s.w, s.held)
+        self.placed: Placed = group.placed(s.t, s.z, s.plant, s.w, s.held)
         q = self.placed.y.numel()
         self.outputs = range(first, first + q)
         self.guesses = [b.guess(s.t, self.placed.u, s.plant.parameters, s.z) for b in group.observers]
@@ -157,6 +168,13 @@ class _Part:
                 own, u = self._unwrapped(j, sample), (self.placed.u, self.placed.u_before)
                 yield b.start, b.end, b.jump(s.t, *u, s.plant.parameters, s.z, own)
 
+    def acts(self) -> Iterator[tuple[int, int, ca.SX]]:
+        """What becomes of which states when a controller acts."""
+        if self.placed.acted is not None:
+            first, new = self.placed.acted
+            start = self.group.start + first
+            yield start, start + new.numel(), new
+
 
 def build_system(
     groups: Sequence[Group],
@@ -228,6 +246,7 @@ def build_system(
     if any(regime.delayed for regime in regimes):
         slopes = ca.vertcat(channels, ca.jtimes(channels, z, dz) + ca.jacobian(channels, t))
     jumps = [(a, b, compiled("jump", new)) for part in parts for a, b, new in part.jumps()]
+    acts = [(a, b, compiled("act", new)) for part in parts for a, b, new in part.acts()]
     corrections = [(part.outputs, a, b, compiled("jump", new)) for part in parts for a, b, new in part.corrections()]
     return HybridSystem(
         states=size,
@@ -239,8 +258,9 @@ def build_system(
         regimes=tuple(regimes),
         channels=compiled("channels", channels),
         channel_slopes=compiled("trace", slopes, dz),
-        jumps=(*jumps, *((a, b, new) for _, a, b, new in corrections)),
-        corrections=tuple((len(jumps) + i, of.start, of.stop) for i, (of, *_) in enumerate(corrections)),
+        jumps=(*jumps, *acts, *((a, b, new) for _, a, b, new in corrections)),
+        acts=len(acts),
+        corrections=tuple((len(jumps) + len(acts) + i, of.start, of.stop) for i, (of, *_) in enumerate(corrections)),
         replayed=_replayed(groups[-1], held, parts[-1].outputs.start),
         innovations=innovations,
         recalled=lags.numel(),

@@ -144,7 +144,7 @@ class _Tabulated:
     ) -> None:
         self.schedule, self.grid, self.longest, self.uneven = schedule, grid, longest, uneven
         self.always_slope = system.remembers or always_slope
-        self.actions = Actions(schedule.events, channels, system, inputs, schedule.order)
+        self.actions = Actions(schedule.events, channels, system, inputs, schedule.order, schedule.acting)
         # what is carried out, one after the other
         self.order = np.arange(schedule.events.size) if schedule.order is None else schedule.order.event
         steps = steps_between(schedule, longest)

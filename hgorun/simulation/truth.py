@@ -7,22 +7,29 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import casadi as ca
+import numpy as np
 
 from hgorun.engine.layout import Held
 from hgorun.memo import same
-from hgorun.plants.build import SymbolicPlant
+from hgorun.plants.build import BuiltPlant, SymbolicPlant
+from hgorun.simulation.observer_block import ObserverBlock
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PlantNumbers:
-    """Symbols for the plant's parameters, and for the numbers in the expressions of inputs and disturbance."""
+    """Symbols for the plant's parameters, and for the numbers in the expressions of inputs, disturbance and law."""
 
     parameters: ca.SX
     numbers: ca.SX
 
     def of(self, plant: SymbolicPlant, expression: ca.SX) -> ca.SX:
         """An expression of the plant's own symbols in these."""
-        return ca.substitute(expression, plant.everything, ca.vertcat(self.parameters, self.numbers))
+        return ca.substitute(expression, plant.everything, self.everything)
+
+    @property
+    def everything(self) -> ca.SX:
+        """All of them."""
+        return ca.vertcat(self.parameters, self.numbers)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -39,6 +46,8 @@ class Placed:
         The derivative of its states.
     step : casadi.SX or None
         What its states become at a sample, where they are stepped.
+    acted : (int, casadi.SX) or None
+        What some of its states become when a controller acts, and the first of them.
     """
 
     u: ca.SX
@@ -46,6 +55,30 @@ class Placed:
     y: ca.SX
     rate: ca.SX
     step: ca.SX | None = None
+    acted: tuple[int, ca.SX] | None = None
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Seen:
+    """What the observer of a truth knows of it.
+
+    Attributes
+    ----------
+    block : ObserverBlock
+    z : casadi.SX
+        All states.
+    """
+
+    block: ObserverBlock
+    z: ca.SX
+
+    def estimate(self, t: ca.SX, u: ca.SX, p: ca.SX) -> ca.SX:
+        """The estimate in the plant's coordinates."""
+        return self.block.estimate(t, u, p, self.z)
+
+    def own(self, name: str) -> ca.SX:
+        """A number among the observer's own states, by its name in a law; zero where it has none."""
+        return self.block.own(self.z).get(name, ca.SX(0))
 
 
 class Truth(Protocol):
@@ -71,7 +104,11 @@ class Truth(Protocol):
         """All that its equations depend on."""
         ...
 
-    def place(self, t: ca.SX, x: ca.SX, p: PlantNumbers, w: ca.SX, held: Held) -> Placed:
+    def initial(self, plant: BuiltPlant) -> np.ndarray:
+        """Its states at the start, shape (size,)."""
+        ...
+
+    def place(self, t: ca.SX, x: ca.SX, p: PlantNumbers, w: ca.SX, held: Held, seen: Seen | None = None) -> Placed:
         """Its equations.
 
         Parameters
@@ -82,6 +119,8 @@ class Truth(Protocol):
             The plant's parameters.
         w : casadi.SX
             What is held between events, laid out as ``held`` says.
+        seen : Seen, optional
+            What the observer of its group knows, where there is one; a plant that is driven needs it.
         """
         ...
 
@@ -108,7 +147,10 @@ class SimulatedPlant:
     def structure(self) -> Hashable:
         return type(self), same(self.plant), self.stepped
 
-    def place(self, t: ca.SX, x: ca.SX, p: PlantNumbers, w: ca.SX, held: Held) -> Placed:
+    def initial(self, plant: BuiltPlant) -> np.ndarray:
+        return plant.initial
+
+    def place(self, t: ca.SX, x: ca.SX, p: PlantNumbers, w: ca.SX, held: Held, seen: Seen | None = None) -> Placed:
         model = self.plant.model
         u, before = _inputs_of_time(self.plant, t, p, w[held.interval])
         disturbance = p.of(self.plant, self.plant.disturbance)
@@ -148,7 +190,10 @@ class SameTruth:
     def structure(self) -> Hashable:
         return type(self), self.truth.structure, self.replayed
 
-    def place(self, t: ca.SX, x: ca.SX, p: PlantNumbers, w: ca.SX, held: Held) -> Placed:
+    def initial(self, plant: BuiltPlant) -> np.ndarray:
+        return np.zeros(0)
+
+    def place(self, t: ca.SX, x: ca.SX, p: PlantNumbers, w: ca.SX, held: Held, seen: Seen | None = None) -> Placed:
         """Its equations; x is the state of the first group's truth."""
         placed = self.truth.place(t, x, p, w, held)
         return Placed(placed.u, placed.u_before, placed.y, ca.SX(0, 1))
@@ -179,7 +224,10 @@ class Recording:
     def structure(self) -> Hashable:
         return type(self), same(self.plant), self.recorded
 
-    def place(self, t: ca.SX, x: ca.SX, p: PlantNumbers, w: ca.SX, held: Held) -> Placed:
+    def initial(self, plant: BuiltPlant) -> np.ndarray:
+        return np.zeros(0)
+
+    def place(self, t: ca.SX, x: ca.SX, p: PlantNumbers, w: ca.SX, held: Held, seen: Seen | None = None) -> Placed:
         u, before = map(ca.SX, _inputs_of_time(self.plant, t, p, w[held.interval]))
         for i, number in enumerate(self.recorded):
             value, slope, since, last = held.input(i)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
 
+from hgorun.config.controller import DRIVEN, Controller
 from hgorun.config.expressions import CONSTANTS, ExpressionError, nearest, parse
 from hgorun.config.yaml_source import Source
 from hgorun.errors import KeyPath, Problem
@@ -18,7 +19,9 @@ from hgorun.plants.expressions import parameter_values
 _PARAMETERS: KeyPath = ("plant", "parameters")
 
 
-def refuse_unused(source: Source, plant: Plant, observers: Mapping[str, AnyObserver]) -> None:
+def refuse_unused(
+    source: Source, plant: Plant, observers: Mapping[str, AnyObserver], controller: Controller | None
+) -> None:
     """Refuse parameters that nothing uses.
 
     One whose use was overridden is none of them: an input that ``--set``, a run or an extending file replaces may
@@ -29,7 +32,7 @@ def refuse_unused(source: Source, plant: Plant, observers: Mapping[str, AnyObser
     Problem
     """
     written = [name for name in plant.parameters if _was_written_last(source, name)]
-    _refuse(written, plant, observers)
+    _refuse(written, plant, observers, controller)
 
 
 def without_places(source: Source) -> Source:
@@ -38,7 +41,12 @@ def without_places(source: Source) -> Source:
     return Source(source.data, known)
 
 
-def refuse_unused_changes(touched: Collection[KeyPath], plant: Plant, observers: Mapping[str, AnyObserver]) -> None:
+def refuse_unused_changes(
+    touched: Collection[KeyPath],
+    plant: Plant,
+    observers: Mapping[str, AnyObserver],
+    controller: Controller | None,
+) -> None:
     """Refuse changes of parameters that nothing uses.
 
     Parameters
@@ -51,14 +59,18 @@ def refuse_unused_changes(touched: Collection[KeyPath], plant: Plant, observers:
     Problem
     """
     changed = [name for name in plant.parameters if any((*_PARAMETERS, name)[: len(path)] == path for path in touched)]
-    _refuse(changed, plant, observers)
+    _refuse(changed, plant, observers, controller)
 
 
-def _refuse(names: list[str], plant: Plant, observers: Mapping[str, AnyObserver]) -> None:
+def _refuse(
+    names: list[str], plant: Plant, observers: Mapping[str, AnyObserver], controller: Controller | None
+) -> None:
     if not names or plant.known_parameters or not plant.parameters_as_written:
         return
-    own = _names(_texts_of(plant))
     taken = {*plant.state_names, *plant.input_names, "t"}
+    own = _names(_texts_of(plant))
+    if controller is not None:
+        own = own - {DRIVEN} | controller.names() & plant.parameters.keys()
     if own - {*plant.parameters, *taken} or plant.parameters.keys() & {*taken, *CONSTANTS}:
         return  # a name that is unknown, or is there twice, is refused where it stands, which says more
     used = own | _names(text for observer in observers.values() for text in _texts(observer.model_dump()))

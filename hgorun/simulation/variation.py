@@ -19,7 +19,8 @@ def stale(before: Checked, now: Checked) -> set[str]:
     """
     found = {"designs"}
     time = now.blocks.time is not before.blocks.time
-    if now.plant is not before.plant or (time and now.blocks.time.start != before.blocks.time.start):
+    plant = now.plant is not before.plant or now.blocks.controller is not before.blocks.controller
+    if plant or (time and now.blocks.time.start != before.blocks.time.start):
         found |= {"plant", "_formed", *_OF_FORMS, "stretches", "grid"}
     if now.observers is not before.observers:
         found |= _OF_FORMS if now.observers.keys() == before.observers.keys() else {*_OF_FORMS, "grid"}

@@ -10,8 +10,6 @@ estimate that peaks and comes back is not lost.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -60,24 +58,21 @@ def may_have_left(x: Floats, xhat: Floats) -> NDArray[np.bool_]:
     return np.asarray(~np.all(last <= _FAR * size, axis=0))
 
 
-def estimates_near(x: Sequence[Sequence[float]], estimated: Estimated) -> bool:
+def estimates_near(truths: Estimated, estimated: Estimated) -> bool:
     """Whether no estimate may have left for good, as nearly all runs end: what needs no more than the last point.
 
     Where this is false, :func:`may_have_left` decides.
 
     Parameters
     ----------
-    x : sequence, shape (2, n)
-        The truth at the first and the last point.
-    estimated : Estimated
-        At these.
+    truths, estimated : Estimated
+        At the first and the last point.
     """
-    last = estimated.values[-1].tolist()
-    bounds = [_FAR * max(abs(first), abs(end)) for first, end in zip(*x, strict=True)]
+    first, end, last = truths.values[0].tolist(), truths.values[-1].tolist(), estimated.values[-1].tolist()
     return all(
-        abs(last[place] - end) <= bound
-        for places in estimated.places
-        for place, end, bound in zip(places, x[-1], bounds, strict=True)
+        abs(last[place] - end[own]) <= _FAR * max(abs(first[own]), abs(end[own]))
+        for truth, places in zip(truths.places, estimated.places, strict=True)
+        for own, place in zip(truth, places, strict=True)
     )
 
 

@@ -32,6 +32,8 @@ def why_diverged(run: PreparedRun, raw: Raw, j: int, again: Again) -> str | None
     again : Again
         That run once more.
     """
+    if run.closed:
+        return None  # where the plant goes depends on the estimate
     return _unstable_gain(run, raw, run.observers[j]) or singular(run, raw, j, again)
 
 
@@ -55,7 +57,7 @@ def singular(run: PreparedRun, raw: Raw, j: int, again: Again) -> str | None:
         return evaluate(determinant, states, run.plant.parameters)[0].ravel()
 
     estimate = _finite(_estimate(block, raw))
-    truth = raw.rows[: len(estimate) + 1, : form.plant.n, 0]
+    truth = raw.rows[: len(estimate) + 1, run.structure.truths[j], 0]
     for states in (estimate, truth):
         when = _sign_changes(run.grid, along(states))
         if when is not None:

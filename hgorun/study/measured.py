@@ -48,7 +48,7 @@ def on_member(quantity: Quantity) -> Quantity:
 
 def beside_metrics(quantities: Sequence[Quantity]) -> list[str]:
     """Those that an ensemble does not keep as metrics, as texts."""
-    return [str(q) for q in quantities if q.window is not None or q.function not in all_metrics()]
+    return [str(q) for q in quantities if q.window is not None or q.function not in all_metrics(closed=True)]
 
 
 def of_members(run: Run, ensemble: Ensemble, found: Collected, quantities: Sequence[Quantity]) -> Numbers:

@@ -118,6 +118,8 @@ class _Member:
         ------
         NoValue
         """
+        if self.experiment.closed:
+            raise NoValue("what theory says of noise is of an observer beside a plant, not of one that drives it")
         metric = all_metrics().get(quantity.function)
         if quantity.function not in _OF_THE_WINDOW and (metric is None or metric.window != "steady"):
             raise NoValue(f"the theory of noise is of the steady window, {quantity.function} is not")

@@ -62,7 +62,7 @@ def compared(members: Collected, by: Sequence[str], metrics: Sequence[str] = (),
     metrics : sequence of str
         Which; all by default, in the order of tables.
     """
-    known = [name for name in all_metrics() if name in members.metrics]
+    known = [name for name in all_metrics(closed=True) if name in members.metrics]
     names = tuple(metrics) or (*known, *(name for name in members.metrics if name not in known))
     divided = points(members, by) if by else ()
     parts = tuple(statistics(part, names, at) for at, part in divided)
@@ -200,7 +200,7 @@ def best(part: Statistics, metric: str, state: str) -> str | None:
     finite = {label: mean for label, mean in own.items() if math.isfinite(mean)}
     if not finite or len(own) < 2:
         return None
-    known = all_metrics().get(metric)
+    known = all_metrics(closed=True).get(metric)
     ideal = known.ideal if known else 0.0
     first = min(finite, key=lambda label: distance(finite[label], ideal))
     against = [d for d in part.differences if (d.metric, d.state) == (metric, state) and first in (d.a, d.b)]

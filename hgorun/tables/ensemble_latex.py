@@ -75,7 +75,7 @@ def _equation(name: str, text: str, value: object) -> str:
 
 
 def _unit(members: Collected, metric: str, state: str) -> str:
-    known = all_metrics().get(metric)
+    known = all_metrics(closed=True).get(metric)
     return members.units.get({"state": state, "time": "time"}.get(known.unit if known else "", ""), "")
 
 

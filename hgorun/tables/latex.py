@@ -82,7 +82,7 @@ def _best(metric: str, values: Sequence[float | None]) -> str | None:
     finite = [value for value in values if value is not None and math.isfinite(value)]
     if not finite or len(set(map(number, values))) < 2:
         return None
-    known = all_metrics().get(metric)
+    known = all_metrics(closed=True).get(metric)
     ideal = known.ideal if known else 0.0
     return number(min(finite, key=lambda v: abs(math.log(v / ideal)) if ideal and v > 0 else v))
 

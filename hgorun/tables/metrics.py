@@ -124,7 +124,7 @@ def _windows(result: Result) -> str:
     """Where the numbers are from."""
     windows, unit = result.windows, printable(result.units.get("time", ""))
     named = {name for o in result.observers.values() for name in o.metrics}
-    shown = [metric for metric in all_metrics().values() if metric.name in named or not named]
+    shown = [metric for metric in all_metrics(closed=True).values() if metric.name in named or not named]
     groups: dict[str, list[str]] = {}
     for metric in shown:
         groups.setdefault(metric.window, []).append(metric.name)

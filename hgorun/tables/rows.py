@@ -45,7 +45,7 @@ def rows_of(results: Sequence[Result]) -> list[Row]:
 def metrics_of(rows: Sequence[Row]) -> list[str]:
     """Those of any row: the known ones in their order, then what only files know."""
     found = dict.fromkeys(metric for row in rows for metric in row.observer.metrics)
-    known = [name for name in all_metrics() if name in found]
+    known = [name for name in all_metrics(closed=True) if name in found]
     return [*known, *(name for name in found if name not in known)]
 
 

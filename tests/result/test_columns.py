@@ -39,9 +39,9 @@ def test_they_have_the_bits_of_the_records(
     xhat = x[:, None] + scale * random.normal(size=(points, observers, states)) * np.exp(-t)[:, None, None]
     (a, b), (c, d) = sorted(bounds[:2]), sorted(bounds[2:])
     s = MetricSettings((a, b), (c, d), average, part)
-    found = columns.measured(t, x, Estimated.of_stack(xhat), s)
+    found = columns.measured(t, Estimated.same(x, xhat.shape[1]), Estimated.of_stack(xhat), s)
     with np.errstate(all="ignore"):
-        expected = by_records(t, x, xhat, s, tuple(all_metrics().values()))
+        expected = by_records(t, x[:, None], xhat, s, tuple(all_metrics().values()))
     if found is None:  # a window without points
         assert np.isnan(expected["sup"]).all() or np.isnan(expected["peak"]).all()
         return
@@ -51,9 +51,8 @@ def test_they_have_the_bits_of_the_records(
 
 def test_they_are_the_built_in_ones() -> None:
     t, x = 0.1 * np.arange(50), np.random.default_rng(1).normal(size=(50, 2))
-    found = columns.measured(
-        t, x, Estimated.of_stack(x[:, None] + 1), MetricSettings((1.0, 4.9), (0.0, 1.0), 0.3, 0.05)
-    )
+    settings = MetricSettings((1.0, 4.9), (0.0, 1.0), 0.3, 0.05)
+    found = columns.measured(t, Estimated.same(x, 1), Estimated.of_stack(x[:, None] + 1), settings)
     assert found is not None
     assert {metric.name: metric for metric in found} == all_metrics()
 
@@ -65,7 +64,7 @@ def test_what_is_not_finite_is_left_to_the_records() -> None:
         for row in (0, 20, 49):
             xhat = np.stack([x + 1, x + 2], axis=1)
             xhat[row, 0, 1] = bad
-            assert columns.measured(t, x, Estimated.of_stack(xhat), s) is None
+            assert columns.measured(t, Estimated.same(x, xhat.shape[1]), Estimated.of_stack(xhat), s) is None
             found = measure(t, x, {"lost": xhat[:, 0], "good": xhat[:, 1]}, s)
             assert all(np.all(np.isinf(values)) for values in found["lost"].values())
             np.testing.assert_equal(found["good"], measure(t, x, {"good": x + 2}, s)["good"])

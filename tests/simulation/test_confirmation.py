@@ -57,7 +57,7 @@ def test_errors_that_fade_end_in_rounding() -> None:
 def test_what_is_near_at_the_end_may_not_have_left(last: float) -> None:
     x = np.array([[1.0, 0.5], [2.0, 1.0]])
     xhat = np.array([[5.0, 0.0, 1.0, 0.5], [2.0, 1.0, 2.0, last]])
-    near = estimates_near(x.tolist(), Estimated(xhat, [[0, 1], [2, 3]]))
+    near = estimates_near(Estimated.same(x, 2), Estimated(xhat, [[0, 1], [2, 3]]))
     left = may_have_left(x[:, :, None], xhat.reshape(2, 2, 2).swapaxes(1, 2))
     assert near == (abs(last) < 1.1e6)
     assert not (near and left.any())

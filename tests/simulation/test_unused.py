@@ -74,7 +74,7 @@ def test_observers_use_them() -> None:
         experiment(plant, SHGO)
     block = InlinePlant.model_validate(plant)
     rates = {"type": "kinetic_rate", "theta": 2, "yields": {"x1": [1]}, "dilution": "D"}
-    refuse_unused_changes([("plant",)], block, {"K": KineticRateObserver.model_validate(rates)})
+    refuse_unused_changes([("plant",)], block, {"K": KineticRateObserver.model_validate(rates)}, None)
 
 
 def test_set_is_refused_and_an_overridden_use_is_none(

@@ -28,12 +28,14 @@ class Estimates:
     ----------
     time : ndarray, shape (Nt,)
         Evenly spaced.
-    x : ndarray, shape (Nt, 1, n)
+    x : ndarray, shape (Nt, 1, n), or (Nt, m, n) where each of the observers has a plant of its own
     xhat, error, size : ndarray, shape (Nt, m, n)
         Of m observers: estimates, xhat - x, and |xhat - x|.
     step : float
         Spacing of the grid; NaN where the run has a single point.
     settings : MetricSettings
+    reference : ndarray, shape (Nt, 1, n), optional
+        In a closed loop the plant that the true state drives.
     """
 
     time: np.ndarray
@@ -43,6 +45,7 @@ class Estimates:
     size: np.ndarray
     step: float
     settings: MetricSettings
+    reference: np.ndarray | None = None
 
     def within(self, window: Window) -> Estimates:
         """Those in a window of the run."""
@@ -65,6 +68,7 @@ class Estimates:
             xhat=self.xhat[inside],
             error=self.error[inside],
             size=self.size[inside],
+            reference=None if self.reference is None else self.reference[inside],
         )
 
 
@@ -102,6 +106,8 @@ class Metric:
         It is a time that the clock shows, not a duration.
     place : int
         Where it stands among the others; those with the same place are sorted by their names.
+    closed : bool
+        Only of closed loops, where the estimates have a reference.
     setting, told : str and callable
         The setting of the metrics that it depends on beside its window, and from its value and the unit of time
         the words that say so.
@@ -116,6 +122,7 @@ class Metric:
     ideal: float = 0.0
     moment: bool = False
     place: int = 100
+    closed: bool = False
     setting: Literal["average", "settling"] | None = None
     told: Callable[[float, str], str] = lambda value, unit: f"{value:g} {unit}".rstrip()
 
@@ -139,15 +146,20 @@ def metric(record: Metric) -> Metric:
     return METRICS.add(record.name, record)
 
 
-def all_metrics() -> Mapping[str, Metric]:
+def all_metrics(*, closed: bool = False) -> Mapping[str, Metric]:
     """Name: record, in the order of tables.
+
+    Parameters
+    ----------
+    closed : bool
+        With those of closed loops, which other runs do not have.
 
     Raises
     ------
     HgorunError
         When one of another package cannot be loaded: results would silently lack it.
     """
-    return _sorted(tuple(METRICS.load().values()))
+    return _sorted(tuple(m for m in METRICS.load().values() if closed or not m.closed))
 
 
 @lru_cache(maxsize=8)
