@@ -23,6 +23,7 @@ from hgorun.errors import ConfigError
 from hgorun.estimate.completed import plant_units, with_inputs
 from hgorun.estimate.estimate import estimate as estimated
 from hgorun.estimate.holdout import HoldOut, held_out, number_of, parse_holdout
+from hgorun.estimate.long_log import estimate_into
 from hgorun.files import remove_leftovers, write_text
 from hgorun.result.result import Result
 from hgorun.study.split import split
@@ -92,9 +93,16 @@ def estimate(options: Estimate) -> int:
     _refuse_to_overwrite(options, log, target)
     with source.located():
         recording, aside = _held_out(log, log.read(), options)
-    result = estimated(source, recording, name=name, text=text, held_out=aside, sensitivity=options.sensitivity)
     remove_leftovers(target.parent)
-    file = str(result.save(target))
+    result = None
+    if options.export_csv is None:  # which has all estimates
+        result = estimate_into(
+            source, recording, target, name=name, text=text, held_out=aside, sensitivity=options.sensitivity
+        )
+    if result is None:
+        result = estimated(source, recording, name=name, text=text, held_out=aside, sensitivity=options.sensitivity)
+        result.save(target)
+    file = str(target)
     warn(result)
     written = [str(target), *_also_written(options, result, target)]
     if options.json:

@@ -9,6 +9,8 @@ from typing import Literal
 
 import numpy as np
 
+from hgorun.memo import Memo, same
+
 Hold = Literal["zero", "linear"]
 
 
@@ -180,6 +182,21 @@ class Recording:
     @property
     def median_gap(self) -> float:
         """The median of the steps between samples, of the output that has the shortest."""
-        steps = (np.diff(signal.taken) for signal in self.outputs.values())
-        medians = [float(np.median(step[step > 0])) for step in steps if np.any(step > 0)]
-        return min(medians, default=float("nan"))
+        medians = [median_step(signal.taken) for signal in self.outputs.values()]
+        return min((median for median in medians if not np.isnan(median)), default=float("nan"))
+
+
+_STEPS: Memo[float] = Memo(2)  # the outputs of a file share their times
+
+
+def median_step(times: np.ndarray) -> float:
+    """The median of the steps of some times, without those that are repeated; NaN where there is none."""
+    return _STEPS.get(same(times), lambda: _median_step(times))
+
+
+def _median_step(times: np.ndarray) -> float:
+    steps = np.diff(times)
+    later = steps > 0
+    if not later.all():
+        steps = steps[later]
+    return float(np.median(steps, overwrite_input=True)) if steps.size else float("nan")

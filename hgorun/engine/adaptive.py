@@ -90,6 +90,8 @@ def add_adaptive(s: Stepper) -> None:
     t = f.load(real["now"])
     at_start = f.test("oeq", t, s.start)
     s.tick(f.let(f"select i1 {at_start}, double {s.start_eval}, double {t}"), s.clock[0.0])
+    if s.decides:
+        s.decide(f.let(f"select i1 {at_start}, double {s.start_eval}, double {t}"), s.clock[0.0])
     s.slope_at_end(f.let(f"select i1 {at_start}, double {s.start_eval}, double {t}"), s.clock[0.0], finished="1")
     with f.loop() as after:
         t = f.load(real["now"])
@@ -130,6 +132,8 @@ def add_adaptive(s: Stepper) -> None:
             real["step"],
         )
         guard(f, m, t_new, s.z, lost)
+        if s.decides:
+            s.decide(t_clock, s.clock[1.0])
         f.jump(next_step)
 
         f.place(reject)

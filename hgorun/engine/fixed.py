@@ -39,6 +39,9 @@ def add_fixed(s: Stepper) -> None:
         is_last = f.test("eq", step, n["last"])
         t = exact(step)
         skipped = f.let(f"and i1 {is_last}, {silent_end}")
+        if s.decides:
+            with f.when(f.test("eq", step, n["first"])):
+                s.decide(clocked(step), s.clock[0.0])
         with f.when(f.let(f"xor i1 {skipped}, true")):
             first = f.test("eq", step, n["first"])
             # the last stage has looked up the same, unless that was provisional
@@ -51,6 +54,8 @@ def add_fixed(s: Stepper) -> None:
             if s.history:
                 s.keep(t_before, t, h)
             s.note_error(s.errors(h))
+            if s.decides:
+                s.decide(clocked(step), s.clock[0.0])
         f.leave_if(is_last, after)
         following = f.scalar("add", step, "1")
         s.hold(exact(following), h)

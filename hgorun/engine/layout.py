@@ -88,6 +88,22 @@ class Held:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
+class Decision:
+    """What some states become at the end of every step and after every event.
+
+    Attributes
+    ----------
+    places : tuple of int
+        The states, in z.
+    function : casadi.Function
+        Their values, from (t, p, z, w).
+    """
+
+    places: tuple[int, ...]
+    function: ca.Function
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Regime:
     """The right-hand side while every output stays what it is to the observers.
 
@@ -99,11 +115,22 @@ class Regime:
         The delays of all outputs at t, from the same, where one of them is continuous and delayed.
     delayed : tuple of int
         The outputs that are.
+    decision : Decision or None
+        What is decided meanwhile.
     """
 
     flow: ca.Function
     lags: ca.Function | None = None
     delayed: tuple[int, ...] = ()
+    decision: Decision | None = None
+
+    @property
+    def deciding(self) -> frozenset[int]:
+        """The states that are decided and that the flow depends on."""
+        if self.decision is None:
+            return frozenset()
+        read = set(self.flow.jac_sparsity(0, 2).get_col())
+        return frozenset(read.intersection(self.decision.places))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -198,6 +225,11 @@ class HybridSystem:
     def snapshot(self) -> int:
         """How many numbers are kept to go back to them."""
         return 0 if self.replayed is None else self.states - self.replayed[0] + self.held.size - self.replayed[1]
+
+    @property
+    def decides(self) -> bool:
+        """Whether anything is decided at the ends of steps."""
+        return any(regime.decision is not None for regime in self.regimes)
 
     @property
     def compares_with_past(self) -> bool:

@@ -23,7 +23,7 @@ _REGIMES = 4  # each of them is in the code of every stage
 def fits(system: HybridSystem, method: Method | Rosenbrock) -> bool:
     """Whether members may go through tables of their own: no histories, few regimes, no estimate of the error."""
     plain = isinstance(method, Method) and not method.error and not method.dense
-    return plain and not system.remembers and len(system.regimes) <= _REGIMES
+    return plain and not system.remembers and not system.decides and len(system.regimes) <= _REGIMES
 
 
 def add_loose(m: Module, method: Method, flows: Sequence[Emitted]) -> None:

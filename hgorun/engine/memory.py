@@ -47,11 +47,14 @@ class Start:
     p : ndarray, shape (parameters, lanes)
     bound : (offset, factor)
         An observer has diverged when one of its states exceeds offset + factor * max |x| so far.
+    w : ndarray, shape (held numbers, lanes), optional
+        What is held, where the run goes on from another one.
     """
 
     z: Floats
     p: Floats
     bound: tuple[float, float] = (1e6, 1e6)
+    w: Floats | None = None
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -146,7 +149,7 @@ class Memory:
             "p": np.ascontiguousarray(start.p, dtype=float),
             "c": np.zeros(max(constants, 1) * lanes),
             "z": np.ascontiguousarray(start.z, dtype=float).copy(),
-            "w": np.zeros(s.held.size * lanes),
+            "w": np.zeros(s.held.size * lanes) if start.w is None else start.w.ravel().copy(),
             "channels": np.zeros(max(channels, 1) * lanes),
             "grid": grid,
             "rows": rows,

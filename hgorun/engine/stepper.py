@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from functools import cached_property
 
 from hgorun.engine.emit import Emitted
 from hgorun.engine.history import REFINEMENTS, History
@@ -94,6 +95,42 @@ class Stepper(ABC):
         self.trace, self.trace_before = (f.slot("double", 2 * self.width) for _ in range(2))
         self.flags, self.passes = f.slot("i64"), f.slot("i64")
         f.store("0", self.flags, "i64")
+
+    @property
+    def decides(self) -> bool:
+        """Whether anything is decided at the ends of steps."""
+        return self.m.system.regimes[self.regime].decision is not None
+
+    @cached_property
+    def _decided(self) -> tuple[Emitted, str, str]:
+        """The decision's function, and memory for its values and for what it needs of time."""
+        decision = self.m.system.regimes[self.regime].decision
+        assert decision is not None
+        emitted = self.m.emit(decision.function, f"decision{self.regime}")
+        new, tau = (self.f.slot("double", count * self.m.lanes) for count in (len(decision.places), emitted.clocked))
+        return emitted, new, tau
+
+    def decide(self, t: str, clock: str) -> None:
+        """What is decided at t, on the state there; where the flow reads what has changed, the slope is new.
+
+        ``clock`` has the clocked values at t.
+        """
+        f, regime = self.f, self.m.system.regimes[self.regime]
+        assert regime.decision is not None
+        emitted, new, tau = self._decided
+        self.look_up(t, finished="1")
+        constants = self.m.constants_of(f, emitted)
+        emitted.clock(f, t, self.p, constants, tau)
+        emitted.main(f, self.p, constants, tau, self.z, self.w, new)
+        changed = []
+        for i, state in enumerate(regime.decision.places):
+            value, place = f.load(f.at(new, i * f.lanes), f.real), f.at(self.z, state * f.lanes)
+            if state in regime.deciding:
+                changed.append(f.any(f.compare("une", value, f.load(place, f.real))))
+            f.store(value, place, f.real)
+        for condition in changed:
+            with f.when(condition):
+                self.slope_at_end(t, clock, finished="1")
 
     @property
     def words(self) -> int:

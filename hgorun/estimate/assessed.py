@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
 import numpy as np
 
-from hgorun.estimate.bands import FEWEST, band_of
+from hgorun.estimate.bands import FEWEST, Band, band_of
 from hgorun.estimate.evaluated import Evaluated
 from hgorun.estimate.prepared import PreparedEstimate
+from hgorun.estimate.samples import Sampled
 from hgorun.estimate.scores import scores_of, settled, since
 from hgorun.result.recorded import Assessed
 from hgorun.symbolic.evaluate import Floats
 
 _WIDE = 1.959963984540054  # standard deviations to either side that hold 95 % of normal numbers
+
+
+_RESIDUALS = 1 << 20  # that a band is made of, evenly chosen where there are more
 
 
 def assess(prepared: PreparedEstimate, found: Evaluated, j: int) -> Assessed:
@@ -25,28 +32,58 @@ def assess(prepared: PreparedEstimate, found: Evaluated, j: int) -> Assessed:
             if sound.size:
                 scores.setdefault("nis", {})[one.output] = float(np.mean(sound))
         return Assessed(xhat - width, xhat + width, {}, scores)
+    widths = widths_of(prepared, found, j)
+    width = widths.at(found.grid)
+    return Assessed(xhat - width, xhat + width, widths.reasons, scores)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Widths:
+    """Half the width of the band of every state.
+
+    Attributes
+    ----------
+    bands : sequence of sequence of (Band, Sampled or None)
+        Of every state; each with the samples since the last of which it grows. The narrowest counts.
+    reasons : mapping of str to str
+        By state, why it has no band.
+    """
+
+    bands: Sequence[Sequence[tuple[Band, Sampled | None]]]
+    reasons: Mapping[str, str]
+
+    def at(self, grid: Floats) -> Floats:
+        """At some times, shape (len(grid), n); NaN where there is no band."""
+        width = np.full((grid.size, len(self.bands)), np.nan)
+        for k, bands in enumerate(self.bands):
+            if bands:
+                known = [band.at(np.zeros(grid.size) if one is None else since(one, grid)) for band, one in bands]
+                width[:, k] = np.min(known, axis=0)
+        return width
+
+
+def widths_of(prepared: PreparedEstimate, found: Evaluated, j: int) -> Widths:
+    """The bands of an observer that knows nothing of its own errors."""
     model = prepared.run.plant.model
-    width, reasons = np.full(xhat.shape, np.nan), {}
-    for k, state in enumerate(model.states):
+    every: list[list[tuple[Band, Sampled | None]]] = []
+    reasons = {}
+    for state in model.states:
         outputs = [i for i, name in enumerate(model.outputs) if model.measures.get(name) == state]
-        widths = [_width(prepared, found, j, i) for i in outputs]
+        bands: list[tuple[Band | None, Sampled | None]] = [
+            (_band(prepared, found, j, i), prepared.samples[i]) for i in outputs
+        ]
         aside = found.held_out.get(state)
         if not outputs and aside is not None:  # what is not measured on line may have been measured otherwise
-            band = band_of(aside.residuals[j], np.zeros(aside.taken.size))
-            widths.append(None if band is None else band.at(np.zeros(xhat.shape[0])))
-            outputs = [-1]
-        known = [one for one in widths if one is not None]
-        if known:
-            width[:, k] = np.min(known, axis=0)
-        elif outputs:
-            reasons[state] = f"fewer than {FEWEST} samples say how far off the estimate is"
-        else:
-            reasons[state] = "nothing measures this state"
-    return Assessed(xhat - width, xhat + width, reasons, scores)
+            bands.append((band_of(aside.residuals[j], np.zeros(aside.taken.size)), None))
+        every.append([(band, one) for band, one in bands if band is not None])
+        if not every[-1]:
+            few = f"fewer than {FEWEST} samples say how far off the estimate is"
+            reasons[state] = few if bands else "nothing measures this state"
+    return Widths(every, reasons)
 
 
-def _width(prepared: PreparedEstimate, found: Evaluated, j: int, output: int) -> Floats | None:
-    """Half the width of the band of an output, on the output grid.
+def _band(prepared: PreparedEstimate, found: Evaluated, j: int, output: int) -> Band | None:
+    """The band of an output.
 
     From samples that were held out where there are enough, and otherwise from those that were used, each compared with
     what had been estimated without it.
@@ -54,15 +91,15 @@ def _width(prepared: PreparedEstimate, found: Evaluated, j: int, output: int) ->
     sampled = prepared.samples[output]
     aside = found.held_out.get(sampled.output)
     if aside is not None:
-        band = band_of(aside.residuals[j], since(sampled, aside.taken))
-    else:
-        used = found.carried.used[prepared.slots[output], j]
-        taken = sampled.taken[used]
-        late = _settled_from(taken.size)
-        band = band_of(found.predicted[output][j][used][late:], since(sampled, taken, before=True)[late:])
-    return None if band is None else band.at(since(sampled, found.grid))
+        return band_of(aside.residuals[j], since(sampled, aside.taken))
+    predicted, taken, used = found.predicted[output][j], sampled.taken, found.carried.used[prepared.slots[output], j]
+    if not used.all():
+        predicted, taken = predicted[used], taken[used]
+    late = _settled_from(taken.size)
+    chosen = slice(late, None, max(1, -(-(taken.size - late) // _RESIDUALS)))
+    return band_of(predicted[chosen], since(sampled, taken[chosen], before=True))
 
 
 def _settled_from(count: int) -> int:
     """The first of so many samples that is not of the start."""
-    return count - settled(np.zeros(count)).size
+    return count - settled(np.broadcast_to(0.0, count)).size

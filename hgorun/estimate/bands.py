@@ -91,6 +91,8 @@ def since_last(times: Floats, taken: Floats, available: Floats, *, before: bool 
     before : bool
         Samples that become known just then do not count.
     """
-    newest = np.concatenate([[-np.inf], np.maximum.accumulate(taken)]) if taken.size else np.array([-np.inf])
     known = np.searchsorted(available, times, side="left" if before else "right")
+    if taken is available and taken.size:  # in the order in which they were taken: the newest is the last
+        return np.asarray(times - np.where(known > 0, taken[np.maximum(known, 1) - 1], -np.inf))
+    newest = np.concatenate([[-np.inf], np.maximum.accumulate(taken)])
     return np.asarray(times - newest[known])

@@ -21,9 +21,9 @@ from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.steps import part_of_difference, steps_between
 from hgorun.symbolic.evaluate import Floats
 
-_UNEVEN = 1.62  # steps of the second pass, for each of the first
-_ORDER = 2  # as which errors fall at least
-_HALVINGS = 12
+UNEVEN = 1.62  # steps of the second pass, for each of the first
+ORDER = 2  # as which errors fall at least
+HALVINGS = 12
 _ROWS = 1 << 15  # that are compared at a time: there may be many
 
 
@@ -63,7 +63,7 @@ def carry_out(prepared: PreparedEstimate, grid: Floats, progress: Callable[[floa
         Where estimates are wanted, counted from the start of the run.
     """
     solver, step, spent = prepared.run.solver, prepared.run.step, 0
-    for _ in range(_HALVINGS):
+    for _ in range(HALVINGS):
         beside, tries = _other_estimates(prepared, grid, step, progress)  # first: little is left of it
         raw, used = one_pass(prepared, grid, step, progress=progress)
         spent += (raw.tries + tries) * len(METHODS[prepared.method].c)
@@ -199,7 +199,7 @@ def _other_estimates(
     prepared: PreparedEstimate, grid: Floats, step: float, progress: Callable[[float], None] | None
 ) -> tuple[list[Floats], int]:
     """xhat of every observer in a pass with other steps, shape (len(grid), n) each; and how many these are."""
-    raw, _ = one_pass(prepared, grid, step, _UNEVEN, progress=progress)
+    raw, _ = one_pass(prepared, grid, step, UNEVEN, progress=progress)
     n = len(prepared.run.plant.model.states)
     found = [np.empty((grid.size, n)) for _ in prepared.run.observers]
     for piece in _pieces(grid.size):
@@ -215,7 +215,7 @@ def _pieces(count: int) -> Iterator[slice]:
 def _error(prepared: PreparedEstimate, grid: Floats, raw: Raw, beside: Sequence[Floats], step: float) -> Floats:
     """Of every observer, from its estimates in a second pass."""
     steps = steps_between(prepared.run.schedule, step)
-    part = part_of_difference(steps, _UNEVEN, min(METHODS[prepared.method].order, _ORDER))
+    part = part_of_difference(steps, UNEVEN, min(METHODS[prepared.method].order, ORDER))
     count, n = len(prepared.run.observers), len(prepared.run.plant.model.states)
     sizes, gaps = np.zeros((count, n)), np.zeros((count, n))
     with np.errstate(invalid="ignore"):
@@ -223,6 +223,19 @@ def _error(prepared: PreparedEstimate, grid: Floats, raw: Raw, beside: Sequence[
             for j, a in enumerate(estimates(prepared, grid[piece], raw, piece)):
                 sizes[j] = np.maximum(sizes[j], np.max(np.abs(a), axis=0))
                 gaps[j] = np.maximum(gaps[j], np.max(np.abs(a - beside[j][piece]), axis=0))
+    return relative_error(part, sizes, gaps)
+
+
+def relative_error(part: float, sizes: Floats, gaps: Floats) -> Floats:
+    """Of every observer: a part of the difference to other steps, over the size; zero where that is not finite.
+
+    Parameters
+    ----------
+    part : float
+        See :func:`~hgorun.simulation.steps.part_of_difference`.
+    sizes, gaps : ndarray, shape (m, n)
+        The largest estimates, and differences.
+    """
     with np.errstate(invalid="ignore", divide="ignore"):
         errors = part * np.max(gaps / np.where(sizes > 0, sizes, 1.0), axis=1, initial=0.0)
     return np.where(np.all(np.isfinite(sizes), axis=1), errors, 0.0)

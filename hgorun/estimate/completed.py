@@ -9,7 +9,7 @@ import numpy as np
 
 from hgorun.config.overrides import replaced
 from hgorun.config.yaml_source import Source
-from hgorun.data.recording import Recording
+from hgorun.data.recording import Recording, median_step
 from hgorun.errors import ConfigError, Problem
 from hgorun.plants.base import units_of
 from hgorun.simulation.blocks import plant_of
@@ -161,8 +161,8 @@ def _measurement(given: Mapping[str, Any], recording: Recording) -> dict[str, An
 
 def _period(taken: np.ndarray) -> float:
     """About how far apart samples are; any number for a single one."""
-    gaps = np.diff(taken)
-    return float(np.median(gaps[gaps > 0])) if np.any(gaps > 0) else 1.0
+    step = median_step(taken)
+    return 1.0 if np.isnan(step) else step
 
 
 def plant_units(source: Source) -> dict[str, str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -16,9 +16,10 @@ from hgorun.estimate.prepared import PreparedEstimate, prepare_estimate
 from hgorun.observers.treatment import treatment_of
 from hgorun.result.data import Integration, Measurements
 from hgorun.result.observer import ObserverResult
-from hgorun.result.recorded import Recorded, RecordedOutput, Unseen
+from hgorun.result.recorded import Assessed, Recorded, RecordedOutput, Unseen
 from hgorun.result.result import Result
 from hgorun.result.status import OK, Verdict
+from hgorun.simulation.outcome import internal
 
 _MOST = 200_000  # samples for which runs with other gains are made
 _LARGE = "an integration error above the accuracy asked for"
@@ -67,19 +68,41 @@ def estimate_prepared(
 ) -> Result:
     """Carry a prepared estimate out; see :func:`estimate`."""
     found = evaluate_run(prepared, held_out, recording.reference)
-    result = _result(prepared, recording, found)
+    assessed = [assess(prepared, found, j) for j in range(len(prepared.run.observers))]
+    result = result_of(prepared, recording, found, assessed, _recorded(prepared, found))
     if not sensitivity:
         return result
     count = sum(one.values.size for one in prepared.samples)
     if count > _MOST:  # each gain takes two more runs
-        told = f"{count} samples: how the scores depend on the gains is told up to {_MOST}"
-        return replace(result, remarks=(*result.remarks, told))
+        return without_sensitivity(result, count)
     from hgorun.estimate.sensitivity import with_sensitivity
 
     return with_sensitivity(result, prepared, recording, held_out)
 
 
-def _result(prepared: PreparedEstimate, recording: Recording, found: Evaluated) -> Result:
+def without_sensitivity(result: Result, count: int) -> Result:
+    """A result of so many samples that no other gains are tried, which is said."""
+    told = f"{count} samples: how the scores depend on the gains is told up to {_MOST}"
+    return replace(result, remarks=(*result.remarks, told))
+
+
+def result_of(
+    prepared: PreparedEstimate,
+    recording: Recording,
+    found: Evaluated,
+    assessed: Sequence[Assessed],
+    recorded: Recorded,
+) -> Result:
+    """What is told of a run.
+
+    Parameters
+    ----------
+    prepared, recording, found
+        The run, and what it has given.
+    assessed : sequence of Assessed
+        Of every observer.
+    recorded : Recorded
+    """
     run, experiment = prepared.run, prepared.experiment
     model, origin, grid = run.plant.model, run.origin, found.grid
     units = {"time": run.time.unit, **run.plant.units}
@@ -95,7 +118,7 @@ def _result(prepared: PreparedEstimate, recording: Recording, found: Evaluated) 
         outputs=model.outputs,
         units=units,
         measurements=Measurements.nothing(len(model.outputs)),
-        observers=_observers(prepared, found),
+        observers=_observers(prepared, found, assessed),
         config=experiment.text,
         resolved=experiment.resolved_later,
         seed=experiment.blocks.seed,
@@ -108,7 +131,7 @@ def _result(prepared: PreparedEstimate, recording: Recording, found: Evaluated) 
         ),
         measures=model.measures,
         remarks=tuple(_remarks(prepared, recording)),
-        recorded=_recorded(prepared, found),
+        recorded=recorded,
     )
 
 
@@ -127,24 +150,24 @@ def _remarks(prepared: PreparedEstimate, recording: Recording) -> list[str]:
     return told
 
 
-def _observers(prepared: PreparedEstimate, found: Evaluated) -> dict[str, ObserverResult]:
+def _observers(prepared: PreparedEstimate, found: Evaluated, assessed: Sequence[Assessed]) -> dict[str, ObserverResult]:
     """Those of all observers in the order of the configuration."""
-    of = {b.label: _observer(prepared, found, j) for j, b in enumerate(prepared.run.observers)}
+    of = {b.label: _observer(prepared, found, j, assessed[j]) for j, b in enumerate(prepared.run.observers)}
     return {label: of[label] for label in prepared.experiment.observers}
 
 
-def _observer(prepared: PreparedEstimate, found: Evaluated, j: int) -> ObserverResult:
+def _observer(prepared: PreparedEstimate, found: Evaluated, j: int, assessed: Assessed) -> ObserverResult:
     block = prepared.run.observers[j]
     return ObserverResult(
         type=block.observer.type,
         xhat=found.xhat[j],
-        internal={name: st.shaped(found.rows) for name, st in block.states.items() if name != "xhat" and st.size},
+        internal=internal(block, found.rows),
         gains={name: np.asarray(value).tolist() for name, value in block.design.items()},
         dimension=sum(st.size for name, st in block.states.items() if name != "alpha"),
         verdict=_verdict(prepared, found, j),
         metrics={},
         coordinates=prepared.experiment.coordinates.get(block.label),
-        assessed=assess(prepared, found, j),
+        assessed=assessed,
     )
 
 
@@ -153,9 +176,8 @@ def _verdict(prepared: PreparedEstimate, found: Evaluated, j: int) -> Verdict:
     origin = prepared.run.origin
     if np.isfinite(lost):
         return Verdict("diverged", origin + lost)
-    bad = np.flatnonzero(~np.all(np.isfinite(found.xhat[j]), axis=1))
-    if bad.size:
-        return Verdict("undefined", origin + float(found.grid[bad[0]]))
+    if np.isfinite(found.undefined[j]):
+        return Verdict("undefined", origin + float(found.undefined[j]))
     solver = prepared.run.solver
     if solver.controlled and not found.carried.error[j] <= solver.accuracy:
         return Verdict("inaccurate", None, _LARGE)
@@ -176,8 +198,8 @@ def _recorded(prepared: PreparedEstimate, found: Evaluated) -> Recorded:
             np.ascontiguousarray(found.predicted[i].T),
             np.column_stack(nis),
         )
-    return Recorded(outputs, _unseen(found.held_out, origin), _unseen(found.reference, origin))
+    return Recorded(outputs, unseen(found.held_out, origin), unseen(found.reference, origin))
 
 
-def _unseen(compared: Mapping[str, Compared], origin: float) -> dict[str, Unseen]:
+def unseen(compared: Mapping[str, Compared], origin: float) -> dict[str, Unseen]:
     return {name: Unseen(origin + one.taken, one.values) for name, one in compared.items()}

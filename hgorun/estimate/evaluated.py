@@ -71,6 +71,8 @@ class Evaluated:
     held_out, reference : mapping of str to Compared
     normal : sequence of Normal or None
         Of every observer what it knows of its own errors.
+    undefined : ndarray, shape (m,)
+        From when on an estimate is no number; infinite where it always is one.
     """
 
     carried: Carried
@@ -81,6 +83,7 @@ class Evaluated:
     held_out: Mapping[str, Compared]
     reference: Mapping[str, Compared]
     normal: Sequence[Normal | None]
+    undefined: Floats
 
 
 def evaluate_run(
@@ -99,7 +102,7 @@ def evaluate_run(
     origin, end = experiment.origin, experiment.time.end
     asked = {(0, name): signal for name, signal in held_out.items()}
     asked |= {(1, name): signal for name, signal in reference.items()}
-    chosen = {key: _inside(signal, origin, end) for key, signal in asked.items()}
+    chosen = {key: inside(signal, origin, end) for key, signal in asked.items()}
     grid, _, _ = experiment.grid
     every = experiment.grid[1]
     shown = grid[::every]
@@ -112,10 +115,10 @@ def evaluate_run(
     # where nothing is compared in between, no copies are made
     on_grid = slice(None) if times.size == shown.size else np.searchsorted(times, shown)
     compared = {
-        key: _compared(prepared, key[1], taken, values, [x[np.searchsorted(times, taken)] for x in everywhere])
+        key: compared_with(prepared, key[1], taken, values, [x[np.searchsorted(times, taken)] for x in everywhere])
         for key, (taken, values) in chosen.items()
     }
-    predicted = [_predicted(prepared, i, times, everywhere, carried) for i in range(len(prepared.samples))]
+    predicted = [innovations_of(prepared, i, times, everywhere, carried) for i in range(len(prepared.samples))]
     normal = [
         None if one is None else _normal(prepared, one, carried.raw.rows[:, :, 0], times, shown, before, predicted, j)
         for j, one in enumerate(covariances)
@@ -129,7 +132,14 @@ def evaluate_run(
         {name: one for (which, name), one in compared.items() if which == 0},
         {name: one for (which, name), one in compared.items() if which == 1},
         normal,
+        np.array([first_undefined(shown, x[on_grid]) for x in everywhere]),
     )
+
+
+def first_undefined(grid: Floats, xhat: Floats) -> float:
+    """The first time at which an estimate is no number; infinite without one."""
+    bad = np.flatnonzero(~np.all(np.isfinite(xhat), axis=1))
+    return float(grid[bad[0]]) if bad.size else np.inf
 
 
 def _before(available: Floats) -> Floats:
@@ -162,14 +172,16 @@ def _normal(
     return Normal(covariance.deviation(rows[np.searchsorted(times, shown)]), nis)
 
 
-def _inside(signal: Signal, origin: float, end: float) -> tuple[Floats, Floats]:
+def inside(signal: Signal, origin: float, end: float) -> tuple[Floats, Floats]:
     """Times and values of a signal in a run."""
     taken = signal.taken - origin
     inside = (taken >= 0.0) & (taken <= end)
     return taken[inside], signal.values[inside]
 
 
-def _compared(prepared: PreparedEstimate, name: str, taken: Floats, values: Floats, xhat: Sequence[Floats]) -> Compared:
+def compared_with(
+    prepared: PreparedEstimate, name: str, taken: Floats, values: Floats, xhat: Sequence[Floats]
+) -> Compared:
     model = prepared.run.plant.model
     if name in model.outputs:
         i = model.outputs.index(name)
@@ -180,7 +192,7 @@ def _compared(prepared: PreparedEstimate, name: str, taken: Floats, values: Floa
     return Compared(name, taken, values, np.array(residuals).reshape(len(xhat), taken.size))
 
 
-def _predicted(
+def innovations_of(
     prepared: PreparedEstimate, output: int, times: Floats, xhat: Sequence[Floats], carried: Carried
 ) -> Floats:
     """Measured minus estimated at the time of every sample of an output.

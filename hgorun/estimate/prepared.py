@@ -126,11 +126,17 @@ class PreparedEstimate:
     def start(self) -> Start:
         """Where it begins."""
         numbers = self.run.numbers
-        bound = self.run.solver.divergence
-        if bound is None:
-            values = [np.ones(1), numbers.z0, *(one.values for one in self.samples)]
-            bound = _DIVERGED * max(float(np.max(np.abs(part), initial=0.0)) for part in values)
-        return Start(numbers.z0[:, None], numbers.p[:, None], (bound, 0.0))
+        return Start(numbers.z0[:, None], numbers.p[:, None], (self.bound, 0.0))
+
+    @property
+    def bound(self) -> float:
+        """Beyond that an observer is lost."""
+        given = self.run.solver.divergence
+        if given is not None:
+            return given
+        values = [self.run.numbers.z0, *(one.values for one in self.samples)]
+        sizes = [max(-float(np.min(part)), float(np.max(part))) for part in values if part.size]
+        return _DIVERGED * max(1.0, *sizes)
 
     def u(self, times: Floats) -> Floats:
         """The inputs at several times, shape (len(times), m)."""

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from hgorun.data.recording import InputSignal, Recording, Signal
 from hgorun.errors import Problem
-from hgorun.measurement.channels import Channel
+from hgorun.measurement.channels import Channel, HeardBefore
 from hgorun.measurement.noise import StretchNoise, deviations
 from hgorun.measurement.sampling import Samples
 from hgorun.simulation.actions import RecordedInputs
@@ -41,6 +42,14 @@ class Sampled:
     std: float | None
     gate: float | None
 
+    @cached_property
+    def heard(self) -> tuple[np.ndarray, np.ndarray]:
+        """When those that are used were taken, and known: the same array where they are not late."""
+        if self.used.all():
+            return self.taken, self.available
+        taken = self.taken[self.used]
+        return taken, taken if self.available is self.taken else self.available[self.used]
+
 
 def sampled(signal: Signal, output: str, origin: float, end: float) -> Sampled:
     """Those of a signal that were taken and known in a run.
@@ -63,8 +72,8 @@ def sampled(signal: Signal, output: str, origin: float, end: float) -> Sampled:
     return Sampled(output, taken, available, signal.values[inside][order], used, signal.std, signal.gate)
 
 
-def channel(samples: Sampled, experiment: Experiment, output: int) -> Channel:
-    """An output whose samples are there already."""
+def channel(samples: Sampled, experiment: Experiment, output: int, *, heard: bool = False) -> Channel:
+    """An output whose samples are there already; ``heard``: others of it have arrived before."""
     stretches = experiment.stretches[output]
     count = samples.available.size
     found = Samples(
@@ -76,16 +85,26 @@ def channel(samples: Sampled, experiment: Experiment, output: int) -> Channel:
     )
     time = experiment.time
     noise = [StretchNoise(s, (), 0, samples.output, time.start, time.end) for s in stretches]
-    return Channel(samples.output, stretches, found, noise)
+    return (HeardBefore if heard else Channel)(samples.output, stretches, found, noise)
 
 
-def recorded_inputs(recording: Recording, inputs: tuple[str, ...], origin: float, end: float) -> RecordedInputs | None:
-    """The recorded ones among the inputs of a plant, in their order there; None where none is recorded."""
+def recorded_inputs(
+    recording: Recording, inputs: tuple[str, ...], origin: float, end: float, start: float = 0.0
+) -> RecordedInputs | None:
+    """The recorded ones among the inputs of a plant, in their order there; None where none is recorded.
+
+    Parameters
+    ----------
+    origin, end
+        The start of the run on the clock of the data, and how long it lasts.
+    start : float
+        When the first line begins.
+    """
     signals = [recording.inputs[name] for name in inputs if name in recording.inputs]
     if not signals:
         return None
-    changes = distinct(np.concatenate([[0.0], *(signal.times - origin for signal in signals)]))
-    changes = changes[(changes >= 0.0) & (changes < end)]
+    changes = distinct(np.concatenate([[start], *(signal.times - origin for signal in signals)]))
+    changes = changes[(changes >= start) & (changes < end)]
     lines = [_lines(signal, changes + origin) for signal in signals]
     levels, slopes = (np.column_stack(part) for part in zip(*lines, strict=True))
     return RecordedInputs(changes, levels, slopes)

@@ -52,7 +52,7 @@ def scores_of(prepared: PreparedEstimate, found: Evaluated, j: int) -> dict[str,
         add("holdout_coverage", name, coverage(one.residuals[j], _since(prepared, name, one.taken)))
     for i, sampled in enumerate(prepared.samples):
         used = found.carried.used[prepared.slots[i], j]
-        innovations = settled(found.predicted[i][j][used])
+        innovations = settled(found.predicted[i][j] if used.all() else found.predicted[i][j][used])
         name = sampled.output
         add("innovation_mean", name, float(np.mean(innovations)) if innovations.size else None)
         add("innovation_rms", name, rms(innovations))
@@ -74,13 +74,14 @@ def _since(prepared: PreparedEstimate, name: str, times: Floats) -> Floats:
 
 def since(sampled: Sampled, times: Floats, *, before: bool = False) -> Floats:
     """How long ago the newest sample was taken that was known at some times; see :func:`since_last`."""
-    return since_last(times, sampled.taken[sampled.used], sampled.available[sampled.used], before=before)
+    return since_last(times, *sampled.heard, before=before)
 
 
 def settled(innovations: Floats) -> Floats:
     """Without those at the start, when the estimate is still on its way."""
     sound = innovations[int(np.ceil(_SETTLED * innovations.size)) :]
-    return np.asarray(sound[np.isfinite(sound)])
+    finite = np.isfinite(sound)
+    return sound if finite.all() else np.asarray(sound[finite])
 
 
 def _defined(residuals: Floats, *, lost: bool) -> Floats:

@@ -15,7 +15,7 @@ from hgorun.estimate.prepared import PreparedEstimate
 from hgorun.export.equations import Equations, Output, equations_of, outputs_of
 from hgorun.export.names import identifier
 from hgorun.export.observer import Exported
-from hgorun.observers.base import ContinuousObserver, CorrectedObserver
+from hgorun.observers.base import ContinuousObserver, CorrectedObserver, DecidedObserver
 from hgorun.observers.recalling import RecallingObserver
 from hgorun.observers.treatment import treatment_of
 from hgorun.simulation.checks import longest_step
@@ -179,6 +179,12 @@ def _exported(run: PreparedRun, label: str, steps: _Steps | None, wanted: Wanted
             (*path, "late"),
             "exported code takes late samples into the innovation or not at all: it does not go back to the time of a "
             "sample, and leaves none out; export it from a configuration without delay",
+        )
+    if isinstance(design.observer, DecidedObserver):
+        raise Problem(
+            (*path, "type"),
+            f"{design.observer.type} decides at the ends of the solver's steps, and exported code only follows the "
+            "flow and takes samples in: there is no place in it for decisions",
         )
     if isinstance(design.observer, RecallingObserver):
         raise Problem((*path, "type"), "it looks back at its own past, which is kept in simulations alone")

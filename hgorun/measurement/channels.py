@@ -122,6 +122,14 @@ class Channel:
         return np.column_stack([kind, np.where(continuous[stretch], stretch, 0)])
 
 
+class HeardBefore(Channel):
+    """An output of which samples have arrived before those that it has."""
+
+    @cached_property
+    def _heard(self) -> np.ndarray:
+        return np.concatenate([[self.stretches[0].start], self.samples.arrival[self.samples.used]])
+
+
 def joined(parts: list[np.ndarray]) -> np.ndarray:
     """Arrays one after the other along the last axis, in one piece of memory, as native code reads them."""
     return np.concatenate(parts, axis=-1)

@@ -8,7 +8,8 @@ What an observer does is the base class that it derives from:
 - :class:`ContinuousObserver`: differential equations, between samples driven by the one innovation;
 - :class:`SampledObserver`: difference equations, it jumps at the samples and holds in between;
 - :class:`HybridObserver`: both, a flow between the samples and a jump at each;
-- :class:`CorrectedObserver`: a flow, and a correction at each arrival, whichever outputs it brings.
+- :class:`CorrectedObserver`: a flow, and a correction at each arrival, whichever outputs it brings;
+- :class:`DecidedObserver`: a flow driven by the innovation, and decisions at the ends of steps.
 
 What else theory may ask of it is in :mod:`hgorun.observers.capabilities`. What equations get and give, such as
 :class:`Flow`, is imported from here, too.
@@ -242,6 +243,26 @@ class CorrectedObserver(ContinuousObserver[FormT, CopyT]):
     def longest_period(self, form: FormT) -> PeriodLimit | None:
         """The longest constant period at which the error decays; None where nothing is known of it."""
         return None
+
+
+class DecidedObserver(ContinuousObserver[FormT, CopyT]):
+    """Base of the observers that follow a flow and decide something now and then, such as which gain to take.
+
+    Decisions fall at the end of every step of the solver and after every event (a sample that arrives, a phase that
+    begins), on the values there. What was decided holds over the next step: in between nothing is decided, so that
+    a condition is noticed up to a step late.
+    """
+
+    @abstractmethod
+    def decide(self, plant: CopyT, s: Symbols, e: ca.SX, k: Symbols) -> Mapping[str, ca.SX]:
+        """What the states become; those left out stay. Deciding again on the result has to change nothing.
+
+        Arguments are those of :meth:`~ContinuousObserver.equations`, at the end of the step or after the event.
+        """
+
+    def longest_step(self, form: FormT) -> float:
+        """The longest step with which decisions are not too coarse."""
+        return float("inf")
 
 
 # Any observer, where its class of plants does not matter.

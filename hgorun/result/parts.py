@@ -68,9 +68,8 @@ class ResultInParts(AbstractContextManager["ResultInParts"]):
     Parameters
     ----------
     path : Path
-    points : int
-        Of the output grid.
     observers : int
+        How many there will be.
 
     Raises
     ------
@@ -78,9 +77,8 @@ class ResultInParts(AbstractContextManager["ResultInParts"]):
         When the file cannot be written.
     """
 
-    def __init__(self, path: Path, points: int, observers: int) -> None:
-        self._points, self._passed = points, 0
-        self._written = hdf5_written_whole(path, form(observers))
+    def __init__(self, path: Path, observers: int) -> None:
+        self._written = hdf5_written_whole(path, form(observers), kept=0)  # chunks are written whole
         self._file: h5py.File | None = None
         self._growing: dict[str, Growing] = {}
 
@@ -93,13 +91,19 @@ class ResultInParts(AbstractContextManager["ResultInParts"]):
     ) -> bool | None:
         return self._written.__exit__(kind, error, trace)
 
-    def append(self, part: Trajectories) -> None:
-        """The next points."""
-        count = part.time.size
-        numbers = np.arange(self._passed, self._passed + count)
-        for path, rows in part.along_time(numbers):
-            self._append(path, rows)
-        self._passed += count
+    def append(self, path: str, rows: np.ndarray, total: int) -> None:
+        """The next rows of a data set that will have so many in ``total``."""
+        if path not in self._growing:
+            group, _, name = path.rpartition("/")
+            folder = self._open
+            for one in group.split("/") if group else ():
+                folder = folder[one] if one in folder else folder.create_group(one, track_order=True)
+            self._growing[path] = Growing(folder, name, total, rows)
+        self._growing[path].append(rows)
+
+    def read(self, path: str, rows: slice) -> np.ndarray:
+        """What was written of a data set that has all its rows."""
+        return np.asarray(self._growing[path].finished()[rows])
 
     def finish(self, result: ResultData) -> None:
         """Everything else.
@@ -115,12 +119,3 @@ class ResultInParts(AbstractContextManager["ResultInParts"]):
     def _open(self) -> h5py.File:
         assert self._file is not None
         return self._file
-
-    def _append(self, path: str, rows: np.ndarray) -> None:
-        if path not in self._growing:
-            group, _, name = path.rpartition("/")
-            folder = self._open
-            for one in group.split("/") if group else ():
-                folder = folder[one] if one in folder else folder.create_group(one, track_order=True)
-            self._growing[path] = Growing(folder, name, self._points, rows)
-        self._growing[path].append(rows)

@@ -42,8 +42,18 @@ class Sink(io.FileIO):
 
 
 @contextmanager
-def hdf5_written_whole(path: Path, libver: tuple[str, str] | None = None) -> Iterator[h5py.File]:
+def hdf5_written_whole(
+    path: Path, libver: tuple[str, str] | None = None, *, kept: int | None = None
+) -> Iterator[h5py.File]:
     """An HDF5 file that is written whole or not at all.
+
+    Parameters
+    ----------
+    path : Path
+    libver : (str, str), optional
+        The form of the file.
+    kept : int, optional
+        Bytes of each data set that HDF5 keeps in memory, where its own default is too much.
 
     Raises
     ------
@@ -52,7 +62,7 @@ def hdf5_written_whole(path: Path, libver: tuple[str, str] | None = None) -> Ite
     """
     with written_whole(path) as part, Sink(part) as sink:
         try:
-            with h5py.File(sink, "w", track_order=True, libver=libver) as file:
+            with h5py.File(sink, "w", track_order=True, libver=libver, rdcc_nbytes=kept) as file:
                 yield file
         except Exception:
             if sink.failed is None:

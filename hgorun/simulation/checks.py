@@ -8,7 +8,7 @@ from hgorun.engine.memory import history_bytes, history_pieces
 from hgorun.errors import Problem
 from hgorun.measurement.channels import continuous_delays
 from hgorun.measurement.signals import delay_range
-from hgorun.observers.base import CorrectedObserver, SampledObserver, SampleSchedule
+from hgorun.observers.base import CorrectedObserver, DecidedObserver, SampledObserver, SampleSchedule
 from hgorun.observers.capabilities import Punctual
 from hgorun.observers.hold import Shrinking
 from hgorun.observers.treatment import treatment_of
@@ -34,6 +34,7 @@ def check_run(run: PreparedRun) -> None:
     check_corrections(run)
     _check_law(run)
     _check_punctual(run)
+    _check_decisions(run)
     check_holds(run)
     check_start(run)
     for channel in run.channels:
@@ -75,7 +76,7 @@ def _reads_the_clock(run: PreparedRun) -> bool:
 
 
 def longest_step(run: PreparedRun, step: float, *, adaptive: bool = False) -> float:
-    """The longest step: no longer than the delays, unless they are very short.
+    """The longest step: no longer than decisions allow, nor than the delays, unless these are very short.
 
     Parameters
     ----------
@@ -84,8 +85,28 @@ def longest_step(run: PreparedRun, step: float, *, adaptive: bool = False) -> fl
     adaptive : bool
         Whether steps are controlled and only the delays limit them.
     """
-    longest = np.inf if adaptive else step
+    longest = min(np.inf if adaptive else step, _between_decisions(run)[0])
     return min(longest, run.smallest_delay) if run.smallest_delay > _OVERLAP * step else longest
+
+
+def _between_decisions(run: PreparedRun) -> tuple[float, str]:
+    """The longest step that the decisions of an observer allow, and which one's."""
+    limits = [
+        (b.observer.longest_step(b.form), b.label) for b in run.observers if isinstance(b.observer, DecidedObserver)
+    ]
+    return min(limits, default=(np.inf, ""))
+
+
+def _check_decisions(run: PreparedRun) -> None:
+    """A step that is given has to be short enough for decisions."""
+    longest, label = _between_decisions(run)
+    given = run.experiment.given_step
+    if not run.adaptive and given is not None and given > longest * (1 + 1e-9):
+        raise Problem(
+            ("solver", "step"),
+            f"observer {label} decides at the ends of steps, which must not be longer than {longest:.4g}: found "
+            f"{given:g}",
+        )
 
 
 def check_steps(run: PreparedRun, step: float, *, adaptive: bool) -> None:

@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from hgorun.config.models import Method
 from hgorun.engine.memory import Raw
 from hgorun.engine.methods import METHODS
 from hgorun.errors import Problem
@@ -156,7 +157,8 @@ def _followed(search: Search) -> dict[str, Verdict]:
         if found.countless or late or times.size > _MOST_EVENTS or not (auto or found.narrow):
             return _passed(search.run, found)
         rounds, known, before = rounds + 1, times, max(before, first)
-        _search(search, with_events(search.run, known), fixed=not auto)
+        fixed = not auto or search.run.structure.system.decides
+        _search(search, with_events(search.run, known), fixed=fixed)
         if not search.enough() or _lost_sooner(search.best, kept, _ADVANCE * search.run.span):
             search.best = kept
             return _passed(search.run, found)
@@ -217,6 +219,11 @@ def _doubt(error: float, run: PreparedRun, spent: int) -> Verdict:
 def _stages(search: Search) -> Iterator[Callable[[], bool]]:
     """What is tried, one after the other."""
     solver, first = search.run.solver, first_stage(search.run)
+    if search.run.structure.system.decides:  # a tolerance says nothing of when something is decided
+        alone: Method = "rk4" if solver.method == "auto" else solver.method
+        yield lambda: search.fixed(alone, np.inf)
+        yield lambda: search.something(alone)
+        return
     if first is None:
         assert solver.method != "auto"
         chosen = solver.method

@@ -10,7 +10,7 @@ import casadi as ca
 from hgorun.engine.layout import Held
 from hgorun.measurement.signals import Signal
 from hgorun.measurement.variants import CONTINUOUS, DELAYED, FROZEN, HELD, SILENT, Variant
-from hgorun.observers.base import Arrival, CorrectedObserver, Sample, SampledObserver
+from hgorun.observers.base import Arrival, CorrectedObserver, DecidedObserver, Sample, SampledObserver
 from hgorun.simulation.observer_block import ObserverBlock
 from hgorun.simulation.truth import Placed, PlantNumbers, SameTruth, Seen, Truth
 from hgorun.symbolic.plant import PlantModel
@@ -116,6 +116,16 @@ class Part:
             past = ca.vertcat(ca.SX(0, 1), *[s.w[s.held.output(i)] for i in self.recalled[j]])
             e = self.innovation(j, variant, signals)
             yield b.flow(s.t, self.placed.u, s.plant.parameters, s.z, e, past)
+
+    def decisions(self, variant: Variant, signals: Mapping[tuple[int, int], Signal]) -> dict[int, ca.SX]:
+        """What the group's observers decide, by places in z."""
+        s, found = self.symbols, dict[int, ca.SX]()
+        if variant[self.outputs.start][0] != FROZEN:
+            for j, b in enumerate(self.group.observers):
+                if isinstance(b.observer, DecidedObserver):
+                    e = self.innovation(j, variant, signals)
+                    found |= b.decisions(s.t, self.placed.u, s.plant.parameters, s.z, e)
+        return found
 
     def channels(self, observers: int) -> Iterator[ca.SX]:
         """For each output y, and s of all the system's observers: zero for those of other groups."""

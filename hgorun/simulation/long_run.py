@@ -103,12 +103,18 @@ def written(run: PreparedRun, path: Path, progress: Progress = None, *, check_st
         return None
     running.again()
     of_metrics.again()
-    with ResultInParts(path, run.grid[:: run.experiment.grid[1]].size, len(run.observers)) as file:
+    points = run.grid[:: run.experiment.grid[1]].size
+    passed = 0
+    with ResultInParts(path, len(run.observers)) as file:
 
         def both(times: np.ndarray, rows: np.ndarray) -> None:
+            nonlocal passed
             measure(times, rows)
             shown = of_output.of(times.size)
-            file.append(_trajectories(run, times[shown], rows[shown]))
+            part = _trajectories(run, times[shown], rows[shown])
+            for name, values in part.along_time(np.arange(passed, passed + part.time.size)):
+                file.append(name, values, points)
+            passed += part.time.size
 
         raw = integrate(look.run, look.how, progress, both)
         metrics = running.metrics(run.grid[:: run.experiment.grid[2]])

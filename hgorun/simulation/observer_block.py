@@ -9,7 +9,15 @@ import casadi as ca
 import numpy as np
 
 from hgorun.errors import Problem, called
-from hgorun.observers.base import AnyObserver, Arrival, ContinuousObserver, CorrectedObserver, Sample, SampledObserver
+from hgorun.observers.base import (
+    AnyObserver,
+    Arrival,
+    ContinuousObserver,
+    CorrectedObserver,
+    DecidedObserver,
+    Sample,
+    SampledObserver,
+)
 from hgorun.observers.kalman import KalmanFilter
 from hgorun.observers.recalling import LAGS, RecallingObserver
 from hgorun.simulation.design import SHRINK, Design
@@ -170,6 +178,19 @@ class ObserverBlock:
         if "alpha" in self.states:
             derivatives["alpha"] = -correction
         return ca.vertcat(*[block.flat(derivatives[name]) for name, block in self.states.items()])
+
+    def decisions(self, t: ca.SX, u: ca.SX, p: ca.SX, z: ca.SX, e: ca.SX) -> dict[int, ca.SX]:
+        """What is decided at the end of a step or after an event: the new values of states, by their places in z."""
+        if not isinstance(self.observer, DecidedObserver):
+            return {}
+        with called("observer", self.observer.type, "decide"):
+            new = self.observer.decide(self.copy(t, u, p), self.symbols(z), e, self.k)
+            values = self._fitting(new, "decide", "value")
+        return {
+            self.states[name].start + i: value
+            for name, values_of in values.items()
+            for i, value in enumerate(ca.vertsplit(self.states[name].flat(values_of)))
+        }
 
     def equations(self, copy: Copy, s: Symbols, e: ca.SX) -> tuple[dict[str, ca.SX], ca.SX]:
         """The derivatives of xhat and the observer's own states, and the correction c, shape (q,)."""

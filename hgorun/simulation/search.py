@@ -133,7 +133,8 @@ class Search:
 
     def _jumps(self, how: Pass) -> bool:
         """Whether controlled steps should be tried, since equations jump where the run passes."""
-        asked = self.run.solver.method == "auto" and not self.tried and may_jump(self.run)
+        controllable = self.run.solver.method == "auto" and not self.run.structure.system.decides
+        asked = controllable and not self.tried and may_jump(self.run)
         return asked and missed(self.run, how).jumps
 
     def _affordable(self, method: Method, step: float, limit: float = np.inf) -> bool:

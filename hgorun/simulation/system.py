@@ -11,7 +11,7 @@ from itertools import accumulate
 
 import casadi as ca
 
-from hgorun.engine.layout import Held, HybridSystem, Regime
+from hgorun.engine.layout import Decision, Held, HybridSystem, Regime
 from hgorun.errors import Problem
 from hgorun.measurement.signals import Signal
 from hgorun.measurement.variants import DELAYED, HELD, Variant, is_delayed
@@ -74,13 +74,17 @@ def build_system(
     for variant in variants:
         rates = [rate for part in parts for rate in part.flow(variant, signals)]
         flow = compiled("flow", ca.vertcat(*rates, *[ca.SX(0)] * several))
+        decided = {k: v for part in parts for k, v in part.decisions(variant, signals).items()}
+        decision = None
+        if decided:
+            decision = Decision(tuple(decided), compiled("decision", ca.vertcat(*decided.values())))
         if is_delayed(variant) or lags.numel():
             delays = [signals[i, phase].delay if what == DELAYED else 0 for i, (what, phase) in enumerate(variant)]
             late = tuple(i for i, (what, _) in enumerate(variant) if what == DELAYED)
             own = tuple(range(len(variant), held.outputs))
-            regimes.append(Regime(flow, compiled("lags", ca.vertcat(*delays, lags)), late + own))
+            regimes.append(Regime(flow, compiled("lags", ca.vertcat(*delays, lags)), late + own, decision))
         else:
-            regimes.append(Regime(flow))
+            regimes.append(Regime(flow, decision=decision))
     own_signals = ca.vertcat(ca.SX(0, 1), *[signal for part in parts for signal in part.signals()])
     channels = ca.vertcat(
         *[channel for part in parts for channel in part.channels(held.observers)],

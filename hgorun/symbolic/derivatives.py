@@ -80,7 +80,7 @@ class DerivativeCopy:
     def state(self, z: ca.SX) -> ca.SX:
         """The estimate in the plant's coordinates, Phi(z, u, u', ...)."""
         guess = ca.DM(self.form.lower.points[0]) if self.guess is None else self.guess
-        return self.lower.state(self.lower.reconstruct(z, guess))
+        return self.lower.state(self.lower.reconstruct(z, guess, damped=True))
 
     def output(self, z: ca.SX) -> ca.SX:
         """y, shape (1,)."""

@@ -12,7 +12,15 @@ import numpy as np
 
 from hgorun.config.reads import Reads
 from hgorun.errors import HgorunError, PluginError, Problem
-from hgorun.observers.base import AnyObserver, Arrival, ContinuousObserver, CorrectedObserver, Sample, SampledObserver
+from hgorun.observers.base import (
+    AnyObserver,
+    Arrival,
+    ContinuousObserver,
+    CorrectedObserver,
+    DecidedObserver,
+    Sample,
+    SampledObserver,
+)
 from hgorun.plants.build import BuiltPlant
 from hgorun.symbolic.forms import Copy, Form, ModelCopy
 from hgorun.symbolic.parameters import Parameters
@@ -137,6 +145,12 @@ class Equations:
         with told("correct"):
             return dict(self.observer.correct(self.copy(self._t), self._s, arrival, self._k))
 
+    def decided(self) -> dict[str, ca.SX]:
+        """What the observer returns at the end of a step."""
+        assert isinstance(self.observer, DecidedObserver)
+        with told("decide"):
+            return dict(self.observer.decide(self.copy(self._t), self._s, self._e, self._k))
+
     @cached_property
     def leap(self) -> ca.Function:
         """(t, parameters, z, e, y, previous, interval) -> (z after a sample, its Jacobian in z)."""
@@ -160,6 +174,8 @@ class Equations:
         copy, watched = self.copy(self._t), reads.watched
         if isinstance(watched, ContinuousObserver):
             watched.equations(copy, self._s, self._e, self._k)
+        if isinstance(watched, DecidedObserver):
+            watched.decide(copy, self._s, self._e, self._k)
         if isinstance(watched, SampledObserver):
             watched.jump(copy, copy, self._s, Sample(self._e, self._e, self._t), self._k)
         if isinstance(watched, CorrectedObserver):

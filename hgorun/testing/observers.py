@@ -15,6 +15,7 @@ from hgorun.observers.base import (
     Arrival,
     ContinuousObserver,
     CorrectedObserver,
+    DecidedObserver,
     Role,
     Sample,
     SampledObserver,
@@ -127,6 +128,8 @@ def _equations(subject: Subject) -> None:
             c = equations.correction
             if c is not None and ca.SX(c).shape != (equations.outputs, 1):
                 raise Broken(f"a correction of shape {ca.SX(c).shape}", f"{(equations.outputs, 1)}, one an output")
+        if isinstance(equations.observer, DecidedObserver):
+            _same_shapes(equations, equations.decided(), "values after a decision", whole=False)
         if isinstance(equations.observer, SampledObserver):
             sample = Sample(ca.SX.sym("y", equations.outputs), ca.SX.sym("y_", equations.outputs), ca.SX.sym("T"))
             _same_shapes(equations, equations.jump(sample), "values after a jump", whole=False)

@@ -1,0 +1,354 @@
+"""Logs of very many samples: carried out stretch by stretch, each from where the one before has ended.
+
+The numbers are those of the whole at once, bit by bit. What is held in memory beside the log are the innovations; the
+estimates are written as they come, and the bands that follow from all innovations are written behind them. The error
+of the integration is told from some of the stretches, each of which begins without one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from hgorun.config.yaml_source import Source
+from hgorun.data.recording import Recording, Signal
+from hgorun.engine.memory import Raw, Start
+from hgorun.engine.methods import METHODS
+from hgorun.estimate.assessed import Widths, widths_of
+from hgorun.estimate.carrying import HALVINGS, ORDER, UNEVEN, Carried, estimates, relative_error
+from hgorun.estimate.completed import completed
+from hgorun.estimate.estimate import result_of, unseen, without_sensitivity
+from hgorun.estimate.evaluated import Compared, Evaluated, compared_with, first_undefined, innovations_of, inside
+from hgorun.estimate.prepared import PreparedEstimate
+from hgorun.estimate.samples import Sampled
+from hgorun.estimate.scores import scores_of
+from hgorun.estimate.stretches import LONG, Stretch, Stretches, count_of, is_plain, points_before
+from hgorun.result.parts import ResultInParts
+from hgorun.result.recorded import Assessed, Recorded, RecordedOutput
+from hgorun.result.result import Result
+from hgorun.simulation.outcome import internal
+from hgorun.simulation.steps import part_of_difference, steps_between
+from hgorun.symbolic.evaluate import Floats
+from hgorun.symbolic.levels import distinct
+
+Key = tuple[int, str]
+"""What is compared: 0 and an output of which samples were held out, 1 and what was recorded for reference."""
+
+_ROWS = 1 << 16  # that are written at a time
+_SHOWN = 10_000  # points, and samples of an output, that are kept for a picture
+_FIRST, _EVERY = 2, 8  # stretches that are carried out with other steps as well: the first ones, then every so many
+
+
+def estimate_into(
+    source: Source,
+    recording: Recording,
+    path: Path,
+    *,
+    name: str,
+    text: str,
+    held_out: Mapping[str, Signal],
+    sensitivity: bool,
+) -> Result | None:
+    """Write the estimates of a long log while it is gone through; arguments as of :func:`~hgorun.estimate.estimate`.
+
+    Returns
+    -------
+    Result or None
+        With every so many of its points and samples; None where the log is short, or needs to be carried out as a
+        whole.
+    """
+    if count_of(recording) <= LONG:
+        return None
+    experiment = completed(source, recording, name, text)
+    with experiment.located():
+        if not is_plain(experiment, recording):
+            return None
+        result = LongLog(Stretches(experiment, recording), recording, held_out).written(path)
+    count = sum(one.taken.size for one in recording.outputs.values())
+    return without_sensitivity(result, count) if sensitivity else result
+
+
+@dataclass(kw_only=True, eq=False, repr=False)
+class _Sweep:
+    """What has been seen of one way through a log.
+
+    Attributes
+    ----------
+    z, w : ndarray
+        The states and what is held at the end of the last stretch.
+    diverged : ndarray, shape (m,)
+        When each observer has.
+    tries : int
+        Steps.
+    """
+
+    z: Floats
+    w: Floats | None
+    diverged: Floats
+    tries: int = 0
+
+
+@dataclass(kw_only=True, eq=False, repr=False)
+class _Found:
+    """What is told at the end of a log.
+
+    Attributes
+    ----------
+    predicted : list of ndarray, shape (m, n_k)
+    compared : mapping of Key to list of Compared
+        Stretch by stretch.
+    sizes, gaps : ndarray, shape (m, n)
+        The largest estimates, and differences to the other steps.
+    undefined : ndarray, shape (m,)
+        From when on an estimate is no number.
+    shown : dict of str to list of ndarray
+        By data set, every so many of its rows, stretch by stretch.
+    steps : set of int
+        How many there are between two events.
+    done : dict
+        How far all that is asked for has been told.
+    """
+
+    predicted: list[Floats]
+    compared: dict[Key, list[Compared]]
+    sizes: Floats
+    gaps: Floats
+    undefined: Floats
+    shown: dict[str, list[np.ndarray]] = field(default_factory=dict)
+    steps: set[int] = field(default_factory=set)
+    done: dict[object, int] = field(default_factory=dict)
+
+    def all_shown(self, path: str) -> np.ndarray:
+        """Of a data set the rows that are shown."""
+        return np.concatenate(self.shown[path])
+
+
+class _TooCoarse(Exception):
+    """The error is larger than was asked for."""
+
+
+class LongLog:
+    """A log that is gone through.
+
+    Parameters
+    ----------
+    stretches : Stretches
+    recording : Recording
+    held_out : mapping of str to Signal
+    """
+
+    def __init__(self, stretches: Stretches, recording: Recording, held_out: Mapping[str, Signal]) -> None:
+        self._stretches, self._recording = stretches, recording
+        self._prepared = replace(stretches.first, samples=tuple(stretches.samples), inputs=None)
+        self._bound = self._prepared.bound
+        experiment = self._prepared.experiment
+        self._grid: Floats = experiment.grid[0][:: experiment.grid[1]]
+        signals = {(0, name): one for name, one in held_out.items()}
+        signals |= {(1, name): one for name, one in recording.reference.items()}
+        origin, end = experiment.origin, experiment.time.end
+        self._asked = {key: inside(signal, origin, end) for key, signal in signals.items()}
+
+    def written(self, path: Path) -> Result:
+        """Carry it out, with steps that are halved until they are short enough, and write the result."""
+        prepared = self._prepared
+        solver, step, spent = prepared.run.solver, prepared.run.step, 0
+        evaluations = len(METHODS[prepared.method].c)
+        for left in range(HALVINGS - 1, -1, -1):
+            own, other, found = self._begin(), self._begin(), self._nothing_yet()
+            try:
+                with ResultInParts(path, len(prepared.run.observers)) as file:
+                    for number, stretch in enumerate(self._stretches):
+                        beside = number < _FIRST or number % _EVERY == 0
+                        self._carry_out(stretch, step, own, other if beside else None, found, file)
+                        sofar = spent + (own.tries + other.tries) * evaluations
+                        if left and 2 * sofar <= solver.max_evaluations and not self._enough(found):
+                            raise _TooCoarse
+                    return self._finish(file, own, found, step, sofar)
+            except _TooCoarse:
+                spent, step = sofar, step / 2
+        raise AssertionError("the last one is taken as it is")
+
+    def _begin(self) -> _Sweep:
+        run = self._prepared.run
+        return _Sweep(z=run.numbers.z0, w=None, diverged=np.full(len(run.observers), np.inf))
+
+    def _nothing_yet(self) -> _Found:
+        prepared, m = self._prepared, len(self._prepared.run.observers)
+        n = len(prepared.run.plant.model.states)
+        return _Found(
+            predicted=[np.full((m, one.taken.size), np.nan) for one in prepared.samples],
+            compared={key: [] for key in self._asked},
+            sizes=np.zeros((m, n)),
+            gaps=np.zeros((m, n)),
+            undefined=np.full(m, np.inf),
+        )
+
+    def _carry_out(
+        self, stretch: Stretch, step: float, own: _Sweep, other: _Sweep | None, found: _Found, file: ResultInParts
+    ) -> None:
+        """Carry a stretch out, with ``other`` steps as well, and tell and write what it gives."""
+        prepared = stretch.prepared
+        here = {key: self._some(key, times, stretch, step, found) for key, times in self._wanted()}
+        grid = self._grid[here[None]]
+        aside = {key: (taken[here[key]], values[here[key]]) for key, (taken, values) in self._asked.items()}
+        times = distinct(np.concatenate([grid, *(taken for taken, _ in aside.values())])) if aside else grid
+        if other is not None:
+            other.z, other.w = own.z, own.w
+        raw = self._pass(stretch, times, step, None, own)
+        everywhere = estimates(prepared, times, raw)
+        if other is not None:
+            beside = self._pass(stretch, times, step, UNEVEN, other)
+            self._compare(found, everywhere, estimates(prepared, times, beside))
+        found.steps |= set(distinct(steps_between(prepared.run.schedule, step)).tolist())
+        for key, (taken, values) in aside.items():
+            at = np.searchsorted(times, taken)
+            found.compared[key].append(compared_with(prepared, key[1], taken, values, [x[at] for x in everywhere]))
+        on_grid = slice(None) if times is grid else np.searchsorted(times, grid)
+        shown = [x[on_grid] for x in everywhere]
+        for j, x in enumerate(shown):
+            found.undefined[j] = min(found.undefined[j], first_undefined(grid, x))
+        for path, rows in self._along_time(prepared, grid, shown, raw.rows[on_grid, :, 0]):
+            self._write(file, found, path, rows, self._grid.size)
+        for i, one in enumerate(prepared.samples):
+            predicted = innovations_of(prepared, i, times, everywhere, Carried(raw, prepared.used(), step, own.z, 0))
+            first = found.done.setdefault((i, ""), 0)
+            found.predicted[i][:, first : first + one.values.size] = predicted
+            found.done[i, ""] += one.values.size
+            for path, rows in self._of_output(one, first, predicted):
+                self._write(file, found, path, rows, self._prepared.samples[i].values.size)
+
+    def _wanted(self) -> Iterator[tuple[Key | None, Floats]]:
+        """All times at which estimates are wanted."""
+        yield None, self._grid
+        for key, (taken, _) in self._asked.items():
+            yield key, taken
+
+    def _some(self, key: Key | None, times: Floats, stretch: Stretch, step: float, found: _Found) -> slice:
+        """Which of them lie in a stretch."""
+        first = found.done.get(key, 0)
+        found.done[key] = points_before(times, stretch, step)
+        return slice(first, found.done[key])
+
+    def _pass(self, stretch: Stretch, times: Floats, step: float, uneven: float | None, sweep: _Sweep) -> Raw:
+        """The engine's arrays of a stretch, from where the last one has ended."""
+        prepared = stretch.prepared
+        plan = prepared.plan(np.append(times, stretch.end), step, uneven)
+        start = Start(sweep.z[:, None], prepared.run.numbers.p[:, None], (self._bound, 0.0), sweep.w)
+        raw = prepared.program().run(plan, start)
+        sweep.z, sweep.w = raw.rows[-1, :, 0].copy(), raw.held.copy()
+        sweep.diverged = np.minimum(sweep.diverged, raw.diverged[:, 0])
+        sweep.tries += raw.tries
+        return replace(raw, rows=raw.rows[:-1])
+
+    @staticmethod
+    def _compare(found: _Found, own: Sequence[Floats], other: Sequence[Floats]) -> None:
+        with np.errstate(invalid="ignore"):
+            for j, (a, b) in enumerate(zip(own, other, strict=True)):
+                if len(a):
+                    found.sizes[j] = np.maximum(found.sizes[j], np.max(np.abs(a), axis=0))
+                    found.gaps[j] = np.maximum(found.gaps[j], np.max(np.abs(a - b), axis=0))
+
+    def _error(self, found: _Found) -> Floats:
+        """Of every observer, as far as it has been compared."""
+        order = min(METHODS[self._prepared.method].order, ORDER)
+        part = part_of_difference(np.array(sorted(found.steps)), UNEVEN, order)
+        return relative_error(part, found.sizes, found.gaps)
+
+    def _enough(self, found: _Found) -> bool:
+        """Whether steps are short enough so far."""
+        solver = self._prepared.run.solver
+        return not solver.controlled or bool(np.all(self._error(found) <= solver.accuracy))
+
+    def _along_time(
+        self, prepared: PreparedEstimate, grid: Floats, xhat: Sequence[Floats], rows: Floats
+    ) -> Iterator[tuple[str, np.ndarray]]:
+        """What is written of a stretch on the output grid, with the paths of its data sets."""
+        yield "time", prepared.run.origin + grid
+        if prepared.run.plant.model.inputs:
+            yield "plant/u", prepared.u(grid)
+        of = {b.label: j for j, b in enumerate(prepared.run.observers)}
+        for label in prepared.experiment.observers:
+            yield f"observers/{label}/xhat", xhat[of[label]]
+            for name, values in internal(prepared.run.observers[of[label]], rows).items():
+                yield f"observers/{label}/state/{name}", values
+
+    def _of_output(self, one: Sampled, first: int, predicted: Floats) -> Iterator[tuple[str, np.ndarray]]:
+        """What is written of the samples of an output, the first of which has a number."""
+        base, taken = f"measurement/{one.output}", self._prepared.run.origin + one.taken
+        yield f"{base}/number", np.arange(first, first + taken.size)
+        for name in ("time", "taken", "available"):
+            yield f"{base}/{name}", taken
+        yield f"{base}/y", one.values
+        yield f"{base}/used", np.ones(predicted.T.shape, dtype=np.int8)
+        yield f"{base}/innovation", predicted.T
+        yield f"{base}/nis", np.full(predicted.T.shape, np.nan)
+
+    def _finish(self, file: ResultInParts, own: _Sweep, found: _Found, step: float, spent: int) -> Result:
+        """What is told at the end, and the bands."""
+        prepared, origin = self._prepared, self._prepared.run.origin
+        m = len(prepared.run.observers)
+        nothing, count = np.zeros((0, 1)), sum(one.values.size for one in prepared.samples)
+        raw = Raw(np.zeros((0, own.z.size, 1)), nothing, own.diverged[:, None], nothing, nothing)
+        used = np.broadcast_to(np.True_, (count, m))
+        whole = {key: _together(parts) for key, parts in found.compared.items()}
+        shown = found.all_shown
+        evaluated = Evaluated(
+            Carried(raw, used, step, self._error(found), spent),
+            self._grid[:0],
+            [shown(f"observers/{b.label}/xhat") for b in prepared.run.observers],
+            np.zeros((0, own.z.size)),
+            found.predicted,
+            {name: one for (which, name), one in whole.items() if which == 0},
+            {name: one for (which, name), one in whole.items() if which == 1},
+            [None] * m,
+            found.undefined,
+        )
+        assessed = [self._assess(file, evaluated, found, j) for j in range(m)]
+        outputs = {one.output: _shown_samples(shown, one.output) for one in prepared.samples}
+        recorded = Recorded(outputs, unseen(evaluated.held_out, origin), unseen(evaluated.reference, origin))
+        result = result_of(prepared, self._recording, evaluated, assessed, recorded)
+        result = replace(result, time=shown("time"), u=shown("plant/u") if result.inputs else result.u)
+        file.finish(result)
+        return result
+
+    def _assess(self, file: ResultInParts, evaluated: Evaluated, found: _Found, j: int) -> Assessed:
+        """The scores of an observer, and its band, which is written."""
+        prepared, label = self._prepared, self._prepared.run.observers[j].label
+        widths = widths_of(prepared, evaluated, j)
+        self._write_band(file, found, label, widths)
+        lower, upper = (found.all_shown(f"observers/{label}/{name}") for name in ("lower", "upper"))
+        return Assessed(lower, upper, widths.reasons, scores_of(prepared, evaluated, j))
+
+    @staticmethod
+    def _write(file: ResultInParts, found: _Found, path: str, rows: np.ndarray, total: int) -> None:
+        """Write rows of a data set, and keep those that are shown."""
+        every, first = -(-total // _SHOWN), found.done.get(path, 0)
+        found.done[path] = first + len(rows)
+        found.shown.setdefault(path, []).append(rows[-first % every :: every].copy())
+        file.append(path, rows, total)
+
+    def _write_band(self, file: ResultInParts, found: _Found, label: str, widths: Widths) -> None:
+        for first in range(0, self._grid.size, _ROWS):
+            some = slice(first, min(first + _ROWS, self._grid.size))
+            xhat, width = file.read(f"observers/{label}/xhat", some), widths.at(self._grid[some])
+            for name, rows in (("lower", xhat - width), ("upper", xhat + width)):
+                self._write(file, found, f"observers/{label}/{name}", rows, self._grid.size)
+
+
+def _together(parts: Sequence[Compared]) -> Compared:
+    """What is compared in all stretches."""
+    return Compared(
+        parts[0].name,
+        np.concatenate([part.taken for part in parts]),
+        np.concatenate([part.values for part in parts]),
+        np.concatenate([part.residuals for part in parts], axis=1),
+    )
+
+
+def _shown_samples(shown: Callable[[str], np.ndarray], output: str) -> RecordedOutput:
+    names = ("taken", "available", "y", "used", "innovation", "nis")
+    taken, available, y, used, innovation, nis = (shown(f"measurement/{output}/{name}") for name in names)
+    return RecordedOutput(taken, available, y, used != 0, innovation, nis)

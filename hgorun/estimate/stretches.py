@@ -1,0 +1,205 @@
+"""A log of very many samples as stretches, each of which is a short recording of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hgorun.data.recording import InputSignal, Recording
+from hgorun.estimate.prepared import PreparedEstimate, prepare_estimate
+from hgorun.estimate.samples import Sampled, channel, recorded_inputs
+from hgorun.measurement.schedule import build_schedule
+from hgorun.observers.base import CorrectedObserver, SampledObserver
+from hgorun.observers.kalman import KalmanFilter
+from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.plant_alone import plant_kinks
+from hgorun.simulation.steps import count_steps
+from hgorun.simulation.structure import structure_of
+from hgorun.symbolic.evaluate import Floats
+
+LONG = 1 << 20  # samples and changes of inputs of a log that is gone through stretch by stretch
+_STRETCH = 1 << 16  # samples in a stretch, of the output that has most
+_APART = 1e-6  # of the time between samples: what is closer to the end of a stretch than that belongs to the next one
+_TRIES = 1000  # samples at which a stretch could end
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Stretch:
+    """A part of a run.
+
+    Attributes
+    ----------
+    start, end : float
+        Its own first and last event; what happens at the last one belongs to the next stretch, where there is one.
+    until : float
+        Output points from here on belong to the next stretch.
+    prepared : PreparedEstimate
+        What is carried out.
+    """
+
+    start: float
+    end: float
+    until: float
+    prepared: PreparedEstimate
+
+
+class Stretches:
+    """The stretches of a log whose samples are known when they are taken.
+
+    Parameters
+    ----------
+    experiment : Experiment
+    recording : Recording
+        With :func:`is_plain`.
+
+    Attributes
+    ----------
+    samples : list of Sampled
+        All of every output.
+    first : PreparedEstimate
+        The first stretch, of which all checks are made.
+    """
+
+    def __init__(self, experiment: Experiment, recording: Recording) -> None:
+        self._experiment, self._recording = experiment, recording
+        self._end = experiment.time.end
+        self.samples = _all_samples(experiment, recording)
+        self._kinks = plant_kinks(experiment.plant, experiment.time, experiment.origin).times
+        self._ends = self._find_ends()
+        cut = _first_part(experiment, recording, self._ends[0])
+        self.first = prepare_estimate(experiment, cut)
+
+    def __iter__(self) -> Iterator[Stretch]:
+        start = 0.0
+        for end in self._ends:
+            yield self._stretch(start, end)
+            start = end
+
+    def _find_ends(self) -> list[float]:
+        """Samples before which nothing happens for a while, and the end of the run."""
+        most = max(self.samples, key=lambda one: one.taken.size).taken
+        origin = self._experiment.origin
+        others = [self._kinks, *(one.taken for one in self.samples)]
+        inputs = [one.times for one in self._recording.inputs.values()]
+        ends, at = [], _STRETCH
+        margin = _APART * (self._end / most.size)
+        while at < most.size - 1:
+            for k in range(at, min(at + _TRIES, most.size - 1)):
+                t = float(most[k])
+                near = [*((of, t) for of in others), *((of, t + origin) for of in inputs)]
+                if all(_free_before(of, when, margin) for of, when in near):
+                    ends.append(t)
+                    at = k
+                    break
+            at += _STRETCH
+        return [*ends, self._end]
+
+    def _stretch(self, start: float, end: float) -> Stretch:
+        experiment, first = self._experiment, self.first
+        origin, last = experiment.origin, end == self._end
+        samples, channels = [], []
+        for i, one in enumerate(self.samples):
+            a = int(np.searchsorted(one.taken, start, side="left")) if start > 0 else 0
+            b = one.taken.size if last else int(np.searchsorted(one.taken, end, side="left"))
+            taken = one.taken[a:b]
+            some = replace(one, taken=taken, available=taken, values=one.values[a:b], used=one.used[a:b])
+            samples.append(some)
+            channels.append(channel(some, experiment, i, heard=a > 0))
+        recording, since = _inputs_from(self._recording, origin, start, end)
+        inputs = recorded_inputs(recording, experiment.plant.model.inputs, origin, end, since)
+        time = experiment.time.model_copy(update={"start": start, "end": end})
+        kinks = self._kinks[(self._kinks >= start) & (self._kinks <= end)]
+        changes = np.zeros(0) if inputs is None else inputs.times
+        schedule = build_schedule(channels, time, kinks, first.run.step, changes)
+        old = first.run.structure
+        structure = structure_of(
+            [group.truth for group in old.groups],
+            [list(experiment.designs.values())],
+            experiment.stretches,
+            schedule.variants,
+            experiment.plant.everything,
+            innovations=True,
+        )
+        run = replace(first.run, structure=structure, channels=channels, schedule=schedule)
+        prepared = PreparedEstimate(run=run, samples=tuple(samples), inputs=inputs)
+        return Stretch(start=start, end=end, until=np.inf if last else end, prepared=prepared)
+
+
+def is_plain(experiment: Experiment, recording: Recording) -> bool:
+    """Whether a stretch of a log follows from what is held at its start, and nothing is told of a sample but once."""
+    outputs = recording.outputs.values()
+    in_order = all(one.available is one.taken and _ascending(one.taken) for one in outputs)
+    blocks = experiment.observers.values()
+    simple = not any(isinstance(o, SampledObserver | CorrectedObserver | KalmanFilter) for o in blocks)
+    return in_order and simple and bool(blocks) and not any(one.gate is not None for one in outputs)
+
+
+def count_of(recording: Recording) -> int:
+    """Samples of all outputs, and changes of inputs."""
+    outputs = (one.taken.size for one in recording.outputs.values())
+    return sum(outputs) + sum(one.times.size for one in recording.inputs.values())
+
+
+def points_before(grid: Floats, stretch: Stretch, step: float) -> int:
+    """How many points of a grid lie before the end of a stretch, as the engine has it."""
+    if not np.isfinite(stretch.until):
+        return grid.size
+    before, end = stretch.prepared.run.schedule.events[-2:]
+    h = (end - before) / float(count_steps(np.array([end - before]), step)[0])
+    return int(np.searchsorted(grid, end - (1e-9 * h + 1e-15 * end), side="left"))
+
+
+def _ascending(times: Floats) -> bool:
+    return bool(np.all(times[1:] >= times[:-1]))
+
+
+def _free_before(times: Floats, t: float, margin: float) -> bool:
+    """Whether none of some times lies just before another one."""
+    return bool(np.searchsorted(times, t, side="left") == np.searchsorted(times, t - margin, side="left"))
+
+
+def _all_samples(experiment: Experiment, recording: Recording) -> list[Sampled]:
+    """As :func:`hgorun.estimate.samples.all_sampled`, of samples that are in order: few copies are made."""
+    origin, end = experiment.origin, experiment.time.end
+    slack = 4 * np.spacing(max(abs(origin), abs(origin + end)))
+    known: dict[int, tuple[slice, Floats]] = {}
+    found = []
+    for name in experiment.plant.model.outputs:
+        signal = recording.outputs[name]
+        if id(signal.taken) not in known:
+            taken = signal.taken - origin
+            ends = np.searchsorted(taken, [-slack, np.nextafter(end + slack, np.inf)]).tolist()
+            inside = slice(*ends)
+            known[id(signal.taken)] = inside, np.clip(taken[inside], 0.0, end, out=taken[inside])
+        inside, taken = known[id(signal.taken)]
+        used = np.broadcast_to(np.True_, taken.shape)
+        found.append(Sampled(name, taken, taken, signal.values[inside], used, signal.std, signal.gate))
+    return found
+
+
+def _first_part(experiment: Experiment, recording: Recording, end: float) -> Recording:
+    """The recording up to a time, with what comes just behind it."""
+    until = experiment.origin + end
+    outputs = {}
+    for name, one in recording.outputs.items():
+        some = slice(0, max(1, int(np.searchsorted(one.taken, until, side="right"))))
+        taken = one.taken[some]
+        outputs[name] = replace(one, taken=taken, available=taken, values=one.values[some], lines=one.lines[some])
+    inputs, _ = _inputs_from(recording, experiment.origin, 0.0, end)
+    return replace(recording, outputs=outputs, inputs=inputs.inputs)
+
+
+def _inputs_from(recording: Recording, origin: float, start: float, end: float) -> tuple[Recording, float]:
+    """The recording with what its inputs are in a stretch, and when the line begins that holds at its start."""
+    inputs: dict[str, InputSignal] = {}
+    since = 0.0
+    for name, one in recording.inputs.items():
+        first = int(np.searchsorted(one.times, start + origin, side="right"))
+        stop = int(np.searchsorted(one.times, end + origin, side="right"))
+        near = one.times[max(first - 2, 0) : first + 2] - origin
+        since = max([since, *near[near <= start].tolist()])
+        some = slice(max(first - 4, 0), stop + 4)
+        inputs[name] = replace(one, times=one.times[some], values=one.values[some], lines=one.lines[some])
+    return replace(recording, inputs=inputs), since

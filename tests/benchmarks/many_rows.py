@@ -1,0 +1,122 @@
+"""Runs with ten million rows beside what the rows cost anyway: ``python tests/benchmarks/many_rows.py``.
+
+``simulate`` with many output points beside h5py, which writes arrays of the same sizes, without checksums; ``estimate``
+of a CSV file beside ``pandas.read_csv`` of it. Everything is CPU time of processes of their own, in turns; what is
+reported are medians of ratios, and the most memory that a process had.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+from bench import Row, at_most, table
+
+SIMULATION = """
+time: {{end: 100, output_step: {step!r}}}
+plant: {{type: van_der_pol, initial: {{x1: 1, x2: 0}}}}
+measurement: {{sampling: {{period: 0.1}}}}
+observers: {{SHGO: {{type: shgo, theta: 3, poles: -1}}}}
+"""
+ESTIMATE = """
+data: {file: log.csv, time: t, outputs: {a: a, b: b}, inputs: {u: {column: u, hold: zero}}}
+plant: {states: [x1, x2, x3], dynamics: {x1: x2, x2: -x1 + u + x3, x3: "0"}, output: {a: x1, b: x2}}
+observers: {SHGO: {type: shgo, theta: 3, poles: -1}}
+"""
+PLAIN = """
+import sys, h5py, numpy
+with h5py.File(sys.argv[1]) as made:
+    shapes = {}
+    made.visititems(lambda name, one: shapes.update({name: (one.shape, one.chunks)}) if hasattr(one, "shape") else None)
+with h5py.File(sys.argv[2], "w") as file:
+    for name, (shape, chunks) in shapes.items():
+        if chunks is not None:
+            data = file.create_dataset(name, shape=shape, chunks=chunks, dtype=float)
+            values = numpy.random.default_rng(0).random((chunks[0], *shape[1:]))
+            for first in range(0, shape[0], chunks[0]):
+                data[first : first + chunks[0]] = values[: shape[0] - first]
+"""
+READ = "import sys, pandas; pandas.read_csv(sys.argv[1])"
+PIECE = 100_000  # lines that are written at a time
+
+
+def taken(command: Sequence[str | Path], folder: Path) -> tuple[float, int]:
+    """CPU seconds of a process, and the most bytes that it had."""
+    with subprocess.Popen([sys.executable, *map(str, command)], cwd=folder, stdout=subprocess.DEVNULL) as process:
+        _, status, usage = os.wait4(process.pid, 0)
+        process.returncode = os.waitstatus_to_exitcode(status)
+    if process.returncode:
+        raise SystemExit(f"{' '.join(map(str, command))}: exit code {process.returncode}")
+    return usage.ru_utime + usage.ru_stime, 1024 * usage.ru_maxrss
+
+
+def compared(
+    ours: Callable[[], tuple[float, int]], theirs: Callable[[], tuple[float, int]], count: int
+) -> tuple[float, float, float, int]:
+    """Median CPU times, the median of their ratios, and the memory of ours."""
+    pairs, memory = [], 0
+    for _ in range(count):
+        own, memory = ours()
+        pairs.append((own, theirs()[0]))
+    a, b = np.array(pairs).T
+    return float(np.median(a)), float(np.median(b)), float(np.median(a / b)), memory
+
+
+def write_log(path: Path, count: int) -> None:
+    """Two outputs with noise, and an input."""
+    drawn = np.random.default_rng(1)
+    with path.open("w") as file:
+        file.write("t,a,b,u\n")
+        for first in range(0, count, PIECE):
+            t = 1e-3 * np.arange(first, min(first + PIECE, count))
+            noise = 0.01 * drawn.standard_normal((2, t.size))
+            columns = [t, np.sin(t) + noise[0], np.cos(t) + noise[1], 0.1 * np.sin(3 * t)]
+            rows = np.column_stack(columns).tolist()
+            file.write("".join("{:.3f},{:.5f},{:.5f},{:.5f}\n".format(*row) for row in rows))
+
+
+def simulated(points: int, count: int, folder: Path) -> Iterator[Row]:
+    """``simulate`` with so many output points."""
+    (folder / "run.yaml").write_text(SIMULATION.format(step=100 / points))
+    command = ["-m", "hgorun", "simulate", "run.yaml", "-o", "run.h5", "--quiet"]
+    taken(command, folder)  # what is compiled is kept
+    a, b, ratio, memory = compared(
+        lambda: taken(command, folder), lambda: taken(["-c", PLAIN, "run.h5", "plain.h5"], folder), count
+    )
+    size = (folder / "run.h5").stat().st_size
+    yield at_most("simulate / the same sizes written by h5py", ratio, 4.0, f"{a:.1f} s / {b:.1f} s, whole processes")
+    yield at_most("its memory / its file", memory / size, 0.6, f"{memory / 2**20:.0f} MiB / {size / 2**20:.0f} MiB")
+
+
+def estimated(rows: int, count: int, folder: Path) -> Iterator[Row]:
+    """``estimate`` of a CSV file with so many rows."""
+    (folder / "log.yaml").write_text(ESTIMATE)
+    write_log(folder / "log.csv", rows)
+    command = ["-m", "hgorun", "estimate", "log.yaml", "-o", "log.h5", "--quiet", "--no-plots"]
+    taken(command, folder)
+    a, b, ratio, memory = compared(
+        lambda: taken(command, folder), lambda: taken(["-c", READ, "log.csv"], folder), count
+    )
+    size = (folder / "log.csv").stat().st_size
+    yield at_most("estimate / pandas.read_csv", ratio, 2.0, f"{a:.1f} s / {b:.1f} s, whole processes")
+    yield at_most("its memory / the CSV file", memory / size, 3.0, f"{memory / 2**20:.0f} MiB / {size / 2**20:.0f} MiB")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="many rows beside what they cost anyway")
+    parser.add_argument("--rows", type=float, default=1e7, help="of each (default 1e7)")
+    parser.add_argument("--pairs", type=int, default=3, help="of measurements (default 3)")
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as name:
+        folder, rows = Path(name), int(options.rows)
+        print(table([*simulated(rows, options.pairs, folder), *estimated(rows, options.pairs, folder)]))
+
+
+if __name__ == "__main__":
+    main()

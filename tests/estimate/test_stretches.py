@@ -1,0 +1,209 @@
+"""Logs that are gone through stretch by stretch: what is written is what the whole at once gives, bit by bit."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+from examples import inline
+from recordings import NOISE, held_input, observers, recording, signal, source
+
+from hgorun.data.recording import Recording, Signal
+from hgorun.estimate import long_log, stretches
+from hgorun.estimate.estimate import estimate
+from hgorun.estimate.long_log import estimate_into
+from hgorun.result import digests, writer
+from hgorun.result.reading import read
+from hgorun.result.result import Result
+from hgorun.result.writing import digests_of
+
+COUNT = 300
+PLANT = inline(
+    {"a": "b + c", "b": "-sin(a) - 0.1*b + u + 0.1*abs(sin(2*t))", "c": "0"}, {"a": "a", "d": "b"}, inputs={"u": "0"}
+)
+DRAWN = np.random.default_rng(5)
+TIMES = np.sort(DRAWN.uniform(0.0, 6.0, COUNT))
+TIMES[40] = TIMES[41]  # twice at one time
+OTHERS = np.sort(DRAWN.uniform(0.4, 6.0, 90))
+OF_INPUT = np.linspace(-0.3, 6.5, 131)
+OUTPUTS = (
+    signal("a", TIMES, np.sin(TIMES) + 0.01 * DRAWN.standard_normal(COUNT)),
+    signal("d", OTHERS, np.cos(OTHERS) + 0.01 * DRAWN.standard_normal(90)),
+)
+ASIDE = {"a": signal("a", TIMES[5:290:7] + 1e-3, np.sin(TIMES[5:290:7]))}
+SLOW = {"b": signal("b", OTHERS[::9], np.cos(OTHERS[::9]))}
+FIXED: dict[str, Any] = {"solver": {"step": 0.02}}
+
+
+def _log(hold: str = "zero", *, start: float = 0.0, reference: dict[str, Signal] | None = None) -> Recording:
+    outputs = (signal(one.name, one.taken + start, one.values) for one in OUTPUTS)
+    return recording(*outputs, reference=reference, u=held_input("u", OF_INPUT + start, np.sin(OF_INPUT), hold))
+
+
+def _both(
+    log: Recording, path: Path, *types: str, held_out: dict[str, Signal] | None = None, **more: Any
+) -> tuple[Result, Result | None]:
+    """At once, and stretch by stretch."""
+    plant = {key: value for key, value in PLANT.items() if key not in ("inputs", "initial")}
+    start = {"a": 0.0, "b": 1.0}
+    config = source(
+        {"plant": plant, "observers": observers(*types, initial=start), "measurement": {"noise": NOISE}, **more}
+    )
+    given: dict[str, Any] = {"name": "x", "text": "y", "held_out": held_out or {}, "sensitivity": False}
+    return estimate(config, log, **given), estimate_into(config, log, path, **given)
+
+
+def _digests(path: Path) -> dict[str, str]:
+    with h5py.File(path) as file:
+        return digests.of_file(file)
+
+
+@pytest.fixture
+def short(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
+    """Every log counts as a long one."""
+    monkeypatch.setattr(long_log, "LONG", 10)
+    monkeypatch.setattr(stretches, "_STRETCH", 37)
+    monkeypatch.setattr(writer, "_CHUNK", 100)
+    return monkeypatch
+
+
+@pytest.mark.parametrize(
+    ("log", "more"),
+    [
+        (_log(), FIXED),
+        (_log("linear"), {"held_out": ASIDE}),
+        (_log(start=1e6, reference={"b": signal("b", OTHERS[::9] + 1e6, np.cos(OTHERS[::9]))}), {}),
+        (_log(), FIXED | {"time": {"start": 0.0, "end": 6.0, "output_step": 0.01}}),
+        (_log(reference=SLOW), FIXED | {"held_out": ASIDE, "time": {"start": 1.0, "end": 5.0, "output_step": 0.3}}),
+    ],
+)
+def test_what_is_written_is_that_of_the_whole(
+    log: Recording, more: dict[str, Any], short: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    whole, found = _both(log, tmp_path / "a.h5", "shgo", "fhgo2", **more)
+    assert found is not None
+    assert _digests(tmp_path / "a.h5") == digests_of(whole)
+    back = read(tmp_path / "a.h5")
+    assert back.troubles() == found.troubles() == whole.troubles()
+    assert back.integration is not None
+    assert whole.integration is not None
+    assert back.integration.step == whole.integration.step
+    for label, error in (whole.integration_error or {}).items():
+        assert (back.integration_error or {})[label] == pytest.approx(error, rel=10.0)
+
+
+@pytest.mark.parametrize("size", [5, 64, 1000])
+def test_stretches_of_any_size_give_the_same_file(size: int, short: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    short.setattr(stretches, "_STRETCH", size)
+    whole, found = _both(_log("linear"), tmp_path / "a.h5", "shgo", **FIXED)
+    assert found is not None
+    assert _digests(tmp_path / "a.h5") == digests_of(whole)
+
+
+def test_a_picture_has_some_of_the_points(short: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    short.setattr(long_log, "_SHOWN", 50)
+    whole, found = _both(_log(), tmp_path / "a.h5", "shgo", **FIXED)
+    assert found is not None
+    assert found.recorded is not None
+    assert whole.recorded is not None
+    every = -(-whole.time.size // 50)
+    assert np.array_equal(found.time, whole.time[::every])
+    assert np.array_equal(found.observers["shgo"].xhat, whole.observers["shgo"].xhat[::every])
+    assert np.array_equal(found.recorded.outputs["a"].y, whole.recorded.outputs["a"].y[:: -(-COUNT // 50)])
+
+
+def test_steps_that_are_too_long_are_found_on_the_way(short: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """What was written with them is written anew."""
+    whole, found = _both(_log(), tmp_path / "a.h5", "shgo", solver={"accuracy": 1e-10})
+    assert found is not None
+    assert found.integration is not None
+    assert whole.integration is not None
+    assert found.integration.step is not None
+    assert whole.integration.step is not None
+    assert max((found.integration_error or {}).values()) <= 1e-10
+    ratio = np.log2(whole.integration.step / found.integration.step)
+    assert abs(ratio) <= 1
+    assert ratio == round(ratio)
+    assert [path.name for path in tmp_path.iterdir()] == ["a.h5"]
+
+
+@pytest.mark.parametrize("change", ["late", "gate", "jumps", "short"])
+def test_what_needs_the_whole_is_left_to_it(change: str, short: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    a, d = OUTPUTS
+    if change == "late":
+        a = signal("a", a.taken, a.values, a.taken + 0.1)
+    if change == "gate":
+        a = signal("a", a.taken, a.values, gate=4.0)
+        a = Signal(**{**vars(a), "available": a.taken})
+    if change == "short":
+        short.setattr(long_log, "LONG", 10_000)
+    log = recording(a, d, u=held_input("u", OF_INPUT, np.sin(OF_INPUT)))
+    plant = {key: value for key, value in PLANT.items() if key not in ("inputs", "initial")}
+    which = {"K": {"type": "ekf", "Q": {"b": 0.1}, "R": 0.01}} if change == "jumps" else observers("shgo")
+    config = source({"plant": plant, "observers": which, "measurement": {"noise": NOISE}, **FIXED})
+    path = tmp_path / "a.h5"
+    assert estimate_into(config, log, path, name="x", text="y", held_out={}, sensitivity=False) is None
+    assert not path.exists()
+
+
+@pytest.mark.parametrize("after", [0, 40])
+def test_an_interruption_leaves_nothing(after: int, short: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    append, calls = writer.Growing.append, 0
+
+    def interrupted(self: writer.Growing, rows: np.ndarray) -> None:
+        nonlocal calls
+        calls += 1
+        if calls > after:
+            raise KeyboardInterrupt
+        append(self, rows)
+
+    short.setattr(writer.Growing, "append", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        _both(_log(), tmp_path / "a.h5", "shgo", **FIXED)
+    assert list(tmp_path.iterdir()) == []
+
+
+_LOG = """
+import numpy as np
+count = {count}
+t = 1e-3 * np.arange(count)
+rows = np.column_stack([t, np.sin(t), np.cos(t), 0.1 * np.sin(3 * t)])
+with open("log.csv", "w") as file:
+    file.write("t,a,d,u\\n")
+    for start in range(0, count, 100_000):
+        file.write("".join("%.3f,%.5f,%.5f,%.5f\\n" % tuple(row) for row in rows[start : start + 100_000].tolist()))
+"""
+_CONFIG = """
+data: {file: log.csv, time: t, outputs: {a: a, d: d}, inputs: {u: {column: u, hold: zero}}}
+plant: {states: [a, d], dynamics: {a: d, d: -a + u}, output: {a: a, d: d}}
+observers: {S: {type: shgo, theta: 3, poles: -1}}
+solver: {step: 1.0e-3}
+"""
+_MEASURED = """
+import resource, sys
+from hgorun.cli import main
+sys.argv = ["hgorun", "estimate", "log.yaml", "-o", "log.h5", "--no-plots", "--quiet"]
+try:
+    main()
+except SystemExit:
+    pass
+print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="the unit of ru_maxrss is that of Linux")
+def test_memory_is_a_small_multiple_of_the_log(tmp_path: Path) -> None:
+    taken, sizes = [], []
+    (tmp_path / "log.yaml").write_text(_CONFIG)
+    for count in (600_000, 2_000_000):
+        subprocess.run([sys.executable, "-c", _LOG.format(count=count)], cwd=tmp_path, check=True)
+        said = subprocess.check_output([sys.executable, "-c", _MEASURED], cwd=tmp_path, text=True)
+        taken.append(1024 * int(said.split()[-1]))
+        sizes.append((tmp_path / "log.csv").stat().st_size)
+    assert taken[1] - taken[0] <= 3 * (sizes[1] - sizes[0])
