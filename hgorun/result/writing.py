@@ -131,7 +131,7 @@ def _write_truth(w: Writer, result: ResultData, of_states: str | None) -> None:
         w.group("plant").attrs.update(_said(result.verdict))
     m = result.measurements
     # their dimension is the number of the measurement: a second dimension called time would clash with the grid
-    w.scale("measurement/number", np.arange(m.time.size), long_name="number of the measurement")
+    w.scale("measurement/number", m.every * np.arange(m.time.size), long_name="number of the measurement")
     numbered = ("measurement/number", "plant_output")
     w.data(
         "measurement/time",

@@ -11,6 +11,7 @@ import numpy as np
 from hgorun.errors import Problem
 from hgorun.measurement.channels import Channel, check_delays, find_channels
 from hgorun.measurement.late import Treatment, are_late
+from hgorun.measurement.long import is_long
 from hgorun.measurement.noise import is_relative
 from hgorun.memo import Memo, same
 from hgorun.observers.base import AnyObserver, CorrectedObserver, SampledObserver
@@ -31,7 +32,7 @@ from hgorun.simulation.structure import Structure, parameter_values, structure_o
 from hgorun.simulation.truth import SameTruth, SimulatedPlant, Truth
 
 _EVENTS = 100_000  # of schedules that are kept in memory
-_CHANNELS: Memo[list[Channel]] = Memo(16, lambda channels: all(c.samples.arrival.size < _EVENTS for c in channels))
+_CHANNELS: Memo[list[Channel]] = Memo(16, lambda channels: not is_long(channels) and _events(channels) < _EVENTS)
 _TRUTHS: Memo[SimulatedPlant] = Memo(64)
 _DRIVEN: Memo[DrivenPlant] = Memo(64)
 
@@ -108,6 +109,11 @@ def _prepared(experiment: Experiment, design: DesignNumbers | None) -> PreparedR
         remarks=remarks(experiment),
         unknown=unknown(experiment),
     )
+
+
+def _events(channels: list[Channel]) -> int:
+    """How many samples there are of the output that has most of them."""
+    return max(c.samples.size for c in channels)
 
 
 def _truths(plant: BuiltPlant, treatments: tuple[Treatment, ...]) -> list[Truth]:

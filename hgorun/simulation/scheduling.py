@@ -12,9 +12,10 @@ from hgorun.errors import Problem
 from hgorun.measurement.channels import Channel
 from hgorun.measurement.extremes import Unknown
 from hgorun.measurement.late import Treatment, heard
-from hgorun.measurement.sampling import EVENT_BYTES
+from hgorun.measurement.long import AnySchedule, LongSchedule, is_long
 from hgorun.measurement.schedule import Schedule, build_schedule
 from hgorun.measurement.signals import extremes_of, kinks_of, signal_remarks, unknown_extremes
+from hgorun.measurement.sizes import EVENT_BYTES
 from hgorun.memo import Memo
 from hgorun.observers.recalling import LAGS, RecallingObserver
 from hgorun.simulation.experiment import Experiment
@@ -22,7 +23,7 @@ from hgorun.simulation.plant_alone import plant_extremes, plant_kinks, plant_rem
 from hgorun.simulation.prepared import PreparedRun
 
 _EVENTS = 100_000  # of schedules that are kept in memory
-_SCHEDULES: Memo[Schedule] = Memo(16, lambda schedule: schedule.events.size < _EVENTS)
+_SCHEDULES: Memo[AnySchedule] = Memo(16, lambda schedule: isinstance(schedule, Schedule) and schedule.size < _EVENTS)
 _SHORTER = 1e-9  # adaptive steps may be so many times shorter than the nominal one
 _LEVELS = 4  # times that a kink comes back: by then it is one of a derivative of high order
 
@@ -39,7 +40,7 @@ def schedule_of(
     step: float,
     more: np.ndarray | None = None,
     treatments: tuple[Treatment, ...] = (),
-) -> Schedule:
+) -> AnySchedule:
     """All that happens in a run.
 
     Parameters
@@ -64,10 +65,14 @@ def schedule_of(
     period = None if experiment.controller is None else experiment.controller.period
     # delays depend on the clock
     key: Hashable = timings, time, experiment.origin, changes, short, treatments, period
-    instants = None if period is None else _instants(period, time)
-    return _SCHEDULES.get(
-        key, lambda: build_schedule(heard(channels, treatments), time, kinks, short, looked_at, instants)
-    )
+
+    def build() -> AnySchedule:
+        if not treatments and period is None and is_long(channels):
+            return LongSchedule(channels=channels, time=time, kinks=kinks, extremes=looked_at, step=short)
+        instants = None if period is None else _instants(period, time)
+        return build_schedule(heard(channels, treatments), time, kinks, short, looked_at, instants)
+
+    return _SCHEDULES.get(key, build)
 
 
 def _instants(period: float, time: Time) -> np.ndarray:
