@@ -173,8 +173,15 @@ class Part:
 
     def acts(self) -> Iterator[tuple[int, int, ca.SX]]:
         """What becomes of which states when a controller acts."""
-        if self.placed.acted is not None:
-            first, new = self.placed.acted
+        yield from self._become(self.placed.acted)
+
+    def keeps(self) -> Iterator[tuple[int, int, ca.SX]]:
+        """What becomes of which states at a sample when all else has happened."""
+        yield from self._become(self.placed.kept)
+
+    def _become(self, of_truth: tuple[int, ca.SX] | None) -> Iterator[tuple[int, int, ca.SX]]:
+        if of_truth is not None:
+            first, new = of_truth
             start = self.group.start + first
             yield start, start + new.numel(), new
 
