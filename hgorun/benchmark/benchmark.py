@@ -18,7 +18,7 @@ from hgorun.code import ENSEMBLE, RUN, code, code_of
 from hgorun.config.benchmark import BenchmarkFile, Contestant
 from hgorun.config.reading import read_source
 from hgorun.config.validation import validate
-from hgorun.errors import ConfigError
+from hgorun.errors import ConfigError, HgorunError
 from hgorun.files import json_value, write_text
 from hgorun.measurement.blocks import noise_blocks
 from hgorun.simulation.experiment import Experiment
@@ -32,7 +32,7 @@ _OWN = ("benchmark/scan.py", "benchmark/trial.py")
 
 @dataclass(frozen=True)
 class Entry:
-    """What is known of a contestant on a plant in a scenario: its score, or why it has none."""
+    """What is known of a contestant on a plant in a scenario: its score, or why it has none: refused, or failed."""
 
     plant: str
     scenario: str
@@ -82,7 +82,7 @@ class Benchmark:
         Raises
         ------
         HgorunError
-            When a run cannot be carried out, or a file cannot be written.
+            When a file cannot be written.
         """
         found = []
         for (plant, scenario), base in self.bases.items():
@@ -120,9 +120,11 @@ class _Cell:
         path = folder / f"{_digest(made_of)}.json"
         if (kept := _read(path)) is not None:
             return replace(entry, score=kept)
-        score = Trial(experiment, label, one, self.scale, self.rate).score(
-            self.blocks.seeds, self.blocks.tries, threads
-        )
+        try:
+            trial = Trial(experiment, label, one, self.scale, self.rate)
+            score = trial.score(self.blocks.seeds, self.blocks.tries, threads)
+        except HgorunError as error:
+            return replace(entry, refused=f"failed: {error}")
         write_text(path, json.dumps(json_value({"of": made_of, "score": asdict(score)}), indent=1))
         return replace(entry, score=score)
 

@@ -28,6 +28,7 @@ from hgorun.simulation.simulate import simulate
 TRANSIENT = 3  # one part in so many of a run; the rest is steady
 _FEW = 4  # one seed in so many is enough to try values all over a range
 _FOLLOWED = 5  # seeds whose trajectories are looked at
+_EVALUATIONS = 5e6  # of the equations: a run that takes more is taken for lost
 _LEVEL = 2.0  # times its steady size an error is, when it has converged
 
 
@@ -47,7 +48,8 @@ class Score:
     peak : float
         The largest error of any state relative to its swing; median over the seeds.
     converged : float
-        How long it takes until the error, over some of the seeds and all states, is at most twice its steady size.
+        How long it takes until the error, over some of the seeds and all states, is at most twice its steady size, and
+        half of what it was.
     operations, at_samples : int
         Of the observer's equations: of its right-hand side, and of what it does at a sample.
     tried : tuple of (float, float)
@@ -143,8 +145,8 @@ class Trial:
             "seed": np.tile(seeds, values.size),
         }
         found = compute(base, Members.of(columns), metrics=metrics, threads=threads)
-        if any(found.error):
-            raise HgorunError(f"{base.name}: {self.label}: {next(filter(None, found.error))}")
+        if all(found.error):  # of single members it is no more than a lost estimate
+            raise HgorunError(f"{base.name}: {self.label}: {found.error[0]}")
         return [found.metrics[name][:, 0] for name in metrics]
 
     def _size(self, rmse: Floats) -> Floats:
@@ -159,7 +161,8 @@ class Trial:
             run = simulate(tuned.varied({}, seed=seed))
             squares.append(np.mean(((run.observers[self.label].xhat - run.x) / self.scale) ** 2, axis=1))
         size, time = np.sqrt(np.mean(squares, axis=0)), run.time - run.time[0]
-        return first_below(time, size, _LEVEL * float(np.sqrt(np.mean(size[time >= time[-1] / TRANSIENT] ** 2))))
+        steady = float(np.sqrt(np.mean(size[time >= time[-1] / TRANSIENT] ** 2)))
+        return first_below(time, size, min(_LEVEL * steady, 0.5 * float(size[0])))
 
 
 def _cost(experiment: Experiment, label: str) -> dict[str, int]:
@@ -208,5 +211,5 @@ def contestant_in(base: Experiment, label: str, one: Contestant, rate: float) ->
     }
     changes: dict[str, Any] = {"observers": {label: block}}
     if one.steps == "auto":
-        changes["solver"] = {"method": "auto"}
+        changes["solver"] = {"method": "auto", "max_evaluations": _EVALUATIONS}
     return base.varied(changes)

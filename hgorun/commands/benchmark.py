@@ -29,7 +29,7 @@ def benchmark(options: Bench) -> int:
     ConfigError
         For anything wrong in the benchmark's file, or in that of a plant.
     HgorunError
-        When a run cannot be carried out, or a file cannot be written.
+        When a file cannot be written.
     """
     refuse_other_kinds(options.output, ())
     require_file(options.file)

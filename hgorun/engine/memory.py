@@ -9,7 +9,7 @@ import numpy as np
 from hgorun.engine.allowance import SMALL
 from hgorun.engine.history import piece_words
 from hgorun.engine.layout import ACTION_WORDS, CONTEXT, WORD, HybridSystem
-from hgorun.engine.plan import Floats, Integers, Plan, Segments
+from hgorun.engine.plan import Floats, Integers, Kept, PartNumbers, Plan, Segments
 from hgorun.engine.window import Window
 from hgorun.memo import Memo, same
 from hgorun.native.compiler import address_of
@@ -66,6 +66,7 @@ class Raw:
     rows : ndarray, shape (grid points, states, lanes)
         None of them where they were handed on.
     measured : ndarray, shape (slots, lanes)
+        Of a run whose parts have numbers of their own, what is kept.
     diverged : ndarray, shape (observers, lanes)
         Time of divergence, infinity where there was none.
     error : ndarray, shape (states, lanes)
@@ -172,6 +173,7 @@ class Memory:
             "own": np.zeros(own_words * lanes, dtype=np.int64),
             "innovations": np.full((plan.slots if s.innovations else 1, max(s.observers, 1), lanes), np.nan),
         }
+        self.slots, self.observers, self._width = plan.slots, s.observers, s.width
         self.context = np.zeros(len(CONTEXT), dtype=np.int64)
         for name, array in self.arrays.items():
             self.context[WORD[name]] = address_of(array)
@@ -188,13 +190,15 @@ class Memory:
                 ("step", tolerance.first_step),
             ):
                 reals[WORD[word]] = value
+        self._measured = np.full((plan.kept, lanes), np.nan) if plan.numbers else None
+        self._kept: tuple[Kept, ...] = ()
+        self._room = plan.slots
         self.window = window
         if window:
             self["room"], self["full"] = window.room, window.address
             window.counts_in(self.context[WORD["row"] : WORD["row"] + 1])
         self.take(next(plan.parts()))
         self.address = address_of(self.context)
-        self.slots, self.observers = plan.slots, s.observers
 
     def __getitem__(self, word: str) -> int:
         return int(self.context[WORD[word]])
@@ -215,6 +219,25 @@ class Memory:
         actions = segments.actions if segments.actions.size else nothing
         for name, array in (("spans", segments.spans), ("counts", segments.counts), ("actions", actions)):
             self.put(name, array)
+        if segments.numbers is not None:
+            self._take_numbers(segments.numbers)
+
+    def _take_numbers(self, numbers: PartNumbers) -> None:
+        """What is measured next, in place of what has been, some of which is kept."""
+        self._keep_measured()
+        self._kept = numbers.kept
+        lanes, slots = self.shape[2], numbers.gain.size
+        for name in ("gain", "bias", "holds"):
+            self.put(name, _spread(getattr(numbers, name), lanes))
+        if slots > self._room:  # all samples of a part arrive in it, so nothing is on its way
+            self._room = slots
+            self.put("slots", np.zeros(slots * self._width * lanes))
+            self.put("measured", np.full((slots, lanes), np.nan))
+
+    def _keep_measured(self) -> None:
+        for one in self._kept:
+            assert self._measured is not None
+            self._measured[one.places] = self.arrays["measured"][one.slots]
 
     def put(self, name: str, array: np.ndarray) -> None:
         """Let the native code read and write another array."""
@@ -233,9 +256,10 @@ class Memory:
         else:
             done = int(self.context[WORD["row"]])
             rows[done:] = self.arrays["z"].reshape(1, *self.shape[1:])  # the points at the end of the run
+        self._keep_measured()
         return Raw(
             rows,
-            self.arrays["measured"][: self.slots],
+            self.arrays["measured"][: self.slots] if self._measured is None else self._measured,
             self.arrays["diverged"][: self.observers],
             self.arrays["error"],
             self.arrays["w"].reshape(-1, self.shape[2]),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from itertools import takewhile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,37 @@ _OF_ACTIONS = np.array([0, 0, 0, 0, 1, 1, 0])  # the counts of a segment that nu
 
 
 @dataclass(frozen=True, eq=False, repr=False)
+class Kept:
+    """Some of the samples that are measured in a part of a run, and where they are kept.
+
+    Attributes
+    ----------
+    slots, places : slice
+        Of the part, and among all that is kept of the run.
+    """
+
+    slots: slice
+    places: slice
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PartNumbers:
+    """What is measured in a part of a run whose samples are numbered anew in every part.
+
+    Attributes
+    ----------
+    gain, bias, holds : ndarray
+        As those of a :class:`Plan`.
+    kept : tuple of Kept
+    """
+
+    gain: Floats
+    bias: Floats
+    holds: Floats
+    kept: tuple[Kept, ...]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Segments:
     """Some segments one after the other, and what happens at the events that they start with.
 
@@ -22,11 +54,25 @@ class Segments:
     ----------
     spans, counts, actions
         As those of a :class:`Plan`; the ranges of actions are those of these segments.
+    numbers : PartNumbers, optional
+        In place of those of the plan.
     """
 
     spans: Floats
     counts: Integers
     actions: Integers
+    numbers: PartNumbers | None = None
+
+    def with_rows_anywhere(self) -> Segments:
+        """The same where output points may lie anywhere in the steps."""
+        counts = self.counts.copy()
+        counts[:, 6] = 1
+        return replace(self, counts=counts)
+
+    def begun_before(self, t: float) -> Segments:
+        """The segments that begin before a time."""
+        count = max(int(np.searchsorted(self.spans[:, 0], t, side="left")), 1)
+        return replace(self, spans=self.spans[:count], counts=self.counts[:count])
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -78,6 +124,10 @@ class Plan:
         States that are kept at a time, to go back to them.
     following : Following, optional
         What comes behind these segments, where they are not those of the whole run.
+    numbers : PartNumbers, optional
+        Of the first part, where every part has its own.
+    kept : int
+        How many samples are kept then.
     """
 
     spans: Floats
@@ -92,11 +142,47 @@ class Plan:
     origin: float = 0.0
     snapshots: int = 0
     following: Following | None = None
+    numbers: PartNumbers | None = None
+    kept: int = 0
+
+    def with_grid(self, grid: Floats) -> Plan:
+        """The same with other output times, which may lie anywhere in its steps."""
+        return replace(self._each(Segments.with_rows_anywhere), grid=grid)
+
+    def up_to(self, t: float) -> tuple[Plan, Segments]:
+        """The same without the segments that do not begin before a time, and the last one that does."""
+        last = next(self.parts())
+        for part in self.parts():
+            if part.spans[0, 0] < t:
+                last = part
+            if part.spans[-1, 0] >= t:
+                break
+        begun = last.begun_before(t)
+        only = replace(begun, spans=begun.spans[-1:], counts=begun.counts[-1:])
+        plan = self._each(lambda part: part.begun_before(t))
+        if plan.following is not None:
+            following = plan.following
+
+            def begun_parts() -> Iterator[Segments]:
+                return takewhile(lambda part: bool(part.spans[0, 0] < t), following.parts())
+
+            plan = replace(plan, following=replace(following, parts=begun_parts))
+        return plan, only
+
+    def _each(self, change: Callable[[Segments], Segments]) -> Plan:
+        """The same with every part changed."""
+        own = change(Segments(self.spans, self.counts, self.actions, self.numbers))
+        following = self.following
+        if following is not None:
+            parts = following.parts
+            following = replace(following, parts=lambda: map(change, parts()))
+        return replace(self, spans=own.spans, counts=own.counts, following=following)
 
     def whole(self) -> Plan:
         """The same with the segments of the whole run at once."""
         if self.following is None:
             return self
+        assert self.numbers is None
         parts = list(self.parts())
         first = np.cumsum([0, *(len(part.actions) for part in parts[:-1])])
         counts = [part.counts + at * _OF_ACTIONS for part, at in zip(parts, first, strict=True)]
@@ -110,7 +196,7 @@ class Plan:
 
     def parts(self) -> Iterator[Segments]:
         """The segments of the whole run, some of them at a time."""
-        yield Segments(self.spans, self.counts, self.actions)
+        yield Segments(self.spans, self.counts, self.actions, self.numbers)
         if self.following is not None:
             yield from self.following.parts()
 

@@ -34,6 +34,7 @@ from hgorun.native.compiler import NativeModule
 
 _SLICE = 0.05  # seconds of native code between two checks for Ctrl-C
 _FIRST = 1000  # steps in the first slice, until it is known how long one takes
+_LARGEST = 1 << 40  # steps in a slice: parts of a run may be shorter than any slice
 _BUDGET = 20_000  # adaptive steps between two such looks
 _PATIENCE, _PROGRESS = 1_000_000, 1e-3  # adaptive steps, and the part of the run that they must bring
 
@@ -256,7 +257,7 @@ class Program:
                         raise PlantDiverged(message, memory.real("now"))
                     raise SimulationError(message)
                 spent = max(time.perf_counter() - before, 1e-6)
-                chunk = max(1, int(chunk * min(_SLICE / spent, 8.0)))
+                chunk = min(max(1, int(chunk * min(_SLICE / spent, 8.0))), _LARGEST)
                 if progress:
                     progress(min((passed + done) / plan.work, 1.0))
             passed += done

@@ -21,7 +21,7 @@ from hgorun.ensemble.members import Members
 from hgorun.errors import HgorunError, Problem
 from hgorun.measurement.channels import Channel
 from hgorun.measurement.late import heard
-from hgorun.measurement.schedule import Schedule
+from hgorun.measurement.long import AnySchedule
 from hgorun.memo import Memo, same
 from hgorun.simulation.checks import check_run
 from hgorun.simulation.experiment import Experiment
@@ -167,7 +167,7 @@ class Family:
             self._runs[step] = run
         return self._runs[step]
 
-    def _schedule(self, step: float) -> Schedule:
+    def _schedule(self, step: float) -> AnySchedule:
         run = self.run
         return schedule_of(run.experiment, run.channels, step, treatments=run.treatments)
 

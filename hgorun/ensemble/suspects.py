@@ -73,7 +73,7 @@ class Suspects:
             raise PlantDiverged("the plant diverged", float(found.plant_diverged[place]))
         own = slice(place, place + 1)
         assert found.rows is not None
-        slots = sum(channel.samples.arrival.size for channel in run.heard)
+        slots = sum(channel.samples.size for channel in run.heard)
         nothing = np.full((slots, 1), np.nan), np.full((run.structure.system.held.size, 1), np.nan)
         steps = made.steps[place]
         return Raw(found.rows[:, :, own], nothing[0], found.diverged[:, own], found.error[:, own], nothing[1], steps)

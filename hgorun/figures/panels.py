@@ -89,7 +89,7 @@ def _estimates(
     drawn: list[tuple[float, Simulated, Curve]] = []
     for actor in scene.actors:
         result = actor.result
-        if name not in result.states:
+        if name not in result.states or name in actor.observer.unestimated:
             continue
         column = result.states.index(name)
         curve = data.finite(result.time, of(actor, actor.observer.xhat[:, column], column))

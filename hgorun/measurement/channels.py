@@ -11,13 +11,12 @@ import numpy as np
 from hgorun.config.models import Time
 from hgorun.errors import Problem
 from hgorun.measurement.availability import Stretch
+from hgorun.measurement.in_order import NoiseInOrder, drawn_in_parts
 from hgorun.measurement.noise import StretchNoise, absolute
-from hgorun.measurement.sampling import EVENT_BYTES, SAMPLE_BYTES, Samples, find_samples
+from hgorun.measurement.sampling import AnySamples, find_samples
 from hgorun.measurement.signals import delay_range
+from hgorun.measurement.sizes import SAMPLE_BYTES
 from hgorun.measurement.variants import CONTINUOUS, DELAYED, HELD, SILENT
-from hgorun.noise.base import RandomNoise
-
-_DRAW_BYTES = 16  # of memory that a draw takes until those that a stretch needs are left
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -26,14 +25,19 @@ class Channel:
 
     name: str
     stretches: list[Stretch]
-    samples: Samples
+    samples: AnySamples
     noise: list[StretchNoise]
 
     @cached_property
     def timing(self) -> Hashable:
         """What decides when something happens; equal for channels whose noise alone differs."""
         stretches = tuple((s.start, s.end, s.continuous, s.delay) for s in self.stretches)
-        return stretches, self.samples, self.held_changes[0].tobytes()
+        return stretches, self.samples.identity, self.drawn, tuple(noise.holds for noise in self.noise)
+
+    @property
+    def drawn(self) -> bool:
+        """Whether any of its noise is."""
+        return any(noise.random for noise in self.noise)
 
     @cached_property
     def gain_and_bias(self) -> tuple[np.ndarray, np.ndarray]:
@@ -48,8 +52,8 @@ class Channel:
         shape = *self._many, s.arrival.size
         gain, bias = np.ones(shape), np.zeros(shape)
         for i, (stretch, noise) in enumerate(zip(self.stretches, self.noise, strict=True)):
-            inside = s.stretch == i
-            if inside.any():
+            inside = slice(None) if len(self.stretches) == 1 else s.stretch == i
+            if s.size and (isinstance(inside, slice) or inside.any()):
                 times, numbers = s.arrival[inside], s.number[inside]
                 v = noise.sampled(times, numbers)
                 if not np.all(np.isfinite(v)):
@@ -69,7 +73,7 @@ class Channel:
         Shapes (changes,) and (..., changes).
         """
         times, values = [np.zeros(0)], [np.zeros((*self._many, 0))]
-        if any(noise.random for noise in self.noise):
+        if self.drawn:
             for stretch, noise in zip(self.stretches, self.noise, strict=True):
                 if stretch.continuous:
                     changes = noise.change_times()
@@ -91,10 +95,24 @@ class Channel:
         noise = [one.of_many(count, seeds, given) for one, given in zip(self.noise, own, strict=True)]
         return replace(self, noise=noise)
 
+    @property
+    def before(self) -> float | None:
+        """When the sample arrived that was used before these, where there are such: see :class:`ChannelPart`."""
+        return None
+
     @cached_property
-    def _heard(self) -> np.ndarray:
-        """When samples arrive that are used, with one before all time."""
-        return np.concatenate([[-np.inf], self.samples.arrival[self.samples.used]])
+    def heard_from(self) -> np.ndarray:
+        """From when on a sample has been heard in every stretch, or before it if nothing but samples lies between."""
+        return np.array([self.samples.first_used(start) for start in self.unbroken_from.tolist()])
+
+    @property
+    def unbroken_from(self) -> np.ndarray:
+        """The start of the unbroken run of sampled stretches that each stretch belongs to."""
+        starts = [s.start for s in self.stretches]
+        for i in range(1, len(starts)):
+            if not self.stretches[i].continuous and not self.stretches[i - 1].continuous:
+                starts[i] = starts[i - 1]
+        return np.array(starts)
 
     @property
     def _many(self) -> tuple[int, ...]:
@@ -111,13 +129,7 @@ class Channel:
         stretch = self.stretch_at(times)
         late = np.array([DELAYED if not s.undelayed else CONTINUOUS for s in self.stretches])
         continuous = np.array([s.continuous for s in self.stretches])
-        # the start of the unbroken run of sampled stretches that each one belongs to
-        starts = [s.start for s in self.stretches]
-        for i in range(1, len(starts)):
-            if not continuous[i] and not continuous[i - 1]:
-                starts[i] = starts[i - 1]
-        newest = self._heard[np.searchsorted(self._heard, times, side="right") - 1]
-        heard = newest >= np.array(starts)[stretch]
+        heard = times >= self.heard_from[stretch]
         kind = np.where(continuous[stretch], late[stretch], np.where(heard, HELD, SILENT))
         return np.column_stack([kind, np.where(continuous[stretch], stretch, 0)])
 
@@ -126,8 +138,58 @@ class HeardBefore(Channel):
     """An output of which samples have arrived before those that it has."""
 
     @cached_property
-    def _heard(self) -> np.ndarray:
-        return np.concatenate([[self.stretches[0].start], self.samples.arrival[self.samples.used]])
+    def heard_from(self) -> np.ndarray:
+        found, start = super().heard_from, self.stretches[0].start
+        return np.where(self.unbroken_from == start, start, found)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ChannelPart(Channel):
+    """A channel between two times.
+
+    Attributes
+    ----------
+    source : Channel
+    ordered : list of NoiseInOrder
+        The noise of every stretch, shared with earlier and later parts.
+    start, end : float
+    """
+
+    source: Channel
+    ordered: list[NoiseInOrder]
+    start: float
+    end: float
+
+    @cached_property
+    def before(self) -> float | None:
+        first = self.source.samples.before(self.start)
+        return float(self.source.samples.part(first - 1, first).arrival[0]) if first else None
+
+    @cached_property
+    def heard_from(self) -> np.ndarray:
+        return self.source.heard_from
+
+    @cached_property
+    def held_changes(self) -> tuple[np.ndarray, np.ndarray]:
+        times, values = [np.zeros(0)], [np.zeros(0)]
+        for stretch, noise in zip(self.stretches, self.ordered, strict=True):
+            if stretch.continuous and self.drawn and stretch.start < self.end and stretch.end > self.start:
+                after = max(float(np.nextafter(stretch.start, np.inf)), self.start)
+                changes = noise.changes_between(after, min(stretch.end, self.end))
+                times.append(np.append(stretch.start, changes) if stretch.start >= self.start else changes)
+                values.append(noise.held(times[-1]))
+        return np.concatenate(times), np.concatenate(values)
+
+
+def part_of(channel: Channel, ordered: list[NoiseInOrder], start: float, end: float) -> ChannelPart:
+    """What an observer gets of an output from a time on and before another one; ``ordered`` as of the parts before."""
+    samples = channel.samples.part(channel.samples.before(start), channel.samples.before(end))
+    return ChannelPart(channel.name, channel.stretches, samples, [*ordered], channel, ordered, start, end)
+
+
+def follows_from_numbers(stretch: Stretch) -> bool:
+    """Whether all that happens in a stretch follows from numbers, one after the other: nothing is late or lost."""
+    return stretch.undelayed and not stretch.sampled_by_chance and drawn_in_parts(stretch.noise)
 
 
 def joined(parts: list[np.ndarray]) -> np.ndarray:
@@ -149,44 +211,28 @@ def find_channels(
     mean_squares : ndarray or None, shape (q,)
         Of the noise-free outputs over the run; needed where the size of some noise is relative to them.
     """
-    left = time.max_memory
-    channels = []
+    left, channels = time.max_memory, []
+    without_tables = all(follows_from_numbers(s) for stretches in resolved for s in stretches)
     for i, (name, stretches) in enumerate(zip(outputs, resolved, strict=True)):
-        for stretch in stretches:
-            left -= _held_bytes(stretch, time, left)
-        samples = find_samples(stretches, time.start, seed, name, int(left / SAMPLE_BYTES))
-        left -= samples.arrival.size * SAMPLE_BYTES
         size = np.nan if mean_squares is None else float(mean_squares[i])
         noise = [
-            StretchNoise(s, absolute(s.noise, size), seed, f"{name}/{k}", time.start, time.end)
+            StretchNoise(s, absolute(s.noise, size), seed, f"{name}/{k}", time.start, time.end, left)
             for k, s in enumerate(stretches)
         ]
+        if not without_tables:  # else that is asked when all of them are needed at once
+            left -= sum(one.memory(left) for one in noise)
+        samples = find_samples(stretches, time.start, seed, name, int(left / SAMPLE_BYTES))
+        if not without_tables:
+            left -= samples.size * SAMPLE_BYTES
         channels.append(Channel(name, stretches, samples, noise))
     silent = not any(s.continuous for c in channels for s in c.stretches)
     origin = channels[0].stretches[0].origin
-    if silent and not any(c.samples.arrival.size for c in channels):
+    if silent and not any(c.samples.size for c in channels):
         raise Problem(
             channels[0].stretches[0].paths["sampling"],
             f"no sample arrives between {origin + time.start:g} and {origin + time.end:g}",
         )
     return channels
-
-
-def _held_bytes(stretch: Stretch, time: Time, left: float) -> float:
-    """Memory of the held noise of a stretch: its draws from the start of the run, its changes as events."""
-    total = 0.0
-    for j, item in enumerate(stretch.noise):
-        if isinstance(item, RandomNoise) and item.hold is not None:
-            draws = (stretch.end - time.start) / item.hold
-            events = (stretch.end - stretch.start) / item.hold if stretch.continuous else 0.0
-            total += draws * _DRAW_BYTES + events * (SAMPLE_BYTES if stretch.undelayed else EVENT_BYTES)
-            if total > left:
-                raise Problem(
-                    (*stretch.paths["noise"], j, "hold"),
-                    f"{draws:.3g} draws take about {total / 2**30:.3g} GiB; "
-                    f"time.max_memory leaves {left / 2**30:.3g} GiB for them",
-                )
-    return total
 
 
 def continuous_delays(channels: list[Channel]) -> list[Stretch]:

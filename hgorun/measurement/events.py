@@ -16,7 +16,7 @@ import casadi as ca
 import numpy as np
 
 from hgorun.config.expressions import parse
-from hgorun.measurement.sampling import EVENT_BYTES
+from hgorun.measurement.sizes import EVENT_BYTES
 from hgorun.memo import Memo
 from hgorun.symbolic.clock import on_the_clock
 from hgorun.symbolic.crossings import Found, Search, TooMany

@@ -57,8 +57,7 @@ class HeardOtherwise(Channel):
 
 def are_late(channels: Sequence[Channel]) -> bool:
     """Whether any sample arrives later than it is taken."""
-    samples = [c.samples for c in channels]
-    return any(s.taken is not s.arrival and bool(np.any(s.taken < s.arrival)) for s in samples)
+    return any(c.samples.late for c in channels)
 
 
 def heard(channels: Sequence[Channel], treatments: Sequence[Treatment]) -> list[Channel]:

@@ -13,8 +13,9 @@ from functools import cached_property
 
 import numpy as np
 
-from hgorun.errors import PluginError
+from hgorun.errors import PluginError, Problem
 from hgorun.measurement.availability import Stretch
+from hgorun.measurement.sizes import DRAW_BYTES, EVENT_BYTES, SAMPLE_BYTES
 from hgorun.noise.base import Noise, RandomNoise, TimeFunction
 from hgorun.noise.streams import Streams
 from hgorun.symbolic.levels import distinct
@@ -74,6 +75,8 @@ class StretchNoise:
         Name of the output and phase.
     start, end : float
         Of the run: held noise changes at start + m hold.
+    room : float
+        Bytes that all held draws at once may take.
 
     Attributes
     ----------
@@ -86,9 +89,16 @@ class StretchNoise:
     many: tuple[int, ...]
 
     def __init__(
-        self, stretch: Stretch, items: tuple[Noise, ...], seed: int, channel: str, start: float, end: float
+        self,
+        stretch: Stretch,
+        items: tuple[Noise, ...],
+        seed: int,
+        channel: str,
+        start: float,
+        end: float,
+        room: float = np.inf,
     ) -> None:
-        self.start, self.end = start, end
+        self.start, self.end, self._stretch, self._room = start, end, stretch, room
         self.functions = tuple(item for item in items if isinstance(item, TimeFunction))
         self.random = tuple(item for item in items if isinstance(item, RandomNoise))
         self.items = items
@@ -116,6 +126,33 @@ class StretchNoise:
         new._deviations = {random.index(i): values for i, values in deviations.items()}
         return new
 
+    def memory(self, left: float) -> float:
+        """Bytes that its held draws take at once: those from the start of the run, and its changes as events.
+
+        Raises
+        ------
+        Problem
+            Where they are more than are ``left``.
+        """
+        stretch, total = self._stretch, 0.0
+        for j, item in enumerate(self.items):
+            if isinstance(item, RandomNoise) and item.hold is not None:
+                draws = (stretch.end - self.start) / item.hold
+                events = (stretch.end - stretch.start) / item.hold if stretch.continuous else 0.0
+                total += draws * DRAW_BYTES + events * (SAMPLE_BYTES if stretch.undelayed else EVENT_BYTES)
+                if total > left:
+                    raise Problem(
+                        (*stretch.paths["noise"], j, "hold"),
+                        f"{draws:.3g} draws take about {total / 2**30:.3g} GiB; "
+                        f"time.max_memory leaves {left / 2**30:.3g} GiB for them",
+                    )
+        return total
+
+    @property
+    def holds(self) -> tuple[float, ...]:
+        """How long each of the held parts is held."""
+        return tuple(item.hold for item in self.random if item.hold is not None)
+
     def change_times(self) -> np.ndarray:
         """When a held part changes."""
         times = [self.start + np.arange(first, first + draws.shape[-1]) * hold for hold, first, draws in self._held]
@@ -135,19 +172,23 @@ class StretchNoise:
         Shape (..., len(times)).
         """
         drawn = self.held(times)
-        count = int(numbers.max()) + 1 if numbers.size else 0
         for j, item in enumerate(self.random):
             if item.hold is None:
-                drawn += _taken(self._draw(j, count), numbers)
+                drawn += self._numbered(j, numbers)
         total = np.zeros(times.size)
         for function in self.functions if times.size else ():
             total += function.at(self._origin + times, numbers)
         return np.asarray(total + drawn)
 
+    def _numbered(self, j: int, numbers: np.ndarray) -> np.ndarray:
+        """Draws of an item, by their numbers."""
+        return _taken(self._draw(j, int(numbers.max()) + 1 if numbers.size else 0), numbers)
+
     @cached_property
     def _held(self) -> list[tuple[float, int, np.ndarray]]:
         """Of every held part the hold, the number of the first draw that the stretch needs, and its draws."""
         found = []
+        self.memory(self._room)
         for j, item in enumerate(self.random):
             if item.hold is not None:
                 first, stop = self._needed(item.hold)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -11,12 +13,12 @@ from hgorun.errors import KeyPath, Problem
 from hgorun.measurement.availability import Stretch
 from hgorun.measurement.blocks import Periodic, Steps, Times
 from hgorun.measurement.noise import generator
-from hgorun.memo import Memo
+from hgorun.measurement.sizes import SAMPLE_BYTES
+from hgorun.measurement.trains import Train
+from hgorun.memo import Memo, same
 from hgorun.symbolic.evaluate import along, compiled
 
 _KEPT = 100_000  # samples that are kept in memory
-SAMPLE_BYTES = 250  # of memory that a sample takes in the end: its times and numbers, its event
-EVENT_BYTES = 1000  # that an event takes where the tables of all events are made at once
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -41,21 +43,177 @@ class Samples:
     stretch: np.ndarray
     used: np.ndarray
 
+    @property
+    def identity(self) -> Hashable:
+        """Equal for samples that are known to be the same."""
+        return same(self)
 
-_FOUND: Memo[Samples] = Memo(16, lambda samples: samples.arrival.size < _KEPT)
+    @property
+    def size(self) -> int:
+        """How many there are."""
+        return int(self.arrival.size)
+
+    @property
+    def late(self) -> bool:
+        """Whether any sample arrives later than it is taken."""
+        return self.taken is not self.arrival and bool(np.any(self.taken < self.arrival))
+
+    def before(self, t: float) -> int:
+        """How many samples arrive before a time."""
+        return int(np.searchsorted(self.arrival, t))
+
+    def part(self, first: int, stop: int, every: int = 1) -> Samples:
+        """Some of them, one after the other, or only some of these."""
+        some = slice(first, stop, every)
+        arrival = self.arrival[some]
+        taken = arrival if self.taken is self.arrival else self.taken[some]
+        return Samples(arrival, taken, self.number[some], self.stretch[some], self.used[some])
+
+    def first_used(self, t: float) -> float:
+        """When the first sample arrives from a time on that is used; infinite where there is none."""
+        heard = self.arrival[self.used]
+        place = int(np.searchsorted(heard, t))
+        return float(heard[place]) if place < heard.size else np.inf
 
 
-def find_samples(stretches: list[Stretch], start: float, seed: int, output: str, limit: int) -> Samples:
+@dataclass(frozen=True, eq=False, repr=False)
+class RegularSamples:
+    """Periodic samples of one output that are neither moved nor lost nor late: arithmetic of k, which takes no memory.
+
+    Attributes
+    ----------
+    trains : tuple of (int, Train)
+        The samples of every sampled stretch, with its number.
+    all_at_once : callable
+        Makes the arrays of all samples, for whoever asks for them.
+    """
+
+    trains: tuple[tuple[int, Train], ...]
+    all_at_once: Callable[[], Samples]
+
+    @cached_property
+    def whole(self) -> Samples:
+        """All samples as arrays.
+
+        Raises
+        ------
+        Problem
+            Where they do not fit into memory.
+        """
+        return self.all_at_once()
+
+    @property
+    def arrival(self) -> np.ndarray:
+        """As those of :class:`Samples`, like the others that follow."""
+        return self.whole.arrival
+
+    @property
+    def taken(self) -> np.ndarray:
+        return self.whole.taken
+
+    @property
+    def number(self) -> np.ndarray:
+        return self.whole.number
+
+    @property
+    def stretch(self) -> np.ndarray:
+        return self.whole.stretch
+
+    @property
+    def used(self) -> np.ndarray:
+        return self.whole.used
+
+    @property
+    def identity(self) -> Hashable:
+        return self.trains
+
+    @cached_property
+    def size(self) -> int:
+        return sum(train.size for _, train in self.trains)
+
+    @property
+    def late(self) -> bool:
+        return False
+
+    def before(self, t: float) -> int:
+        return sum(train.before(t) for _, train in self.trains)
+
+    def part(self, first: int, stop: int, every: int = 1) -> Samples:
+        times, numbers, stretches, passed = [], [], [], 0
+        for i, train in self.trains:
+            behind = max(first - passed, 0)
+            begin = behind + (-(passed + behind - first)) % every
+            k = np.arange(begin, max(min(stop - passed, train.size), begin), every)
+            passed += train.size
+            if k.size or len(self.trains) == 1:
+                times.append(train.at(k))
+                numbers.append(k)
+                stretches.append(np.full(k.size, i))
+        none = np.zeros(0, dtype=np.int64)
+        arrival = times[0] if len(times) == 1 else np.concatenate([np.zeros(0), *times])
+        number, stretch = (one[0] if len(one) == 1 else np.concatenate([none, *one]) for one in (numbers, stretches))
+        return Samples(arrival, arrival, number, stretch, np.ones(arrival.size, dtype=bool))
+
+    def first_used(self, t: float) -> float:
+        found = [float(train.at(np.array([train.before(t)]))[0]) for _, train in self.trains if train.at_end >= t]
+        return min(found, default=np.inf)
+
+
+AnySamples = Samples | RegularSamples
+_MOST = 1e12  # samples that are worth counting
+_LONG = 1 << 16  # periodic samples that are not kept as arrays
+_FOUND: Memo[AnySamples] = Memo(16, lambda samples: isinstance(samples, Samples) and samples.size < _KEPT)
+
+
+def find_samples(stretches: list[Stretch], start: float, seed: int, output: str, limit: int) -> AnySamples:
     """All samples of an output: one object for all runs in which they are the same.
 
     Raises
     ------
     Problem
-        For a negative delay or more than ``limit`` samples.
+        For a negative delay or more than ``limit`` samples that do not follow from their number.
     """
     timing = tuple((s.start, s.end, s.origin, s.sampling, s.delay) for s in stretches)
     chance = (seed, output) if any(s.sampled_by_chance for s in stretches) else None
-    return _FOUND.get((timing, start, chance, limit), lambda: _samples(stretches, start, seed, output, limit))
+    key = timing, start, chance, limit, _LONG
+    return _FOUND.get(key, lambda: _found(stretches, start, seed, output, limit))
+
+
+def _found(stretches: list[Stretch], start: float, seed: int, output: str, limit: int) -> AnySamples:
+    def all_at_once() -> Samples:
+        return _samples(stretches, start, seed, output, limit)
+
+    trains = _trains(stretches)
+    if trains is not None and sum(train.size for _, train in trains) > _LONG:
+        return RegularSamples(trains, all_at_once)
+    return all_at_once()
+
+
+def _trains(stretches: list[Stretch]) -> tuple[tuple[int, Train], ...] | None:
+    """The samples of every sampled stretch, where all of them are regular and in time."""
+    found = []
+    for i, stretch in enumerate(stretches):
+        if stretch.continuous:
+            continue
+        if stretch.regular is None or not stretch.undelayed:
+            return None
+        sampling, last = stretch.regular, i == len(stretches) - 1
+        first, span, most = stretch.start + sampling.offset, (stretch.start, stretch.end), _most(stretch, sampling)
+        if most > _MOST:
+            return None
+        size = int(most)
+        train = Train(first, sampling.period, size, *span)
+        while size and not _belong(train.unbounded(np.array([size - 1])), stretch, last)[0]:
+            size -= 1
+        found.append((i, replace(train, size=size)))
+    return tuple(found)
+
+
+def _most(stretch: Stretch, sampling: Periodic) -> float:
+    """How many periodic samples may lie in a stretch, a whole number."""
+    span = stretch.end - stretch.start - sampling.offset
+    rounding = 1e-9 + 2 * stretch.spacing / sampling.period
+    return max(float(np.floor(span / sampling.period * (1 + 1e-12) + rounding)) + 1, 0.0)
 
 
 def _samples(stretches: list[Stretch], start: float, seed: int, output: str, limit: int) -> Samples:
@@ -114,12 +272,10 @@ def _arrivals(
             )
         return times, np.arange(times.size)
     if isinstance(sampling, Periodic):
-        span = stretch.end - stretch.start - sampling.offset
-        rounding = 1e-9 + 2 * stretch.spacing / sampling.period
-        count = np.floor(span / sampling.period * (1 + 1e-12) + rounding) + 1
+        count = _most(stretch, sampling)
         if count > limit:
             raise Problem((*path, "period"), f"{count:.3g} samples take {_memory(count, limit)}")
-        k = np.arange(max(int(count), 0))
+        k = np.arange(int(count))
         times = stretch.start + sampling.offset + k * sampling.period
         if not sampling.jitter and not sampling.dropout:  # then there is nothing to draw
             inside = _belong(times, stretch, last)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +12,7 @@ from hgorun.errors import Problem
 from hgorun.measurement.channels import Channel, continuous_delays
 from hgorun.measurement.events import LEVELS, merge, repeated
 from hgorun.measurement.late import HeardOtherwise, Order, order_of
-from hgorun.measurement.sampling import EVENT_BYTES
+from hgorun.measurement.sizes import EVENT_BYTES
 from hgorun.measurement.variants import FROZEN, Variant
 from hgorun.symbolic.levels import distinct
 
@@ -46,6 +47,21 @@ class Schedule:
     order: Order | None = None
     acting: np.ndarray | None = None
 
+    @property
+    def size(self) -> int:
+        """How many events there are."""
+        return int(self.events.size)
+
+    @property
+    def longest_gap(self) -> float:
+        """The longest time between two events."""
+        return float(np.max(np.diff(self.events)))
+
+    @property
+    def every(self) -> int:
+        """A result keeps the samples 0, every, 2 every ...."""
+        return 1
+
 
 def build_schedule(
     channels: list[Channel],
@@ -68,8 +84,7 @@ def build_schedule(
     step : float
         Events much closer to each other than such a step are one.
     """
-    rounding = 4 * max(s.spacing for c in channels for s in c.stretches)
-    tolerance = max(_SHORT * step, rounding)
+    rounding, tolerance = tolerances(channels, step)
     times = [np.array([time.start, time.end]), kinks, *(more for more in (extremes, instants) if more is not None)]
     for c in channels:
         times += [c.samples.arrival, np.array([s.start for s in c.stretches])]
@@ -100,21 +115,32 @@ def build_schedule(
                 f"{time.max_memory / 2**30:.3g} GiB",
             )
     sides = np.concatenate(sharp)
-    pulses = _pulses(sides, tolerance, 4 * max(rounding, 4 * np.spacing(step)))
+    pulses = pulses_of(sides, tolerance, rounding, step)
     if pulses.size:
         events = _clipped(np.concatenate([events, pulses]), time, rounding)
-    inward, at = np.zeros(events.size), nearest_event(events, sides)
-    margin = 4 * np.spacing(np.maximum(np.abs(sides), step))
-    np.maximum.at(inward, at, np.abs(sides - events[at]) + margin)
+    inward = inward_of(events, sides, step)
     heard = [c for c in channels if not (isinstance(c, HeardOtherwise) and c.known is not None)]
-    kinds = np.concatenate([_kinds(heard, events[k : k + _PIECE + 1]) for k in range(0, events.size - 1, _PIECE)])
+    kinds = np.concatenate([kinds_of(heard, events[k : k + _PIECE + 1]) for k in range(0, events.size - 1, _PIECE)])
     order, kinds = _in_order(channels, events, kinds, time)
-    distinct, variant = _distinct(kinds)
-    variants = tuple(tuple((int(a), int(b)) for a, b in row.reshape(-1, 2)) for row in distinct)
+    variants, variant = variants_of(kinds)
     acting = None if instants is None else nearest_event(events, instants)
     return Schedule(
         events=events, inward=inward, variants=variants, variant=variant.ravel(), order=order, acting=acting
     )
+
+
+def tolerances(channels: Sequence[Channel], step: float) -> tuple[float, float]:
+    """How far apart times may be by rounding, and how far events that are one."""
+    rounding = 4 * max(s.spacing for c in channels for s in c.stretches)
+    return rounding, max(_SHORT * step, rounding)
+
+
+def inward_of(events: np.ndarray, sides: np.ndarray, step: float) -> np.ndarray:
+    """How far from every event functions of time are evaluated, some of which have kinks or jumps at ``sides``."""
+    inward, at = np.zeros(events.size), nearest_event(events, sides)
+    margin = 4 * np.spacing(np.maximum(np.abs(sides), step))
+    np.maximum.at(inward, at, np.abs(sides - events[at]) + margin)
+    return inward
 
 
 def _in_order(
@@ -145,11 +171,17 @@ _REPEATED_BYTES = 500  # of memory that the tables take for each event that is c
 _PIECE = 1 << 15  # events at a time: there may be many of them
 
 
-def _kinds(channels: list[Channel], events: np.ndarray) -> np.ndarray:
+def kinds_of(channels: Sequence[Channel], events: np.ndarray) -> np.ndarray:
     """What every output is between any two events, and in which phase, shape (len(events) - 1, 2 q)."""
     # in the middle: what happens at an event may be written a rounding error later than the event
     middle = 0.5 * (events[:-1] + events[1:])
     return np.concatenate([c.kinds_at(middle) for c in channels], axis=1).astype(np.int32)
+
+
+def variants_of(kinds: np.ndarray) -> tuple[tuple[Variant, ...], np.ndarray]:
+    """Every combination of what the outputs are, and which of them holds between any two events."""
+    distinct, variant = _distinct(kinds)
+    return tuple(tuple((int(a), int(b)) for a, b in row.reshape(-1, 2)) for row in distinct), variant
 
 
 def _distinct(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -163,9 +195,9 @@ def _distinct(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.stack(np.unravel_index(present, tuple(sizes)), axis=1), np.searchsorted(present, codes)
 
 
-def _pulses(kinks: np.ndarray, tolerance: float, rounding: float) -> np.ndarray:
+def pulses_of(kinks: np.ndarray, tolerance: float, rounding: float, step: float) -> np.ndarray:
     """Kinks closer to each other than other events may be, but not by rounding: a pulse can be that short."""
-    ordered = merge(kinks, rounding)
+    ordered = merge(kinks, 4 * max(rounding, 4 * np.spacing(step)))
     short = np.flatnonzero(np.diff(ordered) <= tolerance)
     return np.asarray(ordered[distinct(np.concatenate([short, short + 1]))])
 

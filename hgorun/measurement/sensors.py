@@ -57,10 +57,10 @@ def _amplitude(stretches: Sequence[Stretch]) -> float | None:
     """Of the noise in the phase where it is largest; None where there is none, or it is not known."""
     if any(is_relative(s) or s.multiplicative for s in stretches):
         return None
-    found = [item.amplitude() for s in stretches for item in s.noise]
+    found = [item.largest() for s in stretches for item in s.noise]
     if any(amplitude is None for amplitude in found):
         return None
-    return max(sum(item.amplitude() or 0.0 for item in s.noise) for s in stretches) or None
+    return max(sum(item.largest() or 0.0 for item in s.noise) for s in stretches) or None
 
 
 def _interval(stretch: Stretch) -> float | None:

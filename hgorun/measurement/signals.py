@@ -15,7 +15,7 @@ from hgorun.errors import Problem, called
 from hgorun.measurement.availability import Stretch
 from hgorun.measurement.events import Irregular, Kinks, infinite, not_followed, too_many
 from hgorun.measurement.extremes import Unknown, extremes, usual_rate
-from hgorun.measurement.sampling import EVENT_BYTES
+from hgorun.measurement.sizes import EVENT_BYTES
 from hgorun.memo import Memo
 from hgorun.noise.base import RandomNoise, TimeFunction
 from hgorun.symbolic.clock import on_the_clock

@@ -21,7 +21,7 @@ from hgorun.config.plugin import Plugin
 from hgorun.config.reads import frozen
 from hgorun.config.types import Positive
 from hgorun.errors import Problem
-from hgorun.noise.streams import Streams
+from hgorun.noise.streams import Stream, Streams
 from hgorun.registry import Registry
 from hgorun.symbolic.evaluate import along
 
@@ -76,7 +76,7 @@ class Noise(Plugin):
         """What linear theory needs to predict the noise in the estimates; None where it is not known."""
         return None
 
-    def amplitude(self) -> float | None:
+    def largest(self) -> float | None:
         """What it does not exceed, or rarely: sinusoids added, two standard deviations of draws; None: not known."""
         spectrum = self.spectrum()
         if spectrum is None:
@@ -177,6 +177,14 @@ class RandomNoise(Noise):
 
     def silent(self) -> dict[str, object]:
         return {"type": "gaussian", "std": 0} | ({} if self.hold is None else {"hold": self.hold})
+
+
+class DrawnInParts(RandomNoise):
+    """Noise whose draws can be made one part after the other, so that a run of any length needs no memory for them."""
+
+    @abstractmethod
+    def draw_next(self, stream: Stream, count: int) -> np.ndarray:
+        """The next draws, shape (count,): call after call, what :meth:`draw` gives at once."""
 
 
 def is_noise(thing: object) -> TypeGuard[type[Noise]]:

@@ -41,28 +41,28 @@ class Tails(NamedTuple):
     argument: NDArray[np.float64]
 
 
-def uniform(states: Words, count: int) -> NDArray[np.float64]:
-    """Draws from [0, 1), shape (N, count).
+def uniform(states: Words, count: int) -> tuple[NDArray[np.float64], Words]:
+    """Draws from [0, 1), shape (N, count), and the states of the generators behind them.
 
     Parameters
     ----------
     states : ndarray of uint64, shape (N, 4)
         Of the generators: state and c, the low words first. They are not changed.
     """
-    draws = np.empty((len(states), count))
-    _code().uniform(address_of(states), len(states), count, address_of(draws))
-    return draws
+    draws, after = np.empty((len(states), count)), states.copy()
+    _code().uniform(address_of(after), len(states), count, address_of(draws))
+    return draws, after
 
 
-def normal(states: Words, count: int) -> tuple[NDArray[np.float64], Tails]:
-    """Normal draws, shape (N, count), and those that are to be finished; else as :func:`uniform`."""
+def normal(states: Words, count: int) -> tuple[NDArray[np.float64], Tails, Words]:
+    """Normal draws, shape (N, count), those that are to be finished, and the states; else as :func:`uniform`."""
     draws = np.empty((len(states), count))
     room = _FEWEST + draws.size // _SHARE
     while True:
-        place, argument = np.empty(room, dtype=np.int64), np.empty(room)
+        place, argument, after = np.empty(room, dtype=np.int64), np.empty(room), states.copy()
         tables = [address_of(table) for table in (LAYERS, WIDTHS, INSIDE)]
         found = _code().normal(
-            address_of(states),
+            address_of(after),
             len(states),
             count,
             address_of(draws),
@@ -71,7 +71,7 @@ def normal(states: Words, count: int) -> tuple[NDArray[np.float64], Tails]:
             *map(address_of, (place, argument)),
         )
         if found <= room:
-            return draws, Tails(place[:found], argument[:found])
+            return draws, Tails(place[:found], argument[:found]), after
         room = found
 
 
@@ -110,6 +110,12 @@ class _Generator:
         for slot, place in ((self.state, 0), (self.increment, 2)):
             self._keep(self.f.load(f.at(first, place), "i128"), slot)
 
+    def leave(self, states: str, member: str) -> None:
+        """Leave the state where it was taken from."""
+        f = self.f
+        place = f.at(states, f.scalar("mul", member, "4"))
+        self._keep(f.load(self.state, "i128"), place)
+
     def word(self) -> str:
         """The next 64 bits."""
         f = self.f
@@ -139,6 +145,7 @@ def _uniform(declarations: set[str]) -> Function:
         own = f.at("%draws", f.scalar("mul", member, "%count"))
         with f.count(0, "%count") as i:
             f.store(generator.uniform(), f.at(own, i))
+        generator.leave("%states", member)
     f.do("ret void")
     return f
 
@@ -176,6 +183,7 @@ def _normal(declarations: set[str]) -> Function:
             here = f.load(at, "i64")
             f.store(f.load(draw), f.at("%draws", f.scalar("add", base, here)))
             f.store(f.scalar("add", here, f.load(taken, "i64")), at, "i64")
+        generator.leave("%states", member)
     f.do(f"ret i64 {f.load(tails, 'i64')}")
     return f
 

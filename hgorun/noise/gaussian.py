@@ -9,13 +9,13 @@ from pydantic import Field, model_validator
 
 from hgorun.config.types import NonNegative, Number
 from hgorun.native.elementary import apply
-from hgorun.noise.base import Draws, RandomNoise, Spectrum, noise
+from hgorun.noise.base import DrawnInParts, Draws, Spectrum, noise
 from hgorun.noise.normal import standard_normal
-from hgorun.noise.streams import Streams
+from hgorun.noise.streams import Stream, Streams
 
 
 @noise("gaussian")
-class GaussianNoise(RandomNoise):
+class GaussianNoise(DrawnInParts):
     """Gaussian noise of standard deviation ``std``, or of a signal-to-noise ratio: a draw a sample, or one every hold.
 
     The ratio is 10 log10(mean of the noise-free output squared over the run / std^2) dB.
@@ -49,6 +49,9 @@ class GaussianNoise(RandomNoise):
 
     def draw_many(self, streams: Streams, count: int) -> np.ndarray:
         return streams.normal(count) * self._deviation
+
+    def draw_next(self, stream: Stream, count: int) -> np.ndarray:
+        return stream.normal(count) * self._deviation
 
     def spectrum(self) -> Spectrum:
         return Spectrum(draws=(Draws(0.0, self._deviation**2, self.hold),))

@@ -32,6 +32,11 @@ _SPARE = 25  # one word in so many is for draws that take more than one
 
 def standard_normal(random: np.random.Generator, count: int) -> NDArray[np.float64]:
     """Normal draws of mean 0 and variance 1, shape (count,): the first ones are the same, whatever the count."""
+    return normal_and_used(random, count)[0]
+
+
+def normal_and_used(random: np.random.Generator, count: int) -> tuple[NDArray[np.float64], int]:
+    """The same, and how many words of the generator they take; it has given more."""
     bits = random.bit_generator
     words: Words = bits.random_raw(count + count // _SPARE + 64)
     while True:
@@ -41,8 +46,8 @@ def standard_normal(random: np.random.Generator, count: int) -> NDArray[np.float
             words = np.concatenate([words, bits.random_raw(words.size)])
 
 
-def _normal(words: Words, count: int) -> NDArray[np.float64]:
-    """Draws from random words.
+def _normal(words: Words, count: int) -> tuple[NDArray[np.float64], int]:
+    """Draws from random words, and how many words they take.
 
     A word has 8 bits for the layer, one for the sign, and 52 for a place in the layer. Inside the layer above it is
     taken; else the words that follow decide.
@@ -63,7 +68,7 @@ def _normal(words: Words, count: int) -> NDArray[np.float64]:
         draws[made : made + taken] = values[at : at + taken]
         made, at = made + taken, at + taken
         if made == count:
-            return draws
+            return draws, at
         uniform = _uniform(words, at + 1)
         if layer[at]:
             kept = _is_below(float(values[at]), int(layer[at]), next(uniform))
@@ -78,7 +83,7 @@ def _normal(words: Words, count: int) -> NDArray[np.float64]:
     if values.size - at < count - made:
         raise IndexError("too few words")
     draws[made:] = values[at : at + count - made]
-    return draws
+    return draws, at + count - made
 
 
 def _uniform(words: Words, at: int) -> Iterator[float]:

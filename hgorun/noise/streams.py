@@ -10,11 +10,15 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import count as numbers
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hgorun.noise.normal import TAIL, beyond, standard_normal
+from hgorun.noise.normal import TAIL, beyond, normal_and_used, standard_normal
+
+if TYPE_CHECKING:
+    from hgorun.noise.compiled import Tails  # with machine code, which is made only where it pays
 
 _FEW, _MANY = 4, 100_000  # generators, and draws of fewer, for which loading machine code does not pay
 _POOL = 4  # words of 32 bits
@@ -51,11 +55,8 @@ class Streams:
             return np.array([standard_normal(self.generator(i), count) for i in range(len(self))]).reshape(-1, count)
         from hgorun.noise.compiled import normal
 
-        draws, tails = normal(self.states, count)
-        flat = draws.reshape(-1)
-        for place, argument in zip(tails.place.tolist(), tails.argument.tolist(), strict=True):
-            if argument:
-                flat[place] = np.copysign(TAIL + beyond(argument), flat[place])
+        draws, tails, _ = normal(self.states, count)
+        _finish(draws, tails)
         for i in {place // count for place in tails.place[tails.argument == 0].tolist()}:
             draws[i] = standard_normal(self.generator(i), count)
         return draws
@@ -66,7 +67,7 @@ class Streams:
             return np.array([self.generator(i).random(count) for i in range(len(self))]).reshape(-1, count)
         from hgorun.noise.compiled import uniform
 
-        return uniform(self.states, count)
+        return uniform(self.states, count)[0]
 
     def _few(self, count: int) -> bool:
         """Whether draws are made one generator after the other."""
@@ -83,6 +84,65 @@ class Streams:
         state = _sum(c, (low, high))  # from zero it takes a step, the seed is added, and it takes another step
         state = _sum(_product(state), c)
         return np.ascontiguousarray(np.stack([*state, *c], axis=1))
+
+
+class Stream:
+    """One generator whose draws are made one part after the other, to the bits of all of them at once.
+
+    Parameters
+    ----------
+    streams : Streams
+        Of one seed.
+    """
+
+    def __init__(self, streams: Streams) -> None:
+        self._states = streams.states
+
+    def normal(self, count: int) -> NDArray[np.float64]:
+        """The next normal draws, shape (count,)."""
+        from hgorun.noise.compiled import normal
+
+        draws, tails, after = normal(self._states, count)
+        _finish(draws, tails)
+        if not np.all(tails.argument):  # something was too close to be decided there
+            random = self._generator()
+            draws[0], used = normal_and_used(random, count)
+            after = self._advanced(used)
+        self._states = after
+        return np.asarray(draws[0])
+
+    def uniform(self, count: int) -> NDArray[np.float64]:
+        """The next draws from [0, 1), shape (count,)."""
+        from hgorun.noise.compiled import uniform
+
+        draws, self._states = uniform(self._states, count)
+        return np.asarray(draws[0])
+
+    def _generator(self) -> np.random.Generator:
+        """NumPy's, where this one is."""
+        low, high, c_low, c_high = self._states[0].tolist()
+        bits = np.random.PCG64()
+        known = bits.state
+        known["state"]["state"], known["state"]["inc"] = low | high << 64, c_low | c_high << 64
+        bits.state = known
+        return np.random.Generator(bits)
+
+    def _advanced(self, words: int) -> NDArray[np.uint64]:
+        """The state behind so many words."""
+        bits = self._generator().bit_generator
+        assert isinstance(bits, np.random.PCG64)
+        number, mask = bits.advance(words).state["state"]["state"], (1 << 64) - 1
+        states = self._states.copy()
+        states[0, :2] = number & mask, number >> 64
+        return states
+
+
+def _finish(draws: NDArray[np.float64], tails: Tails) -> None:
+    """Draws from the tail, from the arguments of their logarithms."""
+    flat = draws.reshape(-1)
+    for place, argument in zip(tails.place.tolist(), tails.argument.tolist(), strict=True):
+        if argument:
+            flat[place] = np.copysign(TAIL + beyond(argument), flat[place])
 
 
 Pair = tuple[NDArray[np.uint64], NDArray[np.uint64]]  # of 128 bits, the low words first

@@ -8,12 +8,12 @@ import numpy as np
 from pydantic import model_validator
 
 from hgorun.config.types import Number
-from hgorun.noise.base import Draws, RandomNoise, Spectrum, noise
-from hgorun.noise.streams import Streams
+from hgorun.noise.base import DrawnInParts, Draws, Spectrum, noise
+from hgorun.noise.streams import Stream, Streams
 
 
 @noise("uniform")
-class UniformNoise(RandomNoise):
+class UniformNoise(DrawnInParts):
     """Uniform noise between low and high: a draw a sample, or one every ``hold``."""
 
     bounded: ClassVar[bool] = True
@@ -38,7 +38,10 @@ class UniformNoise(RandomNoise):
     def _between(self, parts: np.ndarray) -> np.ndarray:
         return self.low + (self.high - self.low) * parts
 
-    def amplitude(self) -> float:
+    def draw_next(self, stream: Stream, count: int) -> np.ndarray:
+        return self._between(stream.uniform(count))
+
+    def largest(self) -> float:
         return max(abs(self.low), abs(self.high))
 
     def spectrum(self) -> Spectrum:

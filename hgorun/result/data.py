@@ -27,11 +27,14 @@ class Measurements:
         is continuous.
     taken, y : ndarray, shape (Nk, q)
         The time it was measured, and the noisy value; NaN where an output has none.
+    every : int
+        Of so many samples of an output one is kept, the first, where a run is too long for all of them.
     """
 
     time: np.ndarray
     taken: np.ndarray
     y: np.ndarray
+    every: int = 1
 
     @classmethod
     def nothing(cls, outputs: int) -> Measurements:

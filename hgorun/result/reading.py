@@ -139,7 +139,17 @@ class _Reader(StoredFile):
         """What the observers of a simulated plant got."""
         times = self.times("measurement/time")
         taken, y = (self.numbers(f"measurement/{name}", times.size, q) for name in ("taken", "y"))
-        return Measurements(time=times, taken=taken, y=y)
+        return Measurements(time=times, taken=taken, y=y, every=self._every(times.size))
+
+    def _every(self, size: int) -> int:
+        """Of so many measurements one is in the file, as their numbers say."""
+        if size < 2 or "measurement/number" not in self.file:
+            return 1
+        numbers = self.integers("measurement/number", size)
+        every = int(numbers[1])
+        if every < 1 or not np.array_equal(numbers, every * np.arange(size)):
+            raise self.error("measurement/number: expected 0, 1, 2, ..., or every so many of them")
+        return every
 
     def integration(self) -> Integration | None:
         """How it was integrated, as far as the file says."""
@@ -190,6 +200,7 @@ class _Reader(StoredFile):
             metrics={name: self.numbers(f"{metrics[0]}/{name}", n) for name in metrics[1]},
             coordinates=self.coordinates(label, group),
             assessed=self.recorded_file(()).assessed(label, nt, n) if "no_band" in group.attrs else None,
+            unestimated=tuple(self.text("unestimated", group).split()) if "unestimated" in group.attrs else (),
         )
 
     def verdict(self, name: str, group: h5py.Group) -> Verdict:

@@ -131,7 +131,7 @@ def _write_truth(w: Writer, result: ResultData, of_states: str | None) -> None:
         w.group("plant").attrs.update(_said(result.verdict))
     m = result.measurements
     # their dimension is the number of the measurement: a second dimension called time would clash with the grid
-    w.scale("measurement/number", np.arange(m.time.size), long_name="number of the measurement")
+    w.scale("measurement/number", m.every * np.arange(m.time.size), long_name="number of the measurement")
     numbered = ("measurement/number", "plant_output")
     w.data(
         "measurement/time",
@@ -184,6 +184,8 @@ def _write_observer(w: Writer, result: ResultData, label: str, o: ObserverResult
     if o.coordinates is not None:
         attributes["map"] = o.coordinates.map
         attributes["chains"] = json.dumps(dict(o.coordinates.chains))
+    if o.unestimated:
+        attributes["unestimated"] = " ".join(o.unestimated)
     if o.diverged_at is not None:
         attributes["diverged_at"] = o.diverged_at
     w.group(f"metrics/{label}")

@@ -143,7 +143,11 @@ class Actions:
             samples = channels[0].samples
             event = nearest_event(events, samples.arrival)
             heard = samples.used & _last_of_equal(event)  # from one sample to the next time passes
-            at, self.values = event[heard][1:], np.diff(samples.arrival[heard])
+            before = channels[0].before
+            at = event[heard]
+            self.values = np.diff(samples.arrival[heard], prepend=np.nan if before is None else before)
+            if before is None:  # there is none before the first
+                at, self.values = at[1:], self.values[1:]
             kinds.append(Kind.of(at, -2, SET, layout.interval, Numbered(held)))
             held += at.size
             for number, (start, _, _) in enumerate(system.stepped):
@@ -154,8 +158,8 @@ class Actions:
             held += _FLAGS.size
         if acting is not None:
             kinds += [Kind.of(acting, _ACTS, JUMP, number) for number in system.acting]
-        before = bool(system.stepped)
-        lines = [] if inputs is None else list(inputs.actions(events, channels, layout, held, before=before))
+        stepped = bool(system.stepped)
+        lines = [] if inputs is None else list(inputs.actions(events, channels, layout, held, before=stepped))
         if order is not None:
             kinds = [replace(kind, event=order.first[kind.event]) for kind in kinds]
             lines = [kind.at(*order.places(kind.event)) for kind in lines]
@@ -163,6 +167,7 @@ class Actions:
             self.snapshots = replay.snapshots
             kinds += replay.kinds()
         self.slots, self._kinds = base, kinds + lines
+        self._known: dict[tuple[int, int], tuple[np.ndarray, np.ndarray]] = {}
         self._ranks = max((kind.rank for kind in self._kinds), default=0) - _FIRST + 1
 
     def at(self, first: int, stop: int) -> tuple[np.ndarray, np.ndarray]:
@@ -174,6 +179,17 @@ class Actions:
         places : ndarray of int64, shape (stop - first + 1,)
             Where the rows of each event begin, and the end of the last ones.
         """
+        key = first, stop
+        if key not in self._known:
+            self._known = {key: self._rows(first, stop)}
+        return self._known[key]
+
+    def take_from(self, other: Actions) -> None:
+        """Take the tables of another part of the run, where the same happens, as often and in the same order."""
+        if len(self._kinds) == len(other._kinds) and all(map(Kind.equals, self._kinds, other._kinds)):
+            self._known = other._known
+
+    def _rows(self, first: int, stop: int) -> tuple[np.ndarray, np.ndarray]:
         found = [(kind, slice(*np.searchsorted(kind.event, (first, stop)).tolist())) for kind in self._kinds]
         found = [(kind, items) for kind, items in found if items.start < items.stop]
         if found and _alike(found):

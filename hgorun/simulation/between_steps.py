@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -11,8 +11,10 @@ from hgorun.engine.methods import METHODS
 from hgorun.errors import SimulationError
 from hgorun.memo import Memo, same
 from hgorun.result.data import PLANT
-from hgorun.simulation.passes import Pass, carry_out, fixed_steps, plan_of
+from hgorun.simulation.checks import longest_step
+from hgorun.simulation.passes import Pass, carry_out, plan_of
 from hgorun.simulation.prepared import PreparedRun
+from hgorun.simulation.steps import steps_between
 from hgorun.simulation.structure import Structure
 from hgorun.symbolic.crossings import TooMany
 from hgorun.symbolic.curves import Curve
@@ -146,7 +148,7 @@ def _cells(run: PreparedRun, how: Pass) -> tuple[Floats, Floats, Floats]:
     if how.tolerance:
         steps = np.maximum(np.ceil(np.diff(events) * _CELLS / run.span), 1).astype(int)
     else:
-        steps = fixed_steps(run, how.step)
+        steps = steps_between(run.schedule, longest_step(run, how.step))
         steps = -(-steps // int(np.ceil(3.0 * np.sum(steps) * run.structure.system.states / _NUMBERS)))
     gap = np.repeat(np.arange(steps.size), steps)
     number = np.arange(gap.size) - np.repeat(np.cumsum(steps) - steps, steps)
@@ -162,10 +164,8 @@ def _cells(run: PreparedRun, how: Pass) -> tuple[Floats, Floats, Floats]:
 def _curve(run: PreparedRun, how: Pass, low: Floats, high: Floats) -> Curve:
     """The trajectory of a pass, carried out once more with records in every cell."""
     plan, start = plan_of(run, how)
-    counts = plan.counts.copy()
-    counts[:, 6] = 1  # rows may lie anywhere
     inner = low[:, None] + np.array([0, 1, 2]) / 3 * (high - low)[:, None]
     grid = np.append(inner.ravel(), high[-1])
-    rows = carry_out(run, how, replace(plan, counts=counts, grid=grid), start).rows[:, :, 0]
+    rows = carry_out(run, how, plan.with_grid(grid), start).rows[:, :, 0]
     values = np.stack([rows[k : k + 3 * low.size : 3] for k in range(4)], axis=1)
     return Curve.through(low, high, values)

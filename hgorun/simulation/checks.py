@@ -7,13 +7,14 @@ import numpy as np
 from hgorun.engine.memory import history_bytes, history_pieces
 from hgorun.errors import Problem
 from hgorun.measurement.channels import continuous_delays
+from hgorun.measurement.schedule import Schedule
 from hgorun.measurement.signals import delay_range
 from hgorun.observers.base import CorrectedObserver, DecidedObserver, SampledObserver, SampleSchedule
 from hgorun.observers.capabilities import Punctual
 from hgorun.observers.hold import Shrinking
 from hgorun.observers.treatment import treatment_of
 from hgorun.simulation.prepared import PreparedRun
-from hgorun.simulation.steps import steps_between
+from hgorun.simulation.steps import counted_steps, steps_between
 from hgorun.symbolic.evaluate import roughly_at
 
 _COARSE = 0.01  # of a step: so far apart neighbouring numbers may be
@@ -37,13 +38,13 @@ def check_run(run: PreparedRun) -> None:
     _check_decisions(run)
     check_holds(run)
     check_start(run)
-    for channel in run.channels:
+    for channel in run.channels if isinstance(run.schedule, Schedule) else []:
         _ = channel.gain_and_bias  # noise that is not a number at some sample is reported before any run starts
 
 
 def _check_punctual(run: PreparedRun) -> None:
     """Some observers take outputs without delay only."""
-    late = [c.name for c in run.channels if np.any(c.samples.taken < c.samples.arrival)]
+    late = [c.name for c in run.channels if c.samples.late]
     late += [c.name for c in run.channels if any(s.continuous and not s.undelayed for s in c.stretches)]
     for b in run.observers:
         if late and isinstance(b.observer, Punctual):
@@ -121,10 +122,12 @@ def check_steps(run: PreparedRun, step: float, *, adaptive: bool) -> None:
     """
     longest = longest_step(run, step, adaptive=adaptive)
     if adaptive:
-        steps_between(run.schedule, run.solver.max_step or np.inf, "max_step")
-    steps = None if adaptive else steps_between(run.schedule, longest)
+        counted_steps(run.schedule, run.solver.max_step or np.inf, "max_step")
+    elif not run.structure.system.remembers:
+        counted_steps(run.schedule, longest)
     if not run.structure.system.remembers:
         return
+    steps = None if adaptive else steps_between(run.schedule, longest)
     events = run.schedule.events
     pieces = history_pieces(np.column_stack([events[:-1], events[1:]]), steps, run.reach)
     size = history_bytes(run.structure.system, pieces)
@@ -163,9 +166,9 @@ def check_jumps(run: PreparedRun) -> None:
         samples = channel.samples
         if any(s.continuous for s in channel.stretches):
             raise Problem(stepped[0], f"this needs sampled outputs, but {channel.name} is continuous")
-        if not np.array_equal(samples.arrival, first.arrival):
+        if samples.identity != first.identity and not np.array_equal(samples.arrival, first.arrival):
             raise Problem(stepped[0], "this needs all outputs sampled at the same times")
-        if np.any(samples.taken < samples.arrival):
+        if samples.late:
             raise Problem(stepped[0], "this takes samples without delay")
     _check_schedules(run, np.diff(first.arrival[first.used]))
 

@@ -68,7 +68,7 @@ class LaterEstimate:
 
     def _fixed(self, run: PreparedRun, how: Pass) -> Mapping[str, float]:
         if not self.finer:
-            work = float(np.sum(fixed_steps(run, how.step))) * run.structure.system.states
+            work = float(fixed_steps(run, how.step).total) * run.structure.system.states
             fewest = float(np.clip(_CHEAP / work, _FEWEST, _UNEVEN))
             for ratio in dict.fromkeys((fewest, _UNEVEN)):
                 errors = self._error(run, replace(how, uneven=ratio))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True)
 class Numbered:
     """The number of each thing, counted from ``first`` on in steps: an array that takes no memory."""
 
@@ -49,6 +49,15 @@ class Kind:
             event = event[order]
         return cls(event, rank, columns)
 
+    def equals(self, other: Kind) -> bool:
+        """Whether it says the same as another one."""
+        return (
+            self.rank == other.rank
+            and np.array_equal(self.event, other.event)
+            and len(self.columns) == len(other.columns)
+            and all(map(_equal, self.columns, other.columns))
+        )
+
     def at(self, items: np.ndarray, event: np.ndarray) -> Kind:
         """Some of them, some several times, at other events."""
         every = slice(0, self.event.size)
@@ -60,3 +69,9 @@ class Kind:
         rows[:, len(self.columns) :] = 0
         for i, column in enumerate(self.columns):
             rows[:, i] = column if isinstance(column, int) else column[items]
+
+
+def _equal(a: Column, b: Column) -> bool:
+    if isinstance(a, np.ndarray) or isinstance(b, np.ndarray):
+        return isinstance(a, np.ndarray) and isinstance(b, np.ndarray) and np.array_equal(a, b)
+    return a == b

@@ -9,7 +9,6 @@ from hgorun.engine.methods import METHODS
 from hgorun.errors import Problem
 from hgorun.simulation.passes import Pass, fixed_steps
 from hgorun.simulation.prepared import PreparedRun
-from hgorun.simulation.steps import uneven_steps
 
 UNEVEN = 0.62  # steps of the run that is compared, for each step
 _PRECISE = 1e-6  # below this accuracy the method of order five is cheaper
@@ -28,7 +27,7 @@ def first_stage(run: PreparedRun) -> tuple[Method, float] | None:
     solver = run.solver
     if solver.method == "auto":
         method: Method = "rk4" if solver.accuracy >= _PRECISE else "dopri5"
-        return method, max(_UNIFORM, 8 * run.schedule.events.size)
+        return method, max(_UNIFORM, 8 * run.schedule.size)
     return None if METHODS[solver.method].error else (solver.method, np.inf)
 
 
@@ -71,4 +70,4 @@ def step_counts(run: PreparedRun, step: float) -> tuple[float, float]:
         steps = fixed_steps(run, step)
     except Problem:
         return np.inf, np.inf
-    return float(np.sum(steps)), float(np.sum(uneven_steps(steps, UNEVEN)))
+    return float(steps.total), float(steps.uneven(UNEVEN))

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from hgorun.errors import PlantDiverged
+from hgorun.measurement.noise import StretchNoise
 from hgorun.observers.treatment import treatment_of
 from hgorun.result.columns import Windows
 from hgorun.result.data import Integration
@@ -29,7 +30,15 @@ from hgorun.simulation.confirmation import confirmed, plant_lost
 from hgorun.simulation.control import controlled
 from hgorun.simulation.given import LaterEstimate
 from hgorun.simulation.measured import Measured, measured
-from hgorun.simulation.outcome import continuous_measurements, inputs_of, internal, measured_at_once, outputs_of, record
+from hgorun.simulation.outcome import (
+    continuous_measurements,
+    inputs_of,
+    internal,
+    measured_at_once,
+    noise_along,
+    outputs_of,
+    record,
+)
 from hgorun.simulation.passes import Again, Pass, as_given, integrate
 from hgorun.simulation.prepared import PreparedRun
 
@@ -103,6 +112,7 @@ def written(run: PreparedRun, path: Path, progress: Progress = None, *, check_st
         return None
     running.again()
     of_metrics.again()
+    noises = noise_along(run)
     points = run.grid[:: run.experiment.grid[1]].size
     passed = 0
     with ResultInParts(path, len(run.observers)) as file:
@@ -111,7 +121,7 @@ def written(run: PreparedRun, path: Path, progress: Progress = None, *, check_st
             nonlocal passed
             measure(times, rows)
             shown = of_output.of(times.size)
-            part = _trajectories(run, times[shown], rows[shown])
+            part = _trajectories(run, noises, times[shown], rows[shown])
             for name, values in part.along_time(np.arange(passed, passed + part.time.size)):
                 file.append(name, values, points)
             passed += part.time.size
@@ -201,8 +211,10 @@ def _measured(
     )
 
 
-def _trajectories(run: PreparedRun, grid: np.ndarray, rows: np.ndarray) -> Trajectories:
-    """Some rows as the result has them."""
+def _trajectories(
+    run: PreparedRun, noises: list[list[StretchNoise]], grid: np.ndarray, rows: np.ndarray
+) -> Trajectories:
+    """Some rows as the result has them; ``noises`` as of :func:`continuous_measurements`."""
     estimates = run.structure.estimates_along(grid, run.numbers.p, rows)
     y = outputs_of(run, grid, rows)
     return Trajectories(
@@ -210,7 +222,7 @@ def _trajectories(run: PreparedRun, grid: np.ndarray, rows: np.ndarray) -> Traje
         x=rows[:, : run.plant.model.n],
         u=inputs_of(run, grid),
         y=y,
-        measured=continuous_measurements(run, grid, y) if measured_at_once(run) else None,
+        measured=continuous_measurements(run, noises, grid, y) if measured_at_once(run) else None,
         xhat={b.label: estimates.of(j) for j, b in enumerate(run.observers)},
         internal={b.label: internal(b, rows) for b in run.observers},
     )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import Protocol
 
 import casadi as ca
@@ -71,7 +70,7 @@ def why_lost(run: PreparedRun, again: Again, j: int, lost: float) -> str | None:
     str or None
         None where everything is defined: the numbers have become too large.
     """
-    plan, begin, step = _up_to(again.plan(), lost)
+    plan, begin, step, regime = _up_to(again.plan(), lost)
     raw = again.integrate(plan)
     block, system = run.observers[j], run.structure.system
     own = slice(system.blocks[j][0], block.end)
@@ -80,7 +79,7 @@ def why_lost(run: PreparedRun, again: Again, j: int, lost: float) -> str | None:
         jumps = [function for start, _, function in system.jumps if start == block.start]
         found = [_where(run, block, jump, (begin, run.numbers.p, before, w)) for jump in jumps]
         return _said(next(filter(None, found), None), run.origin + begin)
-    flow = system.regimes[int(plan.counts[-1, 3])].flow
+    flow = system.regimes[regime].flow
     for t, stage in _stages(flow, begin, step, run.numbers.p, z, w):
         if _exploded(run, j, stage):
             return None
@@ -106,19 +105,16 @@ def _exploded(run: PreparedRun, j: int, z: Floats) -> bool:
     return not bool(np.all(np.abs(z[own]) <= _EXPLODED * np.where(size > 0, size, np.max(size, initial=0.0))))
 
 
-def _up_to(plan: Plan, lost: float) -> tuple[Plan, float, float]:
-    """The plan up to the step that ends at a time, with two rows; the start of that step, and its length.
+def _up_to(plan: Plan, lost: float) -> tuple[Plan, float, float, int]:
+    """The plan up to the step that ends at a time, with two rows; the start of that step, its length and its regime.
 
     The rows are at its start and shortly before, where a jump with which it begins has not happened yet.
     """
-    last = max(int(np.searchsorted(plan.spans[:, 0], lost, side="left")) - 1, 0)
-    start, end = plan.spans[last, :2]
-    step = float(end - start) / float(plan.counts[last, 0])
-    begin = max(lost - step, float(plan.spans[0, 0]))
-    counts = plan.counts[: last + 1].copy()
-    counts[:, 6] = 1  # rows may lie anywhere
-    grid = np.unique([max(begin - _BEFORE * step, plan.spans[0, 0]), begin])
-    return replace(plan, spans=plan.spans[: last + 1], counts=counts, grid=grid), begin, step
+    first, (begun, last) = float(plan.spans[0, 0]), plan.up_to(lost)
+    (start, end), steps, regime = last.spans[0, :2], last.counts[0, 0], int(last.counts[0, 3])
+    step = float(end - start) / float(steps)
+    begin = max(lost - step, first)
+    return begun.with_grid(np.unique([max(begin - _BEFORE * step, first), begin])), begin, step, regime
 
 
 def _stages(

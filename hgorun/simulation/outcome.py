@@ -9,6 +9,9 @@ import numpy as np
 from hgorun.engine.memory import Raw
 from hgorun.errors import Problem
 from hgorun.measurement.events import merge
+from hgorun.measurement.in_order import NoiseInOrder
+from hgorun.measurement.long import LongSchedule
+from hgorun.measurement.noise import StretchNoise
 from hgorun.measurement.schedule import nearest_event
 from hgorun.measurement.signals import noise_at
 from hgorun.memo import Memo, same
@@ -102,11 +105,28 @@ def measured_at_once(run: PreparedRun) -> bool:
     return all(len(c.stretches) == 1 and c.stretches[0].continuous and c.stretches[0].undelayed for c in run.channels)
 
 
-def continuous_measurements(run: PreparedRun, grid: np.ndarray, y: np.ndarray) -> Measurements:
-    """What is measured at some times of outputs that are :func:`measured_at_once`."""
+def noise_along(run: PreparedRun) -> list[list[StretchNoise]]:
+    """The noise of every output, for times that are asked for in their order: of every stretch."""
+    if isinstance(run.schedule, LongSchedule):
+        return [[NoiseInOrder(noise) for noise in c.noise] for c in run.channels]
+    return [c.noise for c in run.channels]
+
+
+def continuous_measurements(
+    run: PreparedRun, noises: list[list[StretchNoise]], grid: np.ndarray, y: np.ndarray
+) -> Measurements:
+    """What is measured at some times of outputs that are :func:`measured_at_once`.
+
+    Parameters
+    ----------
+    noises : list of list of StretchNoise
+        As :func:`noise_along`, from one part of the run to the next.
+    grid, y : ndarray, shapes (N,) and (N, q)
+        The times, and the outputs without noise.
+    """
     columns = []
-    for i, c in enumerate(run.channels):
-        (stretch,), (noise,) = c.stretches, c.noise
+    for i, (c, (noise,)) in enumerate(zip(run.channels, noises, strict=True)):
+        (stretch,) = c.stretches
         v = noise_at(stretch, grid) + noise.held(grid)
         columns.append(run.plant.model.wrapped(i, y[:, i] * (1 + v) if stretch.multiplicative else y[:, i] + v))
     taken = np.repeat((run.origin + grid)[:, None], len(columns), axis=1)
@@ -129,6 +149,7 @@ def _observers(run: PreparedRun, measured: Measured) -> dict[str, ObserverResult
             verdict=verdict if verdict.at is None else replace(verdict, at=run.origin + verdict.at),
             metrics=own,
             coordinates=coordinates.get(b.label),
+            unestimated=b.observer.unestimated(b.form),
         )
     return {label: found[label] for label in run.experiment.observers}
 
@@ -170,15 +191,16 @@ def _measurements(
     run: PreparedRun, raw: Raw, grid: np.ndarray, y: np.ndarray, integration: Integration
 ) -> Measurements:
     """Samples at their arrival, continuous outputs on the output grid."""
+    noises = noise_along(run)
     if not grid.size and measured_at_once(run):
-        return continuous_measurements(run, grid, y)
+        return continuous_measurements(run, noises, grid, y)
     parts: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
-    base = 0
+    base, every, long = 0, run.schedule.every, isinstance(run.schedule, LongSchedule)
     for i, c in enumerate(run.channels):
-        count = c.samples.arrival.size
-        times, taken = [c.samples.arrival], [c.samples.taken]
-        values = [raw.measured[base : base + count, 0]]
-        base += count
+        samples = c.samples.part(0, c.samples.size, every) if long else c.samples
+        times, taken = [samples.arrival], [samples.taken]
+        values = [raw.measured[base : base + samples.size, 0]]
+        base += samples.size
         continuous = [k for k, stretch in enumerate(c.stretches) if stretch.continuous]
         on_grid = c.stretch_at(grid) if continuous and len(c.stretches) > 1 else None
         for k in continuous:
@@ -194,17 +216,17 @@ def _measurements(
                 truth = late
             times.append(t)
             taken.append(then)
-            v = noise_at(stretch, t) + c.noise[k].held(t)
+            v = noise_at(stretch, t) + noises[i][k].held(t)
             values.append(truth * (1 + v) if stretch.multiplicative else truth + v)
         parts.append((_joined(times), _joined(taken), run.plant.model.wrapped(i, _joined(values))))
     key = same(run.schedule), same(run.grid)  # of which runs of one family have the same ones
     union, places = _ROWS.get(key, lambda: _rows([part[0] for part in parts], 1e-9 * run.step))
     if len(parts) == 1 and isinstance(places[0], slice):
-        return Measurements(run.origin + union, run.origin + parts[0][1][:, None], parts[0][2][:, None].copy())
+        return Measurements(run.origin + union, run.origin + parts[0][1][:, None], parts[0][2][:, None].copy(), every)
     taken_all, y_all = (np.full((union.size, len(parts)), np.nan) for _ in range(2))
     for i, (part, where) in enumerate(zip(parts, places, strict=True)):
         taken_all[where, i], y_all[where, i] = part[1], part[2]
-    return Measurements(time=run.origin + union, taken=run.origin + taken_all, y=y_all)
+    return Measurements(time=run.origin + union, taken=run.origin + taken_all, y=y_all, every=every)
 
 
 def _joined(parts: list[np.ndarray]) -> np.ndarray:

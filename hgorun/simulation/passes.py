@@ -15,7 +15,7 @@ from hgorun.engine.window import Take
 from hgorun.simulation.checks import check_steps, longest_step
 from hgorun.simulation.loss import UNBOUNDED
 from hgorun.simulation.prepared import PreparedRun
-from hgorun.simulation.steps import part_of_difference, steps_between
+from hgorun.simulation.steps import StepCounts, counted_steps, part_of_difference
 from hgorun.simulation.tables import build_plan
 
 _DEFAULT_RTOL = 1e-8
@@ -99,9 +99,9 @@ def integrate_lanes(runs: Sequence[PreparedRun], how: Pass) -> Raw:
     return program.run(replace(plans[0], **numbers), start)
 
 
-def fixed_steps(run: PreparedRun, step: float) -> np.ndarray:
-    """How many steps no longer than the nominal one there are between any two events."""
-    return steps_between(run.schedule, longest_step(run, step))
+def fixed_steps(run: PreparedRun, step: float) -> StepCounts:
+    """The steps no longer than the nominal one that there are between events."""
+    return counted_steps(run.schedule, longest_step(run, step))
 
 
 def part_of_error(run: PreparedRun, how: Pass) -> float:
@@ -112,9 +112,10 @@ def part_of_error(run: PreparedRun, how: Pass) -> float:
     order one, and two passes may come upon a condition equally late by chance.
     """
     assert how.uneven is not None
+    steps, order = fixed_steps(run, how.step).steps, METHODS[how.method].order
     if run.structure.system.decides:
-        return _BY_CHANCE * part_of_difference(fixed_steps(run, how.step), how.uneven, 1)
-    return part_of_difference(fixed_steps(run, how.step), how.uneven, min(METHODS[how.method].order, _SURE_ORDER))
+        return _BY_CHANCE * part_of_difference(steps, how.uneven, 1)
+    return part_of_difference(steps, how.uneven, min(order, _SURE_ORDER))
 
 
 def plan_of(run: PreparedRun, how: Pass, *, in_parts: bool = False) -> tuple[Plan, Start]:
@@ -159,7 +160,8 @@ class Again:
     def plan(self, shorter: int = 1) -> Plan:
         """The tables, with steps so many times shorter, all of them."""
         longest = min(self.how.step, self.run.longest_gap)
-        return plan_of(self.run, self.how if shorter == 1 else replace(self.how, step=longest / shorter))[0]
+        how = self.how if shorter == 1 else replace(self.how, step=longest / shorter)
+        return plan_of(self.run, how, in_parts=True)[0]
 
     def integrate(self, plan: Plan) -> Raw:
         """What they give where observers are followed until their numbers overflow."""

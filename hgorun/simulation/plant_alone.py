@@ -16,7 +16,7 @@ from hgorun.engine.program import Program
 from hgorun.errors import KeyPath, Problem
 from hgorun.measurement.events import Irregular, Kinks, infinite, merge, not_followed, too_many
 from hgorun.measurement.extremes import Unknown, extremes, usual_rate
-from hgorun.measurement.sampling import EVENT_BYTES
+from hgorun.measurement.sizes import EVENT_BYTES
 from hgorun.memo import Memo
 from hgorun.plants.build import BuiltPlant, SymbolicPlant
 from hgorun.simulation.steps import count_steps, in_pieces

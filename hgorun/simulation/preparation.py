@@ -13,10 +13,11 @@ from hgorun.errors import Problem
 from hgorun.measurement.channels import Channel, check_delays, find_channels
 from hgorun.measurement.extremes import Unknown
 from hgorun.measurement.late import Treatment, are_late, heard
+from hgorun.measurement.long import AnySchedule, LongSchedule, is_long
 from hgorun.measurement.noise import is_relative
-from hgorun.measurement.sampling import EVENT_BYTES
 from hgorun.measurement.schedule import Schedule, build_schedule
 from hgorun.measurement.signals import extremes_of, kinks_of, signal_remarks, unknown_extremes
+from hgorun.measurement.sizes import EVENT_BYTES
 from hgorun.memo import Memo, same
 from hgorun.observers.base import AnyObserver, CorrectedObserver, SampledObserver
 from hgorun.observers.capabilities import Switching
@@ -35,8 +36,8 @@ from hgorun.simulation.structure import Structure, parameter_values, structure_o
 from hgorun.simulation.truth import SameTruth, SimulatedPlant, Truth
 
 _EVENTS = 100_000  # of schedules that are kept in memory
-_CHANNELS: Memo[list[Channel]] = Memo(16, lambda channels: all(c.samples.arrival.size < _EVENTS for c in channels))
-_SCHEDULES: Memo[Schedule] = Memo(16, lambda schedule: schedule.events.size < _EVENTS)
+_CHANNELS: Memo[list[Channel]] = Memo(16, lambda channels: not is_long(channels) and _events(channels) < _EVENTS)
+_SCHEDULES: Memo[AnySchedule] = Memo(16, lambda schedule: isinstance(schedule, Schedule) and schedule.size < _EVENTS)
 _TRUTHS: Memo[SimulatedPlant] = Memo(64)
 _DRIVEN: Memo[DrivenPlant] = Memo(64)
 
@@ -262,7 +263,7 @@ def schedule_of(
     step: float,
     more: np.ndarray | None = None,
     treatments: tuple[Treatment, ...] = (),
-) -> Schedule:
+) -> AnySchedule:
     """All that happens in a run.
 
     Parameters
@@ -287,10 +288,19 @@ def schedule_of(
     period = None if experiment.controller is None else experiment.controller.period
     # delays depend on the clock
     key: Hashable = timings, time, experiment.origin, changes, short, treatments, period
-    instants = None if period is None else _instants(period, time)
-    return _SCHEDULES.get(
-        key, lambda: build_schedule(heard(channels, treatments), time, kinks, short, looked_at, instants)
-    )
+
+    def build() -> AnySchedule:
+        if not treatments and period is None and is_long(channels):
+            return LongSchedule(channels=channels, time=time, kinks=kinks, extremes=looked_at, step=short)
+        instants = None if period is None else _instants(period, time)
+        return build_schedule(heard(channels, treatments), time, kinks, short, looked_at, instants)
+
+    return _SCHEDULES.get(key, build)
+
+
+def _events(channels: list[Channel]) -> int:
+    """How many samples there are of the output that has most of them."""
+    return max(c.samples.size for c in channels)
 
 
 def _instants(period: float, time: Time) -> np.ndarray:

@@ -11,7 +11,7 @@ from hgorun.config.models import Solver, Time
 from hgorun.measurement.channels import Channel
 from hgorun.measurement.extremes import Unknown
 from hgorun.measurement.late import Treatment, heard
-from hgorun.measurement.schedule import Schedule
+from hgorun.measurement.long import AnySchedule
 from hgorun.plants.build import BuiltPlant
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.observer_block import ObserverBlock
@@ -47,7 +47,7 @@ class PreparedRun:
         The nominal step.
     channels : list of Channel
         What is measured of every output.
-    schedule : Schedule
+    schedule : Schedule or LongSchedule
     longest_step, reach : float
         No step is longer, and no continuous delay.
     treatments : tuple of str
@@ -63,7 +63,7 @@ class PreparedRun:
     numbers: Numbers
     step: float
     channels: list[Channel]
-    schedule: Schedule
+    schedule: AnySchedule
     smallest_delay: float
     reach: float
     treatments: tuple[Treatment, ...] = ()
@@ -113,7 +113,7 @@ class PreparedRun:
     @property
     def longest_gap(self) -> float:
         """The longest time between two events."""
-        return float(np.max(np.diff(self.schedule.events)))
+        return self.schedule.longest_gap
 
     @property
     def adaptive(self) -> bool:

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass
+
 import numpy as np
 
 from hgorun.errors import Problem
+from hgorun.measurement.long import AnySchedule
 from hgorun.measurement.schedule import Schedule
-from hgorun.memo import Memo
+from hgorun.memo import Memo, same
 from hgorun.symbolic.levels import distinct
 
 _PIECE = 1 << 14  # steps between two checks for Ctrl-C, more only where there were too many pieces
@@ -16,9 +21,63 @@ _KEPT = 50_000  # gaps whose steps are kept in memory
 _STEPS: Memo[np.ndarray] = Memo(16, lambda steps: steps.size < _KEPT)
 
 
-def steps_between(schedule: Schedule, longest: float, key: str = "step") -> np.ndarray:
+def steps_between(schedule: AnySchedule, longest: float, key: str = "step") -> np.ndarray:
     """How many equal steps each gap between two events of a schedule takes, as :func:`count_steps`."""
     return _STEPS.get((schedule, longest, key), lambda: count_steps(np.diff(schedule.events), longest, key))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class StepCounts:
+    """How many gaps between events take so many steps each.
+
+    Attributes
+    ----------
+    steps, gaps : ndarray of int64, shape (N,)
+    """
+
+    steps: np.ndarray
+    gaps: np.ndarray
+
+    @property
+    def segments(self) -> int:
+        """All segments of the run, with the last one, which has no steps."""
+        return int(np.sum(self.gaps)) + 1
+
+    @property
+    def total(self) -> int:
+        """All steps of the run."""
+        return int(np.sum(self.steps * self.gaps))
+
+    def uneven(self, ratio: float) -> int:
+        """All steps of the run that is compared, see :func:`uneven_steps`."""
+        return int(np.sum(uneven_steps(self.steps, ratio) * self.gaps))
+
+
+_COUNTED: Memo[StepCounts] = Memo(4)
+
+
+def counted_steps(schedule: AnySchedule, longest: float, key: str = "step") -> StepCounts:
+    """The steps of a schedule, counted; as :func:`count_steps`."""
+    if isinstance(schedule, Schedule):
+        steps = steps_between(schedule, longest, key)
+        return StepCounts(steps, np.ones_like(steps))
+    return _COUNTED.get((same(schedule), longest, key), lambda: _counted(schedule.gaps(), longest, key))
+
+
+def _counted(parts: Iterable[np.ndarray], longest: float, key: str) -> StepCounts:
+    found: Counter[int] = Counter()
+    total = 0.0
+    for gaps in parts:
+        steps = count_steps(gaps, longest, key)
+        if steps.size and np.all(steps == steps[0]):
+            found[int(steps[0])] += steps.size
+        else:
+            ordered = np.sort(steps)
+            edges = np.append(np.flatnonzero(np.diff(ordered, prepend=-1)), ordered.size)
+            found.update(dict(zip(ordered[edges[:-1]].tolist(), np.diff(edges).tolist(), strict=True)))
+        total += float(np.sum(steps))
+        _require_possible(total, longest, key)
+    return StepCounts(np.array(sorted(found)), np.array([found[n] for n in sorted(found)]))
 
 
 def count_steps(gaps: np.ndarray, longest: float, key: str = "step") -> np.ndarray:
@@ -39,13 +98,17 @@ def count_steps(gaps: np.ndarray, longest: float, key: str = "step") -> np.ndarr
     with np.errstate(over="ignore", divide="ignore"):
         steps = np.maximum(np.ceil(gaps / longest * (1 - 1e-9)), 1)
         total = float(np.sum(steps))
+    _require_possible(total, longest, key)
+    return np.asarray(steps.astype(np.int64))
+
+
+def _require_possible(total: float, longest: float, key: str) -> None:
     if not total <= _MAX_STEPS:
         raise Problem(
             ("solver", key),
             f"the run takes {total:.3g} steps of {longest:.3g}, at most {_MAX_STEPS:.0e} are possible: "
             f"increase solver.{key}" + (", or solver.method: rodas5p if the system is stiff" if key == "step" else ""),
         )
-    return np.asarray(steps.astype(np.int64))
 
 
 _PART = 0.5 * (3 - 5**0.5)  # of a gap, before its cut: no simple fraction

@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from itertools import islice
 
 import numpy as np
 
 from hgorun.engine.layout import HybridSystem
-from hgorun.engine.plan import Following, Plan, Segments
+from hgorun.engine.plan import Following, Kept, PartNumbers, Plan, Segments
 from hgorun.measurement.channels import Channel, joined
 from hgorun.measurement.late import HeardOtherwise
+from hgorun.measurement.long import AnySchedule, LongSchedule, Part
 from hgorun.measurement.schedule import Schedule
 from hgorun.memo import Memo, same
 from hgorun.simulation.actions import Actions, RecordedInputs
-from hgorun.simulation.steps import count_steps, in_pieces, steps_between, steps_of_a_piece, uneven_steps, unevenly
+from hgorun.simulation.steps import count_steps, counted_steps, in_pieces, steps_of_a_piece, unevenly
+from hgorun.symbolic.levels import distinct
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -40,7 +43,7 @@ class Tables:
 
 
 def build_plan(
-    schedule: Schedule,
+    schedule: AnySchedule,
     channels: Sequence[Channel],
     grid: np.ndarray,
     system: HybridSystem,
@@ -58,7 +61,7 @@ def build_plan(
 
     Parameters
     ----------
-    schedule : Schedule
+    schedule : Schedule or LongSchedule
     channels : sequence of Channel
     grid : ndarray
         Output times.
@@ -82,10 +85,13 @@ def build_plan(
     in_parts : bool
         A plan of many events may be given part by part, so that its tables need not fit into memory.
     """
+    if in_parts and isinstance(schedule, LongSchedule) and not system.remembers:
+        return _Long(schedule, grid, system, always_slope, longest, uneven).plan(origin)
     key = schedule, system, same(grid), always_slope, longest, uneven, None if inputs is None else same(inputs)
-    tabulated = partial(_Tabulated, schedule, channels, grid, system, always_slope, longest, uneven, inputs)
+    events = schedule if isinstance(schedule, Schedule) else schedule.whole
+    tabulated = partial(_Tabulated, events, channels, grid, system, always_slope, longest, uneven, inputs)
     following = None
-    if in_parts and schedule.events.size > 2 * _PART_EVENTS and not system.remembers and schedule.order is None:
+    if in_parts and schedule.size > 2 * _PART_EVENTS and not system.remembers and schedule.order is None:
         tables, following = tabulated().in_parts()
     else:
         tables = _TABLES.get(key, lambda: tabulated().whole())
@@ -141,15 +147,27 @@ class _Tabulated:
         longest: float,
         uneven: float | None,
         inputs: RecordedInputs | None,
+        piece: int | None = None,
+        before: _Tabulated | None = None,
     ) -> None:
         self.schedule, self.grid, self.longest, self.uneven = schedule, grid, longest, uneven
         self.always_slope = system.remembers or always_slope
         self.actions = Actions(schedule.events, channels, system, inputs, schedule.order, schedule.acting)
+        if before is not None:
+            self.actions.take_from(before.actions)
+        self._piece = piece
         # what is carried out, one after the other
         self.order = np.arange(schedule.events.size) if schedule.order is None else schedule.order.event
-        steps = steps_between(schedule, longest)
-        total = int(np.sum(steps if uneven is None else uneven_steps(steps, uneven)))
-        self.steps, self.piece = total, steps_of_a_piece(total)
+
+    @property
+    def steps(self) -> int:
+        """All steps of the run."""
+        return _all_steps(self.schedule, self.longest, self.uneven)
+
+    @cached_property
+    def piece(self) -> int:
+        """How many of them are a piece."""
+        return steps_of_a_piece(self.steps) if self._piece is None else self._piece
 
     def whole(self) -> Tables:
         """All of a run."""
@@ -181,14 +199,12 @@ class _Tabulated:
         left = self.order[between]
         right = left + 1
         steps = count_steps(events[right] - events[left], self.longest)
-        slope = np.full(steps.size, int(self.always_slope))
-        if not self.always_slope:
-            slope = _row_in_last_step(events[left], events[right], steps, self.grid).astype(int)
+        slope = 1 if self.always_slope else _row_in_last_step(events[left], events[right], steps, self.grid)
         actions, places = self.actions.at(first, stop)
         inside = events[left] + inward[left], events[right] - inward[right]
-        spans, none = np.column_stack([events[left], events[right], *inside]), np.zeros_like(steps)
+        spans = _columns(float, events[left], events[right], *inside)
         of_segments = places[: steps.size], places[1 : steps.size + 1]
-        counts = np.column_stack([steps, none, steps, variant[between], *of_segments, slope])
+        counts = _columns(np.int64, steps, 0, steps, variant[between], *of_segments, slope)
         if self.uneven is not None:
             spans, counts = unevenly(spans, counts, self.uneven)
         spans, counts = in_pieces(spans, counts, self.piece)
@@ -198,8 +214,107 @@ class _Tabulated:
         return Segments(spans, counts.astype(np.int64, copy=False), actions)
 
 
+@dataclass(frozen=True, eq=False, repr=False)
+class _Long:
+    """The tables of a run that is too long for them, part by part; parameters as of :func:`build_plan`."""
+
+    schedule: LongSchedule
+    grid: np.ndarray
+    system: HybridSystem
+    always_slope: bool
+    longest: float
+    uneven: float | None
+
+    def plan(self, origin: float) -> Plan:
+        """The plan of all parts, with the first of them."""
+        first = next(self.parts())
+        left = self._steps - int(np.sum(first.counts[:, 2] - first.counts[:, 1]))
+        numbers = first.numbers
+        assert numbers is not None
+        return Plan(
+            spans=first.spans,
+            counts=first.counts,
+            actions=first.actions,
+            grid=self.grid,
+            slots=numbers.gain.size,
+            gain=numbers.gain,
+            bias=numbers.bias,
+            holds=numbers.holds,
+            origin=origin,
+            following=Following(
+                lambda: islice(self.parts(), 1, None),
+                left,
+                left + counted_steps(self.schedule, self.longest).segments - len(first.counts),
+                self.schedule.time.end,
+            ),
+            numbers=numbers,
+            kept=sum(self._kept),
+        )
+
+    @property
+    def _steps(self) -> int:
+        return _all_steps(self.schedule, self.longest, self.uneven)
+
+    @property
+    def _kept(self) -> list[int]:
+        """How many samples of every output are kept."""
+        return [-(-c.samples.size // self.schedule.every) for c in self.schedule.channels]
+
+    def parts(self) -> Iterator[Segments]:
+        """The segments of the whole run, with the numbers of what is measured in them."""
+        places, piece = np.cumsum([0, *self._kept]).tolist(), steps_of_a_piece(self._steps)
+        tables: _Tabulated | None = None
+        given = self.grid, self.system, self.always_slope, self.longest, self.uneven
+        for part in self.schedule.parts():
+            tables = _Tabulated(part.schedule, part.channels, *given, None, piece, tables)
+            segments = tables.segments(0, part.schedule.size - (not part.last))
+            measured = [channel.gain_and_bias for channel in part.channels]
+            changes = [channel.held_changes[1] for channel in part.channels]
+            numbers = PartNumbers(
+                gain=joined([gain for gain, _ in measured]),
+                bias=joined([bias for _, bias in measured]),
+                holds=joined([*changes, tables.actions.values]),
+                kept=self._places(part, places),
+            )
+            yield replace(segments, numbers=numbers)
+
+    def _places(self, part: Part, places: Sequence[int]) -> tuple[Kept, ...]:
+        """Which of the samples of a part are kept, and where."""
+        every, found, base = self.schedule.every, [], 0
+        for c, before, place in zip(part.channels, part.first, places, strict=False):
+            skipped = -before % every
+            if c.samples.size > skipped:
+                some = slice(base + skipped, base + c.samples.size, every)
+                first = place + (before + skipped) // every
+                found.append(Kept(some, slice(first, first + len(range(c.samples.size)[skipped::every]))))
+            base += c.samples.size
+        return tuple(found)
+
+
+def _columns(kind: type[np.generic] | type[float], *columns: np.ndarray | int) -> np.ndarray:
+    """Columns side by side; what is one number is so in every row."""
+    rows = max(np.size(column) for column in columns if isinstance(column, np.ndarray))
+    table = np.empty((rows, len(columns)), dtype=kind)
+    for i, column in enumerate(columns):
+        table[:, i] = column
+    return table
+
+
+def _all_steps(schedule: AnySchedule, longest: float, uneven: float | None) -> int:
+    counted = counted_steps(schedule, longest)
+    return counted.total if uneven is None else counted.uneven(uneven)
+
+
 def _row_in_last_step(start: np.ndarray, end: np.ndarray, steps: np.ndarray, grid: np.ndarray) -> np.ndarray:
     """Whether an output point lies strictly inside the last step before each event."""
+    if grid.size < end.size:  # then every output point is asked for its segment
+        i = np.searchsorted(end, grid)
+        inside = (i < end.size) & (grid > start[np.minimum(i, end.size - 1)])
+        found = np.zeros(end.size, dtype=bool)
+        if inside.any():
+            own = distinct(i[inside])
+            found[own] = _row_in_last_step(start[own], end[own], steps[own], grid[inside])
+        return found
     h = (end - start) / steps
     snap = 1e-9 * h + 1e-15 * np.maximum(np.abs(start), np.abs(end))
     first = np.searchsorted(grid, end - h + snap, side="right")

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import casadi as ca
 import numpy as np
 
 from hgorun.engine.memory import Raw
-from hgorun.engine.plan import Plan
 from hgorun.observers.base import ContinuousObserver
 from hgorun.observers.capabilities import NotLinear, SlidingMode
 from hgorun.simulation.loss import Again
@@ -67,7 +64,7 @@ def singular(run: PreparedRun, raw: Raw, j: int, again: Again) -> str | None:
         return None
     last = float(run.grid[len(estimate) - 1])
     times = np.unique(np.append(last, lost - (lost - last) * 2.0 ** -np.arange(_HALVINGS)))
-    closer = _finite(_estimate(block, again.integrate(_with_grid(again.plan(), times))))
+    closer = _finite(_estimate(block, again.integrate(again.plan().with_grid(times))))
     values = np.concatenate([along(estimate[:1]), along(closer)])
     when = _sign_changes(np.append(times[0], times), values)
     if when is not None:
@@ -85,13 +82,6 @@ def _estimate(block: ObserverBlock, raw: Raw) -> Floats:
 def _finite(rows: Floats) -> Floats:
     """The rows that are numbers."""
     return rows[np.all(np.isfinite(rows), axis=1)]
-
-
-def _with_grid(plan: Plan, times: Floats) -> Plan:
-    """A plan with other output times, which may lie anywhere in its steps."""
-    counts = plan.counts.copy()
-    counts[:, 6] = 1
-    return replace(plan, grid=times, counts=counts)
 
 
 def _sign_changes(times: Floats, values: Floats) -> float | None:

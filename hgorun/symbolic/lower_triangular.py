@@ -22,6 +22,7 @@ from hgorun.symbolic.points import instants, near
 from hgorun.symbolic.reconstruction import Reconstruction, input_derivatives, output_derivatives, reconstruction
 from hgorun.symbolic.triangular import TriangularCopy, TriangularForm, transformed
 
+_HALVINGS = 6  # of a step of Newton's method
 _LOWEST = 0.1  # of the inputs at which slopes are taken: they may stand under a root
 
 
@@ -56,6 +57,11 @@ class LowerTriangularForm(TriangularForm):
     def Phi(self) -> ca.Function:
         """(t, Y, U, p, guess) -> x, in the coordinates of ``model``."""
         return self._reconstruction.function
+
+    @cached_property
+    def damped_Phi(self) -> ca.Function:
+        """The same with damped steps, for guesses that are far off; not for equations, which it makes long."""
+        return reconstruction(self.model, self.order, self.points, self.parameters, halvings=_HALVINGS).function
 
     def again(self, at: np.ndarray, parameters: np.ndarray) -> LowerTriangularForm | None:
         """The form with other numbers, where they lead to the same equations."""
@@ -114,9 +120,10 @@ class LowerTriangularCopy(TriangularCopy):
         c = ca.densify(ca.jacobian(model.output, model.x))
         return ca.Function("c", [model.t, model.x, model.u, model.p], [c])(self.t, xhat, self.u, self.p)
 
-    def reconstruct(self, Y: ca.SX, guess: ca.SX) -> ca.SX:
+    def reconstruct(self, Y: ca.SX, guess: ca.SX, *, damped: bool = False) -> ca.SX:
         """x = Phi(y, y', ..., u, u', ...)."""
-        return self.form.Phi(self.t, Y, input_derivatives(self.u, self.t, self.n), self.p, guess)
+        Phi = self.form.damped_Phi if damped and self.form.guesses else self.form.Phi
+        return Phi(self.t, Y, input_derivatives(self.u, self.t, self.n), self.p, guess)
 
 
 @dataclass(frozen=True)
@@ -184,7 +191,7 @@ class DerivativeCopy:
     def state(self, z: ca.SX) -> ca.SX:
         """The estimate in the plant's coordinates, Phi(z, u, u', ...)."""
         guess = ca.DM(self.form.lower.points[0]) if self.guess is None else self.guess
-        return self.lower.state(self.lower.reconstruct(z, guess))
+        return self.lower.state(self.lower.reconstruct(z, guess, damped=True))
 
     def output(self, z: ca.SX) -> ca.SX:
         """y, shape (1,)."""

@@ -7,8 +7,9 @@ on (Meiners, Adamy 2025, (4), (10)).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import casadi as ca
 import numpy as np
@@ -19,6 +20,7 @@ from hgorun.symbolic.plant import PlantModel
 from hgorun.symbolic.points import instants
 
 _NEWTON_STEPS = 12
+_SAME = 1e-12  # of what is sought: rounding
 _AFFINE = 1e-9  # relative change of a slope that counts as rounding
 
 
@@ -76,7 +78,12 @@ class Reconstruction:
 
 
 def reconstruction(
-    model: PlantModel, order: Sequence[int], points: Sequence[np.ndarray], parameters: np.ndarray
+    model: PlantModel,
+    order: Sequence[int],
+    points: Sequence[np.ndarray],
+    parameters: np.ndarray,
+    *,
+    halvings: int = 0,
 ) -> Reconstruction:
     """Phi: (t, Y, U, p, guess) -> x.
 
@@ -92,6 +99,9 @@ def reconstruction(
     points : sequence of ndarray
         States at which is decided whether an equation is affine, when that does not show in its form.
     parameters : ndarray
+    halvings : int
+        So often a step of Newton's method may be halved, until it comes nearer to what is sought; without, every step
+        is taken, which costs less and may lead away from a guess that is far off.
     """
     n, t, p = model.n, model.t, model.p
     jets = Jets(model, n)
@@ -115,9 +125,29 @@ def reconstruction(
                 slopes.append((slope, state, affine))
                 for _ in range(1 if affine else _NEWTON_STEPS):
                     miss = targets[0] - value(t, known, jets.U, p)
-                    known[state, 0] += miss / slope(t, known, jets.U, p)
+                    step = miss / slope(t, known, jets.U, p)
+                    if halvings and not affine:
+                        of_step = partial(_miss, jets, value, targets[0], known, state)
+                        step = _shortened(step, halvings, of_step, _SAME * ca.fabs(targets[0]))
+                    known[state, 0] += step
             relation = jets.derivative(relation)
     return Reconstruction(ca.Function("Phi", [t, Y, jets.U, p, guess], [ca.cse(known[:, 0])]), tuple(slopes))
+
+
+def _miss(jets: Jets, value: ca.Function, target: ca.SX, known: ca.SX, state: int, step: ca.SX) -> ca.SX:
+    """By how much a relation misses its target when a state has moved by a step."""
+    moved = ca.SX(known)
+    moved[state, 0] += step
+    return ca.fabs(target - value(jets.model.t, moved, jets.U, jets.model.p))
+
+
+def _shortened(step: ca.SX, halvings: int, miss: Callable[[ca.SX], ca.SX], rounding: ca.SX) -> ca.SX:
+    """The longest of step, step/2, step/4, ... that misses by no more than no step does; or else the last."""
+    allowed = miss(ca.SX(0)) + rounding
+    found = step / 2**halvings
+    for k in reversed(range(halvings)):
+        found = ca.if_else(miss(step / 2**k) <= allowed, step / 2**k, found)
+    return found
 
 
 def output_derivatives(model: PlantModel) -> ca.Function:

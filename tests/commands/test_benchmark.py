@@ -16,7 +16,7 @@ from hgorun.benchmark.benchmark import Benchmark, load_benchmark
 from hgorun.benchmark.trial import Trial
 from hgorun.commands.benchmark import benchmark
 from hgorun.commands.options import Bench
-from hgorun.errors import ConfigError
+from hgorun.errors import ConfigError, HgorunError
 
 PLANT: dict[str, Any] = {
     "time": {"end": 3, "output_step": 0.05},
@@ -122,6 +122,23 @@ def test_a_damaged_entry_is_made_again(done: tuple[Path, Benchmark]) -> None:
     one = min(place.iterdir())
     one.write_text("{", encoding="utf-8")
     assert asked.entries(place) == before
+
+
+def test_what_fails_does_not_stop_the_others(
+    done: tuple[Path, Benchmark], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    _, asked = done
+    score = Trial.score
+
+    def failing(trial: Trial, *rest: Any) -> Any:
+        if trial.label == "S":
+            raise HgorunError("the design is not finite")
+        return score(trial, *rest)
+
+    monkeypatch.setattr(Trial, "score", failing)
+    entries = {(e.scenario, e.label): e for e in asked.entries(tmp_path)}
+    assert entries["sampled", "S"].refused == "failed: the design is not finite"
+    assert entries["sampled", "G"].score is not None
 
 
 def test_files_and_json(done: tuple[Path, Benchmark], capsys: pytest.CaptureFixture[str]) -> None:

@@ -96,9 +96,9 @@ def test_an_output_that_the_plant_has_not(measurement: dict[str, Any], key: str)
     ("measurement", "key", "words"),
     [
         ({"sampling": {"steps": "1.0e-7"}}, "measurement.sampling.steps", r"\d+ samples, which take about \S+ GiB"),
-        ({"sampling": {"period": 1e-7}}, "measurement.sampling.period", "samples"),
+        ({"sampling": {"period": 1e-7, "jitter": 1e-8}}, "measurement.sampling.period", "samples"),
         (
-            {"noise": [{"type": "uniform", "low": -1, "high": 1, "hold": 1e-7}]},
+            {"noise": [{"type": "uniform", "low": -1, "high": 1, "hold": 1e-7}], "delay": 0.1},
             "measurement.noise.0.hold",
             r"1e\+07 draws take about \S+ GiB; time.max_memory leaves",
         ),

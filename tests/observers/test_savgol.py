@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from examples import Block, chain, experiment, simulated
+from examples import Block, chain, experiment, inline, simulated
 from scipy.signal import savgol_coeffs
 
 import hgorun
@@ -79,3 +79,18 @@ def test_samples_at_fewer_times_than_coefficients_leave_the_estimate() -> None:
 def test_what_does_not_fit_is_refused(block: Block, measurement: Block, message: str) -> None:
     with pytest.raises(ConfigError, match=message):
         hgorun.simulate(experiment(PLANT, {"D": {"type": "savgol"} | block}, measurement=measurement))
+
+
+def test_the_state_is_found_from_a_guess_that_is_far_off() -> None:
+    """Growth with saturation: a whole step of Newton's method from 40 leads behind the pole at -5."""
+    growth = "s/(5 + s)*b"
+    plant = inline({"b": f"0.3*{growth} - 0.05*b", "s": f"2 - 0.6*{growth}"}, "b", initial={"b": 4.0, "s": 40.0})
+    start = {"initial": {"b": 4.0, "s": 40.0}}
+    blocks: dict[str, Block] = {
+        "savgol": {"type": "savgol", "window": 10, **start},
+        "spline": {"type": "spline", "smoothing": 1e-4, **start},
+    }
+    result = hgorun.simulate(experiment(plant, blocks, end=15, step=0.02, measurement={"sampling": {"period": 0.1}}))
+    for one in result.observers.values():
+        assert one.status == "ok"
+        np.testing.assert_allclose(one.xhat[-20:, 1], result.x[-20:, 1], rtol=0.05)
