@@ -132,9 +132,10 @@ def check_steps(run: PreparedRun, step: float, *, adaptive: bool) -> None:
     pieces = history_pieces(np.column_stack([events[:-1], events[1:]]), steps, run.reach)
     size = history_bytes(run.structure.system, pieces)
     if size > run.time.max_memory:
-        late = max(continuous_delays(run.channels), key=lambda stretch: delay_range(stretch)[1])
+        late = max(continuous_delays(run.channels), key=lambda stretch: delay_range(stretch)[1], default=None)
+        recalling = [("observers", b.label) for b in run.observers if b.recalled]
         raise Problem(
-            late.paths["delay"],
+            recalling[0] if late is None else late.paths["delay"],
             f"with steps of {longest:.3g} the history of a delay of {run.reach:.3g} takes "
             f"{size / 2**30:.3g} GiB; time.max_memory allows {run.time.max_memory / 2**30:.3g} GiB",
         )

@@ -289,8 +289,8 @@ def _recalled(groups: Sequence[Group], first: int) -> list[list[range]]:
         for b in group.observers:
             own.append(range(first, first + b.recalled))
             first += b.recalled
-            simulated = isinstance(group.truth, (SimulatedPlant, SameTruth))
-            if isinstance(b.observer, RecallingObserver) and not simulated:
+            truth = group.truth.truth if isinstance(group.truth, SameTruth) else group.truth
+            if isinstance(b.observer, RecallingObserver) and not isinstance(truth, SimulatedPlant):
                 message = "it looks back at its own past, which is kept in simulations alone, not of data or a stream"
                 raise Problem(("observers", b.label, "type"), message)
         found.append(own)
