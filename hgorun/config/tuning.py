@@ -8,6 +8,7 @@ from typing import Annotated, Any
 from pydantic import BeforeValidator, Field, model_validator
 
 from hgorun.config.types import Block, NonEmpty, Number, describe
+from hgorun.errors import Problem
 
 MOST_GAINS = 6
 
@@ -119,13 +120,24 @@ class Tune(Block):
 
     @model_validator(mode="after")
     def _some(self) -> Tune:
-        if not 1 <= len(self.gains) <= MOST_GAINS:
-            raise ValueError(f"expected 1 to {MOST_GAINS} gains, found {len(self.gains)}")
+        if not self.gains:
+            raise ValueError(f"expected 1 to {MOST_GAINS} gains, found 0")
         if self.budget < 8 * self.seeds:
             raise ValueError(
                 f"a budget of {self.budget} runs is too small for {self.seeds} seeds: {8 * self.seeds} at least"
             )
         return self
+
+
+def require_few(count: int) -> None:
+    """Refuse more gains of a single search than it can find.
+
+    Raises
+    ------
+    Problem
+    """
+    if count > MOST_GAINS:
+        raise Problem(("tune", "gains"), f"expected 1 to {MOST_GAINS} gains of an observer, found {count}")
 
 
 class TuneFile(Block):

@@ -15,7 +15,8 @@ from hgorun.simulation.kinds import Kind, Numbered
 from hgorun.simulation.replay import Replay, Replayed
 from hgorun.symbolic.levels import distinct
 
-_FIRST, _ACTS = -5, 5  # the smallest rank of what happens at one event, and that of a controller's action
+_FIRST = -5  # the smallest rank of what happens at one event
+_ACTS, _KEEPS = 5, 6  # those of a controller's action, and of inputs that are kept
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -150,6 +151,7 @@ class Actions:
                 at, self.values = at[1:], self.values[1:]
             kinds.append(Kind.of(at, -2, SET, layout.interval, Numbered(held)))
             held += at.size
+            kinds += [Kind.of(event[heard], _KEEPS, JUMP, number) for number in system.keeping]
             for number, (start, _, _) in enumerate(system.stepped):
                 kinds.append(Kind.of(at, -1 if start < system.plant_states else 3, JUMP, number))
         if system.corrections:

@@ -160,8 +160,9 @@ def check_jumps(run: PreparedRun) -> None:
         stepped.insert(0, ("plant", "discretise"))
     if not stepped:
         return
-    if run.closed:
-        raise Problem(stepped[0], "this steps with the input at the sample before, which a controller does not keep")
+    if run.closed and run.plant.block.discretise:
+        message = "a plant that a controller drives is integrated; observers may step from sample to sample"
+        raise Problem(("plant", "discretise"), message)
     first = run.channels[0].samples
     for channel in run.channels:
         samples = channel.samples
@@ -175,9 +176,15 @@ def check_jumps(run: PreparedRun) -> None:
 
 
 def _check_law(run: PreparedRun) -> None:
-    """A state of observers that the law uses must be one of some observer."""
-    law = run.plant.symbolic.controller
-    for name in () if law is None else law.own:
+    """A state that the law uses must be estimated, and an observer's own one be that of some observer."""
+    law, controller = run.plant.symbolic.controller, run.experiment.controller
+    if law is None or controller is None:
+        return
+    for b in run.observers:
+        for name in b.observer.unestimated(b.form):
+            if name in controller.seen():
+                raise Problem(("observers", b.label), f"it does not estimate {name}, which the controller needs")
+    for name in law.own:
         known = dict.fromkeys(own for b in run.observers for own in b.own_names)
         if run.observers and name not in known:
             raise Problem(
