@@ -46,7 +46,7 @@ def test_the_example_with_a_broker_runs(tmp_path: Path) -> None:
     (command,) = re.findall(r"^    hgorun (estimate .*mqtt:.*)$", PAGE, re.MULTILINE)
     published = re.findall(r"^    mosquitto_pub -q 1 -t (\S+) -m '(.*)'$", PAGE, re.MULTILINE)
     ((to, estimate),) = re.findall(
-        r"^The second one publishes, for each observer, to `(.*)`\n\n    (\{.*)$", PAGE, re.MULTILINE
+        r"^For each observer the second one publishes to `(.*)`\n\n    (\{.*)$", PAGE, re.MULTILINE
     )
     with Broker() as broker:
         words = shlex.split(command.replace("localhost", f"127.0.0.1:{broker.port}"))

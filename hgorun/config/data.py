@@ -20,7 +20,10 @@ class Csv(Block):
         default=None, description="between columns (default: the one of , ; tab | that the header has)"
     )
     decimal: Literal[".", ","] | None = Field(default=None, description="decimal point or comma (default: found)")
-    encoding: Literal["utf-8", "utf-16", "latin-1"] | None = Field(
+    thousands: Literal[".", ",", " ", "'"] | None = Field(
+        default=None, description="between thousands (default: numbers have no such sign)"
+    )
+    encoding: Literal["utf-8", "utf-16", "latin-1", "cp1252"] | None = Field(
         default=None, description="default: by the mark at the beginning, else utf-8"
     )
     comment: Annotated[str, Field(min_length=1, max_length=1)] = Field(
@@ -33,6 +36,12 @@ class Csv(Block):
     missing: tuple[str, ...] = Field(
         default=(), description="texts that stand for a missing value, beside empty, NaN, NA, N/A, null and none"
     )
+
+    @model_validator(mode="after")
+    def _two_signs(self) -> Csv:
+        if self.thousands is not None and self.thousands == self.decimal:
+            raise ValueError(f"thousands and decimals cannot both have the sign {self.thousands!r}")
+        return self
 
 
 class Faults(Block):

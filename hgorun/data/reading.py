@@ -14,7 +14,7 @@ from hgorun.data.recording import InputSignal, Note, Recording, Signal
 from hgorun.data.samples import Samples
 from hgorun.data.sorting import Sorting
 from hgorun.data.sources import LogFile, Sources, Wanted
-from hgorun.data.units import converted
+from hgorun.data.units import alike, converted
 from hgorun.errors import ConfigError, Problem
 
 
@@ -174,7 +174,7 @@ class _Reader:
         file = signal.parts[0].file
         in_file = file.table.unit(signal.block.column)
         if said is None:
-            if in_file and wanted and in_file != wanted:
+            if in_file and wanted and not alike(in_file, wanted):
                 message = f"the file says {in_file}, the model {wanted}: taken as they are; unit: {in_file} converts"
                 self._notes.append(Note(kind="units", signal=signal.key, file=str(file.path), message=message))
             return values
