@@ -21,8 +21,8 @@ def to_xarray(result: ResultData) -> xarray.Dataset:
     """Truth, estimates and outputs of a result as one labelled data set; of recorded data the samples and bands.
 
     The samples of a recorded output, such as S, have a dimension of their own: ``S``, ``S_taken``, ``S_available``
-    along ``S_sample``. In a closed loop ``driven`` and ``driven_u`` are of the plants that the observers drive, x and u of
-    that of the true state.
+    along ``S_sample``. In a closed loop ``driven`` and ``driven_u`` are of the plants that the observers drive; x and u
+    are of the one that its true state drives.
     """
     try:
         import xarray
