@@ -222,8 +222,10 @@ def _interleaved(found: Sequence[tuple[Kind, slice]], first: int, stop: int) -> 
     kind, items = found[0]
     events = kind.event[items]
     rows = np.empty((events.size, len(found), 5), dtype=np.int64)
-    for j, (own, which) in enumerate(sorted(found, key=lambda each: each[0].rank)):
-        own.write(rows[:, j], which)
+    ordered = sorted(found, key=lambda each: each[0].rank)
+    rows[:] = [own.constants for own, _ in ordered]  # at once, since the table is larger than caches
+    for j, (own, which) in enumerate(ordered):
+        own.write(rows[:, j], which, constants=False)
     count = len(found) * np.bincount(events - first, minlength=stop - first)
     return rows.reshape(-1, 5), np.concatenate([[0], np.cumsum(count)])
 
