@@ -49,7 +49,7 @@ def tune_data(options: Options, text: str, source: Source) -> int:
         log = log_of(source, options.config)
         recording = log.read()
         experiment = completed(source, recording, options.config.stem, text)
-        found = [_tuned(experiment, recording, goal, gains, block.budget) for goal, gains in _tasks(experiment, block)]
+        found = [_tuned(experiment, recording, goal, gains, block.runs) for goal, gains in _tasks(experiment, block)]
     folder = options.output or RESULTS
     target = folder / f"{options.config.stem}.tuned.yaml"
     for one in found:
