@@ -22,7 +22,7 @@ from hgorun.data.recording import Recording, Signal
 from hgorun.errors import ConfigError
 from hgorun.estimate.completed import plant_units, with_inputs
 from hgorun.estimate.estimate import estimate as estimated
-from hgorun.estimate.holdout import HoldOut, held_out, number_of, parse_holdout
+from hgorun.estimate.holdout import HoldOut, held_out, number_of, parse_holdout, thinned
 from hgorun.estimate.long_log import estimate_into
 from hgorun.files import remove_leftovers, write_text
 from hgorun.result.result import Result
@@ -56,7 +56,7 @@ class Log:
             told = "neither data.outputs nor data.reference says"
             raise ConfigError(f"--holdout {output}={file}: {told} in which column {output} stands")
         of_file = [one for one in blocks if one.file and (self.folder / one.file).resolve() == file.resolve()]
-        return [*of_file, *blocks][0].model_dump(exclude_none=True)
+        return [*of_file, *blocks][0].model_dump(exclude_none=True, exclude={"lag"})
 
     def from_file(self, output: str, file: Path) -> Signal:
         """An output as it stands in another file."""
@@ -153,6 +153,7 @@ def log_of(source: Source, config: Path, files: tuple[Path, ...] = ()) -> Log:
 
 
 def _held_out(log: Log, recording: Recording, options: Estimate) -> tuple[Recording, dict[str, Signal]]:
+    recording, between = thinned(recording, log.block.period)
     chosen: list[HoldOut] = []
     aside: dict[str, Signal] = {}
     for text in options.holdout:
@@ -167,7 +168,7 @@ def _held_out(log: Log, recording: Recording, options: Estimate) -> tuple[Record
         else:
             chosen.append(every)
     recording, found = held_out(recording, chosen)
-    return recording, {**aside, **found}
+    return recording, {**between, **aside, **found}
 
 
 def _target(options: Estimate, name: str) -> Path:

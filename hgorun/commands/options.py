@@ -219,6 +219,12 @@ class Tune(Printing):
     config: Annotated[
         Path, typer.Argument(metavar="CONFIG", help="A configuration with the key tune, or a file with base and tune.")
     ]
+    data: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="[DATA...]", help="Recordings in place of data.file, one a file: the score is of all of them."
+        ),
+    ] = field(default_factory=list)
     overrides: Annotated[
         list[str], typer.Option("--set", metavar="tune.KEY=VALUE", help="Change a key of tune; repeatable.")
     ] = field(default_factory=list)

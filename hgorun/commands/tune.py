@@ -13,7 +13,7 @@ from hgorun.commands.options import Tune
 from hgorun.commands.outputs import RESULTS, refuse_other_kinds
 from hgorun.commands.run import require_file
 from hgorun.config.reading import read_source
-from hgorun.errors import HgorunError
+from hgorun.errors import ConfigError, HgorunError
 from hgorun.files import write_text
 from hgorun.observers.capabilities import FilterOrder
 from hgorun.process import say
@@ -49,6 +49,8 @@ def tune(options: Tune) -> int:
         from hgorun.commands.tune_data import tune_data
 
         return tune_data(options, text, source)
+    if options.data:
+        raise ConfigError(f"{options.data[0]}: files are for recordings, and the configuration has no data")
     asked = load_tuning(options.config, options.overrides, run=options.run)
     found = [_tuned(task, asked.name, options) for task in asked.tasks]
     files = _write(found, asked, options)

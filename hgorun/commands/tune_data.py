@@ -3,27 +3,31 @@
 from __future__ import annotations
 
 import json as json_text
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-from hgorun.commands.estimate import log_of
+from hgorun.commands.estimate import Log, log_of
 from hgorun.commands.options import Tune as Options
 from hgorun.commands.outputs import RESULTS
-from hgorun.config.tuning import Range, Tune
+from hgorun.config.tuning import Range, Tune, require_few
 from hgorun.config.validation import validate
 from hgorun.config.yaml_source import Source
-from hgorun.data.recording import Recording
 from hgorun.ensemble.members import written_out
 from hgorun.errors import ConfigError, Problem
+from hgorun.estimate.cases import Case, score
 from hgorun.estimate.completed import completed
-from hgorun.estimate.tuning import Goal, Trials, read_goal, score, search, split
+from hgorun.estimate.goal import ALL, Goal, Samples, read_goal, split
+from hgorun.estimate.holdout import thinned
+from hgorun.estimate.samples import stated
+from hgorun.estimate.tuning import Trials, search
 from hgorun.files import json_value, write_text
 from hgorun.process import say
 from hgorun.simulation.experiment import Experiment
 from hgorun.tables.layout import number, packed
 from hgorun.tuning.written import with_numbers
 
+_OF_PLANT = "plant.parameters."
 _END = 1e-3  # of a range: what is nearer to an end of it is at the end
 
 
@@ -46,10 +50,15 @@ def tune_data(options: Options, text: str, source: Source) -> int:
     with source.located():
         if len(block.minimise) > 1 or block.subject:
             raise Problem(("tune", "minimise"), "of recorded data one score is minimised, and nothing is bounded")
-        log = log_of(source, options.config)
-        recording = log.read()
-        experiment = completed(source, recording, options.config.stem, text)
-        found = [_tuned(experiment, recording, goal, gains, block.runs) for goal, gains in _tasks(experiment, block)]
+        goal = read_goal(block.minimise[0], ("tune", "minimise", 0))
+        logs = [log_of(source, options.config, (file,)) for file in options.data] or [log_of(source, options.config)]
+        samples = [_samples(log, goal) for log in logs]
+        experiments = [completed(source, one.given, options.config.stem, text) for one in samples]
+        cases = [Case(experiment, one) for experiment, one in zip(experiments, samples, strict=True)]
+        _check_deviations(goal, experiments[0])
+        given = {label: tuple(one.get("initial") or ()) for label, one in source.data["observers"].items()}
+        tasks = _tasks(experiments[0], goal, block)
+        found = [_tuned(cases, given, one, gains, block.runs(len(gains))) for one, gains in tasks]
     folder = options.output or RESULTS
     target = folder / f"{options.config.stem}.tuned.yaml"
     for one in found:
@@ -64,11 +73,32 @@ def tune_data(options: Options, text: str, source: Source) -> int:
     return 0
 
 
-def _tasks(experiment: Experiment, block: Tune) -> list[tuple[Goal, dict[str, Range]]]:
+def _samples(log: Log, goal: Goal) -> Samples:
+    """A recording, what the observers get of it, and what they do not get."""
+    recording, between = thinned(log.read(), log.block.period)
+    return split(recording, goal, between)
+
+
+def _check_deviations(goal: Goal, experiment: Experiment) -> None:
+    """Errors of several outputs are added in standard deviations of their noise."""
+    if goal.name == ALL:
+        without = [output for output in experiment.plant.model.outputs if output not in stated(experiment)]
+        if without:
+            message = f"{goal}: errors of all outputs are counted in standard deviations: {without[0]} has no std"
+            raise Problem(("tune", "minimise", 0), message)
+
+
+def _tasks(experiment: Experiment, goal: Goal, block: Tune) -> list[tuple[Goal, dict[str, Range]]]:
     """What is minimised, and with which gains: of every observer that has them, where the goal is of ``*``."""
-    goal = read_goal(block.minimise[0], ("tune", "minimise", 0))
     found: dict[str, dict[str, Range]] = {}
+    of_plant: dict[str, Range] = {}
     for key, given in block.gains.items():
+        if key.startswith(_OF_PLANT):
+            if key.removeprefix(_OF_PLANT) not in experiment.plant.model.parameters:
+                known = ", ".join(experiment.plant.model.parameters)
+                raise Problem(("tune", "gains", key), f"the plant has no such parameter; there are {known}")
+            of_plant[key] = given
+            continue
         try:
             paths = written_out(experiment, key)
         except ConfigError as error:
@@ -76,24 +106,40 @@ def _tasks(experiment: Experiment, block: Tune) -> list[tuple[Goal, dict[str, Ra
         for path in paths:
             label = next((one for one in experiment.observers if path.startswith(f"observers.{one}.")), None)
             if label is None:
-                raise Problem(("tune", "gains", key), "of recorded data the gains of observers are sought")
+                message = "of recorded data gains of observers are sought, and parameters of the plant"
+                raise Problem(("tune", "gains", key), message)
             found.setdefault(label, {})[path] = given
+    if of_plant and goal.label == "*":
+        raise Problem(
+            ("tune", "minimise", 0), "observers share the plant: with its parameters name one observer, not *"
+        )
     wanted = list(found) if goal.label == "*" else [goal.label]
-    missing = [label for label in wanted if label not in found]
+    missing = [label for label in wanted if label not in found and not (of_plant and label in experiment.observers)]
     if missing:
         raise Problem(("tune", "minimise", 0), f"no gains of an observer {missing[0]!r} are sought")
-    return [(Goal(goal.score, label, goal.name), found[label]) for label in wanted]
+    tasks = [(Goal(goal.score, label, goal.name), {**of_plant, **found.get(label, {})}) for label in wanted]
+    for _, gains in tasks:
+        require_few(len(gains))
+    return tasks
 
 
-def _tuned(experiment: Experiment, recording: Recording, goal: Goal, gains: dict[str, Range], budget: int) -> _Tuned:
-    others = {f"observers.{label}": None for label in experiment.observers if label != goal.label}
-    alone = experiment.varied(others) if others else experiment
-    samples = split(recording, goal)
-    trials = Trials(alone, goal, gains, samples, budget)
+def _tuned(
+    cases: Sequence[Case], given: Mapping[str, tuple[str, ...]], goal: Goal, gains: dict[str, Range], budget: int
+) -> _Tuned:
+    """The best gains of an observer; ``given`` are the states whose initial estimates are, by observer."""
+    others = {f"observers.{label}": None for label in cases[0].experiment.observers if label != goal.label}
+    models = any(path.startswith(_OF_PLANT) for path in gains)
+    alone = [
+        replace(
+            case,
+            experiment=case.experiment.varied(others) if others else case.experiment,
+            named=given[goal.label] if models and case.samples.given.first_samples > 1 else None,
+        )
+        for case in cases
+    ]
+    trials = Trials(alone, goal, gains, budget)
     best = search(trials)
-    least = min(value for _, value in trials.tried)
-    held_out = score(alone.varied(best), goal, samples.given, samples.report)
-    return _Tuned(goal, best, least, held_out, len(trials.tried))
+    return _Tuned(goal, best, trials.least, score(alone, goal, best, report=True), len(trials.tried))
 
 
 def _warn(one: _Tuned, name: str, block: Tune) -> None:

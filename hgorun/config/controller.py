@@ -77,6 +77,11 @@ class Controller(Block):
         """All names in its expressions."""
         return frozenset().union(*(parse(text).names for text in self._texts()))
 
+    def seen(self) -> frozenset[str]:
+        """The names in what is decided from the estimates."""
+        texts = (*self.law.values(), *self.integral.values())
+        return frozenset().union(*(parse(text).names for text in texts))
+
     def _texts(self) -> Iterator[str]:
         for block in (self.law, self.integral, self.truth):
             yield from block.values()

@@ -20,7 +20,10 @@ class Csv(Block):
         default=None, description="between columns (default: the one of , ; tab | that the header has)"
     )
     decimal: Literal[".", ","] | None = Field(default=None, description="decimal point or comma (default: found)")
-    encoding: Literal["utf-8", "utf-16", "latin-1"] | None = Field(
+    thousands: Literal[".", ",", " ", "'"] | None = Field(
+        default=None, description="between thousands (default: numbers have no such sign)"
+    )
+    encoding: Literal["utf-8", "utf-16", "latin-1", "cp1252"] | None = Field(
         default=None, description="default: by the mark at the beginning, else utf-8"
     )
     comment: Annotated[str, Field(min_length=1, max_length=1)] = Field(
@@ -33,6 +36,12 @@ class Csv(Block):
     missing: tuple[str, ...] = Field(
         default=(), description="texts that stand for a missing value, beside empty, NaN, NA, N/A, null and none"
     )
+
+    @model_validator(mode="after")
+    def _two_signs(self) -> Csv:
+        if self.thousands is not None and self.thousands == self.decimal:
+            raise ValueError(f"thousands and decimals cannot both have the sign {self.thousands!r}")
+        return self
 
 
 class Faults(Block):
@@ -145,6 +154,16 @@ class Measured(Column):
     std: Positive | None = Field(default=None, description="standard deviation of its noise, in the model's unit")
 
 
+class Beside(Measured):
+    """A measured quantity that estimates are compared with."""
+
+    lag: Positive | None = Field(
+        default=None,
+        description="time constant of the instrument, which follows the quantity with a first-order lag: estimates are "
+        "sent through the same lag before they are compared",
+    )
+
+
 class Recorded(Column):
     """A recorded input."""
 
@@ -152,6 +171,7 @@ class Recorded(Column):
 
 
 MeasuredKey = Annotated[Measured, BeforeValidator(_column), _OrText()]
+BesideKey = Annotated[Beside, BeforeValidator(_column), _OrText()]
 RecordedKey = Annotated[Recorded, BeforeValidator(_column), _OrText()]
 
 
@@ -176,8 +196,18 @@ class Data(Block):
     )
     outputs: dict[Name, MeasuredKey] = Field(description="the plant's outputs")
     inputs: dict[Name, RecordedKey] = Field(default_factory=dict, description="inputs of the plant")
-    reference: dict[Name, MeasuredKey] = Field(
+    reference: dict[Name, BesideKey] = Field(
         default_factory=dict, description="states or outputs that estimates are compared with, never used"
+    )
+    period: Positive | None = Field(
+        default=None,
+        description="the observers get a sample of an output only when so much time has passed since the last one that "
+        "they got; those between are held out",
+    )
+    first_samples: Annotated[int, Field(ge=1, le=1000, strict=True)] = Field(
+        default=1,
+        description="of each output: observers without `initial` start where the model passes nearest to these; "
+        "1: measured states start at the first sample, others at 0",
     )
     max_memory: Positive = Field(default=2.0**31, description="bytes allowed for the values read (default 2 GiB)")
     csv: Csv = Field(default_factory=Csv, description="how text files are written")

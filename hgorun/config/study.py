@@ -37,6 +37,8 @@ class Panel(Block):
     error: str | None = Field(default=None, description="a plant state: estimate minus truth")
     magnitude: str | None = Field(default=None, description="a plant state: size of the error, logarithmic")
     output: str | None = Field(default=None, description="an output: its measurements and the truth")
+    driven: str | None = Field(default=None, description="a plant state, in closed loops: of every driven plant")
+    input: str | None = Field(default=None, description="an input, in closed loops: as every observer sets it")
     scaling: Scaling | None = Field(default=None, description="error size against what a run varies")
     run: str | None = Field(default=None, description="the run shown, where a file has several (default: all)")
     observers: tuple[str, ...] | None = Field(
@@ -64,7 +66,7 @@ class Panel(Block):
         return self
 
 
-PANEL_SUBJECTS = ("state", "error", "magnitude", "output", "scaling")
+PANEL_SUBJECTS = ("state", "error", "magnitude", "output", "driven", "input", "scaling")
 
 
 class Figure(Block):

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 from pydantic import BeforeValidator, Field, model_validator
 
 from hgorun.config.types import Block, NonEmpty, Number, describe
+from hgorun.errors import Problem
 
 MOST_GAINS = 6
 
@@ -125,23 +126,33 @@ class Tune(Block):
 
     @model_validator(mode="after")
     def _some(self) -> Tune:
-        if not 1 <= len(self.gains) <= MOST_GAINS:
-            raise ValueError(f"expected 1 to {MOST_GAINS} gains, found {len(self.gains)}")
+        if not self.gains:
+            raise ValueError(f"expected 1 to {MOST_GAINS} gains, found 0")
         least = _FOR_A_SEED * self.seeds
         if self.budget is not None and self.budget < least:
             raise ValueError(f"a budget of {self.budget} runs is too small for {self.seeds} seeds: {least} at least")
         return self
 
-    @property
-    def runs(self) -> int:
-        """The budget, as given or as many runs as so many gains need.
+    def runs(self, gains: int) -> int:
+        """The budget for so many gains of an observer, as given or as many runs as they need.
 
         A grid gets finer in every gain: with 2000 runs the best of four gains is within 8 % of that of brute force,
         with 8000 it is better.
         """
         if self.budget is not None:
             return self.budget
-        return max(_DEFAULT << max(len(self.gains) - _FEW, 0), _FOR_A_SEED * self.seeds)
+        return max(_DEFAULT << max(gains - _FEW, 0), _FOR_A_SEED * self.seeds)
+
+
+def require_few(count: int) -> None:
+    """Refuse more gains of a single search than it can find.
+
+    Raises
+    ------
+    Problem
+    """
+    if count > MOST_GAINS:
+        raise Problem(("tune", "gains"), f"expected 1 to {MOST_GAINS} gains of an observer, found {count}")
 
 
 class TuneFile(Block):

@@ -20,6 +20,7 @@ MISSING = ("", "nan", "na", "n/a", "#n/a", "null", "none", "nil", "-nan", "<na>"
 
 _DIGITS = r"[-+]?(?:[0-9]+(?:{0}[0-9]*)?|{0}[0-9]+)(?:[eE][-+]?[0-9]+)?"
 _NUMBER = {".": re.compile(_DIGITS.format(r"\.")), ",": re.compile(_DIGITS.format(","))}
+_BETWEEN = {".": r"\.", ",": ",", " ": "[ \u00a0\u202f]", "'": "['\u2019]"}  # what may stand between thousands
 _ISO = re.compile(
     r"(\d{4})-(\d\d)-(\d\d)(?:[T ](\d\d):(\d\d)(?::(\d\d)(?:[.,](\d{1,9}))?)?)?\s?(Z|[-+]\d\d:?\d\d)?", re.ASCII
 )
@@ -38,15 +39,18 @@ class Numbers:
 
     dtype = np.dtype(float)
 
-    def reader(self, decimal: str, missing: frozenset[str]) -> Reader:
+    def reader(self, decimal: str, missing: frozenset[str], thousands: str | None = None) -> Reader:
         pattern, comma = _NUMBER[decimal], decimal == ","
+        grouped = None if thousands is None else _grouped(thousands, decimal)
 
         def read(cell: str) -> float:
             text = cell.strip()
+            if grouped is not None and (match := grouped.fullmatch(text)):
+                text = "".join(char for char in match[1] if char in "+-0123456789") + match[2]
             if not pattern.fullmatch(text):
                 if text.lower() in missing:
                     return math.nan
-                raise ValueError(_no_number(text, decimal))
+                raise ValueError(_no_number(text, decimal, thousands))
             value = float(text.replace(",", ".") if comma else text)
             if math.isinf(value):
                 raise ValueError(f"{describe(text)} is larger than any number")
@@ -55,11 +59,20 @@ class Numbers:
         return read
 
 
-def _no_number(text: str, decimal: str) -> str:
+def _grouped(thousands: str, decimal: str) -> re.Pattern[str]:
+    """A number with signs between its thousands: what stands before the decimals, and these."""
+    between, sign = _BETWEEN[thousands], re.escape(decimal)
+    return re.compile(rf"([-+]?[0-9]{{1,3}}(?:{between}[0-9]{{3}})+)((?:{sign}[0-9]*)?)")
+
+
+def _no_number(text: str, decimal: str, thousands: str | None) -> str:
     other = "," if decimal == "." else "."
     said = f"expected a number, found {describe(text)}"
     if _NUMBER[other].fullmatch(text):
         return f'{said}; for a decimal {"comma" if other == "," else "point"}: csv: {{decimal: "{other}"}}'
+    signs = [sign for sign in _BETWEEN if sign != decimal and _grouped(sign, decimal).fullmatch(text)]
+    if signs and thousands is None:
+        return f'{said}; for signs between thousands: csv: {{thousands: "{signs[0]}"}}'
     if looks_like_iso(text):
         return f"{said}; dates are read with format: iso"
     return said
@@ -74,7 +87,7 @@ class Flags:
 
     dtype = np.dtype(float)
 
-    def reader(self, decimal: str, missing: frozenset[str]) -> Reader:
+    def reader(self, decimal: str, missing: frozenset[str], thousands: str | None = None) -> Reader:
         texts = {good.strip() for good in self.good if isinstance(good, str)}
         numbers = {good for good in self.good if not isinstance(good, str)}
 
@@ -106,7 +119,7 @@ class Stamps:
 
     dtype = np.dtype(np.int64)
 
-    def reader(self, decimal: str, missing: frozenset[str]) -> Reader:
+    def reader(self, decimal: str, missing: frozenset[str], thousands: str | None = None) -> Reader:
         def read(cell: str) -> int:
             text = cell.strip()
             if text.lower() in missing:

@@ -24,6 +24,9 @@ _COMMA = re.compile(r"[-+]?\d*,\d*(?:[eE][-+]?\d+)?", re.ASCII)
 _THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2}(?:,\d{3})+", re.ASCII)
 
 
+_OTHER = {".": ",", ",": "."}  # what a sign between thousands leaves for decimals
+
+
 @dataclass(frozen=True)
 class Dialect:
     """How a table is written.
@@ -42,6 +45,8 @@ class Dialect:
         The line on which the numbers begin.
     missing : frozenset of str
         Texts for a missing value, in small letters.
+    thousands : str or None
+        What stands between thousands; None where nothing does.
     units : tuple of str
         The row of units; empty without one.
     sample : tuple of str
@@ -57,6 +62,7 @@ class Dialect:
     missing: frozenset[str]
     units: tuple[str, ...]
     sample: tuple[str, ...]
+    thousands: str | None = None
 
 
 @dataclass(frozen=True)
@@ -101,7 +107,9 @@ def dialect_of(block: Block, path: Path, told: Csv) -> Dialect:
     ends = len(sample) == len(names) + 1 and not sample[-1].strip()
     return Dialect(
         separator=separator,
-        decimal=told.decimal or _decimal([row for _, row in body], separator, path, first.number),
+        decimal=told.decimal
+        or _OTHER.get(told.thousands or "")
+        or _decimal([row for _, row in body], separator, path, first.number),
         comment=told.comment,
         names=tuple(name.strip() for name in names),
         width=len(names) + ends,
@@ -109,6 +117,7 @@ def dialect_of(block: Block, path: Path, told: Csv) -> Dialect:
         missing=missing,
         units=units,
         sample=tuple(sample),
+        thousands=told.thousands,
     )
 
 

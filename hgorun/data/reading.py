@@ -7,14 +7,14 @@ from pathlib import Path
 
 import numpy as np
 
-from hgorun.config.data import Column, Data, Measured, Recorded
+from hgorun.config.data import Beside, Column, Data, Measured, Recorded
 from hgorun.data.cells import NAT, Stamps
 from hgorun.data.clocks import ClockColumn, origin, origin_stamp, stamps, times_since
 from hgorun.data.recording import InputSignal, Note, Recording, Signal
 from hgorun.data.samples import Samples
 from hgorun.data.sorting import Sorting
 from hgorun.data.sources import LogFile, Sources, Wanted
-from hgorun.data.units import converted
+from hgorun.data.units import alike, converted
 from hgorun.errors import ConfigError, Problem
 
 
@@ -83,6 +83,7 @@ class _Reader:
             reference=reference,
             notes=tuple(dict.fromkeys(self._notes)),
             origin=origin(self._unit, epoch, zoned),
+            first_samples=self._block.first_samples,
         )
 
     def _clocks(self, signals: Sequence[Wanted]) -> Iterator[tuple[LogFile, ClockColumn]]:
@@ -173,7 +174,7 @@ class _Reader:
         file = signal.parts[0].file
         in_file = file.table.unit(signal.block.column)
         if said is None:
-            if in_file and wanted and in_file != wanted:
+            if in_file and wanted and not alike(in_file, wanted):
                 message = f"the file says {in_file}, the model {wanted}: taken as they are; unit: {in_file} converts"
                 self._notes.append(Note(kind="units", signal=signal.key, file=str(file.path), message=message))
             return values
@@ -213,6 +214,7 @@ class _Reader:
             std=block.std,
             plausible=block.plausible,
             gate=block.gate,
+            lag=block.lag if isinstance(block, Beside) else None,
         )
 
     def _input(self, signal: Wanted) -> InputSignal:

@@ -39,6 +39,8 @@ class Signal:
         Between what the values may lie; those outside are not among them unless that was asked for.
     gate : float, optional
         Standard deviations of the innovation beyond which a sample is not used.
+    lag : float, optional
+        Time constant of the instrument, which follows the quantity with a lag of the first order.
     """
 
     name: str
@@ -52,6 +54,7 @@ class Signal:
     std: float | None = None
     plausible: tuple[float, float] | None = None
     gate: float | None = None
+    lag: float | None = None
 
     def __repr__(self) -> str:
         return f"<Signal {self.name!r}: {self.values.size} samples from {self.source.name}>"
@@ -158,6 +161,8 @@ class Recording:
     notes : tuple of Note
         What was found in the data, each with its first line.
     origin : Origin
+    first_samples : int
+        Of each output: how many of them observers start from that are given no start.
     """
 
     outputs: Mapping[str, Signal]
@@ -165,6 +170,7 @@ class Recording:
     reference: Mapping[str, Signal] = field(default_factory=dict)
     notes: tuple[Note, ...] = ()
     origin: Origin
+    first_samples: int = 1
 
     def __repr__(self) -> str:
         return f"<Recording: {', '.join(map(repr, [*self.outputs.values(), *self.inputs.values()]))}>"

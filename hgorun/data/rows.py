@@ -29,7 +29,7 @@ class Rows:
 
     def __init__(self, path: Path, dialect: Dialect, wanted: Sequence[Cells]) -> None:
         self._path, self._dialect, self._wanted = path, dialect, wanted
-        self._readers = [cells.reader(dialect.decimal, dialect.missing) for cells in wanted]
+        self._readers = [cells.reader(dialect.decimal, dialect.missing, dialect.thousands) for cells in wanted]
         self._places = [dialect.names.index(cells.column) for cells in wanted]
 
     def arrays(self, blocks: Iterator[Block]) -> Iterator[tuple[np.ndarray, list[np.ndarray]]]:

@@ -94,7 +94,8 @@ def _checked(block: Block, path: Path) -> Block:
             block.text.decode("utf-8")
         except UnicodeDecodeError as error:
             found = block.text[error.start]
-            message = f"byte 0x{found:02x} is not UTF-8; text of older programs is read with csv: {{encoding: latin-1}}"
+            other = "csv: {encoding: cp1252}, or latin-1"
+            message = f"byte 0x{found:02x} is not UTF-8; text of older programs is read with {other}"
             raise ConfigError(message, file=str(path), line=_line(block, error.start)) from None
     return block
 

@@ -80,6 +80,15 @@ def converted(values: np.ndarray, unit: str, wanted: str, path: KeyPath) -> np.n
         raise Problem(path, f"{unit} cannot be converted to the model's {wanted}: {error}") from None
 
 
+def alike(unit: str, other: str) -> bool:
+    """Whether two texts mean the same unit, as degC and °C do; not where one is unknown."""
+    two = np.array([0.0, 1.0])
+    try:
+        return bool(np.allclose(converted(two, unit, other, ()), two, rtol=1e-12, atol=1e-12))
+    except Problem:
+        return False
+
+
 @cache
 def _registry() -> pint.UnitRegistry[float]:
     import pint

@@ -156,10 +156,10 @@ class HybridSystem:
         The channels from (t, p, z, w).
     jumps : tuple of (start, stop, casadi.Function)
         What z[start:stop] becomes, from (t, p, z, w), when a sample arrives: the plant's where it is stepped,
-        then those of the discrete-time observers; then the inputs when a controller acts, and at last those of the
-        observers that are corrected.
-    acts : int
-        How many of the jumps are a controller's.
+        then those of the discrete-time observers; then the inputs when a controller acts, and as they are kept; at last
+        those of the observers that are corrected.
+    acts, keeps : int
+        How many of the jumps are a controller's, and how many keep its inputs at every sample.
     corrections : tuple of (number, first output, last output + 1)
         Those of the jumps that are made whenever a sample of some of the outputs arrives; the first ones are from
         the second sample on.
@@ -185,6 +185,7 @@ class HybridSystem:
     channel_slopes: ca.Function
     jumps: tuple[tuple[int, int, ca.Function], ...] = ()
     acts: int = 0
+    keeps: int = 0
     corrections: tuple[tuple[int, int, int], ...] = ()
     replayed: tuple[int, int] | None = None
     innovations: bool = False
@@ -208,13 +209,18 @@ class HybridSystem:
     @property
     def stepped(self) -> tuple[tuple[int, int, ca.Function], ...]:
         """Those of the jumps that are made from the second sample on."""
-        return self.jumps[: len(self.jumps) - self.acts - len(self.corrections)]
+        return self.jumps[: len(self.jumps) - self.acts - self.keeps - len(self.corrections)]
 
     @property
     def acting(self) -> range:
         """The numbers of the jumps that are made when a controller acts."""
         first = len(self.stepped)
         return range(first, first + self.acts)
+
+    @property
+    def keeping(self) -> range:
+        """The numbers of those that are made at every sample, when all else has happened."""
+        return range(self.acting.stop, self.acting.stop + self.keeps)
 
     @property
     def has_alpha(self) -> bool:

@@ -20,7 +20,7 @@ from hgorun.ensemble.values import Column, Floats, Places, Seeds, Values, values
 from hgorun.errors import ConfigError, KeyPath, Problem
 from hgorun.measurement.chance import generator
 from hgorun.result.metrics.base import all_metrics
-from hgorun.result.quantities import Quantity, kinds, read_quantity
+from hgorun.result.quantities import Quantity, kinds, of_loops, read_quantity
 from hgorun.result.windows import points_in
 from hgorun.simulation.experiment import Experiment
 
@@ -90,14 +90,17 @@ class Ensemble:
             raise Problem(place, str(error)) from error
         if kinds()[found.function].measure is None or any(run != self.name for run, _ in found.of):
             raise Problem(place, f"it is not measured on one member: {text}")
+        kind, model = kinds()[found.function], self.base.plant.model
         for _, label in found.of:
-            if label is not None and label not in self.base.observers:
+            if label is not None and not kind.takes(label, self.base.observers):
                 known = tuple(self.base.observers)
                 near, all_names = nearest(label, known), ", ".join(known) or "none"
                 raise Problem(place, f"no observer is called {label!r}.{near} Known: {all_names}")
-        states = self.base.plant.model.states
-        if found.state not in states:
-            raise Problem(place, f"no state is called {found.state!r}. States: {', '.join(states)}")
+        if of_loops(found) and not self.base.closed:
+            raise Problem(place, f"{text}: there is no controller")
+        what, names = ("input", model.inputs) if kind.of == "input" else ("state", model.states)
+        if kind.of != "loop" and found.state not in names:
+            raise Problem(place, f"no {what} is called {found.state!r}. {what.capitalize()}s: {', '.join(names)}")
         self._check_window(found, place)
         return found
 

@@ -11,6 +11,7 @@ from hgorun.config.overrides import replaced
 from hgorun.config.yaml_source import Source
 from hgorun.data.recording import Recording, median_step
 from hgorun.errors import ConfigError, Problem
+from hgorun.estimate.prepared import prepare_estimate
 from hgorun.plants.base import units_of
 from hgorun.simulation.blocks import plant_of
 from hgorun.simulation.experiment import Experiment
@@ -23,7 +24,8 @@ def completed(source: Source, recording: Recording, name: str, text: str) -> Exp
 
     The span of the data is that of the run, unless ``time`` says otherwise, and the output step is their median gap.
     When samples come is decided by the data; the measurement block is asked for the noise alone. States that are
-    measured start from the first sample of each, where an observer's ``initial`` does not name them.
+    measured start from the first sample of each, where an observer's ``initial`` does not name them; or all states
+    that it does not name start where the model passes nearest to the first samples, if several are to be used.
 
     Parameters
     ----------
@@ -54,12 +56,20 @@ def completed(source: Source, recording: Recording, name: str, text: str) -> Exp
         _check_names(experiment, recording)
     first = first_values(experiment, recording)
     changes = {}
+    if not given["plant"].get("initial") and first:
+        changes["plant.initial"] = {state: first.get(state, 0.0) for state in states}
+    if recording.first_samples > 1 and not all(
+        set(states) <= set(one.initial) for one in experiment.observers.values()
+    ):
+        from hgorun.estimate.starting import fitted_start  # only here
+
+        guess = Experiment(_with(whole, changes), name=name, text=text)
+        with guess.located():
+            first = fitted_start(prepare_estimate(guess, recording), recording.first_samples)
     for label, observer in experiment.observers.items():
         start = first | observer.initial
         if start != observer.initial:
             changes[f"observers.{label}.initial"] = start
-    if not given["plant"].get("initial") and first:
-        changes["plant.initial"] = {state: first.get(state, 0.0) for state in states}
     return Experiment(_with(whole, changes), name=name, text=text) if changes else experiment
 
 

@@ -167,6 +167,7 @@ def _observer(prepared: PreparedEstimate, found: Evaluated, j: int, assessed: As
         verdict=_verdict(prepared, found, j),
         metrics={},
         coordinates=prepared.experiment.coordinates.get(block.label),
+        unestimated=block.observer.unestimated(block.form),
         assessed=assessed,
     )
 

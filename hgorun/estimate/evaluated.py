@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from hgorun.data.recording import Signal
 from hgorun.estimate.carrying import Carried, carry_out, estimates
 from hgorun.estimate.covariance import Covariance
+from hgorun.estimate.lag import behind
 from hgorun.estimate.prepared import PreparedEstimate
 from hgorun.symbolic.evaluate import Floats
 from hgorun.symbolic.levels import distinct
@@ -118,6 +119,7 @@ def evaluate_run(
         key: compared_with(prepared, key[1], taken, values, [x[np.searchsorted(times, taken)] for x in everywhere])
         for key, (taken, values) in chosen.items()
     }
+    compared = {key: with_lag(prepared, one, asked[key].lag) for key, one in compared.items()}
     predicted = [innovations_of(prepared, i, times, everywhere, carried) for i in range(len(prepared.samples))]
     normal = [
         None if one is None else _normal(prepared, one, carried.raw.rows[:, :, 0], times, shown, before, predicted, j)
@@ -190,6 +192,15 @@ def compared_with(
         k = model.states.index(name)
         residuals = [values - x[:, k] for x in xhat]
     return Compared(name, taken, values, np.array(residuals).reshape(len(xhat), taken.size))
+
+
+def with_lag(prepared: PreparedEstimate, one: Compared, lag: float | None) -> Compared:
+    """A measured quantity beside what its instrument would have shown of the estimates; itself without a lag."""
+    if lag is None:
+        return one
+    model = prepared.run.plant.model
+    periods = dict(zip(model.outputs, model.periods, strict=False))
+    return replace(one, residuals=behind(one.taken, one.values, one.residuals, lag, periods.get(one.name)))
 
 
 def innovations_of(

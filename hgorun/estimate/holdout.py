@@ -70,6 +70,33 @@ def held_out(recording: Recording, chosen: list[HoldOut]) -> tuple[Recording, Ma
     return replace(recording, outputs=outputs), aside
 
 
+def thinned(recording: Recording, period: float | None) -> tuple[Recording, Mapping[str, Signal]]:
+    """A recording with samples that are at least a period apart, and those between them, of outputs that have some.
+
+    Half of the median step is let pass, so that stamps that jitter do not cost a sample. Nothing is filtered.
+    """
+    outputs = dict(recording.outputs)
+    between: dict[str, Signal] = {}
+    if period is None:
+        return recording, between
+    for name, signal in recording.outputs.items():
+        given = _apart(signal.taken, period)
+        if not given.all():
+            outputs[name], between[name] = part(signal, given), part(signal, ~given)
+    return replace(recording, outputs=outputs), between
+
+
+def _apart(taken: np.ndarray, period: float) -> np.ndarray:
+    """Which of some times, in their order, are a period or more behind the last of them."""
+    chosen = np.zeros(taken.size, dtype=bool)
+    least = period - 0.5 * float(np.median(np.diff(taken))) if taken.size > 1 else period
+    place = 0
+    while place < taken.size:
+        chosen[place] = True
+        place = max(int(np.searchsorted(taken, taken[place] + least)), place + 1)
+    return chosen
+
+
 def part(signal: Signal, chosen: np.ndarray) -> Signal:
     """Some samples of a signal."""
     taken = signal.taken[chosen]

@@ -21,7 +21,15 @@ from hgorun.estimate.assessed import Widths, widths_of
 from hgorun.estimate.carrying import HALVINGS, ORDER, UNEVEN, Carried, estimates, relative_error
 from hgorun.estimate.completed import completed
 from hgorun.estimate.estimate import result_of, unseen, without_sensitivity
-from hgorun.estimate.evaluated import Compared, Evaluated, compared_with, first_undefined, innovations_of, inside
+from hgorun.estimate.evaluated import (
+    Compared,
+    Evaluated,
+    compared_with,
+    first_undefined,
+    innovations_of,
+    inside,
+    with_lag,
+)
 from hgorun.estimate.prepared import PreparedEstimate
 from hgorun.estimate.samples import Sampled
 from hgorun.estimate.scores import scores_of
@@ -150,6 +158,7 @@ class LongLog:
         signals |= {(1, name): one for name, one in recording.reference.items()}
         origin, end = experiment.origin, experiment.time.end
         self._asked = {key: inside(signal, origin, end) for key, signal in signals.items()}
+        self._lags = {key: signal.lag for key, signal in signals.items()}
 
     def written(self, path: Path) -> Result:
         """Carry it out, with steps that are halved until they are short enough, and write the result."""
@@ -293,7 +302,7 @@ class LongLog:
         nothing, count = np.zeros((0, 1)), sum(one.values.size for one in prepared.samples)
         raw = Raw(np.zeros((0, own.z.size, 1)), nothing, own.diverged[:, None], nothing, nothing)
         used = np.broadcast_to(np.True_, (count, m))
-        whole = {key: _together(parts) for key, parts in found.compared.items()}
+        whole = {key: with_lag(prepared, _together(parts), self._lags[key]) for key, parts in found.compared.items()}
         shown = found.all_shown
         evaluated = Evaluated(
             Carried(raw, used, step, self._error(found), spent),

@@ -169,10 +169,13 @@ def _all_samples(experiment: Experiment, recording: Recording) -> list[Sampled]:
     for name in experiment.plant.model.outputs:
         signal = recording.outputs[name]
         if id(signal.taken) not in known:
-            taken = signal.taken - origin
+            taken = signal.taken - origin if origin else signal.taken
             ends = np.searchsorted(taken, [-slack, np.nextafter(end + slack, np.inf)]).tolist()
             inside = slice(*ends)
-            known[id(signal.taken)] = inside, np.clip(taken[inside], 0.0, end, out=taken[inside])
+            taken = taken[inside]
+            if taken.size and not (taken[0] >= 0.0 and taken[-1] <= end):
+                taken = np.clip(taken, 0.0, end)
+            known[id(signal.taken)] = inside, taken
         inside, taken = known[id(signal.taken)]
         used = np.broadcast_to(np.True_, taken.shape)
         found.append(Sampled(name, taken, taken, signal.values[inside], used, signal.std, signal.gate))

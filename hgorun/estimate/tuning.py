@@ -2,99 +2,22 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from hgorun.config.tuning import Range
-from hgorun.data.recording import Recording, Signal
-from hgorun.errors import HgorunError, Problem
-from hgorun.estimate.evaluated import evaluate_run
-from hgorun.estimate.holdout import part
-from hgorun.estimate.prepared import prepare_estimate
-from hgorun.estimate.scores import scores_of
-from hgorun.simulation.experiment import Experiment
+from hgorun.errors import HgorunError
+from hgorun.estimate.cases import Case, errors
+from hgorun.estimate.goal import Goal
 from hgorun.symbolic.evaluate import Floats
 
-SCORES = ("holdout_rmse", "innovation_rms", "reference_rmse")
-_CALL = re.compile(r"\s*(\w+)\s*\(\s*['\"]?([^'\",()]+?)['\"]?\s*,\s*['\"]?([^'\",()]+?)['\"]?\s*\)\s*")
-_EVERY = 5  # samples: one of them is for the search, another for the report
-
-
-@dataclass(frozen=True)
-class Goal:
-    """A score of an observer, of one output or state."""
-
-    score: str
-    label: str
-    name: str
-
-    def __str__(self) -> str:
-        return f"{self.score}({self.label}, {self.name})"
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Samples:
-    """A recording in three parts.
-
-    Attributes
-    ----------
-    given : Recording
-        What the observers get.
-    search, report : mapping of str to Signal
-        What they do not get: by output, or by what was measured for comparison alone.
-    """
-
-    given: Recording
-    search: Mapping[str, Signal]
-    report: Mapping[str, Signal]
-
-
-def read_goal(text: str, place: tuple[str | int, ...]) -> Goal:
-    """``holdout_rmse(LABEL, OUTPUT)``.
-
-    Raises
-    ------
-    Problem
-    """
-    found = _CALL.fullmatch(text)
-    if found is None or found[1] not in SCORES:
-        message = f"of recorded data {', '.join(SCORES)} can be minimised, as in holdout_rmse(LABEL, OUTPUT)"
-        raise Problem(place, f"{message}; found {text!r:.80}")
-    return Goal(found[1], found[2], found[3])
-
-
-def split(recording: Recording, goal: Goal) -> Samples:
-    """Samples for the observers, for the search and for the report.
-
-    Of an output that is held out every fifth sample is for the search, and another fifth for the report. What was
-    measured for comparison alone is given to no observer: every other sample is for the search.
-
-    Raises
-    ------
-    Problem
-        Where nothing of that name was recorded.
-    """
-    if goal.score == "reference_rmse":
-        if goal.name not in recording.reference:
-            raise Problem(("tune", "minimise"), f"{goal}: {goal.name} is not in data.reference")
-        signal = recording.reference[goal.name]
-        odd = np.arange(signal.taken.size) % 2 == 1
-        return Samples(
-            replace(recording, reference={}), {goal.name: part(signal, ~odd)}, {goal.name: part(signal, odd)}
-        )
-    if goal.name not in recording.outputs:
-        raise Problem(("tune", "minimise"), f"{goal}: the output {goal.name} is not in data.outputs")
-    signal = recording.outputs[goal.name]
-    place = np.arange(signal.taken.size) % _EVERY
-    search, report = place == 1, place == _EVERY - 2
-    if not (search.any() and report.any()):
-        raise Problem(("tune", "minimise"), f"{goal}: {signal.taken.size} samples are too few")
-    outputs = {**recording.outputs, goal.name: part(signal, ~(search | report))}
-    given = replace(recording, outputs=outputs, reference={})
-    return Samples(given, {goal.name: part(signal, search)}, {goal.name: part(signal, report)})
+_FEW = 2  # gains that a simplex finds alone
+_SIMPLEX = 0.1  # its sides, in the unit cube
+_LITTLE = 1e-3  # of a range: for derivatives
+_DAMPING = 1e-3
+_ENOUGH = 1e-4  # of the square of the score: what a pass has to gain for another one
 
 
 @dataclass(eq=False, repr=False)
@@ -103,16 +26,15 @@ class Trials:
 
     Attributes
     ----------
-    experiment : Experiment
-        Of that observer alone.
+    cases : sequence of Case
+        One for each recording.
     gains : mapping of str to Range
         By path.
     """
 
-    experiment: Experiment
+    cases: Sequence[Case]
     goal: Goal
     gains: Mapping[str, Range]
-    samples: Samples
     budget: int
     tried: list[tuple[tuple[float, ...], float]] = field(default_factory=list)
 
@@ -125,13 +47,32 @@ class Trials:
             found[path] = float(np.clip(value, low, high))
         return found
 
-    def value(self, u: Floats) -> float:
-        """The score on the samples of the search; infinite where the estimate is lost."""
+    def errors(self, u: Floats) -> Floats | None:
+        """The errors on the samples of the search; None where the estimate is lost, or nothing more may be tried."""
         if len(self.tried) >= self.budget:
-            return np.inf
-        found = score(self.experiment.varied(self.at(u)), self.goal, self.samples.given, self.samples.search)
-        self.tried.append((tuple(np.clip(u, 0.0, 1.0).tolist()), found))
+            return None
+        gains = self.at(u)
+        if not self.tried:  # what is wrong with all gains is said, and not taken for a lost estimate
+            self.cases[0].experiment.varied(gains)
+        found = errors(self.cases, self.goal, gains)
+        size = np.inf if found is None else float(np.sqrt(found @ found))
+        self.tried.append((tuple(np.clip(u, 0.0, 1.0).tolist()), size))
         return found
+
+    def value(self, u: Floats) -> float:
+        """The score on the samples of the search; infinite where there are no errors."""
+        found = self.errors(u)
+        return np.inf if found is None else float(np.sqrt(found @ found))
+
+    @property
+    def least(self) -> float:
+        """The smallest score."""
+        return min(value for _, value in self.tried)
+
+    @property
+    def first(self) -> tuple[float, ...]:
+        """Where in the unit cube the score is smallest."""
+        return min(self.tried, key=lambda one: one[1])[0]
 
     def best(self) -> dict[str, float]:
         """The gains with the smallest score.
@@ -141,27 +82,16 @@ class Trials:
         HgorunError
             Where all that were tried lose the estimate.
         """
-        place, least = min(self.tried, key=lambda one: one[1])
-        if not np.isfinite(least):
+        if not np.isfinite(self.least):
             raise HgorunError(f"{self.goal}: {len(self.tried)} gains were tried, and all of them lose the estimate")
-        return self.at(np.array(place))
-
-
-def score(experiment: Experiment, goal: Goal, given: Recording, unseen: Mapping[str, Signal]) -> float:
-    """The score of an experiment with one observer; infinite where the estimate is lost or cannot be made."""
-    try:
-        prepared = prepare_estimate(experiment, given)
-        found = evaluate_run(prepared, unseen, {})
-    except HgorunError:
-        return np.inf
-    lost = np.isfinite(found.carried.raw.diverged[0, 0])
-    name = "innovation_rms" if goal.score == "innovation_rms" else "holdout_rmse"
-    value = scores_of(prepared, found, 0).get(name, {}).get(goal.name, np.inf)
-    return float(value) if np.isfinite(value) and not lost else np.inf
+        return self.at(np.array(self.first))
 
 
 def search(trials: Trials) -> dict[str, float]:
-    """The best gains: a scan of Sobol points with half of the budget, then a simplex from the best of them.
+    """The best gains: a scan of Sobol points with half of the budget, then a search from the best of them.
+
+    That is a simplex. Of three gains or more it begins where the method of Gauss and Newton ends, which knows that the
+    score is a sum of squares and follows the narrow valleys that gains and parameters of a plant make together.
 
     Raises
     ------
@@ -174,13 +104,53 @@ def search(trials: Trials) -> dict[str, float]:
     scan = qmc.Sobol(count, scramble=False).random_base2(max(int(np.log2(max(trials.budget // 2, 2))), 1))
     for u in scan + 0.5 / len(scan):
         trials.value(u)
-    best = np.array(min(trials.tried, key=lambda one: one[1])[0])
-    shifts = np.vstack([np.zeros(count), 0.1 * np.eye(count)])
+    if not np.isfinite(trials.least):
+        return trials.best()  # which says so
+    if count > _FEW:
+        _descend(trials)
+    best = np.array(trials.first)
+    shifts = np.vstack([np.zeros(count), _SIMPLEX * np.eye(count)])
     simplex = np.where(best + shifts > 1, best - shifts, best + shifts)
     minimize(
         trials.value,
         best,
         method="Nelder-Mead",
-        options={"initial_simplex": simplex, "maxfev": max(trials.budget - len(scan), 1), "xatol": 1e-4, "fatol": 0.0},
+        options={
+            "initial_simplex": simplex,
+            "maxfev": max(trials.budget - len(trials.tried), 1),
+            "xatol": 1e-4,
+            "fatol": 0.0,
+        },
     )
     return trials.best()
+
+
+def _descend(trials: Trials) -> None:
+    """Passes of Gauss and Newton with the damping of Levenberg and Marquardt, in the unit cube."""
+    u = np.array(trials.first)
+    found, damping = trials.errors(u), _DAMPING
+    while found is not None and damping < 1 / _DAMPING:
+        slopes = []
+        for k in range(u.size):
+            step = _LITTLE if u[k] + _LITTLE <= 1 else -_LITTLE
+            beside = trials.errors(u + step * np.eye(u.size)[k])
+            if beside is None or beside.size != found.size:
+                return
+            slopes.append((beside - found) / step)
+        slope = np.column_stack(slopes)
+        square, pull = slope.T @ slope, slope.T @ found
+        while damping < 1 / _DAMPING:
+            shift = np.linalg.solve(square + damping * np.diag(np.diag(square) + np.finfo(float).tiny), -pull)
+            tried = np.clip(u + shift, 0.0, 1.0)
+            there = trials.errors(tried)
+            if there is not None and there.size == found.size and there @ there < found @ found:
+                break
+            if len(trials.tried) >= trials.budget:
+                return
+            damping *= 10
+        else:
+            return
+        gain = 1 - (there @ there) / (found @ found)
+        u, found, damping = tried, there, damping / 10
+        if gain < _ENOUGH:
+            return

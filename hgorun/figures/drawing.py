@@ -12,6 +12,7 @@ from hgorun.config.study import Figure as FigureBlock
 from hgorun.config.study import Inset, Panel
 from hgorun.errors import ConfigError, printable
 from hgorun.figures.actors import Actor, Simulated, cast, cast_ensembles, texts
+from hgorun.figures.driven import draw_driven, draw_input
 from hgorun.figures.followed import MembersData
 from hgorun.figures.layout import TOP, finished, grid, time_axis
 from hgorun.figures.looks import Look, looks
@@ -75,14 +76,15 @@ def comparison(results: ResultData | Sequence[ResultData]) -> Figure:
     scene = Scene(runs, actors, look, truth_looks([list(runs)], runs))
     if any(r.recorded is not None for r in several):
         return _of_recorded(scene, several, states)
+    closed = all(r.closed_loop for r in several)
     with styled():
         figure, axes = grid(2 * len(states), 2, _WIDTH, _ROW * len(states) + TOP, share=True)
         for left, right, name in zip(axes[::2], axes[1::2], states, strict=True):
-            draw_state(left, scene, name)
+            (draw_driven if closed else draw_state)(left, scene, name)
             draw_magnitude(right, scene, name)
             for ax in (left, right):
                 time_axis(ax, several, _span(several))
-        axes[0].set_title("states and estimates")
+        axes[0].set_title("driven plants" if closed else "states and estimates")
         axes[1].set_title(_magnitude_title(several))
         return finished(figure, axes, 2, several[0].title if len(several) == 1 else None, grow=True)
 
@@ -252,6 +254,10 @@ def _draw_subject(ax: Axes, scene: Scene, panel: Panel) -> None:
         draw_state(ax, scene, panel.state, samples=panel.measurements)
     elif panel.output is not None:
         draw_output(ax, scene, panel.output)
+    elif panel.driven is not None:
+        draw_driven(ax, scene, panel.driven)
+    elif panel.input is not None:
+        draw_input(ax, scene, panel.input)
 
 
 def _require_truth(scene: Scene) -> None:

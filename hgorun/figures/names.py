@@ -35,6 +35,8 @@ class RunNames:
         What members of an ensemble differ in: ``seeds``, ``vary``, ``seeds and vary``; nothing for a single run.
     one_grid : bool
         Whether all members have the same output grid.
+    inputs : tuple of str
+        In a closed loop the plant's inputs; else nothing.
     """
 
     states: tuple[str, ...]
@@ -44,6 +46,7 @@ class RunNames:
     ensemble: str = ""
     measured: tuple[str, ...] | None = None
     one_grid: bool = True
+    inputs: tuple[str, ...] = ()
 
 
 # By the name of the run. A file without ``runs`` has one, called by its stem.
@@ -58,7 +61,12 @@ def names_of(
     for run, r in zip(run_names(results), results, strict=True):
         span = (float(r.time[0]), float(r.time[-1])) if r.time.size else None
         found[run] = RunNames(
-            r.states, r.outputs, tuple(r.observers), span, measured=tuple(s for s in r.states if r.outputs_of(s))
+            r.states,
+            r.outputs,
+            tuple(r.observers),
+            span,
+            measured=tuple(s for s in r.states if r.outputs_of(s)),
+            inputs=r.inputs if r.closed_loop else (),
         )
     for s in scalings:
         known = found.get(s.run, RunNames((), (), ()))
@@ -128,6 +136,7 @@ def _check_panel(panel: Panel, names: Names, path: KeyPath) -> None:
     for key in ("state", "error", "magnitude"):
         _require(getattr(panel, key), "state", states, (*path, key), where)
     _require(panel.output, "output", outputs, (*path, "output"), where)
+    _check_closed(panel, picked, states, path)
     if panel.observers == () and panel.run is None:
         raise Problem((*path, "observers"), "an empty list shows only the truth of a run: name the run with run")
     if panel.scaling is not None:
@@ -138,6 +147,20 @@ def _check_panel(panel: Panel, names: Names, path: KeyPath) -> None:
     measured = _together(n.outputs if n.measured is None else n.measured for n in picked.values())
     _check_fit(panel, measured, path)
     _check_ranges(panel, [n.span for n in picked.values() if n.span is not None], path)
+
+
+def _check_closed(panel: Panel, shown: Names, states: Sequence[str], path: KeyPath) -> None:
+    """Panels of closed loops."""
+    for key, name in (("driven", panel.driven), ("input", panel.input)):
+        if name is None:
+            continue
+        for run, n in shown.items():
+            if not n.inputs:
+                raise Problem((*path, key), f"run {run!r} has no controller, and no plants that observers drive")
+            if n.ensemble:
+                raise Problem((*path, key), f"of the members of {run!r} no trajectories are kept")
+    _require(panel.driven, "state", states, (*path, "driven"))
+    _require(panel.input, "input", _together(n.inputs for n in shown.values()), (*path, "input"))
 
 
 def _scaling_run(panel: Panel, names: Names, path: KeyPath) -> Names:

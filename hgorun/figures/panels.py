@@ -86,13 +86,32 @@ def _estimates(
     tuple of list of ndarray
         The values drawn of sound and of diverged observers.
     """
+
+    def values(actor: Simulated) -> np.ndarray | None:
+        if name not in actor.result.states or name in actor.observer.unestimated:
+            return None
+        column = actor.result.states.index(name)
+        return of(actor, actor.observer.xhat[:, column], column)
+
+    return lines_of(ax, scene, values, moving_maximum=moving_maximum)
+
+
+def lines_of(
+    ax: Axes, scene: Scene, values: Callable[[Simulated], np.ndarray | None], *, moving_maximum: bool = False
+) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    """Draw a line for each observer, the roughest at the back; ``values`` are None for those without.
+
+    Returns
+    -------
+    tuple of list of ndarray
+        The values drawn of sound and of diverged observers.
+    """
     drawn: list[tuple[float, Simulated, Curve]] = []
     for actor in scene.actors:
-        result = actor.result
-        if name not in result.states:
+        result, own = actor.result, values(actor)
+        if own is None:
             continue
-        column = result.states.index(name)
-        curve = data.finite(result.time, of(actor, actor.observer.xhat[:, column], column))
+        curve = data.finite(result.time, own)
         if moving_maximum and len(result.time) > 1:
             step = float(result.time[1] - result.time[0])
             curve = data.moving_maximum(curve, round(moving_window(result) / step))

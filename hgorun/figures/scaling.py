@@ -20,8 +20,16 @@ if TYPE_CHECKING:
 _BESIDE_METRICS = {"amplitude": "amplitude of ${}$", "std": "standard deviation of ${}$"}
 
 
+def measured_on(quantity: str, state: str) -> str:
+    """What a quantity is of: the error of a state's estimate, or of closed loops the state."""
+    metric = all_metrics(closed=True).get(quantity)
+    if metric is not None and metric.closed:
+        return symbol(state)
+    return f"{symbol(state, hat=True)} - {symbol(state)}"
+
+
 def quantities() -> dict[str, str]:
-    """What can be shown, and how the vertical axis calls it; {} is the error."""
+    """What can be shown, and how the vertical axis calls it; {} is what it is measured on."""
     return _BESIDE_METRICS | {name: m.phrase or f"{name} of ${{}}$" for name, m in all_metrics(closed=True).items()}
 
 
@@ -111,8 +119,7 @@ def draw_scaling(
         ax.plot([], [], **THEORY)
         ax.plot([], [], **POINTS)
     _limit(ax, data.values, drawn)
-    error = f"{symbol(data.state, hat=True)} - {symbol(data.state)}"
-    ax.set_ylabel(quantities()[quantity].format(error) + unit(data.unit))
+    ax.set_ylabel(quantities()[quantity].format(measured_on(quantity, data.state)) + unit(data.unit))
     ax.set_xlabel(f"${symbol(data.name)}$")
 
 

@@ -45,12 +45,13 @@ def _sensor(stretches: Sequence[Stretch]) -> Sensor:
     except _Unknown as unknown:
         return Sensor(None, None, interval, why=str(unknown), amplitude=amplitude, delay=delay)
     first = strengths[0]
+    power = None if stretches[0].multiplicative else first.power
     variance = first.power if not any(s.continuous for s in stretches) else None
     density = first.density if len({one.density for one in strengths}) == 1 else None
     why = "the output is continuous: it has no samples" if variance is None else ""
     if density is None:
         why = why or "the mean time between its samples is not known, or changes"
-    return Sensor(variance, density, interval, stretches[0].multiplicative, why, amplitude, delay)
+    return Sensor(variance, density, interval, stretches[0].multiplicative, why, amplitude, delay, power)
 
 
 def _amplitude(stretches: Sequence[Stretch]) -> float | None:

@@ -170,6 +170,10 @@ class Observer(Plugin, Generic[FormT, CopyT]):
         """The rate at which the error itself moves, where gains move faster (1/time); 0: unknown."""
         return self.fastest_rate(form)
 
+    def unestimated(self, form: FormT) -> tuple[str, ...]:
+        """States of the plant of which it says nothing; its numbers for them are those that it started from."""
+        return ()
+
     def remarks(self, form: FormT) -> tuple[str, ...]:
         """What should be known of it on this plant although nothing is wrong with its keys."""
         return ()

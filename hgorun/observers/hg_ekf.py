@@ -3,40 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Annotated, Any, Literal, Self
+from typing import Any, Literal, Self
 
 import casadi as ca
 import numpy as np
-from pydantic import Discriminator, Field, ModelWrapValidatorHandler, PrivateAttr, Tag, model_validator
+from pydantic import Field, ModelWrapValidatorHandler, PrivateAttr, model_validator
 
-from hgorun.config.types import Number, Positive
-from hgorun.observers.base import Arrival, ContinuousObserver, CorrectedObserver, Flow, observer
+from hgorun.config.types import Positive
+from hgorun.observers.base import Arrival, CorrectedObserver, Flow, observer
 from hgorun.observers.capabilities import HighGain, NoiseInformed, SettlingGain
-from hgorun.observers.gaussian import linear_update, spread_along
-from hgorun.observers.kalman import SensorNoise, by_output, mean_intervals, require_covariance
-from hgorun.observers.riccati import require_positive_definite
+from hgorun.observers.gaussian import linear_update
+from hgorun.observers.kalman import by_output, mean_intervals
+from hgorun.observers.scaled_filter import ScaledFilter
 from hgorun.symbolic.canonical import CanonicalForm
 from hgorun.symbolic.forms import Form
-from hgorun.symbolic.scaled import ScaledCopy, scaled_form
+from hgorun.symbolic.scaled import ScaledCopy
 from hgorun.symbolic.sensors import Sensor
-from hgorun.symbolic.states import StateBlock, Symmetric
+from hgorun.symbolic.states import Symmetric
 from hgorun.symbolic.symbols import Symbols
 
-Weight = Annotated[
-    Annotated[Positive, Tag("a number")] | Annotated[tuple[tuple[Number, ...], ...], Tag("rows")],
-    Discriminator(lambda value: "rows" if isinstance(value, (list, tuple)) else "a number"),
-]
 
+class HighGainFilter(HighGain, SettlingGain, ScaledFilter):
+    """The keys of a high-gain Kalman filter."""
 
-class HighGainFilter(HighGain, SettlingGain, ContinuousObserver[Form, ScaledCopy]):
-    """The keys of a high-gain Kalman filter, and P between samples."""
-
-    form = scaled_form
     reference = "Deza, Busvelle, Gauthier, Rakotopara 1992; Gauthier, Kupka 2001, chapter 6"
 
     theta: Positive = Field(description="high gain theta > 0; the theorem asks for theta >= 1, large enough")
-    Q: Weight = Field(default=1.0, description="of z at theta = 1: a multiple of the identity, or the rows of a matrix")
-    R: SensorNoise = Field(default=1.0, description="at theta = 1, of all outputs, or output: number")
     update: Literal["flow", "jump"] = Field(
         default="flow",
         description="flow: as for continuous outputs, samples enter the innovation; jump: corrected whenever samples "
@@ -63,15 +55,7 @@ class HighGainFilter(HighGain, SettlingGain, ContinuousObserver[Form, ScaledCopy
         return {"theta": 2.0}
 
     def design(self, form: Form) -> dict[str, np.ndarray]:
-        if "P" in self.internal:
-            require_positive_definite("P", self.internal["P"], self.states(form)["P"])
-        return {"theta": np.array(self.theta), "Q": self._weight(form.plant.n), "R": by_output(self.R, form)}
-
-    def _weight(self, n: int) -> np.ndarray:
-        """Q, shape (n, n)."""
-        if not isinstance(self.Q, tuple):
-            return self.Q * np.eye(n)
-        return require_covariance(self.Q, n, "a multiple of the identity")
+        return {"theta": np.array(self.theta), **super().design(form)}
 
     def states(self, form: Form) -> dict[str, Symmetric]:
         return {"P": Symmetric(np.eye(form.plant.n))}
@@ -80,32 +64,10 @@ class HighGainFilter(HighGain, SettlingGain, ContinuousObserver[Form, ScaledCopy
         """P = Delta^-1 P_1 Delta^-1, P_1 of theta = 1."""
         assert isinstance(form, CanonicalForm)
         scale = np.concatenate([self.theta ** np.arange(length) for length in form.chains])
-        return {"P": scale[:, None] * self._at_rest(form.chains, by_output(self.R, form))[0] * scale}
-
-    def _at_rest(self, chains: tuple[int, ...], R: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """On chains of integrators with theta = 1 the P at which Riccati's equation rests, and the error's matrix."""
-        from scipy.linalg import block_diag, solve_continuous_are
-
-        shift = block_diag(*[np.eye(length, k=1) for length in chains])
-        C = np.eye(len(shift))[np.cumsum([0, *chains[:-1]])]
-        P = solve_continuous_are(shift.T, C.T, self._weight(len(shift)), np.diag(R))
-        return P, shift - P @ C.T @ np.diag(1 / R) @ C
-
-    def spread(self, plant: ScaledCopy, s: Symbols, k: Symbols) -> ca.SX:
-        """F P + P F^T + Q_theta, F the whole Jacobian of the copy."""
-        scale = k.theta * plant.inv_Delta(k.theta) @ k.Q @ plant.inv_Delta(k.theta)
-        back = ca.horzcat(*[plant.lift(s.xhat, ca.SX(unit)) for unit in ca.horzsplit(ca.DM.eye(scale.size1()))])
-        return spread_along(ca.jacobian(plant.copy(s.xhat), s.xhat), s.P, back @ scale @ back.T)
+        return {"P": scale[:, None] * self.at_rest(form.chains, by_output(self.R, form))[0] * scale}
 
     def fastest_rate(self, form: Form) -> float:
-        """That of P' = -P^2 theta/R at the start, or of chains at rest, whichever is faster."""
-        chains = form.chains if isinstance(form, CanonicalForm) else (form.plant.n,)
-        R = np.resize(by_output(self.R, form), len(chains))
-        _, closed = self._at_rest(chains, R)
-        default = self.states(form)["P"]
-        start = StateBlock.of(0, default).initial(self.internal.get("P", 1.0), default.values)
-        rest = float(np.max(np.abs(np.linalg.eigvals(closed))))
-        return self.theta * max(rest, 2 * float(np.max(np.linalg.eigvalsh(start))) / float(np.min(R)))
+        return self.rate(form, self.theta)
 
 
 @observer("hg_ekf")
@@ -143,9 +105,7 @@ class HighGainKalmanFilter(HighGainFilter):
     """
 
     def equations(self, plant: ScaledCopy, s: Symbols, e: ca.SX, k: Symbols) -> Flow:
-        H = ca.jacobian(plant.output(s.xhat), s.xhat)
-        K = s.P @ H.T @ ca.diag(k.theta / k.R)
-        return Flow({"xhat": plant.copy(s.xhat) - K @ e, "P": self.spread(plant, s, k) - K @ (H @ s.P)})
+        return Flow(self.flow(plant, s, e, k, k.theta))
 
 
 class SampledHighGainFilter(NoiseInformed, HighGainFilter, CorrectedObserver[Form, ScaledCopy]):
@@ -164,7 +124,7 @@ class SampledHighGainFilter(NoiseInformed, HighGainFilter, CorrectedObserver[For
         return numbers | {"R": numbers["R"] / T}
 
     def equations(self, plant: ScaledCopy, s: Symbols, e: ca.SX, k: Symbols) -> Flow:
-        return Flow({"xhat": plant.copy(s.xhat), "P": self.spread(plant, s, k)})
+        return Flow({"xhat": plant.copy(s.xhat), "P": self.spread(plant, s, k, k.theta)})
 
     def correct(self, plant: ScaledCopy, s: Symbols, arrival: Arrival, k: Symbols) -> Mapping[str, ca.SX]:
         y = plant.output(s.xhat)

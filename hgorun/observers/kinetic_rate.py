@@ -38,7 +38,9 @@ class KineticRateObserver(Differentiator, HighGain, PlacedGain, ContinuousObserv
     order one, whose unknown input is the rate. Nothing of the plant is used but the names of its states, inputs and
     parameters and which of its states are measured: the observer does not know the plant's kinetics. The species
     that are not measured are followed by their balances: their errors decay like exp(-int D) only, and not at all
-    in a batch, where what counts is how well ``initial`` is known.
+    in a batch, where what counts is how well ``initial`` is known. Figures leave
+    states out that are not measured and in neither ``yields`` nor ``feed``: such have no balance here. Of what is only
+    washed out the yields are 0.
 
     A rate that grows like s t is followed with the error -(g_1 theta + D) s / (g_2 theta^2). Noise reaches the
     measured species with theta and the rates with theta^2 / K_a. Where the kinetics are known, an observer that
@@ -89,6 +91,11 @@ class KineticRateObserver(Differentiator, HighGain, PlacedGain, ContinuousObserv
                     f"expected as many yields as outputs, {len(plant.outputs)}: a rate for each; found {len(row)}",
                 )
         return [plant.states.index(plant.measures[name]) for name in plant.outputs]
+
+    def unestimated(self, form: SmoothForm) -> tuple[str, ...]:
+        """States without a balance: those that are not measured, and named neither in yields nor in feed."""
+        followed = {*self.yields, *self.feed, *form.plant.measures.values()}
+        return tuple(name for name in form.plant.states if name not in followed)
 
     def states(self, form: SmoothForm) -> Mapping[str, np.ndarray | Symmetric]:
         return {"r": np.zeros(len(form.plant.outputs))}

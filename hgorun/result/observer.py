@@ -57,6 +57,8 @@ class ObserverResult:
         Where a constant gain corrects; None for other observers, and for files that do not say.
     assessed : Assessed, optional
         Of an estimate of recorded data.
+    unestimated : tuple of str
+        States of which the observer says nothing; not in files of older versions.
     """
 
     type: str
@@ -68,6 +70,7 @@ class ObserverResult:
     metrics: Mapping[str, np.ndarray] = field(default_factory=dict)
     coordinates: Coordinates | None = None
     assessed: Assessed | None = None
+    unestimated: tuple[str, ...] = ()
 
     @property
     def filter_order(self) -> int | None:

@@ -7,13 +7,15 @@ perhaps a window of time.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from hgorun.config.expressions import ExpressionError, nearest, parse
+from hgorun.result.closed import ClosedLoop
+from hgorun.result.data import PLANT
 from hgorun.result.measure import measure
 from hgorun.result.metrics.base import METRICS, all_metrics
 from hgorun.result.result import Result
@@ -36,7 +38,7 @@ class Quantity:
     of : tuple of (run, observer)
         The observer is None where the plant itself is meant.
     state : str or None
-        A state of the plant; of ``analysis`` the key.
+        A state of the plant, or an input where the quantity is of one; None where it is of neither.
     window : (from, to) or None
     """
 
@@ -87,9 +89,12 @@ def _quantity(function: str, names: list[str], rest: str, runs: tuple[str, ...])
     if len(names) != kind.names:
         raise ExpressionError(f"{function} takes {kind.names} name(s) in quotes, found {len(names)}")
     arguments = [part.strip() for part in rest.split(",") if part.strip()]
+    if kind.of != "state" and len(arguments) != (kind.of == "input"):
+        wanted = "an input" if kind.of == "input" else "nothing"
+        raise ExpressionError(f"{function} takes {wanted} after the name in quotes, found {rest.strip() or 'nothing'}")
     key = arguments.pop(0) if kind.keyed and arguments else None
     state = arguments.pop(0) if arguments else None
-    if (state is None) != kind.keyed and not kind.keyed:
+    if state is None and not kind.keyed and kind.of == "state":
         raise ExpressionError(f"{function} needs a state after the name in quotes")
     if kind.keyed and key is None:
         raise ExpressionError(f"{function} needs a key after the name in quotes")
@@ -189,6 +194,21 @@ def _largest(quantity: Quantity, results: Mapping[str, Result]) -> float:
     return float(np.max(np.abs(x[_inside(quantity, result, None)])))
 
 
+def _of_loop(of: Callable[[ClosedLoop, int], float | None]) -> Callable[[Quantity, Mapping[str, Result]], float]:
+    def measured(quantity: Quantity, results: Mapping[str, Result]) -> float:
+        (run, label), *_ = quantity.of
+        result = results[run]
+        if str(label) not in result.closed_loop:
+            raise ExpressionError(f"{quantity}: {run} is no closed loop of that name")
+        place = 0 if quantity.state is None else result.inputs.index(quantity.state)
+        value = of(result.closed_loop[str(label)], place)
+        if value is None:
+            raise ExpressionError(f"{quantity}: the controller of {run} has no cost")
+        return float(value)
+
+    return measured
+
+
 def _sup(e: np.ndarray) -> float:
     return float(np.max(np.abs(e)))
 
@@ -215,12 +235,20 @@ class Kind:
         Whether they name runs, not observers.
     keyed : bool
         Whether a key stands before the state, which may then be missing.
+    of : {"state", "input", "loop"}
+        What it is of: a state, an input of a closed loop, or all of a closed loop. The name ``plant`` is that of the
+        loop with the true state.
     """
 
     measure: Callable[[Quantity, Mapping[str, Result]], float] | None
     names: int = 1
     of_plant: bool = False
     keyed: bool = False
+    of: Literal["state", "input", "loop"] = "state"
+
+    def takes(self, label: str, observers: Collection[str]) -> bool:
+        """Whether it may be of an observer, or of what else is called so."""
+        return label in observers or (self.of != "state" and label == PLANT)
 
 
 _OTHERS: dict[str, Kind] = {
@@ -231,6 +259,9 @@ _OTHERS: dict[str, Kind] = {
     "difference": Kind(_of_difference(_sup), names=2),
     "ni": Kind(_of_difference(_rms), names=2),
     "largest": Kind(_largest, of_plant=True),
+    "cost": Kind(_of_loop(lambda loop, _: loop.cost), of="loop"),
+    "effort": Kind(_of_loop(lambda loop, i: loop.effort[i]), of="input"),
+    "peak_input": Kind(_of_loop(lambda loop, i: loop.peak_input[i]), of="input"),
     "exponent": Kind(None),
     "analysis": Kind(None, keyed=True),
 }
@@ -239,6 +270,12 @@ _OTHERS: dict[str, Kind] = {
 def kinds() -> dict[str, Kind]:
     """All quantities by their names: the metrics, and what else can be measured."""
     return dict.fromkeys(all_metrics(closed=True), Kind(_metric)) | _OTHERS
+
+
+def of_loops(quantity: Quantity) -> bool:
+    """Whether only closed loops have it."""
+    metric = all_metrics(closed=True).get(quantity.function)
+    return metric.closed if metric is not None else kinds()[quantity.function].of != "state"
 
 
 def inside(value: float, window: tuple[float, float]) -> bool:

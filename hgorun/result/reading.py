@@ -200,6 +200,7 @@ class _Reader(StoredFile):
             metrics={name: self.numbers(f"{metrics[0]}/{name}", n) for name in metrics[1]},
             coordinates=self.coordinates(label, group),
             assessed=self.recorded_file(()).assessed(label, nt, n) if "no_band" in group.attrs else None,
+            unestimated=tuple(self.text("unestimated", group).split()) if "unestimated" in group.attrs else (),
         )
 
     def verdict(self, name: str, group: h5py.Group) -> Verdict:

@@ -184,6 +184,8 @@ def _write_observer(w: Writer, result: ResultData, label: str, o: ObserverResult
     if o.coordinates is not None:
         attributes["map"] = o.coordinates.map
         attributes["chains"] = json.dumps(dict(o.coordinates.chains))
+    if o.unestimated:
+        attributes["unestimated"] = " ".join(o.unestimated)
     if o.diverged_at is not None:
         attributes["diverged_at"] = o.diverged_at
     w.group(f"metrics/{label}")

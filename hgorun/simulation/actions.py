@@ -15,7 +15,8 @@ from hgorun.simulation.kinds import Kind, Numbered
 from hgorun.simulation.replay import Replay, Replayed
 from hgorun.symbolic.levels import distinct
 
-_FIRST, _ACTS = -5, 5  # the smallest rank of what happens at one event, and that of a controller's action
+_FIRST = -5  # the smallest rank of what happens at one event
+_ACTS, _KEEPS = 5, 6  # those of a controller's action, and of inputs that are kept
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -150,6 +151,7 @@ class Actions:
                 at, self.values = at[1:], self.values[1:]
             kinds.append(Kind.of(at, -2, SET, layout.interval, Numbered(held)))
             held += at.size
+            kinds += [Kind.of(event[heard], _KEEPS, JUMP, number) for number in system.keeping]
             for number, (start, _, _) in enumerate(system.stepped):
                 kinds.append(Kind.of(at, -1 if start < system.plant_states else 3, JUMP, number))
         if system.corrections:
@@ -220,8 +222,10 @@ def _interleaved(found: Sequence[tuple[Kind, slice]], first: int, stop: int) -> 
     kind, items = found[0]
     events = kind.event[items]
     rows = np.empty((events.size, len(found), 5), dtype=np.int64)
-    for j, (own, which) in enumerate(sorted(found, key=lambda each: each[0].rank)):
-        own.write(rows[:, j], which)
+    ordered = sorted(found, key=lambda each: each[0].rank)
+    rows[:] = [own.constants for own, _ in ordered]  # at once, since the table is larger than caches
+    for j, (own, which) in enumerate(ordered):
+        own.write(rows[:, j], which, constants=False)
     count = len(found) * np.bincount(events - first, minlength=stop - first)
     return rows.reshape(-1, 5), np.concatenate([[0], np.cumsum(count)])
 

@@ -154,9 +154,10 @@ def check_steps(run: PreparedRun, step: float, *, adaptive: bool) -> None:
     pieces = history_pieces(np.column_stack([events[:-1], events[1:]]), steps, run.reach)
     size = history_bytes(run.structure.system, pieces)
     if size > run.time.max_memory:
-        late = max(continuous_delays(run.channels), key=lambda stretch: delay_range(stretch)[1])
+        late = max(continuous_delays(run.channels), key=lambda stretch: delay_range(stretch)[1], default=None)
+        recalling = [("observers", b.label) for b in run.observers if b.recalled]
         raise Problem(
-            late.paths["delay"],
+            recalling[0] if late is None else late.paths["delay"],
             f"with steps of {longest:.3g} the history of a delay of {run.reach:.3g} takes "
             f"{size / 2**30:.3g} GiB; time.max_memory allows {run.time.max_memory / 2**30:.3g} GiB",
         )
@@ -181,8 +182,9 @@ def check_jumps(run: PreparedRun) -> None:
         stepped.insert(0, ("plant", "discretise"))
     if not stepped:
         return
-    if run.closed:
-        raise Problem(stepped[0], "this steps with the input at the sample before, which a controller does not keep")
+    if run.closed and run.plant.block.discretise:
+        message = "a plant that a controller drives is integrated; observers may step from sample to sample"
+        raise Problem(("plant", "discretise"), message)
     first = run.channels[0].samples
     for channel in run.channels:
         samples = channel.samples
@@ -196,9 +198,15 @@ def check_jumps(run: PreparedRun) -> None:
 
 
 def _check_law(run: PreparedRun) -> None:
-    """A state of observers that the law uses must be one of some observer."""
-    law = run.plant.symbolic.controller
-    for name in () if law is None else law.own:
+    """A state that the law uses must be estimated, and an observer's own one be that of some observer."""
+    law, controller = run.plant.symbolic.controller, run.experiment.controller
+    if law is None or controller is None:
+        return
+    for b in run.observers:
+        for name in b.observer.unestimated(b.form):
+            if name in controller.seen():
+                raise Problem(("observers", b.label), f"it does not estimate {name}, which the controller needs")
+    for name in law.own:
         known = dict.fromkeys(own for b in run.observers for own in b.own_names)
         if run.observers and name not in known:
             raise Problem(

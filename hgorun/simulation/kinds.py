@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hgorun.engine.layout import ACTION_WORDS
+
 
 @dataclass(frozen=True)
 class Numbered:
@@ -64,11 +66,19 @@ class Kind:
         columns = [c if isinstance(c, int) else np.asarray(c[every])[items] for c in self.columns]
         return Kind.of(event, self.rank, *columns)
 
-    def write(self, rows: np.ndarray, items: slice) -> None:
-        """Some of them as rows of the table; missing columns are zero."""
-        rows[:, len(self.columns) :] = 0
+    @property
+    def constants(self) -> list[int]:
+        """The columns that are one number for all; zero in place of the others, and of those that are missing."""
+        given = [column if isinstance(column, int) else 0 for column in self.columns]
+        return given + [0] * (ACTION_WORDS - len(given))
+
+    def write(self, rows: np.ndarray, items: slice, *, constants: bool = True) -> None:
+        """Some of them as rows of the table; ``constants``: with those of their columns that are one number for all."""
+        if constants:
+            rows[:] = self.constants
         for i, column in enumerate(self.columns):
-            rows[:, i] = column if isinstance(column, int) else column[items]
+            if not isinstance(column, int):
+                rows[:, i] = column[items]
 
 
 def _equal(a: Column, b: Column) -> bool:

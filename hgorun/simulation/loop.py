@@ -21,25 +21,27 @@ from hgorun.symbolic.plant import PlantModel
 class LoopStates:
     """Where the states of a driven plant lie among each other.
 
-    The plant's own come first, then the integrals, the inputs that are held between instants, the integral of u^2
-    of every input, and the cost.
+    The plant's own come first, then the integrals, the inputs that are held between instants, the inputs as they were
+    at the sample before, the integral of u^2 of every input, and the cost.
 
     Attributes
     ----------
-    n, integrals, held, inputs : int
+    n, integrals, held, kept, inputs : int
     costs : bool
     """
 
     n: int
     integrals: int
     held: int
+    kept: int
     inputs: int
     costs: bool
 
     @classmethod
-    def of(cls, plant: PlantModel, law: ControlLaw) -> LoopStates:
-        held = len(law.driven) if law.held else 0
-        return cls(plant.n, len(law.integral), held, len(plant.inputs), law.cost is not None)
+    def of(cls, plant: PlantModel, law: ControlLaw, *, keeps: bool) -> LoopStates:
+        driven = len(law.driven)
+        held, kept = driven if law.held else 0, driven if keeps else 0
+        return cls(plant.n, len(law.integral), held, kept, len(plant.inputs), law.cost is not None)
 
     @property
     def integral(self) -> slice:
@@ -52,9 +54,14 @@ class LoopStates:
         return slice(self.integral.stop, self.integral.stop + self.held)
 
     @property
+    def before(self) -> slice:
+        """The inputs at the sample before."""
+        return slice(self.driven.stop, self.driven.stop + self.kept)
+
+    @property
     def effort(self) -> slice:
         """The integrals of u^2."""
-        return slice(self.driven.stop, self.driven.stop + self.inputs)
+        return slice(self.before.stop, self.before.stop + self.inputs)
 
     @property
     def cost(self) -> slice:
@@ -69,9 +76,16 @@ class LoopStates:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class DrivenPlant:
-    """The plant's own equations, with its disturbance, and the controller that drives it."""
+    """The plant's own equations, with its disturbance, and the controller that drives it.
+
+    Attributes
+    ----------
+    keeps : bool
+        Whether the inputs at the sample before are kept, for observers that step from sample to sample.
+    """
 
     plant: SymbolicPlant
+    keeps: bool = False
     recorded_inputs: int = 0
 
     @property
@@ -83,7 +97,7 @@ class DrivenPlant:
     @property
     def states(self) -> LoopStates:
         """Where its states lie."""
-        return LoopStates.of(self.plant.model, self.law)
+        return LoopStates.of(self.plant.model, self.law, keeps=self.keeps)
 
     @property
     def size(self) -> int:
@@ -91,7 +105,7 @@ class DrivenPlant:
 
     @property
     def structure(self) -> Hashable:
-        return type(self), same(self.plant)
+        return type(self), same(self.plant), self.keeps
 
     def initial(self, plant: BuiltPlant) -> np.ndarray:
         """The plant's initial state; integrals, effort and cost begin at zero."""
@@ -119,17 +133,18 @@ class DrivenPlant:
         rates = [
             model.f(t, state, u, p.parameters) + p.of(self.plant, self.plant.disturbance),
             integrand,
-            ca.SX.zeros(places.held),
+            ca.SX.zeros(places.held + places.kept),
             u**2,
         ]
         if law.cost is not None:
             rates.append(law.cost(t, state, u, everything))
         return Placed(
             u=u,
-            u_before=u,
+            u_before=_with(_before(given, t, w[held.interval]), law, x[places.before]) if self.keeps else u,
             y=model.h(t, state, u, p.parameters),
             rate=ca.vertcat(*rates),
             acted=(places.driven.start, wanted) if law.held else None,
+            kept=(places.before.start, u[list(law.driven)]) if self.keeps else None,
         )
 
     def _estimate(self, t: ca.SX, before: ca.SX, given: ca.SX, p: PlantNumbers, seen: Seen) -> ca.SX:
@@ -146,6 +161,11 @@ class DrivenPlant:
                 "give controller.period, so that the input is known when it acts",
             )
         return found
+
+
+def _before(u: ca.SX, t: ca.SX, interval: ca.SX) -> ca.SX:
+    """Inputs that are expressions of time at the sample before."""
+    return ca.substitute(u, t, t - interval)
 
 
 def _with(u: ca.SX, law: ControlLaw, driven: ca.SX) -> ca.SX:

@@ -149,6 +149,7 @@ def _observers(run: PreparedRun, measured: Measured) -> dict[str, ObserverResult
             verdict=verdict if verdict.at is None else replace(verdict, at=run.origin + verdict.at),
             metrics=own,
             coordinates=coordinates.get(b.label),
+            unestimated=b.observer.unestimated(b.form),
         )
     return {label: found[label] for label in run.experiment.observers}
 

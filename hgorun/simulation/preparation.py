@@ -99,7 +99,8 @@ def _prepared(experiment: Experiment, design: DesignNumbers | None) -> PreparedR
     schedule = schedule_of(experiment, channels, step, treatments=treatments)
     of_groups = in_groups(experiment, treatments)
     designs = [design for group in of_groups for design in group]
-    truths = _truths(plant, treatments)
+    keeps = any(isinstance(observer, SampledObserver) for observer in experiment.observers.values())
+    truths = _truths(plant, treatments, keeps=keeps)
     structure = structure_of(truths, of_groups, stretches, schedule.variants, plant.everything)
     numbers = numbers_of(structure, plant, experiment, designs)
     return PreparedRun(
@@ -117,10 +118,10 @@ def _prepared(experiment: Experiment, design: DesignNumbers | None) -> PreparedR
     )
 
 
-def _truths(plant: BuiltPlant, treatments: tuple[Treatment, ...]) -> list[Truth]:
-    """What every group of observers observes."""
+def _truths(plant: BuiltPlant, treatments: tuple[Treatment, ...], *, keeps: bool) -> list[Truth]:
+    """What every group of observers observes; ``keeps`` as of :class:`~hgorun.simulation.loop.DrivenPlant`."""
     if plant.symbolic.controller is not None:  # the run with the true state, and a copy for each observer
-        driven = _DRIVEN.get((plant.symbolic,), lambda: DrivenPlant(plant.symbolic))
+        driven = _DRIVEN.get((plant.symbolic, keeps), lambda: DrivenPlant(plant.symbolic, keeps))
         return [driven] * (1 + len(treatments))
     stepped = plant.block.discretise == "euler"
     truth = _TRUTHS.get((plant.symbolic, stepped), lambda: SimulatedPlant(plant.symbolic, stepped))

@@ -180,8 +180,15 @@ class _Part:
 
     def acts(self) -> Iterator[tuple[int, int, ca.SX]]:
         """What becomes of which states when a controller acts."""
-        if self.placed.acted is not None:
-            first, new = self.placed.acted
+        yield from self._become(self.placed.acted)
+
+    def keeps(self) -> Iterator[tuple[int, int, ca.SX]]:
+        """What becomes of which states at a sample when all else has happened."""
+        yield from self._become(self.placed.kept)
+
+    def _become(self, of_truth: tuple[int, ca.SX] | None) -> Iterator[tuple[int, int, ca.SX]]:
+        if of_truth is not None:
+            first, new = of_truth
             start = self.group.start + first
             yield start, start + new.numel(), new
 
@@ -261,7 +268,9 @@ def build_system(
         slopes = ca.vertcat(channels, ca.jtimes(channels, z, dz) + ca.jacobian(channels, t))
     jumps = [(a, b, compiled("jump", new)) for part in parts for a, b, new in part.jumps()]
     acts = [(a, b, compiled("act", new)) for part in parts for a, b, new in part.acts()]
+    keeps = [(a, b, compiled("keep", new)) for part in parts for a, b, new in part.keeps()]
     corrections = [(part.outputs, a, b, compiled("jump", new)) for part in parts for a, b, new in part.corrections()]
+    first = len(jumps) + len(acts) + len(keeps)
     return HybridSystem(
         states=size,
         plant_states=groups[0].truth.size,
@@ -272,9 +281,10 @@ def build_system(
         regimes=tuple(regimes),
         channels=compiled("channels", channels),
         channel_slopes=compiled("trace", slopes, dz),
-        jumps=(*jumps, *acts, *((a, b, new) for _, a, b, new in corrections)),
+        jumps=(*jumps, *acts, *keeps, *((a, b, new) for _, a, b, new in corrections)),
         acts=len(acts),
-        corrections=tuple((len(jumps) + len(acts) + i, of.start, of.stop) for i, (of, *_) in enumerate(corrections)),
+        keeps=len(keeps),
+        corrections=tuple((first + i, of.start, of.stop) for i, (of, *_) in enumerate(corrections)),
         replayed=_replayed(groups[-1], held, parts[-1].outputs.start),
         innovations=innovations,
         recalled=lags.numel(),
@@ -289,8 +299,8 @@ def _recalled(groups: Sequence[Group], first: int) -> list[list[range]]:
         for b in group.observers:
             own.append(range(first, first + b.recalled))
             first += b.recalled
-            simulated = isinstance(group.truth, (SimulatedPlant, SameTruth))
-            if isinstance(b.observer, RecallingObserver) and not simulated:
+            truth = group.truth.truth if isinstance(group.truth, SameTruth) else group.truth
+            if isinstance(b.observer, RecallingObserver) and not isinstance(truth, SimulatedPlant):
                 message = "it looks back at its own past, which is kept in simulations alone, not of data or a stream"
                 raise Problem(("observers", b.label, "type"), message)
         found.append(own)

@@ -48,6 +48,8 @@ class Placed:
         What its states become at a sample, where they are stepped.
     acted : (int, casadi.SX) or None
         What some of its states become when a controller acts, and the first of them.
+    kept : (int, casadi.SX) or None
+        The same at every sample, when all else has happened.
     """
 
     u: ca.SX
@@ -56,6 +58,7 @@ class Placed:
     rate: ca.SX
     step: ca.SX | None = None
     acted: tuple[int, ca.SX] | None = None
+    kept: tuple[int, ca.SX] | None = None
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -8,7 +8,7 @@ from hgorun.config.expressions import nearest
 from hgorun.config.study import Figure, StudyBlocks
 from hgorun.config.validation import validate
 from hgorun.errors import KeyPath, Problem
-from hgorun.result.quantities import Quantity, inside
+from hgorun.result.quantities import Quantity, inside, kinds, of_loops
 from hgorun.result.windows import points_in
 from hgorun.simulation.experiment import Experiment
 from hgorun.study.study import Run, Study, places_of
@@ -70,7 +70,14 @@ def _check(figures: Mapping[str, Figure], runs: Mapping[str, tuple[Experiment, s
         model, time = experiment.plant.model, experiment.blocks.time
         span, labels = (time.start, time.end), tuple(experiment.observers)
         names[name] = RunNames(
-            model.states, model.outputs, labels, span, kind, tuple(model.measures.values()), one_grid
+            model.states,
+            model.outputs,
+            labels,
+            span,
+            kind,
+            tuple(model.measures.values()),
+            one_grid,
+            model.inputs if experiment.closed else (),
         )
     check(figures, names)
 
@@ -80,14 +87,18 @@ def _check_quantity(study: Study, quantity: Quantity, path: KeyPath) -> None:
         if run not in study.runs:
             raise Problem(path, f"no run is called {run!r}.{nearest(run, study.runs)} Runs: {', '.join(study.runs)}")
         experiment = study.runs[run].experiment
-        if label is not None and label not in experiment.observers:
+        kind = kinds()[quantity.function]
+        if label is not None and not kind.takes(label, experiment.observers):
             known = ", ".join(experiment.observers)
             raise Problem(
                 path, f"run {run} has no observer {label!r}.{nearest(label, experiment.observers)} It has {known}"
             )
-        states = experiment.plant.model.states
-        if quantity.state is not None and quantity.state not in states:
-            raise Problem(path, f"no state is called {quantity.state!r}. States: {', '.join(states)}")
+        if of_loops(quantity) and not experiment.closed:
+            raise Problem(path, f"{quantity}: run {run} has no controller")
+        model, of_input = experiment.plant.model, kind.of == "input"
+        what, names = ("input", model.inputs) if of_input else ("state", model.states)
+        if quantity.state is not None and quantity.state not in names:
+            raise Problem(path, f"no {what} is called {quantity.state!r}. {what.capitalize()}s: {', '.join(names)}")
         _check_window(study.runs[run], quantity, path)
     if len({run for run, _ in quantity.of}) > 1 and not all(study.runs[run].single for run, _ in quantity.of):
         raise Problem(path, f"{quantity}: members of different ensembles cannot be compared")

@@ -27,6 +27,8 @@ class Sensor:
         Why there is no variance or no density.
     delay : float or None
         By how much it is late; None where that changes.
+    power : float or None
+        Mean square of the noise, in y^2, of continuous outputs too; None where it is not known, or relative to h.
     """
 
     variance: float | None
@@ -36,3 +38,4 @@ class Sensor:
     why: str = ""
     amplitude: float | None = None
     delay: float | None = 0.0
+    power: float | None = None

@@ -14,6 +14,7 @@ from hgorun.result.result import Result
 from hgorun.result.run_names import run_names
 from hgorun.result.status import Verdict
 from hgorun.tables.layout import number, packed, wrapped
+from hgorun.tables.loops import loop_blocks, loop_numbers
 from hgorun.tables.rows import Row, metrics_of, rows_of, states_of
 from hgorun.tables.scores import scores_of
 from hgorun.tables.typeset import printable
@@ -40,8 +41,9 @@ def as_json(result: Result, file: str | None = None, predicted: Predicted | None
         metric: {state: number}}}}``, ``integration_error`` and ``remarks`` where there are any, ``plant`` with its
         status where that is not ok, and an observer's ``coordinates``, where it has a choice of them:
         ``{"map", "chains": {output: length}}``. Numbers that are not finite are text, a time or reason that is not
-        known is null. An estimate of recorded data has ``kind``, and its observers have ``scores``:
-        ``{score: {output, state or gain: number}}``.
+        known is null. A closed loop has ``closed_loop``: ``{label: {"effort": {input: number}, "peak_input": {input:
+        number}, "cost": number}}``, with the label ``plant`` for state feedback. An estimate of recorded data has
+        ``kind``, and its observers have ``scores``: ``{score: {output, state or gain: number}}``.
     """
     observers: dict[str, dict[str, Any]] = {
         label: _said(result.observers[label].verdict) | metrics for label, metrics in result.metrics().items()
@@ -63,6 +65,8 @@ def as_json(result: Result, file: str | None = None, predicted: Predicted | None
         found["kind"] = result.kind
     if result.integration_error is not None:
         found["integration_error"] = result.integration_error
+    if result.closed_loop:
+        found["closed_loop"] = {label: loop_numbers(result, label) for label in result.closed_loop}
     if result.verdict.status != "ok":
         found["plant"] = _said(result.verdict)
     if result.remarks:
@@ -113,6 +117,10 @@ def text(results: Sequence[Result], predicted: Sequence[Predicted] = ()) -> str:
     ):
         lines += ["", *block]
     for run, result in zip(runs, results, strict=True):
+        if result.closed_loop:
+            lines += ["", *wrapped(run)] if len(runs) > 1 else []
+            for block in loop_blocks(result):
+                lines += ["", *block]
         if result.integration_error is not None:
             start = f"{printable(run)}: " if len(runs) > 1 else ""
             errors = ", ".join(f"{printable(k)} {v:.1e}" for k, v in result.integration_error.items())

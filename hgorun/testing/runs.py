@@ -31,7 +31,7 @@ def _starts(subject: Subject) -> None:
     wanted = np.array([case.aside[name] for name in result.states])
     if not np.allclose(found.xhat[0], wanted, rtol=STARTS, atol=STARTS):
         raise Broken(f"xhat(0) = {found.xhat[0]}", f"{wanted}, as initial says")
-    for name, value in case.equations().defaults.items():
+    for name, value in case.equations(initial=case.aside).defaults.items():
         start = value.values if isinstance(value, Symmetric) else value
         if not np.array_equal(np.ravel(found.internal[name][0]), np.ravel(start)):
             raise Broken(f"{name}(0) = {found.internal[name][0]}", f"{start}, as its states say")

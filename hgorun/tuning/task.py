@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hgorun.config.expressions import ExpressionError
-from hgorun.config.tuning import Bound, Range, Tune
+from hgorun.config.tuning import Bound, Range, Tune, require_few
 from hgorun.config.types import SEEDS
 from hgorun.ensemble.members import written_out
 from hgorun.errors import ConfigError, KeyPath, Problem
@@ -149,6 +149,7 @@ def _of_all(text: str) -> bool:
 
 
 def _task(experiment: Experiment, tune: Tune, label: str, paths: Sequence[tuple[str, str]]) -> Task:
+    require_few(len(paths))
     goals = tuple(
         (_named(text, label), _sentence(text, label, experiment, ("tune", "minimise", i)))
         for i, text in enumerate(tune.minimise)
@@ -174,7 +175,7 @@ def _task(experiment: Experiment, tune: Tune, label: str, paths: Sequence[tuple[
         limits=limits,
         seeds=tuple(range(first, first + tune.seeds)),
         held_out=tuple(range(first + tune.seeds, first + tune.seeds + tune.held_out)),
-        budget=tune.runs,
+        budget=tune.runs(len(paths)),
     )
 
 

@@ -63,12 +63,44 @@ def test_however_it_is_written(tmp_path: Path, written: bytes, shift: int) -> No
 
 
 @pytest.mark.parametrize(
-    ("encoding", "told"), [("latin-1", "latin-1"), ("utf-16-le", "utf-16"), ("utf-8", "utf-8"), ("utf-16", None)]
+    ("encoding", "told"),
+    [("latin-1", "latin-1"), ("cp1252", "cp1252"), ("utf-16-le", "utf-16"), ("utf-8", "utf-8"), ("utf-16", None)],
 )
 def test_an_encoding_that_is_told(tmp_path: Path, encoding: str, told: str | None) -> None:
     content = PLAIN.replace("glucose", "größe").encode(encoding)
     changes = {"outputs": {"S": "größe"}, "csv": {"encoding": told} if told else {}}
     np.testing.assert_array_equal(recorded(tmp_path, content, changes).outputs["S"].values, VALUES)
+
+
+@pytest.mark.parametrize(
+    ("sign", "thousands", "decimal"),
+    [(".", ".", ","), (",", ",", "."), (" ", " ", ","), ("\u202f", " ", ","), ("'", "'", "."), ("\u2019", "'", ".")],
+)
+def test_signs_between_thousands(tmp_path: Path, sign: str, thousands: str, decimal: str) -> None:
+    values = np.round(VALUES * 1e5, 2)
+    values[:4] = [-1234567.25, 12, 999.5, 1000]
+    texts = [f"{v:,.2f}".replace(",", "~").replace(".", decimal).replace("~", sign) for v in values.tolist()]
+    times = [f"{t:.3f}".replace(".", decimal) for t in TIMES.tolist()]
+    content = "\n".join(["t;glucose", *map(";".join, zip(times, texts, strict=True))])
+    told = {"csv": {"thousands": thousands, "decimal": decimal}, "faults": {"slips": "report"}}
+    np.testing.assert_array_equal(recorded(tmp_path, content, told).outputs["S"].values, values)
+    with pytest.raises(ConfigError, match=r"log\.csv:2: glucose: expected a number.*thousands"):
+        recorded(tmp_path, content, {"csv": {"decimal": decimal}})
+
+
+def test_a_unit_that_is_only_written_otherwise_is_not_told(tmp_path: Path) -> None:
+    content = PLAIN.replace("glucose\n", "glucose\ns,°C\n")
+    assert not recorded(tmp_path, content, units={"S": "degC"}).notes
+    (note,) = recorded(tmp_path, content, units={"S": "K"}).notes
+    assert "the file says °C" in str(note)
+
+
+def test_what_is_no_group_of_three_is_no_thousand(tmp_path: Path) -> None:
+    content = "t;glucose\n" + "".join(f"{k};{10 + k},5\n" for k in range(9)) + "9;1.50\n"
+    with pytest.raises(ConfigError, match=r"log\.csv:11: glucose: expected a number, found '1\.50'"):
+        recorded(tmp_path, content, {"csv": {"thousands": "."}})
+    with pytest.raises(ValueError, match="cannot both have the sign"):
+        recorded(tmp_path, content, {"csv": {"thousands": ".", "decimal": "."}})
 
 
 def test_every_digit_is_read(tmp_path: Path) -> None:

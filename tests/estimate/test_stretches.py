@@ -105,6 +105,14 @@ def test_stretches_of_any_size_give_the_same_file(size: int, short: pytest.Monke
     assert _digests(tmp_path / "a.h5") == digests_of(whole)
 
 
+def test_an_observer_that_is_lost_stays_so(short: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    whole, found = _both(_log(), tmp_path / "a.h5", "shgo", solver={"step": 0.02, "divergence": 0.9})
+    assert found is not None
+    assert whole.status == found.status == "diverged"
+    assert found.troubles() == whole.troubles()
+    assert _digests(tmp_path / "a.h5") == digests_of(whole)
+
+
 def test_a_picture_has_some_of_the_points(short: pytest.MonkeyPatch, tmp_path: Path) -> None:
     short.setattr(long_log, "_SHOWN", 50)
     whole, found = _both(_log(), tmp_path / "a.h5", "shgo", **FIXED)

@@ -18,7 +18,7 @@ from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import prepare
 from hgorun.testing.cases import Subject
 
-REFUSED = {"kkl", "mhe", "switched"}  # no formula of the samples, or decisions between them
+REFUSED = {"aekf", "kkl", "mhe", "predictor_chain", "switched"}  # no formula of the samples, or decisions between
 NOISE = [{"type": "gaussian", "std": 0.02}]
 
 

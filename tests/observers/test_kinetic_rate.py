@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from examples import Block, experiment, inline, simulated
 
 import hgorun
 from hgorun.errors import ConfigError
+from hgorun.figures.drawing import comparison
+from hgorun.result.reading import read
+from hgorun.result.result import Result
 
 YIELDS = {"X": [1], "S": [-2]}
 
@@ -70,3 +75,27 @@ def test_outputs_have_to_be_states() -> None:
     plant = inline({"X": "-X"}, "2*X")
     with pytest.raises(ConfigError, match="needs outputs that are states"):
         hgorun.simulate(experiment(plant, {"R": {"type": "kinetic_rate", "theta": 1, "yields": {"X": [1]}}}))
+
+
+@pytest.fixture(name="without_balance")
+def of_a_rate_that_is_a_state() -> Result:
+    """A rate that is a state of the plant's model is none of the species of the observer."""
+    plant = inline({"S": "-v", "v": "0.1*v", "E": "0.45*v"}, "S", initial={"S": 5.0, "v": 0.5, "E": 0.0})
+    rate = {"type": "kinetic_rate", "theta": 3, "yields": {"S": [-1], "E": [0.45]}}
+    return simulated(plant, {"R": rate, "H": {"type": "kalman_bucy", "Q": {"v": 1}, "R": 0.1}}, end=2)
+
+
+def test_of_states_without_a_balance_nothing_is_said(without_balance: Result, tmp_path: Path) -> None:
+    unestimated = {"R": ("v",), "H": ()}
+    assert {label: one.unestimated for label, one in without_balance.observers.items()} == unestimated
+    again = read(without_balance.save(tmp_path / "x.h5"))
+    assert {label: one.unestimated for label, one in again.observers.items()} == unestimated
+
+
+@pytest.mark.slow
+def test_states_without_a_balance_are_not_drawn(without_balance: Result) -> None:
+    figure = comparison(without_balance)
+    drawn = {axes.get_ylabel(): {line.get_label() for line in axes.get_lines()} for axes in figure.axes}
+    (of_v,) = (labels for text, labels in drawn.items() if text.startswith("$v"))
+    (of_e,) = (labels for text, labels in drawn.items() if text.startswith("$E"))
+    assert of_e - of_v == {"R"}

@@ -234,6 +234,18 @@ def test_what_cannot_be_is_refused(blocks: dict[str, Block], plant: Block, measu
         hgorun.simulate(experiment(plant, blocks, step=0.01, measurement=measurement))
 
 
+def test_history_needs_memory() -> None:
+    config: Block = {"time": {"end": 1e4, "output_step": 1e3, "max_memory": 1e5}}
+    late: Block = {"delay": 1000, "sampling": {"period": 100}}
+    with pytest.raises(ConfigError, match=r"observers.K: .* the history of a delay of 1e\+03 takes"):
+        hgorun.simulate(experiment(VDP, {"K": of(1, 1e-3)}, step=0.01, measurement=late, **config))
+
+
+def test_it_does_not_follow_a_stream() -> None:
+    with pytest.raises(ConfigError, match="kept in simulations alone"):
+        hgorun.Estimator(experiment(VDP, {"K": of()}))
+
+
 def test_it_is_not_exported() -> None:
     run = prepare(experiment(VDP, {"K": of()}, step=0.01, measurement={"delay": 0.5}))
     with pytest.raises(ConfigError, match="kept in simulations alone"):

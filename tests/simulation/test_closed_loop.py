@@ -129,6 +129,8 @@ def test_a_law_of_time_alone_is_an_open_loop(measurement: Block) -> None:
     observers: dict[str, Block] = {"S": {"type": "shgo", "theta": 4}, "F": {"type": "fhgo2", "theta": 4, "r": 2}}
     if "sampling" in measurement and "delay" in measurement:
         observers["D"] = {"type": "shgo", "theta": 4, "late": "drop"}
+    elif "sampling" in measurement:  # they step with the input at the sample before
+        observers |= {"B": {"type": "deadbeat"}, "R": {"type": "reduced_sampled", "H": 1}}
     config: Block = {
         "time": {"end": 2, "output_step": 0.05},
         "plant": OSCILLATOR | {"inputs": {"u": "0.5*sin(2*t)"}},
@@ -263,6 +265,13 @@ def test_it_is_written_and_read(from_rest: Result, tmp_path: Path) -> None:
     assert hgorun.read(from_rest.save(tmp_path / "other.h5")).closed_loop["F10"].cost is None
 
 
+def test_a_state_that_is_not_estimated_drives_nothing() -> None:
+    rates = {"type": "kinetic_rate", "dilution": "0.1", "theta": 2, "yields": {"S": [-1]}}
+    plant = inline({"S": "-v + 0.1*(2 - S) + u", "v": "0"}, "S", 0.5, inputs={"u": "controller"})
+    with pytest.raises(ConfigError, match="does not estimate v"):
+        simulated(plant, {"law": {"u": "-v"}}, {"K": rates})
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
@@ -285,7 +294,7 @@ def test_it_is_written_and_read(from_rest: Result, tmp_path: Path) -> None:
             },
             "replay takes",
         ),
-        ({"plant.discretise": "euler", "measurement": {"sampling": {"period": 0.1}}}, "the sample before"),
+        ({"plant.discretise": "euler", "measurement": {"sampling": {"period": 0.1}}}, "is integrated"),
     ],
 )
 def test_what_makes_no_sense_is_refused(cubic: Experiment, changes: Block, message: str) -> None:

@@ -89,6 +89,7 @@ JUMPING: list[Block] = [
     {"type": "ukf", "Q": {"b": 0.1}, "R": 0.01},
     {"type": "hg_ekf", "theta": 2, "update": "jump"},
     {"type": "hg_ekf", "theta": 2, "late": "replay"},
+    {"type": "aekf", "theta_1": 2, "m": 0.01, "update": "jump", "copies": 2},
     {"type": "impulsive", "theta": 2},
     {"type": "impulsive_riccati", "theta": 2},
 ]

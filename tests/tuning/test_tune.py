@@ -411,6 +411,5 @@ def test_a_base_that_cannot_be_run_is_refused_before_anything_is_tried(shell: Sh
      (1, 1000, None, 8000), (4, 20, 500, 500)],
 )  # fmt: skip
 def test_the_budget_follows_the_number_of_gains(gains: int, seeds: int, budget: int | None, expected: int) -> None:
-    given = {f"observers.H.g{i}": {"log": [1, 2]} for i in range(gains)}
-    block = {"gains": given, "minimise": "rmse(H, x1)", "seeds": seeds}
-    assert Tune.model_validate(block if budget is None else block | {"budget": budget}).runs == expected
+    block = {"gains": {"observers.H.theta": {"log": [1, 2]}}, "minimise": "rmse(H, x1)", "seeds": seeds}
+    assert Tune.model_validate(block if budget is None else block | {"budget": budget}).runs(gains) == expected

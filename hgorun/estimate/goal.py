@@ -1,0 +1,112 @@
+"""What recorded data are asked for, and the samples that decide: some for a search, others for its report."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hgorun.data.recording import Recording, Signal
+from hgorun.errors import Problem
+from hgorun.estimate.holdout import part
+
+SCORES = ("holdout_rmse", "innovation_rms", "reference_rmse")
+_CALL = re.compile(r"\s*(\w+)\s*\(\s*['\"]?([^'\",()]+?)['\"]?\s*,\s*['\"]?([^'\",()]+?)['\"]?\s*\)\s*")
+_EVERY = 5  # samples: one of them is for the search, another for the report
+ALL = "*"  # outputs
+
+
+@dataclass(frozen=True)
+class Goal:
+    """A score of an observer, of one output or state, or of all outputs in standard deviations of their noise."""
+
+    score: str
+    label: str
+    name: str
+
+    def __str__(self) -> str:
+        return f"{self.score}({self.label}, {self.name})"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Samples:
+    """A recording in three parts.
+
+    Attributes
+    ----------
+    given : Recording
+        What the observers get.
+    search, report : mapping of str to Signal
+        What they do not get: by output, or by what was measured for comparison alone.
+    """
+
+    given: Recording
+    search: Mapping[str, Signal]
+    report: Mapping[str, Signal]
+
+
+def read_goal(text: str, place: tuple[str | int, ...]) -> Goal:
+    """``holdout_rmse(LABEL, OUTPUT)``.
+
+    Raises
+    ------
+    Problem
+    """
+    found = _CALL.fullmatch(text)
+    if found is None or found[1] not in SCORES:
+        message = f"of recorded data {', '.join(SCORES)} can be minimised, as in holdout_rmse(LABEL, OUTPUT)"
+        raise Problem(place, f"{message}; found {text!r:.80}")
+    return Goal(found[1], found[2], found[3])
+
+
+def split(recording: Recording, goal: Goal, between: Mapping[str, Signal] | None = None) -> Samples:
+    """Samples for the observers, for the search and for the report.
+
+    Of an output that is held out every fifth sample is for the search, and another fifth for the report; of one of
+    which the observers do not get all samples anyway, those in every other gap are for the search. What was measured
+    for comparison alone is given to no observer: every other sample is for the search.
+
+    Parameters
+    ----------
+    between : mapping of str to Signal, optional
+        By output samples that are held out already.
+
+    Raises
+    ------
+    Problem
+        Where nothing of that name was recorded.
+    """
+    if goal.score == "reference_rmse":
+        if goal.name not in recording.reference:
+            raise Problem(("tune", "minimise"), f"{goal}: {goal.name} is not in data.reference")
+        signal = recording.reference[goal.name]
+        search, report = _halves(signal, np.arange(signal.taken.size))
+        return Samples(replace(recording, reference={}), {goal.name: search}, {goal.name: report})
+    names = tuple(recording.outputs) if goal.name == ALL else (goal.name,)
+    outputs, searched, reported = dict(recording.outputs), {}, {}
+    for name in names:
+        if name not in recording.outputs:
+            raise Problem(("tune", "minimise"), f"{goal}: the output {name} is not in data.outputs")
+        if between and name in between:
+            gaps = np.searchsorted(recording.outputs[name].taken, between[name].taken)
+            searched[name], reported[name] = _halves(between[name], gaps)
+        else:
+            outputs[name], searched[name], reported[name] = _fifths(recording.outputs[name], goal)
+    return Samples(replace(recording, outputs=outputs, reference={}), searched, reported)
+
+
+def _halves(signal: Signal, numbers: np.ndarray) -> tuple[Signal, Signal]:
+    """Samples with even numbers, and the others."""
+    odd = numbers % 2 == 1
+    return part(signal, ~odd), part(signal, odd)
+
+
+def _fifths(signal: Signal, goal: Goal) -> tuple[Signal, Signal, Signal]:
+    """Three fifths of the samples of an output, a fifth, and another."""
+    place = np.arange(signal.taken.size) % _EVERY
+    search, report = place == 1, place == _EVERY - 2
+    if not (search.any() and report.any()):
+        raise Problem(("tune", "minimise"), f"{goal}: {signal.taken.size} samples are too few")
+    return part(signal, ~(search | report)), part(signal, search), part(signal, report)

@@ -1,0 +1,136 @@
+"""``hgorun tune`` on recordings: several of them, parameters of the plant, all outputs."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from shell import Shell
+
+CONFIG = """
+plant:
+  states: [a, b]
+  parameters: {k: 1, d: 0, unused: 1}
+  dynamics: {a: b, b: -k*a - d*b}
+  output: [a, b]
+  inputs: {w: unused}
+solver: {step: 0.02}
+data:
+  file: one.csv
+  time: t
+  period: 0.2
+  first_samples: 2
+  outputs: {a: {column: a, std: 0.01}, b: {column: b, std: 0.02}}
+observers:
+  o: {type: shgo, theta: 2, poles: -1}
+  p: {type: ekf, Q: {b: 1}, R: 0.01}
+tune:
+  gains:
+    plant.parameters.k: {log: [1, 9]}
+    plant.parameters.d: {linear: [-1, 1]}
+    observers.o.theta: {log: [0.3, 8]}
+  minimise: holdout_rmse(o, *)
+  budget: 40
+  seeds: 1
+"""
+
+
+@pytest.fixture(name="shell")
+def in_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Shell:
+    """Two recordings of a'' = -4 a."""
+    t = 0.05 * np.arange(121)
+    for name, size, phase in (("one", 1.0, 0.0), ("two", 0.4, 2.0)):
+        a, b = size * np.cos(2 * t + phase), -2 * size * np.sin(2 * t + phase)
+        rows = [",".join(map("{:.6f}".format, row)) for row in zip(t, a, b, strict=True)]
+        (tmp_path / f"{name}.csv").write_text("\n".join(["t,a,b", *rows]) + "\n")
+    (tmp_path / "tuned.yaml").write_text(CONFIG)
+    return Shell(tmp_path, monkeypatch, capsys)
+
+
+def changed(shell: Shell, path: str, value: object) -> None:
+    """The configuration with another key of ``tune``."""
+    config = yaml.safe_load((shell.folder / "tuned.yaml").read_text())
+    config["tune"][path] = value
+    (shell.folder / "tuned.yaml").write_text(yaml.safe_dump(config))
+
+
+@pytest.mark.parametrize("logs", [[], ["one.csv", "two.csv"]])
+def test_the_model_is_found_with_the_gain(shell: Shell, logs: list[str]) -> None:
+    code, out, _ = shell("tune", "tuned.yaml", *logs, "--json")
+    assert code == 0
+    one = json.loads(out)["observers"]["o"]
+    assert one["runs"] <= 40
+    assert one["gains"]["plant.parameters.k"] == pytest.approx(4, rel=1e-3)
+    assert one["gains"]["plant.parameters.d"] == pytest.approx(0, abs=1e-3)
+    assert one["held_out"]["holdout_rmse(o, *)"] < 0.05  # in standard deviations
+    written = yaml.safe_load((shell.folder / "results" / "tuned.tuned.yaml").read_text())
+    assert written["plant"]["parameters"]["k"] == pytest.approx(one["gains"]["plant.parameters.k"], rel=1e-5)
+
+
+def test_the_score_of_two_recordings_is_their_root_mean_square(shell: Shell) -> None:
+    changed(shell, "gains", {"observers.*.theta": {"log": [2, 2.0000001]}})
+    values = []
+    for logs in (["one.csv"], ["two.csv"], ["one.csv", "two.csv"]):
+        code, out, _ = shell("tune", "tuned.yaml", *logs, "--json")
+        assert code == 0
+        values.append(json.loads(out)["observers"]["o"]["held_out"]["holdout_rmse(o, *)"])
+    assert values[2] == pytest.approx(np.sqrt((values[0] ** 2 + values[1] ** 2) / 2), rel=1e-6)
+
+
+def test_innovations_of_all_outputs(shell: Shell) -> None:
+    changed(shell, "minimise", "innovation_rms(o, *)")
+    code, out, _ = shell("tune", "tuned.yaml")
+    assert code == 0
+    assert "innovation_rms *: search" in out
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "message"),
+    [
+        ("minimise", "holdout_rmse(*, *)", "observers share the plant"),
+        ("gains", {"plant.parameters.m": {"log": [1, 2]}}, "no such parameter; there are d, k"),
+        ("gains", {"plant.initial.a": {"log": [1, 2]}}, "and parameters of the plant"),
+        ("gains", {f"observers.o.poles.{i}": {"linear": [-2, -1]} for i in range(7)}, "expected 1 to 6 gains"),
+        ("gains", {"observers.o.poles.0": {"linear": [-2, -1]}}, "observers.o.poles"),
+    ],
+)
+def test_what_cannot_be_sought_is_said(shell: Shell, key: str, value: object, message: str) -> None:
+    changed(shell, key, value)
+    code, _, err = shell("tune", "tuned.yaml")
+    assert code == 2
+    assert message in err
+
+
+def test_all_outputs_are_counted_in_deviations_that_are_stated(shell: Shell) -> None:
+    file = shell.folder / "tuned.yaml"
+    file.write_text(file.read_text().replace(", std: 0.02", ""))
+    code, _, err = shell("tune", "tuned.yaml")
+    assert code == 2
+    assert "b has no std" in err
+
+
+def test_gains_that_go_with_nothing_else_are_said_as_they_are(shell: Shell) -> None:
+    changed(shell, "gains", {"observers.p.theta": {"log": [1, 2]}})
+    changed(shell, "minimise", "holdout_rmse(p, a)")
+    code, _, err = shell("tune", "tuned.yaml")
+    assert code == 2
+    assert "given by one of Q, q and theta" in err
+
+
+def test_files_are_for_recordings(shell: Shell) -> None:
+    config = yaml.safe_load((shell.folder / "tuned.yaml").read_text())
+    del config["data"]
+    (shell.folder / "tuned.yaml").write_text(yaml.safe_dump(config))
+    code, _, err = shell("tune", "tuned.yaml", "one.csv")
+    assert code == 2
+    assert "files are for recordings" in err
+
+
+def test_gains_by_which_every_estimate_is_lost(shell: Shell) -> None:
+    changed(shell, "gains", {f"observers.o.{key}": {"log": [1e5, 2e5]} for key in ("theta",)})
+    code, _, err = shell("tune", "tuned.yaml")
+    assert code == 1
+    assert "all of them lose the estimate" in err

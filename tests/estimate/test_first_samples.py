@@ -1,0 +1,115 @@
+"""Where observers start: from the state that the first samples speak for, in closed forms."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from examples import Block, inline
+from recordings import held_input, observers, recording, signal, source
+
+from hgorun.data.recording import Recording, Signal
+from hgorun.errors import ConfigError
+from hgorun.estimate.completed import completed
+
+TIMES = np.array([0.0, 0.11, 0.2, 0.32, 0.4, 0.5])
+
+
+def start_of(plant: Block, recorded: Recording, count: int, **more: Any) -> Mapping[str, float]:
+    """The initial estimate of an observer of which the configuration says nothing."""
+    block = {"type": "shgo", "theta": 2, "poles": -1}
+    config = {"plant": plant, "observers": {"o": block}, "solver": {"step": 0.01}, **more}
+    found = completed(source(config), replace(recorded, first_samples=count), "start", "")
+    return found.observers["o"].initial
+
+
+def outputs_at(times: np.ndarray, **values: Any) -> list[Signal]:
+    return [signal(name, times, value, std=0.01) for name, value in values.items()]
+
+
+def plant_of(dynamics: Mapping[str, str], output: Any) -> Block:
+    return {key: value for key, value in inline(dynamics, output).items() if key != "initial"}
+
+
+OSCILLATOR = plant_of({"a": "b", "b": "-4*a"}, "a")
+
+
+@pytest.mark.parametrize("count", [2, 3, 6])
+@pytest.mark.parametrize("size", [1.0, 1e-9, 1e9])
+def test_exact_samples_give_the_exact_state(count: int, size: float) -> None:
+    a = size * (0.3 * np.cos(2 * TIMES) - 0.8 * np.sin(2 * TIMES))
+    found = start_of(OSCILLATOR, recording(*outputs_at(TIMES, a=a)), count)
+    assert found["a"] == pytest.approx(0.3 * size, rel=1e-6)
+    assert found["b"] == pytest.approx(-1.6 * size, rel=1e-6)
+
+
+def test_one_sample_gives_the_state_that_is_measured() -> None:
+    assert start_of(OSCILLATOR, recording(*outputs_at(TIMES, a=TIMES + 0.3)), 1) == {"a": 0.3}
+
+
+def test_more_samples_than_unknowns_are_met_in_the_least_squares() -> None:
+    plant = plant_of({"a": "b", "b": "0"}, "a")
+    rng = np.random.default_rng(0)
+    a = 1 - 2 * TIMES + 0.01 * rng.standard_normal(TIMES.size)
+    found = start_of(plant, recording(*outputs_at(TIMES, a=a)), TIMES.size)
+    slope, value = np.polyfit(TIMES, a, 1)
+    assert (found["a"], found["b"]) == pytest.approx((value, slope), rel=1e-8)
+
+
+def test_a_nonlinear_model_across_the_end_of_a_period() -> None:
+    """x' = v, v' = v^2: x = x_0 - ln(1 - v_0 t)."""
+    plant = plant_of({"x": "v", "v": "v**2"}, {"x": {"value": "x", "period": 2 * np.pi}})
+    x = 3.0 - np.log(1 - 0.9 * TIMES)
+    found = start_of(plant, recording(*outputs_at(TIMES, x=np.remainder(x + np.pi, 2 * np.pi) - np.pi)), 6)
+    assert np.max(x) > np.pi
+    assert (found["x"], found["v"]) == pytest.approx((3.0, 0.9), rel=1e-5)
+
+
+def test_what_is_not_told_stays_where_the_plant_begins() -> None:
+    plant = plant_of({"a": "b", "b": "-4*a", "c": "-c"}, "a")
+    a = 0.3 * np.cos(2 * TIMES)
+    blocks = {"o": {"type": "ekf", "Q": {"b": 1}}}
+    config = {"plant": {**plant, "initial": {"a": 0, "b": 0, "c": 5}}, "observers": blocks, "solver": {"step": 0.01}}
+    recorded = replace(recording(*outputs_at(TIMES, a=a)), first_samples=3)
+    initial = completed(source(config), recorded, "start", "").observers["o"].initial
+    assert initial == pytest.approx({"a": 0.3, "b": 0.0, "c": 5.0}, abs=1e-9)
+
+
+def test_an_input_that_is_recorded_acts_from_the_start() -> None:
+    plant = plant_of({"a": "b", "b": "u"}, "a")
+    ramp = held_input("u", [0.0, 1.0], [1.0, 3.0], hold="linear")
+    a = 0.5 - TIMES + TIMES**2 / 2 + TIMES**3 / 3
+    found = start_of(plant, recording(*outputs_at(TIMES, a=a), u=ramp), 4)
+    assert (found["a"], found["b"]) == pytest.approx((0.5, -1.0), abs=1e-9)
+
+
+def test_several_outputs_at_times_of_their_own() -> None:
+    plant = plant_of({"a": "b", "b": "-4*a", "c": "d", "d": "-c"}, ["a", "c"])
+    late = TIMES[1:] + 0.05
+    signals = [*outputs_at(TIMES, a=np.sin(2 * TIMES)), *outputs_at(late, c=2 * np.cos(late))]
+    found = start_of(plant, recording(*signals), 3)
+    assert found == pytest.approx({"a": 0.0, "b": 2.0, "c": 2.0, "d": 0.0}, abs=1e-6)
+
+
+def test_a_start_that_is_given_is_kept() -> None:
+    config = {"plant": OSCILLATOR, "observers": observers("shgo"), "solver": {"step": 0.01}}
+    recorded = replace(recording(*outputs_at(TIMES, a=TIMES)), first_samples=3)
+    initial = completed(source(config), recorded, "start", "").observers["shgo"].initial
+    assert initial == {"a": 0.0, "b": 1.0}
+
+
+def test_of_a_start_that_is_given_in_part_the_rest_is_fitted() -> None:
+    blocks = {"o": {"type": "shgo", "theta": 2, "initial": {"b": 5.0}}}
+    config = {"plant": OSCILLATOR, "observers": blocks, "solver": {"step": 0.01}}
+    recorded = replace(recording(*outputs_at(TIMES, a=np.cos(2 * TIMES))), first_samples=3)
+    initial = completed(source(config), recorded, "start", "").observers["o"].initial
+    assert initial == pytest.approx({"a": 1.0, "b": 5.0})
+
+
+def test_a_model_that_leaves_all_bounds_is_refused() -> None:
+    plant = plant_of({"a": "b", "b": "exp(50*a)"}, "a")
+    with pytest.raises(ConfigError, match="leaves all bounds"):
+        start_of(plant, recording(*outputs_at(TIMES, a=5 + TIMES)), 6)
