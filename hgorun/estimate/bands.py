@@ -67,17 +67,25 @@ def _bound(sizes: Floats) -> float:
 
 
 def coverage(residuals: Floats, since: Floats) -> float | None:
-    """Which part of the residuals the band of the others covers; None where there are too few."""
-    halves = [slice(0, None, 2), slice(1, None, 2)]
-    covered, count = 0, 0
-    for own, others in (halves, halves[::-1]):
-        band = band_of(residuals[others], since[others])
+    """Which part of the residuals the band of the others covers; None where there are too few.
+
+    The others are the other half; of fewer than two bands' worth all but one.
+    """
+    count = residuals.size
+    if count < FEWEST + 1:
+        return None
+    parts = min(count, 2 if count >= 2 * FEWEST else count)
+    fold = np.arange(count) % parts
+    covered, judged = 0, 0
+    for k in range(parts):
+        own = fold == k
+        band = band_of(residuals[~own], since[~own])
         if band is None:
             return None
-        sound = np.isfinite(residuals[own])
-        covered += int(np.count_nonzero(np.abs(residuals[own][sound]) <= band.at(since[own][sound])))
-        count += int(np.count_nonzero(sound))
-    return covered / count if count else None
+        sound = own & np.isfinite(residuals)
+        covered += int(np.count_nonzero(np.abs(residuals[sound]) <= band.at(since[sound])))
+        judged += int(np.count_nonzero(sound))
+    return covered / judged if judged else None
 
 
 def since_last(times: Floats, taken: Floats, available: Floats, *, before: bool = False) -> Floats:

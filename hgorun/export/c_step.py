@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 
 from hgorun.engine.methods import Row
@@ -41,7 +42,7 @@ class Steps(Part):
             tau = "tau, " if self.functions.timed else ""
             return [f"        {self.prefix}slope(s, {time}, {tau}{z}, {dz});"]
         body = self._evaluated(z, dz)
-        needed = [f"            const double time = {time};"] if "time" in "\n".join(body) else []
+        needed = [f"            const double time = {time};"] if re.search(r"\btime\b", "\n".join(body)) else []
         return ["        {", *needed, *(f"        {line}" for line in body), "        }"]
 
     def _evaluated(self, z: str, dz: str) -> list[str]:

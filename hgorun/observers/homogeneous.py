@@ -14,8 +14,6 @@ from hgorun.observers.constant_gain import ConstantGain
 from hgorun.symbolic.canonical import CanonicalForm, PlantCopy
 from hgorun.symbolic.symbols import Symbols
 
-_TINY = 1e-300  # below it powers have no logarithm
-
 
 @observer("homogeneous")
 class HomogeneousObserver(NotLinear, ConstantGain):
@@ -66,8 +64,8 @@ class HomogeneousObserver(NotLinear, ConstantGain):
         for i, length in enumerate(plant.chains):
             one = e[i]
             for _ in range(length):
-                log = ca.log(ca.fmax(ca.fabs(one), _TINY))  # one logarithm for both powers
-                one = one * (ca.exp((k.a[place] - 1) * log) + ca.exp((k.b[place] - 1) * log)) / 2
+                size = ca.fabs(one)
+                one = (size ** k.a[place] + size ** k.b[place]) * ca.sign(one) / 2
                 w.append(one)
                 place += 1
         kappa = k.theta * plant.inv_Delta(k.theta) @ (k.G * ca.vertcat(*w))

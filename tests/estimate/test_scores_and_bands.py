@@ -52,7 +52,17 @@ def test_a_band_covers_what_it_should() -> None:
 
 def test_few_residuals_make_no_band() -> None:
     assert band_of(np.ones(18), np.ones(18)) is None
-    assert coverage(np.ones(30), np.ones(30)) is None
+    assert coverage(np.ones(19), np.ones(19)) is None
+    assert coverage(np.where(np.arange(30) < 15, np.nan, 1.0), np.ones(30)) is None
+
+
+@pytest.mark.parametrize("count", [20, 21, 37])
+def test_of_few_residuals_each_is_judged_by_all_others(count: int) -> None:
+    """One that is larger than all others is the only one outside; the largest of two equal ones is inside."""
+    residuals = np.linspace(0.1, 1.0, count)
+    assert coverage(residuals, np.ones(count)) == pytest.approx((count - 1) / count)
+    residuals[-2] = residuals[-1]
+    assert coverage(residuals, np.ones(count)) == 1.0
     one = band_of(np.arange(19.0), np.ones(19))
     assert one is not None
     assert one.widths.tolist() == [18.0]  # rank ceil(0.95 * 20) = 19, the largest
