@@ -9,7 +9,7 @@ from pydantic import Field
 
 from hgorun.observers.base import OBSERVERS, ContinuousObserver, Flow
 from hgorun.observers.capabilities import Differentiator
-from hgorun.symbolic.lower_triangular import DerivativeCopy, DerivativeForm, derivative_form
+from hgorun.symbolic.derivatives import DerivativeCopy, DerivativeForm, derivative_form
 from hgorun.symbolic.symbols import Symbols
 
 

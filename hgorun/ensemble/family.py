@@ -26,8 +26,9 @@ from hgorun.memo import Memo, same
 from hgorun.simulation.checks import check_run
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.first_step import plant_rates, rate_of, step_for
-from hgorun.simulation.preparation import prepare, schedule_of
+from hgorun.simulation.preparation import prepare
 from hgorun.simulation.prepared import PreparedRun
+from hgorun.simulation.scheduling import schedule_of
 
 _BETWEEN = 3  # members that are prepared in full, beside those at the ends of the axes
 

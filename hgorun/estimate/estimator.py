@@ -198,7 +198,7 @@ class Estimator:
         now, taken = self._since_start(available, "available"), t - self._experiment.origin
         if taken > now:
             raise ValueError(f"taken at {t:g}, after it was known at {available:g}")
-        if taken < now and not self._by_innovation(t):
+        if taken < now and not self._run.by_innovation(t):
             if "replay" in system.treatments.values():
                 samples = tuple((i, slot_of(i), value, True) for i, value in values)
                 past.go_back(
@@ -262,18 +262,6 @@ class Estimator:
         lost = self._live.diverged[:, None] <= since
         readouts = zip(self.labels, self._system.structure.estimates, lost, strict=True)
         return {label: (readout.along(since, self._system.p, rows), gone) for label, readout, gone in readouts}
-
-    def _by_innovation(self, t: float) -> bool:
-        """Whether late samples enter the innovation of all observers; otherwise all go back, or none takes them."""
-        found = {treatment: label for label, treatment in self._system.treatments.items()}
-        if len(found) > 1:
-            said = ", ".join(f"{label}: {treatment}" for treatment, label in found.items())
-            raise ValueError(
-                f"the sample taken at {t:g} is late, and in a stream all observers treat late samples alike ({said})"
-            )
-        if "replay" in found and self._run.gate is not None:
-            raise ValueError(f"the sample taken at {t:g} is late: with a gate late samples enter the innovation alone")
-        return "innovation" in found
 
     @cached_property
     def _identity(self) -> str:

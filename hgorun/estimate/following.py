@@ -55,6 +55,18 @@ class Following:
         """What the system is between the samples, by the outputs that have been heard."""
         return self.system.regimes[tuple(self.heard)]
 
+    def by_innovation(self, t: float) -> bool:
+        """Whether late samples enter the innovation of all observers; otherwise all go back, or none takes them."""
+        found = {treatment: label for label, treatment in self.system.treatments.items()}
+        if len(found) > 1:
+            said = ", ".join(f"{label}: {treatment}" for treatment, label in found.items())
+            raise ValueError(
+                f"the sample taken at {t:g} is late, and in a stream all observers treat late samples alike ({said})"
+            )
+        if "replay" in found and self.gate is not None:
+            raise ValueError(f"the sample taken at {t:g} is late: with a gate late samples enter the innovation alone")
+        return "innovation" in found
+
     def next_slot(self, output: int) -> int:
         """A place for a late sample: one after the other, around."""
         self._pending[output] = self._pending[output] % LATE + 1

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hgorun.native import functions
-from hgorun.native.compiler import NativeModule
+from hgorun.native.compiler import NativeModule, address_of
 from hgorun.native.ir import Function
 
 Floats = NDArray[np.float64]
@@ -50,7 +50,8 @@ def _compiled(name: str) -> Callable[[Floats], None]:
     call = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * (count + 1), ctypes.c_int64)(native.address["apply"])
 
     def run(rows: Floats, native: NativeModule = native) -> None:  # the code lives as long as the module
-        call(*(row.ctypes.data for row in rows), rows.shape[1] // _LANES)
+        first, apart = address_of(rows), rows.strides[0]
+        call(*(first + i * apart for i in range(count + 1)), rows.shape[1] // _LANES)
 
     return run
 

@@ -20,17 +20,14 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Mapping
 from inspect import isabstract
-from typing import Annotated, Any, ClassVar, Generic, Literal, TypeAlias, TypeGuard
+from typing import Any, ClassVar, Generic, TypeAlias, TypeGuard
 
 import casadi as ca
 import numpy as np
-from pydantic import Field
 from typing_extensions import TypeVar
 
-from hgorun.config.plugin import Plugin
-from hgorun.config.types import Interval, Name, Number
 from hgorun.observers.equations import Arrival, Flow, PeriodLimit, Role, Sample, SampleSchedule
-from hgorun.observers.hold import Hold
+from hgorun.observers.keys import Keys
 from hgorun.registry import Registry
 from hgorun.symbolic.canonical import CanonicalForm, PlantCopy
 from hgorun.symbolic.forms import Copy, Form, FormFinder
@@ -61,8 +58,8 @@ FormT = TypeVar("FormT", bound=Form, default=CanonicalForm)
 CopyT = TypeVar("CopyT", bound=Copy, default=PlantCopy)
 
 
-class Observer(Plugin, Generic[FormT, CopyT]):
-    """Base of all observers; its fields are the keys that every observer block has.
+class Observer(Keys, Generic[FormT, CopyT]):
+    """Base of all observers; :class:`~hgorun.observers.keys.Keys` are those that every observer block has.
 
     Derive from :class:`ContinuousObserver`, :class:`SampledObserver`, :class:`HybridObserver` or
     :class:`CorrectedObserver`. The type parameters are the class of plants that the observer is for and the copy
@@ -74,46 +71,6 @@ class Observer(Plugin, Generic[FormT, CopyT]):
     reference: ClassVar[str] = ""
     # the class of plants: a function that gives a plant's form, and refuses other plants
     form: ClassVar[FormFinder] = canonical_form
-
-    type: str = Field(description="name of the observer family")
-    initial: dict[Name, Number] = Field(
-        default_factory=dict, description="initial estimate in the plant's coordinates; omitted states are 0"
-    )
-    internal: dict[Name, object] = Field(
-        default_factory=dict,
-        description="initial internal states; a number means that multiple of ones, or of the identity",
-    )
-    saturation: dict[Name, Interval] = Field(
-        default_factory=dict, description="state: [low, high], applied to the arguments of F and phi"
-    )
-    clip_estimate: bool | None = Field(
-        default=None,
-        description="true: what is shown is the estimate clipped to saturation; the observer itself goes on unclipped",
-    )
-    coordinates: Literal["original", "canonical"] = Field(
-        default="original", description="where the observer computes; results are always in the plant's"
-    )
-    map: Literal["auto", "chain", "derivatives"] = Field(
-        default="auto",
-        description="where a constant gain corrects: in chains of the plant's states, in derivatives of its outputs, "
-        "or in chains where there are some",
-    )
-    chains: dict[str, Annotated[int, Field(ge=1, strict=True)]] = Field(
-        default_factory=dict,
-        description="output: length of its chain, for all outputs, n or more in total; chosen by default",
-    )
-
-    late: Literal["innovation", "replay", "drop"] | None = Field(
-        default=None,
-        description="what is done with samples that come late: they enter the innovation, compared with what had been "
-        "estimated when they were taken; the observer goes back to that time and is integrated again; or they are left "
-        "out. By default innovation, and replay for observers that are corrected at samples",
-    )
-    hold: Hold | None = Field(
-        default=None,
-        description="what the innovation of a sampled output is until the next sample: predictor, the default, "
-        "subtracts what the observer has corrected since; {shrink: gamma} lets it shrink as exp(-gamma (t - t_k))",
-    )
 
     @abstractmethod
     def design(self, form: FormT) -> Mapping[str, np.ndarray]:
@@ -142,11 +99,6 @@ class Observer(Plugin, Generic[FormT, CopyT]):
         By default symmetric matrices are gains, and all other states are filters.
         """
         return {name: "gain" if isinstance(value, Symmetric) else "filter" for name, value in self.states(form).items()}
-
-    @property
-    def canonical(self) -> bool:
-        """Whether it computes in canonical coordinates."""
-        return self.coordinates == "canonical"
 
     def estimate(self, s: Symbols, k: Symbols) -> ca.SX:
         """The estimate in the observer's coordinates, shape (n,); by default its state xhat."""

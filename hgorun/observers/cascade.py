@@ -13,7 +13,7 @@ from hgorun.errors import Problem
 from hgorun.observers.base import ContinuousObserver, Flow, observer
 from hgorun.observers.capabilities import Differentiator, HighGain, LocallyLinear
 from hgorun.observers.nested import clipped
-from hgorun.symbolic.lower_triangular import DerivativeCopy, DerivativeForm, derivative_form
+from hgorun.symbolic.derivatives import DerivativeCopy, DerivativeForm, derivative_form
 from hgorun.symbolic.symbols import Symbols
 
 

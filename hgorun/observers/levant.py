@@ -12,7 +12,7 @@ from hgorun.config.types import Positive
 from hgorun.errors import Problem
 from hgorun.observers.base import ContinuousObserver, Flow, Observer, Sample, SampledObserver, observer
 from hgorun.observers.capabilities import Differentiator, SlidingMode, Switching
-from hgorun.symbolic.lower_triangular import DerivativeCopy, DerivativeForm, derivative_form
+from hgorun.symbolic.derivatives import DerivativeCopy, DerivativeForm, derivative_form
 from hgorun.symbolic.symbols import Symbols
 
 COEFFICIENTS = (1.1, 1.5, 2.0, 3.0, 5.0, 8.0)

@@ -12,7 +12,7 @@ from pydantic import Field
 from hgorun.errors import Problem
 from hgorun.observers.base import Arrival, CorrectedObserver, Flow, Role, observer
 from hgorun.observers.capabilities import Differentiator
-from hgorun.symbolic.lower_triangular import DerivativeCopy, DerivativeForm, derivative_form
+from hgorun.symbolic.derivatives import DerivativeCopy, DerivativeForm, derivative_form
 from hgorun.symbolic.symbols import Symbols
 
 _TINY = 1e-60  # in place of zero, where that would divide

@@ -11,7 +11,7 @@ from pydantic import Field
 from hgorun.config.types import Positive
 from hgorun.observers.base import Arrival, CorrectedObserver, Flow, observer
 from hgorun.observers.capabilities import Differentiator
-from hgorun.symbolic.lower_triangular import DerivativeCopy, DerivativeForm, derivative_form
+from hgorun.symbolic.derivatives import DerivativeCopy, DerivativeForm, derivative_form
 from hgorun.symbolic.matrices import A
 from hgorun.symbolic.states import Symmetric
 from hgorun.symbolic.symbols import Symbols

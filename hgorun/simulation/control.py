@@ -27,8 +27,8 @@ from hgorun.simulation.confirmation import ended
 from hgorun.simulation.ladder import first_stage
 from hgorun.simulation.measured import Measured
 from hgorun.simulation.passes import Again, Pass, integrate
-from hgorun.simulation.preparation import with_events
 from hgorun.simulation.prepared import PreparedRun
+from hgorun.simulation.scheduling import with_events
 from hgorun.simulation.search import Attempt, Budget, Finished, Progress, Search
 from hgorun.simulation.why_diverged import why_diverged
 

@@ -25,10 +25,11 @@ from hgorun.memo import Memo
 from hgorun.observers.base import AnyObserver
 from hgorun.result.estimated import Estimated
 from hgorun.simulation.design import Design
+from hgorun.simulation.groups import Group
 from hgorun.simulation.loop import DrivenPlant
 from hgorun.simulation.observer_block import ObserverBlock
 from hgorun.simulation.readout import LoopReadout, Readout
-from hgorun.simulation.system import Group, build_system, has_past
+from hgorun.simulation.system import build_system, has_past
 from hgorun.simulation.truth import PlantNumbers, Truth
 from hgorun.symbolic.evaluate import Floats
 from hgorun.symbolic.parameters import Parameters

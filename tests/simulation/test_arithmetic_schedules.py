@@ -23,7 +23,7 @@ from hgorun.noise import compiled
 from hgorun.noise.normal import standard_normal
 from hgorun.noise.streams import Stream
 from hgorun.noise.uniform import UniformNoise
-from hgorun.simulation import preparation
+from hgorun.simulation import preparation, scheduling
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import prepare
 
@@ -128,10 +128,10 @@ def short_parts(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     monkeypatch.setattr(long, "_FEW", 5)
     monkeypatch.setattr(in_order, "_PART", 5)
     monkeypatch.setattr(sampling, "_LONG", 5)
-    preparation._SCHEDULES.clear()
+    scheduling._SCHEDULES.clear()
     preparation._CHANNELS.clear()
     yield
-    preparation._SCHEDULES.clear()
+    scheduling._SCHEDULES.clear()
     preparation._CHANNELS.clear()
 
 

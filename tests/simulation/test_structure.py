@@ -19,7 +19,18 @@ from hgorun.measurement import events, sampling, signals
 from hgorun.native.compiler import NativeModule
 from hgorun.plants import build, expressions
 from hgorun.simulation import experiment as experiments
-from hgorun.simulation import first_step, forms, grid, outcome, plant_alone, preparation, steps, structure, tables
+from hgorun.simulation import (
+    first_step,
+    forms,
+    grid,
+    outcome,
+    plant_alone,
+    preparation,
+    scheduling,
+    steps,
+    structure,
+    tables,
+)
 from hgorun.simulation.simulate import prepare
 from hgorun.symbolic import crossings
 from hgorun.symbolic.canonical import CanonicalForm
@@ -62,7 +73,7 @@ CHANGES: dict[str, dict[str, Any]] = {
 def forget() -> None:
     """Everything that one run may have left for another."""
     for memo in (
-        structure._STRUCTURES, preparation._CHANNELS, preparation._SCHEDULES, first_step._SLOPES, preparation._TRUTHS,
+        structure._STRUCTURES, preparation._CHANNELS, scheduling._SCHEDULES, first_step._SLOPES, preparation._TRUTHS,
         forms._FOUND, forms._DECIDED, tables._TABLES, outcome._INPUTS, plant_alone._KINKS, plant_alone._PROGRAMS,
         build._BUILT, signals._COMPILED, events._PLACES, events._FOUND, sampling._FOUND, experiments._STRETCHES,
         experiments._DESIGNS, grid._GRIDS, grid._POINTS, steps._STEPS,

@@ -10,7 +10,8 @@ import pytest
 from examples import Block, experiment, inline
 
 from hgorun.errors import NotObservableForm
-from hgorun.symbolic.lower_triangular import derivative_form, lower_triangular_form, state_affine_form
+from hgorun.symbolic.derivatives import derivative_form
+from hgorun.symbolic.lower_triangular import lower_triangular_form, state_affine_form
 from hgorun.symbolic.observability import canonical_form
 from hgorun.symbolic.plant import PlantModel
 from hgorun.symbolic.reconstruction import Jets, input_derivatives, output_derivatives, reconstruction
