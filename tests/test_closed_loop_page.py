@@ -20,6 +20,7 @@ from hgorun.figures.drawing import draw
 from hgorun.result.quantities import measure_quantity, read_quantity
 from hgorun.study.check import check_figures
 from hgorun.study.loading import load_study
+from hgorun.tables.metrics import as_json
 
 ROOT = Path(__file__).parents[1]
 DEMO = ROOT / "demos" / "closed_loop" / "closed_loop.yaml"
@@ -97,6 +98,12 @@ def test_quantities_of_loops() -> None:
     ):
         with pytest.raises(ExpressionError, match=message):
             value(text)
+    told = as_json(results["continuous"])["closed_loop"]
+    assert told["plant"]["cost"] == loops["plant"].cost
+    assert told["SHGO"]["effort"] == {"u": loops["SHGO"].effort[0]}
+    labelled = results["continuous"].to_xarray()
+    np.testing.assert_array_equal(labelled["driven"].sel(observer="SHGO"), loops["SHGO"].x)
+    np.testing.assert_array_equal(labelled["driven_u"].sel(observer="FHGO"), loops["FHGO"].u)
     quantities = ["cost('SHGO')", "effort('plant', u)"]
     ensemble = Ensemble(
         name="continuous",
@@ -105,3 +112,13 @@ def test_quantities_of_loops() -> None:
     )
     assert [(q.function, q.state) for q in ensemble.quantities] == [("cost", None), ("effort", "u")]
     assert "recovery" in ensemble.metrics
+
+
+@pytest.mark.parametrize("command", ["analyze", "export"])
+def test_what_is_of_an_observer_beside_a_plant_is_refused(
+    command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code, _, err = Shell(tmp_path, monkeypatch, capsys)(command, str(DEMO), "--run", "noisy")
+    assert code == 2
+    assert "controller" in err
+    assert "leave it out" in err

@@ -21,7 +21,8 @@ def to_xarray(result: ResultData) -> xarray.Dataset:
     """Truth, estimates and outputs of a result as one labelled data set; of recorded data the samples and bands.
 
     The samples of a recorded output, such as S, have a dimension of their own: ``S``, ``S_taken``, ``S_available``
-    along ``S_sample``.
+    along ``S_sample``. In a closed loop ``driven`` and ``driven_u`` are of the plants that the observers drive; x and u
+    are of the one that its true state drives.
     """
     try:
         import xarray
@@ -48,6 +49,11 @@ def to_xarray(result: ResultData) -> xarray.Dataset:
         found["lower"] = (estimated, _stacked([one.lower for one in assessed], shape))
         found["upper"] = (estimated, _stacked([one.upper for one in assessed], shape))
         found |= dict(_samples(result.recorded))
+    if result.closed_loop:
+        loops = [result.closed_loop[label] for label in result.observers]
+        size = result.time.size, len(result.inputs)
+        found["driven"] = estimated, _stacked([loop.x for loop in loops], shape)
+        found["driven_u"] = ("observer", "time", "input"), _stacked([loop.u for loop in loops], size)
     attributes = {"title": result.title, "seed": result.seed, "units": json.dumps(dict(result.units))}
     return xarray.Dataset(found, coords=coordinates, attrs=attributes)
 

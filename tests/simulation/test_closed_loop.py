@@ -241,6 +241,18 @@ def test_automatic_steps_are_as_accurate_as_asked_for() -> None:
     assert loop.cost == pytest.approx(expected[-1, 5], rel=1e-3)
 
 
+@pytest.mark.parametrize("solver", [{"method": "dopri5", "rtol": 1e-8}, {"step": 0.01}])
+def test_late_outputs_are_those_of_the_true_state(solver: Block) -> None:
+    """What a result shows as measured is of the plant that the true state drives."""
+    plant = inline({"x1": "x2", "x2": "u"}, "x1", 0.5, inputs={"u": "controller"})
+    result = simulated(
+        plant, {"law": {"u": "-x1 - x2"}, "period": 0.1}, {"S": {"type": "shgo", "theta": 5}}, solver=solver,
+        measurement={"delay": 0.1}, time={"end": 2, "output_step": 0.05},
+    )  # fmt: skip
+    then = np.interp(result.measurements.taken[:, 0], result.time, result.x[:, 0])
+    np.testing.assert_allclose(result.measurements.y[:, 0], then, atol=1e-12)
+
+
 def test_a_law_may_use_an_observers_own_state() -> None:
     """An estimated disturbance is cancelled: the plant follows the undisturbed one, the others do not."""
     plant = inline({"x1": "x2", "x2": "u"}, "x1", 0.5, inputs={"u": "controller"}, disturbance={"x2": "0.7"})
