@@ -12,6 +12,7 @@ from hgorun.estimate.carrying import Carried, carry_out, estimates
 from hgorun.estimate.covariance import Covariance
 from hgorun.estimate.lag import behind
 from hgorun.estimate.prepared import PreparedEstimate
+from hgorun.estimate.samples import Sampled
 from hgorun.symbolic.evaluate import Floats
 from hgorun.symbolic.levels import distinct
 
@@ -109,7 +110,7 @@ def evaluate_run(
     shown = grid[::every]
     late = [one.taken for one in prepared.samples if one.taken is not one.available]
     covariances = prepared.covariances()
-    before = [_before(one.available) for one in prepared.samples] if any(covariances) else []
+    before = [_judged(one) for one in prepared.samples] if any(covariances) else []
     times = distinct(np.concatenate([shown, *(taken for taken, _ in chosen.values()), *late, *before]))
     carried = carry_out(prepared, times)
     everywhere = estimates(prepared, times, carried.raw)
@@ -144,11 +145,15 @@ def first_undefined(grid: Floats, xhat: Floats) -> float:
     return float(grid[bad[0]]) if bad.size else np.inf
 
 
-def _before(available: Floats) -> Floats:
-    """Moments before samples arrive, when nothing has jumped yet."""
+def _judged(one: Sampled) -> Floats:
+    """Of which moments the estimates are that samples are compared with: before each arrives, and nothing has jumped.
+
+    A late one is compared with what had been estimated when it was taken.
+    """
+    available = one.available
     gaps = np.diff(distinct(available))
     little = _LITTLE * (float(gaps.min()) if gaps.size else 1.0)
-    return np.maximum(available - little, 0.0)
+    return np.where(available > one.taken, one.taken, np.maximum(available - little, 0.0))
 
 
 def _normal(
