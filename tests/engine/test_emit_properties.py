@@ -343,3 +343,17 @@ def test_what_has_no_code_is_refused(name: str) -> None:
     f = ca.Function("f", [ca.SX.sym("t"), ca.SX.sym("p"), x, ca.SX.sym("w")], [node])
     with pytest.raises(HgorunError, match=rf"CasADi operation {op} has no native code; abs, sign, sqrt"):
         emit(f, "f", 1, set())
+
+
+def test_what_is_divided_by_one_value_costs_one_division() -> None:
+    """x/z and y/z by one reciprocal; by parameters alone with none in a step, but once a run."""
+    t, p, z, w = ca.SX.sym("t"), ca.SX.sym("p", 2), ca.SX.sym("z", 3), ca.SX.sym("w")
+
+    def divisions(*outputs: ca.SX) -> tuple[int, int]:
+        text = emit(ca.Function("f", [t, p, z, w], [ca.vertcat(*outputs)]), "f", 1, set()).text
+        parts = [part.count(" fdiv ") for part in text.split("define ")[1:]]
+        return parts[-1], sum(parts)
+
+    assert divisions(z[0] / z[2], z[1] / z[2], p[0] / z[2]) == (1, 1)
+    assert divisions(z[0] / p[0], z[1] / p[0]) == (0, 1)
+    assert divisions(z[0] / z[1], z[1] / z[0]) == (2, 2)
