@@ -213,8 +213,9 @@ def _sentence(text: str, label: str, experiment: Experiment, place: KeyPath) -> 
 
 def _check(quantity: Quantity, experiment: Experiment, place: KeyPath) -> None:
     label, states = quantity.of[0][1], experiment.plant.model.states
-    if quantity.function not in all_metrics() or quantity.window is not None:
-        raise Problem(place, f"{quantity}: what is tuned are metrics, without a window: {', '.join(all_metrics())}")
+    known = all_metrics(closed=experiment.closed)
+    if quantity.function not in known or quantity.window is not None:
+        raise Problem(place, f"{quantity}: what is tuned are metrics, without a window: {', '.join(known)}")
     if label not in experiment.observers:
         raise Problem(place, f"no observer is called {label!r}; known: {', '.join(experiment.observers)}")
     if quantity.state not in states:

@@ -10,10 +10,14 @@ import pytest
 from examples import experiment, inline
 
 from hgorun import Experiment
+from hgorun.config.tuning import Tune
 from hgorun.ensemble.block import Block, compute
 from hgorun.ensemble.lanes import fits
 from hgorun.ensemble.members import Members
+from hgorun.errors import Problem
 from hgorun.simulation.simulate import prepare, simulate
+from hgorun.tuning.task import tasks
+from hgorun.tuning.trials import measured
 
 COUNT = 26  # enough for members to be taken in bulk
 RANDOM = np.random.default_rng(3)
@@ -91,3 +95,18 @@ def test_numbers_of_the_controller_as_alone() -> None:
         one = simulate(runs[i].experiment)
         np.testing.assert_array_equal(one.closed_loop["F"].x, again.closed_loop["F"].x)
         assert one.closed_loop["F"].cost == again.closed_loop["F"].cost
+
+
+def test_recovery_can_be_tuned() -> None:
+    """A goal of closed loops alone: other runs do not have it."""
+    base = loops(0.02, {"sampling": {"period": 0.1}, "noise": [GAUSSIAN]})
+    tune = Tune.model_validate(
+        {"gains": {"observers.S.theta": {"log": [4, 10]}}, "minimise": "recovery(S, x1)", "seeds": 2, "budget": 20}
+    )
+    (task,) = tasks(base, tune)
+    found = measured(task, np.array([[6.0], [8.0]]), [0, 1])
+    one = simulate(base.varied({"observers.S.theta": 8.0, "seed": 1}))
+    assert found[1, 0] == one.observers["S"].metrics["recovery"][0]
+    opened = base.varied({"controller": None, "plant.inputs.u": "0", "plant.parameters": None})
+    with pytest.raises(Problem, match="what is tuned are metrics"):
+        tasks(opened, tune)
