@@ -57,7 +57,8 @@ def tune_data(options: Options, text: str, source: Source) -> int:
         cases = [Case(experiment, one) for experiment, one in zip(experiments, samples, strict=True)]
         _check_deviations(goal, experiments[0])
         given = {label: tuple(one.get("initial") or ()) for label, one in source.data["observers"].items()}
-        found = [_tuned(cases, given, one, gains, block.budget) for one, gains in _tasks(experiments[0], goal, block)]
+        tasks = _tasks(experiments[0], goal, block)
+        found = [_tuned(cases, given, one, gains, block.runs(len(gains))) for one, gains in tasks]
     folder = options.output or RESULTS
     target = folder / f"{options.config.stem}.tuned.yaml"
     for one in found:

@@ -16,11 +16,12 @@ class Queue:
     """Blocks that wait for a thread."""
 
     def __init__(self, count: int) -> None:
-        self._count, self._next, self.done = count, 0, 0
+        self._count, self._next, self.done, self._workers = count, 0, 0, 1
         self._lock = threading.Lock()
 
     def carry_out(self, workers: Sequence[Worker], told: Callable[[int], None]) -> None:
         """All of them, by one worker in this thread or by several in theirs; told of the number of blocks done."""
+        self._workers = len(workers)
         if len(workers) == 1:
             for _ in self._work(workers[0]):
                 told(self.done)
@@ -41,7 +42,10 @@ class Queue:
         size = 1
         while True:
             with self._lock:
-                first, stop = self._next, min(self._next + size, self._count)
+                first, left = self._next, self._count - self._next
+                # of the last blocks none gets so many that the others wait for it
+                share = left if self._workers == 1 else max(left // (2 * self._workers), 1)
+                stop = first + min(size, share, left)
                 self._next = stop
             if first >= stop:
                 return

@@ -18,6 +18,7 @@ from hgorun.ensemble.ladder import found_steps
 from hgorun.ensemble.lanes import given_steps
 from hgorun.ensemble.lot import Lot, settings_of, times_of
 from hgorun.ensemble.members import Members
+from hgorun.ensemble.reseeded import reseeded_members
 from hgorun.ensemble.suspects import Suspects, together
 from hgorun.errors import ConfigError, HgorunError, Problem, SimulationError
 from hgorun.memo import Memo, same
@@ -152,15 +153,16 @@ class _Work:
     def _prepared(self, which: Integers) -> None:
         """Members that are prepared one by one, and carried out side by side as far as they have one plan."""
         for start in range(0, which.size, _PREPARED):
-            groups, rest = self._groups(which[start : start + _PREPARED])
-            self._singles(rest)
+            some = which[start : start + _PREPARED]
+            groups, rest = self._groups(self._runs_by_seed(some))
+            self._alone(np.array([i for i, _ in rest], dtype=np.int64))
             for lot in lots_of(list(groups.values())):
                 self._alone(self._lot(lot))
 
     def _alone(self, which: Integers) -> None:
         """Members that are looked at one by one, their passes side by side."""
         for start in range(0, which.size, _PREPARED):
-            groups, rest = self._groups(which[start : start + _PREPARED])
+            groups, rest = self._groups(self._runs(which[start : start + _PREPARED].tolist()))
             for group in with_others(groups.values()):
                 if group[0][1].solver.controlled:
                     rest += group
@@ -169,12 +171,12 @@ class _Work:
                     self._looked_at(part)
             self._singles(rest)
 
-    def _groups(self, which: Integers) -> tuple[dict[object, Group], Group]:
-        """Members by what they have in common, prepared; and those that are better carried out alone."""
+    def _groups(self, runs: Iterable[tuple[int, PreparedRun]]) -> tuple[dict[object, Group], Group]:
+        """Members that are prepared by what they have in common; and those that are better carried out alone."""
         groups: dict[object, Group] = {}
         rest: Group = []
         of_structure: Counter[int] = Counter()
-        for i, run in self._runs(which.tolist()):
+        for i, run in runs:
             own = groups.setdefault((settings_of(run), times_of(run)), []) if able(run) else rest
             own.append((i, run))
             of_structure[id(run.structure)] += 1
@@ -182,6 +184,15 @@ class _Work:
             if of_structure[id(group[0][1].structure)] < _SIDE_BY_SIDE:
                 rest += groups.pop(key)
         return groups, rest
+
+    def _runs_by_seed(self, which: Integers) -> Iterator[tuple[int, PreparedRun]]:
+        """As :meth:`_runs`, for carrying them out side by side: most may have the experiment of another member."""
+        known = reseeded_members(self.base, self.members, which)
+        for i in which.tolist():
+            if i in known:
+                yield i, known[i]
+            else:
+                yield from self._runs([i])
 
     def _runs(self, which: Iterable[int]) -> Iterator[tuple[int, PreparedRun]]:
         """The members that can be prepared, each with its run."""

@@ -18,7 +18,7 @@ from hgorun.config.types import SEEDS
 from hgorun.ensemble.members import Members, written_out
 from hgorun.ensemble.values import Column, Floats, Places, Seeds, Values, values_of
 from hgorun.errors import ConfigError, KeyPath, Problem
-from hgorun.measurement.noise import generator
+from hgorun.measurement.chance import generator
 from hgorun.result.metrics.base import all_metrics
 from hgorun.result.quantities import Quantity, kinds, of_loops, read_quantity
 from hgorun.result.windows import points_in

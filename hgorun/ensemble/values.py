@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from hgorun.config.sweeps import AnyAxis, LinearAxis, ListAxis, LogAxis, NormalAxis, SeedAxis, UniformAxis
 from hgorun.ensemble.quantile import normal_quantile
-from hgorun.measurement.noise import generator
+from hgorun.measurement.chance import generator
 from hgorun.native.elementary import apply
 from hgorun.noise.normal import standard_normal
 

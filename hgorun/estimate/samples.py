@@ -12,7 +12,7 @@ from hgorun.data.recording import InputSignal, Recording, Signal
 from hgorun.errors import Problem
 from hgorun.measurement.channels import Channel, HeardBefore
 from hgorun.measurement.noise import StretchNoise, deviations
-from hgorun.measurement.sampling import Samples
+from hgorun.measurement.samples import Samples
 from hgorun.simulation.actions import RecordedInputs
 from hgorun.simulation.experiment import Experiment
 from hgorun.symbolic.levels import distinct

@@ -11,9 +11,11 @@ import numpy as np
 from hgorun.config.models import Time
 from hgorun.errors import Problem
 from hgorun.measurement.availability import Stretch
+from hgorun.measurement.chance import Chance
 from hgorun.measurement.in_order import NoiseInOrder, drawn_in_parts
 from hgorun.measurement.noise import StretchNoise, absolute
-from hgorun.measurement.sampling import AnySamples, find_samples
+from hgorun.measurement.samples import AnySamples
+from hgorun.measurement.sampling import find_samples
 from hgorun.measurement.signals import delay_range
 from hgorun.measurement.sizes import SAMPLE_BYTES
 from hgorun.measurement.variants import CONTINUOUS, DELAYED, HELD, SILENT
@@ -203,6 +205,7 @@ def find_channels(
     time: Time,
     seed: int,
     mean_squares: np.ndarray | None,
+    chance: Chance | None = None,
 ) -> list[Channel]:
     """Samples and noise of every output.
 
@@ -210,18 +213,20 @@ def find_channels(
     ----------
     mean_squares : ndarray or None, shape (q,)
         Of the noise-free outputs over the run; needed where the size of some noise is relative to them.
+    chance : Chance, optional
+        The random numbers of the seed, where they are made together with those of others.
     """
     left, channels = time.max_memory, []
     without_tables = all(follows_from_numbers(s) for stretches in resolved for s in stretches)
     for i, (name, stretches) in enumerate(zip(outputs, resolved, strict=True)):
         size = np.nan if mean_squares is None else float(mean_squares[i])
         noise = [
-            StretchNoise(s, absolute(s.noise, size), seed, f"{name}/{k}", time.start, time.end, left)
+            StretchNoise(s, absolute(s.noise, size), seed, f"{name}/{k}", time.start, time.end, left, chance)
             for k, s in enumerate(stretches)
         ]
         if not without_tables:  # else that is asked when all of them are needed at once
             left -= sum(one.memory(left) for one in noise)
-        samples = find_samples(stretches, time.start, seed, name, int(left / SAMPLE_BYTES))
+        samples = find_samples(stretches, time.start, seed, name, int(left / SAMPLE_BYTES), chance)
         if not without_tables:
             left -= samples.size * SAMPLE_BYTES
         channels.append(Channel(name, stretches, samples, noise))

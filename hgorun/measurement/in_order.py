@@ -8,7 +8,8 @@ from inspect import unwrap
 
 import numpy as np
 
-from hgorun.measurement.noise import StretchNoise, streams
+from hgorun.measurement.chance import streams
+from hgorun.measurement.noise import StretchNoise
 from hgorun.measurement.trains import Train
 from hgorun.noise.base import DrawnInParts, RandomNoise
 from hgorun.noise.streams import Stream

@@ -17,7 +17,7 @@ from typing import Literal
 import numpy as np
 
 from hgorun.measurement.channels import Channel
-from hgorun.measurement.sampling import Samples
+from hgorun.measurement.samples import Samples
 from hgorun.measurement.variants import HELD, SILENT
 
 Treatment = Literal["innovation", "received", "drop", "replay"]

@@ -1,12 +1,7 @@
-"""The noise of an output: its functions of time, and what is drawn before the run.
-
-Each random item has a generator of its own, a child of the seed named by the channel, so a draw depends on
-the seed and on the channel and on nothing else.
-"""
+"""The noise of an output: its functions of time, and what is drawn before the run."""
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping, Sequence
 from copy import copy
 from functools import cached_property
@@ -15,23 +10,10 @@ import numpy as np
 
 from hgorun.errors import PluginError, Problem
 from hgorun.measurement.availability import Stretch
+from hgorun.measurement.chance import Chance, OfSeed, streams
 from hgorun.measurement.sizes import DRAW_BYTES, EVENT_BYTES, SAMPLE_BYTES
 from hgorun.noise.base import Noise, RandomNoise, TimeFunction
-from hgorun.noise.streams import Streams
 from hgorun.symbolic.levels import distinct
-
-_LONG = 100_000  # draws that are made as those of many runs are, in machine code
-
-
-def generator(seed: int, *channel: object) -> np.random.Generator:
-    """The random numbers of a channel."""
-    return streams(np.array([seed]), *channel).generator(0)
-
-
-def streams(seeds: np.ndarray, *channel: object) -> Streams:
-    """The random numbers of a channel, for each of several seeds."""
-    digest = hashlib.sha256("/".join(map(str, channel)).encode()).digest()
-    return Streams(seeds, tuple(int(word) for word in np.frombuffer(digest[:16], dtype="<u4")))
 
 
 def absolute(items: tuple[Noise, ...], mean_square: float) -> tuple[Noise, ...]:
@@ -75,6 +57,8 @@ class StretchNoise:
         Name of the output and phase.
     start, end : float
         Of the run: held noise changes at start + m hold.
+    chance : Chance, optional
+        The random numbers of the seed, where they are made together with those of others.
     room : float
         Bytes that all held draws at once may take.
 
@@ -97,7 +81,9 @@ class StretchNoise:
         start: float,
         end: float,
         room: float = np.inf,
+        chance: Chance | None = None,
     ) -> None:
+        self._chance = chance or OfSeed(seed)
         self.start, self.end, self._stretch, self._room = start, end, stretch, room
         self.functions = tuple(item for item in items if isinstance(item, TimeFunction))
         self.random = tuple(item for item in items if isinstance(item, RandomNoise))
@@ -211,11 +197,10 @@ class StretchNoise:
 
     def _draw(self, j: int, count: int) -> np.ndarray:
         """The first draws of an item: the same ones at every call."""
-        item, of = self.random[j], streams(self._seeds, "noise", self._channel, j)
+        item = self.random[j]
         if not self.many:
-            by_array = count >= _LONG and type(item).draw_many is not RandomNoise.draw_many
-            drawn = item.draw_many(of, count)[0] if by_array else item.draw(of.generator(0), count)
-            return self._drawn(item, drawn, (count,))
+            return self._drawn(item, self._chance.draws(item, count, "noise", self._channel, j), (count,))
+        of = streams(self._seeds, "noise", self._channel, j)
         shape = len(of), count
         if j in self._deviations:
             unit = item.model_copy(update={str(item.scaled_by): 1.0})

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,161 +10,30 @@ from hgorun.config.expressions import ExpressionError
 from hgorun.errors import KeyPath, Problem
 from hgorun.measurement.availability import Stretch
 from hgorun.measurement.blocks import Periodic, Steps, Times
-from hgorun.measurement.noise import generator
+from hgorun.measurement.chance import Chance, OfSeed
+from hgorun.measurement.samples import AnySamples, RegularSamples, Samples
 from hgorun.measurement.sizes import SAMPLE_BYTES
 from hgorun.measurement.trains import Train
-from hgorun.memo import Memo, same
+from hgorun.memo import Memo
 from hgorun.symbolic.evaluate import along, compiled
 
 _KEPT = 100_000  # samples that are kept in memory
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Samples:
-    """Samples of one output, in the order of their arrival.
-
-    Attributes
-    ----------
-    arrival, taken : ndarray, shape (Nk,)
-        When a sample arrives and the time it was measured.
-    number : ndarray of int, shape (Nk,)
-        k, counted from the start of its stretch and with the lost ones.
-    stretch : ndarray of int, shape (Nk,)
-        The stretch that each belongs to.
-    used : ndarray of bool, shape (Nk,)
-        False for a sample that came after a newer one.
-    """
-
-    arrival: np.ndarray
-    taken: np.ndarray
-    number: np.ndarray
-    stretch: np.ndarray
-    used: np.ndarray
-
-    @property
-    def identity(self) -> Hashable:
-        """Equal for samples that are known to be the same."""
-        return same(self)
-
-    @property
-    def size(self) -> int:
-        """How many there are."""
-        return int(self.arrival.size)
-
-    @property
-    def late(self) -> bool:
-        """Whether any sample arrives later than it is taken."""
-        return self.taken is not self.arrival and bool(np.any(self.taken < self.arrival))
-
-    def before(self, t: float) -> int:
-        """How many samples arrive before a time."""
-        return int(np.searchsorted(self.arrival, t))
-
-    def part(self, first: int, stop: int, every: int = 1) -> Samples:
-        """Some of them, one after the other, or only some of these."""
-        some = slice(first, stop, every)
-        arrival = self.arrival[some]
-        taken = arrival if self.taken is self.arrival else self.taken[some]
-        return Samples(arrival, taken, self.number[some], self.stretch[some], self.used[some])
-
-    def first_used(self, t: float) -> float:
-        """When the first sample arrives from a time on that is used; infinite where there is none."""
-        heard = self.arrival[self.used]
-        place = int(np.searchsorted(heard, t))
-        return float(heard[place]) if place < heard.size else np.inf
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class RegularSamples:
-    """Periodic samples of one output that are neither moved nor lost nor late: arithmetic of k, which takes no memory.
-
-    Attributes
-    ----------
-    trains : tuple of (int, Train)
-        The samples of every sampled stretch, with its number.
-    all_at_once : callable
-        Makes the arrays of all samples, for whoever asks for them.
-    """
-
-    trains: tuple[tuple[int, Train], ...]
-    all_at_once: Callable[[], Samples]
-
-    @cached_property
-    def whole(self) -> Samples:
-        """All samples as arrays.
-
-        Raises
-        ------
-        Problem
-            Where they do not fit into memory.
-        """
-        return self.all_at_once()
-
-    @property
-    def arrival(self) -> np.ndarray:
-        """As those of :class:`Samples`, like the others that follow."""
-        return self.whole.arrival
-
-    @property
-    def taken(self) -> np.ndarray:
-        return self.whole.taken
-
-    @property
-    def number(self) -> np.ndarray:
-        return self.whole.number
-
-    @property
-    def stretch(self) -> np.ndarray:
-        return self.whole.stretch
-
-    @property
-    def used(self) -> np.ndarray:
-        return self.whole.used
-
-    @property
-    def identity(self) -> Hashable:
-        return self.trains
-
-    @cached_property
-    def size(self) -> int:
-        return sum(train.size for _, train in self.trains)
-
-    @property
-    def late(self) -> bool:
-        return False
-
-    def before(self, t: float) -> int:
-        return sum(train.before(t) for _, train in self.trains)
-
-    def part(self, first: int, stop: int, every: int = 1) -> Samples:
-        times, numbers, stretches, passed = [], [], [], 0
-        for i, train in self.trains:
-            behind = max(first - passed, 0)
-            begin = behind + (-(passed + behind - first)) % every
-            k = np.arange(begin, max(min(stop - passed, train.size), begin), every)
-            passed += train.size
-            if k.size or len(self.trains) == 1:
-                times.append(train.at(k))
-                numbers.append(k)
-                stretches.append(np.full(k.size, i))
-        none = np.zeros(0, dtype=np.int64)
-        arrival = times[0] if len(times) == 1 else np.concatenate([np.zeros(0), *times])
-        number, stretch = (one[0] if len(one) == 1 else np.concatenate([none, *one]) for one in (numbers, stretches))
-        return Samples(arrival, arrival, number, stretch, np.ones(arrival.size, dtype=bool))
-
-    def first_used(self, t: float) -> float:
-        found = [float(train.at(np.array([train.before(t)]))[0]) for _, train in self.trains if train.at_end >= t]
-        return min(found, default=np.inf)
-
-
-AnySamples = Samples | RegularSamples
 _MOST = 1e12  # samples that are worth counting
 _LONG = 1 << 16  # periodic samples that are not kept as arrays
 _FOUND: Memo[AnySamples] = Memo(16, lambda samples: isinstance(samples, Samples) and samples.size < _KEPT)
 
 
-def find_samples(stretches: list[Stretch], start: float, seed: int, output: str, limit: int) -> AnySamples:
+def find_samples(
+    stretches: list[Stretch], start: float, seed: int, output: str, limit: int, chance: Chance | None = None
+) -> AnySamples:
     """All samples of an output: one object for all runs in which they are the same.
+
+    Parameters
+    ----------
+    chance : Chance, optional
+        The random numbers of the seed, where they are made together with those of others.
 
     Raises
     ------
@@ -174,14 +41,19 @@ def find_samples(stretches: list[Stretch], start: float, seed: int, output: str,
         For a negative delay or more than ``limit`` samples that do not follow from their number.
     """
     timing = tuple((s.start, s.end, s.origin, s.sampling, s.delay) for s in stretches)
-    chance = (seed, output) if any(s.sampled_by_chance for s in stretches) else None
-    key = timing, start, chance, limit, _LONG
-    return _FOUND.get(key, lambda: _found(stretches, start, seed, output, limit))
+    by_chance = (seed, output) if any(s.sampled_by_chance for s in stretches) else None
+
+    def find() -> AnySamples:
+        return _found(stretches, start, chance or OfSeed(seed), output, limit)
+
+    if by_chance is not None and chance is not None:  # one of many, each of which is asked for once
+        return find()
+    return _FOUND.get((timing, start, by_chance, limit, _LONG), find)
 
 
-def _found(stretches: list[Stretch], start: float, seed: int, output: str, limit: int) -> AnySamples:
+def _found(stretches: list[Stretch], start: float, chance: Chance, output: str, limit: int) -> AnySamples:
     def all_at_once() -> Samples:
-        return _samples(stretches, start, seed, output, limit)
+        return _samples(stretches, start, chance, output, limit)
 
     trains = _trains(stretches)
     if trains is not None and sum(train.size for _, train in trains) > _LONG:
@@ -216,15 +88,14 @@ def _most(stretch: Stretch, sampling: Periodic) -> float:
     return max(float(np.floor(span / sampling.period * (1 + 1e-12) + rounding)) + 1, 0.0)
 
 
-def _samples(stretches: list[Stretch], start: float, seed: int, output: str, limit: int) -> Samples:
+def _samples(stretches: list[Stretch], start: float, chance: Chance, output: str, limit: int) -> Samples:
     arrival, taken, number, which = [], [], [], []
     left = limit
     for i, stretch in enumerate(stretches):
         if stretch.continuous:
             continue
-        jitter, dropout = (generator(seed, channel, output, i) for channel in ("sampling", "dropout"))
         last = i == len(stretches) - 1
-        times, k = _arrivals(stretch, last, jitter, dropout, left)
+        times, k = _arrivals(stretch, last, chance, (output, i), left)
         left -= times.size
         inside = _belong(times, stretch, last)
         times, k = np.clip(times[inside], stretch.start, stretch.end), k[inside]
@@ -258,7 +129,7 @@ def _belong(times: np.ndarray, stretch: Stretch, last: bool) -> np.ndarray:
 
 
 def _arrivals(
-    stretch: Stretch, last: bool, jitter: np.random.Generator, dropout: np.random.Generator, limit: int
+    stretch: Stretch, last: bool, chance: Chance, of: tuple[str, int], limit: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """Times and numbers; jitter and dropout draw apart, so that a longer run begins with the same samples."""
     sampling, path = stretch.sampling, stretch.paths["sampling"]
@@ -280,12 +151,17 @@ def _arrivals(
         if not sampling.jitter and not sampling.dropout:  # then there is nothing to draw
             inside = _belong(times, stretch, last)
             return (times, k) if inside.all() else (times[inside], k[inside])
-        shifts = jitter.uniform(-1.0, 1.0, k.size) * sampling.jitter
-        kept = dropout.uniform(0.0, 1.0, k.size) >= sampling.dropout
-        kept &= _belong(times, stretch, last)  # jitter moves no sample of the next stretch back into this one
-        moved = np.asarray(np.clip(times + shifts, stretch.start, stretch.end) if sampling.jitter else times)
-        order = np.argsort(moved[kept], kind="stable")
-        return moved[kept][order], k[kept][order]
+        kept = _belong(times, stretch, last)  # jitter moves no sample of the next stretch back into this one
+        if sampling.dropout:
+            kept &= chance.uniform(k.size, "dropout", *of) >= sampling.dropout
+        if sampling.jitter:
+            shifts = (2.0 * chance.uniform(k.size, "sampling", *of) - 1.0) * sampling.jitter
+            times = np.clip(times + shifts, stretch.start, stretch.end)
+        times, k = (times, k) if kept.all() else (times[kept], k[kept])
+        if np.all(times[1:] >= times[:-1]):
+            return times, k
+        order = np.argsort(times, kind="stable")
+        return times[order], k[order]
     assert isinstance(sampling, Steps)  # what is continuous has no samples
     return _stepped(stretch, sampling.steps, (*path, "steps"), limit)
 

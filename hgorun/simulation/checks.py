@@ -31,15 +31,37 @@ def check_run(run: PreparedRun) -> None:
     _check_memory(run)
     check_steps(run, run.step, adaptive=run.adaptive)
     _check_clock(run)
+    _check_samples(run)
+    check_start(run)
+    _check_noise(run)
+
+
+def check_events(run: PreparedRun) -> None:
+    """Refuse samples, noise or delays with which a run cannot be simulated.
+
+    Raises
+    ------
+    Problem
+    """
+    check_steps(run, run.step, adaptive=run.adaptive)
+    _check_samples(run)
+    _check_noise(run)
+
+
+def _check_samples(run: PreparedRun) -> None:
+    """What observers and controllers ask of the samples."""
     check_jumps(run)
     check_corrections(run)
     _check_law(run)
     _check_punctual(run)
     _check_decisions(run)
     check_holds(run)
-    check_start(run)
+
+
+def _check_noise(run: PreparedRun) -> None:
+    """Noise that is not a number at some sample is reported before any run starts, but for a long one."""
     for channel in run.channels if isinstance(run.schedule, Schedule) else []:
-        _ = channel.gain_and_bias  # noise that is not a number at some sample is reported before any run starts
+        _ = channel.gain_and_bias
 
 
 def _check_punctual(run: PreparedRun) -> None:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import chain
 
 import numpy as np
 
 from hgorun.errors import Problem
+from hgorun.measurement.chance import Chance
 from hgorun.measurement.channels import Channel, check_delays, find_channels
 from hgorun.measurement.late import Treatment, are_late
 from hgorun.measurement.long import is_long
@@ -20,7 +21,7 @@ from hgorun.observers.recalling import RecallingObserver
 from hgorun.observers.treatment import treatment_of
 from hgorun.plants.build import BuiltPlant
 from hgorun.result.data import DesignNumbers
-from hgorun.simulation.checks import check_run
+from hgorun.simulation.checks import check_events, check_run
 from hgorun.simulation.design import Design
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.first_step import nominal_step
@@ -141,6 +142,40 @@ def _with_lags(experiment: Experiment, step: float, smallest: float, reach: floa
             raise Problem(("observers", label, "m"), f"{apart}: give a shorter step, or fewer copies")
         smallest, reach = float(np.min(lags, initial=smallest)), float(np.max(lags, initial=reach))
     return smallest, reach
+
+
+def reseeded(runs: Sequence[PreparedRun], seed: int, chance: Chance) -> PreparedRun | None:
+    """One of some runs with other random numbers; None where more than times and noise changes with them.
+
+    All but its samples, its noise and its events is that of the run, also its experiment with the seed of that.
+
+    Parameters
+    ----------
+    runs : sequence of PreparedRun
+        Which differ in their seeds alone, and in what outputs are at some times because of them. The size of no noise
+        is relative to the output.
+    seed : int
+    chance : Chance
+        The random numbers of the seed.
+
+    Raises
+    ------
+    Problem
+        Where that cannot be carried out.
+    """
+    run, experiment = runs[0], runs[0].experiment
+    outputs = experiment.plant.model.outputs
+    channels = find_channels(experiment.stretches, outputs, experiment.time, seed, None, chance)
+    if treatments_of(experiment, channels) != run.treatments:
+        return None
+    smallest_delay, reach = _with_lags(experiment, run.step, *check_delays(channels))
+    schedule = schedule_of(experiment, channels, run.step, treatments=run.treatments)
+    alike = next((one for one in runs if one.schedule.variants == schedule.variants), None)
+    if alike is None:
+        return None
+    new = replace(alike, channels=channels, schedule=schedule, smallest_delay=smallest_delay, reach=reach)
+    check_events(new)
+    return new
 
 
 def treatments_of(experiment: Experiment, channels: list[Channel]) -> tuple[Treatment, ...]:

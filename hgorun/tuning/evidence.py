@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from hgorun.ensemble.fronts import non_dominated
 from hgorun.ensemble.statistics import interval
-from hgorun.measurement.noise import generator
+from hgorun.measurement.chance import generator
 from hgorun.tuning.search import Found
 from hgorun.tuning.task import Floats, Task
 from hgorun.tuning.trials import measured

@@ -175,7 +175,7 @@ def _task(experiment: Experiment, tune: Tune, label: str, paths: Sequence[tuple[
         limits=limits,
         seeds=tuple(range(first, first + tune.seeds)),
         held_out=tuple(range(first + tune.seeds, first + tune.seeds + tune.held_out)),
-        budget=tune.budget,
+        budget=tune.runs(len(paths)),
     )
 
 

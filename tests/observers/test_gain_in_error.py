@@ -199,6 +199,15 @@ def test_thresholds_follow_from_the_noise() -> None:
     assert sigma == pytest.approx([9 * (0.01 / 2 + 0.04 + 0.16 / 12)])
 
 
+def test_thresholds_of_several_outputs() -> None:
+    plant = inline({"a": "b", "b": "-a", "c": "-c"}, ["a", "c"])
+    block = {"type": "piecewise", "theta_1": 4, "theta_2": 2}
+    (found,) = prepare(experiment(plant, {"P": {**block, "d": {"c": 2, "a": 1}}})).observers
+    assert found.design["d"].tolist() == [1, 2]
+    with pytest.raises(ConfigError, match="expected a number for each output: a, c"):
+        prepare(experiment(plant, {"P": {**block, "d": {"a": 1}}}))
+
+
 @pytest.mark.parametrize(
     ("block", "message"),
     [

@@ -16,8 +16,8 @@ import hgorun
 from hgorun import Result
 from hgorun.errors import ConfigError, Problem
 from hgorun.measurement import in_order, long, sampling
+from hgorun.measurement.chance import streams
 from hgorun.measurement.long import LongSchedule
-from hgorun.measurement.noise import streams
 from hgorun.measurement.trains import Train
 from hgorun.noise import compiled
 from hgorun.noise.normal import standard_normal

@@ -13,7 +13,7 @@ from hgorun import simulate
 from hgorun.cli import main
 from hgorun.engine.memory import history_pieces
 from hgorun.errors import ConfigError
-from hgorun.measurement.noise import generator
+from hgorun.measurement.chance import generator
 from hgorun.simulation import steps as of_steps
 from hgorun.simulation.simulate import prepare
 from hgorun.simulation.steps import count_steps, in_pieces

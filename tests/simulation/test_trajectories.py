@@ -17,7 +17,7 @@ from naive import simulate as plainly
 from scipy.integrate import solve_ivp
 
 from hgorun import Result
-from hgorun.measurement.noise import generator
+from hgorun.measurement.chance import generator
 
 THETA, STEP = 1.5, 0.04
 CLOSE = 1e-9  # to the plain simulator: the same steps, other roundings

@@ -403,3 +403,13 @@ def test_a_base_that_cannot_be_run_is_refused_before_anything_is_tried(shell: Sh
     code, out, err = shell("tune", "c.yaml", "-q")
     assert (code, out) == (2, "")
     assert "c.yaml:3: plant: " in err
+
+
+@pytest.mark.parametrize(
+    ("gains", "seeds", "budget", "expected"),
+    [(1, 20, None, 2000), (2, 20, None, 2000), (3, 20, None, 4000), (4, 20, None, 8000), (6, 20, None, 32000),
+     (1, 1000, None, 8000), (4, 20, 500, 500)],
+)  # fmt: skip
+def test_the_budget_follows_the_number_of_gains(gains: int, seeds: int, budget: int | None, expected: int) -> None:
+    block = {"gains": {"observers.H.theta": {"log": [1, 2]}}, "minimise": "rmse(H, x1)", "seeds": seeds}
+    assert Tune.model_validate(block if budget is None else block | {"budget": budget}).runs(gains) == expected

@@ -1,0 +1,95 @@
+"""Members whose seed decides when something happens, prepared from one of them: times and noise alone are new.
+
+So that nothing is taken for granted, the first member of a group and the last one are prepared in full as well; where
+the last differs in a single bit, all of them are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from hgorun.ensemble.found import Integers
+from hgorun.ensemble.lot import Numbers
+from hgorun.ensemble.members import Members
+from hgorun.errors import HgorunError, Problem
+from hgorun.measurement.chance import OfSeeds
+from hgorun.measurement.noise import is_relative
+from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.preparation import prepare, reseeded
+from hgorun.simulation.prepared import PreparedRun
+
+_FEW = 8  # members that are prepared one by one
+_KINDS = 4  # combinations of what outputs are in a run, as where the first sample is lost or not
+
+
+def reseeded_members(base: Experiment, members: Members, which: Integers) -> dict[int, PreparedRun]:
+    """The runs of some members that differ from others in their seed alone, as far as that is certain.
+
+    Parameters
+    ----------
+    base : Experiment
+    members : Members
+    which : ndarray of int64
+        Some of them.
+
+    Returns
+    -------
+    dict of int to PreparedRun
+        With everything that is carried out as each member has it; their experiment may be that of another seed.
+    """
+    if "seed" not in members.columns or members.columns["seed"].dtype.kind != "i":
+        return {}
+    groups: dict[str, list[int]] = {}
+    for i in which.tolist():
+        rest = {path: value for path, value in members.changes(i).items() if path != "seed"}
+        groups.setdefault(repr(rest), []).append(i)
+    found: dict[int, PreparedRun] = {}
+    for group in groups.values():
+        if len(group) >= _FEW:
+            found |= _of_group(base, {i: members.changes(i) for i in group})
+    return found
+
+
+def _of_group(base: Experiment, changes: Mapping[int, Mapping[str, Any]]) -> dict[int, PreparedRun]:
+    """The runs of members that differ in their seed alone; none where one cannot be prepared or is not as expected."""
+    seeds = np.array([change["seed"] for change in changes.values()], dtype=np.int64)
+    if np.any(seeds < 0):
+        return {}
+    (first, *_, last), known = changes, OfSeeds(seeds)
+    try:
+        run, other = (prepare(base.varied(changes[i])) for i in (first, last))
+    except HgorunError:
+        return {}
+    if any(is_relative(s) for one in run.experiment.stretches for s in one):
+        return {}
+    runs, found = [run], {}
+    for place, i in enumerate(changes):
+        try:
+            new = reseeded(runs, int(seeds[place]), known.of(place))
+            if new is None and len(runs) < _KINDS:
+                new = prepare(base.varied(changes[i]))
+                runs.append(new)
+        except (Problem, HgorunError):
+            continue
+        if new is not None:
+            found[i] = new
+    return found if last in found and _same(found[last], other) else {}
+
+
+def _same(run: PreparedRun, other: PreparedRun) -> bool:
+    """Whether the same is carried out, to the last bit."""
+    if run.structure is not other.structure or (run.step, run.reach) != (other.step, other.reach):
+        return False
+    own, expected = ([*Numbers.of([one]).at(0), *_times(one)] for one in (run, other))
+    return all(a.tobytes() == b.tobytes() for a, b in zip(own, expected, strict=True))
+
+
+def _times(run: PreparedRun) -> Iterator[np.ndarray]:
+    """All that decides when something happens."""
+    yield from (run.schedule.events, run.schedule.inward, run.schedule.variant)
+    for channel in run.heard:
+        samples = channel.samples
+        yield from (samples.arrival, samples.taken, samples.used, channel.held_changes[0])

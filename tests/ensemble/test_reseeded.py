@@ -1,0 +1,92 @@
+"""Members whose seed moves or loses samples: prepared from one of them, they have their own times and noise."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from examples import VAN_DER_POL, experiment
+
+from hgorun import Experiment
+from hgorun.ensemble import reseeded
+from hgorun.ensemble.members import Members
+from hgorun.ensemble.reseeded import reseeded_members
+from hgorun.measurement.chance import OfSeed, OfSeeds
+from hgorun.noise.gaussian import GaussianNoise
+from hgorun.simulation.prepared import PreparedRun
+from hgorun.simulation.simulate import prepare
+
+SAMPLINGS: dict[str, dict[str, Any]] = {
+    "moved": {"sampling": {"period": 0.1, "jitter": 0.04}},
+    "lost": {"sampling": {"period": 0.1, "dropout": 0.3}},
+    "both, in one of two phases": {
+        "phases": [{"until": 1, "sampling": {"period": 0.1, "jitter": 0.08, "dropout": 0.2}}, {"until": 9}],
+    },
+    "late": {"sampling": {"period": 0.1, "jitter": 0.04}, "delay": 0.07},
+}
+NOISE = [{"type": "gaussian", "std": 0.1}, {"type": "uniform", "low": -1, "high": 1, "hold": 0.1}]
+HELD = {"phases": [{"until": 1, "noise": NOISE}, {"until": 9, "noise": NOISE[1:]}]}
+SEEDS = np.arange(3, 23)
+
+
+def base(case: str) -> Experiment:
+    measurement = dict(SAMPLINGS[case])
+    if "phases" in measurement:
+        own = zip(measurement["phases"], HELD["phases"], strict=True)
+        measurement["phases"] = [phase | noise for phase, noise in own]
+    else:
+        measurement["noise"] = NOISE
+    return experiment(VAN_DER_POL, {"H": {"type": "shgo", "theta": 2}}, end=2.0, step=0.02, measurement=measurement)
+
+
+def arrays(run: PreparedRun) -> list[np.ndarray]:
+    """All that its seed decides."""
+    found = [run.schedule.events, run.schedule.inward, run.schedule.variant, run.numbers.p, run.numbers.z0]
+    for channel in run.heard:
+        samples = channel.samples
+        found += [samples.arrival, samples.taken, samples.number, samples.used, *channel.gain_and_bias]
+        found += channel.held_changes
+    return found
+
+
+@pytest.mark.parametrize("case", SAMPLINGS)
+def test_a_member_prepared_from_another_one_is_that_prepared_alone(case: str) -> None:
+    of, members = base(case), Members.of({"seed": SEEDS})
+    found = reseeded_members(of, members, np.arange(SEEDS.size))
+    assert sorted(found) == list(range(SEEDS.size))
+    for i, seed in enumerate(SEEDS.tolist()):
+        alone = prepare(of.varied({"seed": seed}))
+        assert found[i].structure is alone.structure
+        assert found[i].schedule.variants == alone.schedule.variants
+        for own, expected in zip(arrays(found[i]), arrays(alone), strict=True):
+            np.testing.assert_array_equal(own, expected)
+
+
+def test_members_that_differ_in_more_are_groups(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each group is prepared from a member of its own; a group of a few is left to be prepared one by one."""
+    members = Members.of({"seed": np.arange(20), "observers.H.theta": np.repeat([2.0, 3.0], [12, 8])[:20]})
+    monkeypatch.setattr(reseeded, "_FEW", 10)
+    found = reseeded_members(base("moved"), members, np.arange(20))
+    assert sorted(found) == list(range(12))
+
+
+def test_a_member_that_is_not_as_expected_leaves_all_to_be_prepared(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(reseeded, "_same", lambda run, other: False)
+    assert not reseeded_members(base("moved"), Members.of({"seed": SEEDS}), np.arange(SEEDS.size))
+
+
+def test_sizes_relative_to_the_output_are_left_to_be_prepared() -> None:
+    measurement = SAMPLINGS["moved"] | {"noise": [{"type": "gaussian", "snr_db": 20}]}
+    of = experiment(VAN_DER_POL, {"H": {"type": "shgo", "theta": 2}}, end=1.0, step=0.02, measurement=measurement)
+    assert not reseeded_members(of, Members.of({"seed": SEEDS}), np.arange(SEEDS.size))
+
+
+def test_draws_made_together_are_those_of_each_seed() -> None:
+    """Whatever the counts, which grow and fall from one run to the next."""
+    together, item = OfSeeds(SEEDS), GaussianNoise(type="gaussian", std=2.0)
+    for i, count in ((0, 5), (3, 40), (7, 12)):
+        alone = OfSeed(int(SEEDS[i]))
+        np.testing.assert_array_equal(together.of(i).uniform(count, "a", 1), alone.uniform(count, "a", 1))
+        drawn = together.of(i).draws(item, count, "b"), alone.draws(item, count, "b")
+        np.testing.assert_array_equal(*drawn)
