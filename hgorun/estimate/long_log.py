@@ -74,9 +74,8 @@ def estimate_into(
     with experiment.located():
         if not is_plain(experiment, recording):
             return None
-        result = LongLog(Stretches(experiment, recording), recording, held_out).written(path)
-    count = sum(one.taken.size for one in recording.outputs.values())
-    return without_sensitivity(result, count) if sensitivity else result
+        log = LongLog(Stretches(experiment, recording), recording, held_out, sensitivity=sensitivity)
+        return log.written(path)
 
 
 @dataclass(kw_only=True, eq=False, repr=False)
@@ -146,12 +145,16 @@ class LongLog:
     stretches : Stretches
     recording : Recording
     held_out : mapping of str to Signal
+    sensitivity : bool
+        Whether it is to be said that no other gains are tried.
     """
 
-    def __init__(self, stretches: Stretches, recording: Recording, held_out: Mapping[str, Signal]) -> None:
+    def __init__(
+        self, stretches: Stretches, recording: Recording, held_out: Mapping[str, Signal], *, sensitivity: bool = False
+    ) -> None:
         self._stretches, self._recording = stretches, recording
         self._prepared = replace(stretches.first, samples=tuple(stretches.samples), inputs=None)
-        self._bound = self._prepared.bound
+        self._bound, self._sensitivity = self._prepared.bound, sensitivity
         experiment = self._prepared.experiment
         self._grid: Floats = experiment.grid[0][:: experiment.grid[1]]
         signals = {(0, name): one for name, one in held_out.items()}
@@ -320,6 +323,8 @@ class LongLog:
         recorded = Recorded(outputs, unseen(evaluated.held_out, origin), unseen(evaluated.reference, origin))
         result = result_of(prepared, self._recording, evaluated, assessed, recorded)
         result = replace(result, time=shown("time"), u=shown("plant/u") if result.inputs else result.u)
+        if self._sensitivity:
+            result = without_sensitivity(result, count)
         file.finish(result)
         return result
 

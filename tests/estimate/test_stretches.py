@@ -46,7 +46,12 @@ def _log(hold: str = "zero", *, start: float = 0.0, reference: dict[str, Signal]
 
 
 def _both(
-    log: Recording, path: Path, *types: str, held_out: dict[str, Signal] | None = None, **more: Any
+    log: Recording,
+    path: Path,
+    *types: str,
+    held_out: dict[str, Signal] | None = None,
+    sensitivity: bool = False,
+    **more: Any,
 ) -> tuple[Result, Result | None]:
     """At once, and stretch by stretch."""
     plant = {key: value for key, value in PLANT.items() if key not in ("inputs", "initial")}
@@ -54,7 +59,7 @@ def _both(
     config = source(
         {"plant": plant, "observers": observers(*types, initial=start), "measurement": {"noise": NOISE}, **more}
     )
-    given: dict[str, Any] = {"name": "x", "text": "y", "held_out": held_out or {}, "sensitivity": False}
+    given: dict[str, Any] = {"name": "x", "text": "y", "held_out": held_out or {}, "sensitivity": sensitivity}
     return estimate(config, log, **given), estimate_into(config, log, path, **given)
 
 
@@ -111,6 +116,14 @@ def test_an_observer_that_is_lost_stays_so(short: pytest.MonkeyPatch, tmp_path: 
     assert whole.status == found.status == "diverged"
     assert found.troubles() == whole.troubles()
     assert _digests(tmp_path / "a.h5") == digests_of(whole)
+
+
+def test_what_is_said_stands_in_the_file(short: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    short.setattr("hgorun.estimate.estimate._MOST", 10)
+    whole, found = _both(_log(), tmp_path / "a.h5", "shgo", sensitivity=True, **FIXED)
+    assert found is not None
+    assert read(tmp_path / "a.h5").remarks == found.remarks == whole.remarks
+    assert any("samples: how the scores depend on the gains" in told for told in found.remarks)
 
 
 def test_a_picture_has_some_of_the_points(short: pytest.MonkeyPatch, tmp_path: Path) -> None:
