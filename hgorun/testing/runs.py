@@ -8,7 +8,7 @@ import numpy as np
 
 from hgorun.errors import HgorunError
 from hgorun.observers.base import ContinuousObserver
-from hgorun.observers.capabilities import Averaged, Differentiator
+from hgorun.observers.capabilities import Averaged, Differentiator, Punctual
 from hgorun.result.observer import ObserverResult
 from hgorun.result.result import Result
 from hgorun.simulation.passes import as_given, integrate, integrate_lanes
@@ -52,7 +52,8 @@ def _given(case: Case, name: str, value: np.ndarray | Symmetric) -> None:
 
 def _in_company(subject: Subject) -> None:
     case = subject.cases[0]
-    measurement = None if case.sampled else {"sampling": {"period": 0.1}, "delay": 0.04}
+    late = {} if isinstance(case.observer(), Punctual) else {"delay": 0.04}
+    measurement = None if case.sampled else {"sampling": {"period": 0.1}, **late}
     own = {"initial": case.aside}
     other = {"initial": {name: value - 0.03 for name, value in case.aside.items()}, **case.other_numbers}
     alone = simulate(case.experiment({"it": own}, measurement=measurement))

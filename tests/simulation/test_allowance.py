@@ -162,3 +162,11 @@ def test_no_step_leads_over_a_singularity(method: str, rate: str, tmp_path: Path
     }
     with pytest.raises(SimulationError):
         run(tmp_path, config)
+
+
+def test_what_decays_is_known_to_its_own_size(tmp_path: Path) -> None:
+    """x' = -x from 1 to exp(-10): to the digits of what is left, and not of what has been."""
+    plant = {"states": ["x"], "dynamics": {"x": "-x"}, "output": "x", "initial": {"x": 1}}
+    time, solver = {"end": 10, "output_step": 1}, {"method": "dopri5", "rtol": 1e-6}
+    found = run(tmp_path, {"time": time, "plant": plant, "observers": {}, "solver": solver}).x[:, 0]
+    np.testing.assert_allclose(found, np.exp(-np.arange(11.0)), rtol=2e-5)
