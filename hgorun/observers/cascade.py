@@ -35,7 +35,8 @@ class CascadeObserver(Differentiator, LocallyLinear, HighGain, ContinuousObserve
 
     Choose it where there is no model, or where what the estimate drives must not see its peaks; take ``low_power``
     with ``saturate`` where the model is known, since the error of this one does not go to zero. On plants that are
-    not chains of integrators the estimate is the state that belongs to these derivatives.
+    not chains of integrators the estimate is the state that belongs to these derivatives; ``initial`` gives those at
+    the start with the inputs at zero.
     """
 
     reference = "Khalil 2017"

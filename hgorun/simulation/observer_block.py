@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import casadi as ca
@@ -174,10 +174,14 @@ class ObserverBlock:
         s = self.symbols(z)
         if past is not None:
             s = Symbols(vars(s) | {"past": past})
-        derivatives, correction = self.equations(self.copy(t, u, p), s, e)
-        if "alpha" in self.states:
-            derivatives["alpha"] = -correction
-        return ca.vertcat(*[block.flat(derivatives[name]) for name, block in self.states.items()])
+
+        def rate(u: ca.SX) -> ca.SX:
+            derivatives, correction = self.equations(self.copy(t, u, p), s, e)
+            if "alpha" in self.states:
+                derivatives["alpha"] = -correction
+            return ca.vertcat(*[block.flat(derivatives[name]) for name, block in self.states.items()])
+
+        return _given(u, z, rate)
 
     def decisions(self, t: ca.SX, u: ca.SX, p: ca.SX, z: ca.SX, e: ca.SX) -> dict[int, ca.SX]:
         """What is decided at the end of a step or after an event: the new values of states, by their places in z."""
@@ -263,10 +267,15 @@ class ObserverBlock:
         """What the block becomes when samples of some outputs arrive."""
         s = self.symbols(z)
         assert isinstance(self.observer, CorrectedObserver)
-        with called("observer", self.observer.type, "correct"):
-            after = self.observer.correct(self.copy(t, u, p), s, arrival, self.k)
-            values = vars(s) | self._fitting(after, "correct", "value")
-        return ca.vertcat(*[block.flat(values[name]) for name, block in self.states.items()])
+        observer = self.observer
+
+        def after(u: ca.SX) -> ca.SX:
+            with called("observer", observer.type, "correct"):
+                new = observer.correct(self.copy(t, u, p), s, arrival, self.k)
+                values = vars(s) | self._fitting(new, "correct", "value")
+            return ca.vertcat(*[block.flat(values[name]) for name, block in self.states.items()])
+
+        return _given(u, z, after)
 
     def copy(self, t: ca.SX, u: ca.SX, p: ca.SX) -> Copy:
         """The plant as the observer copies it."""
@@ -275,6 +284,14 @@ class ObserverBlock:
             return plant
         assert isinstance(plant, GuessingCopy)
         return plant.started_at(self.newton)
+
+
+def _given(u: ca.SX, z: ca.SX, build: Callable[[ca.SX], ca.SX]) -> ca.SX:
+    """What is built from inputs, which are given: slopes of it in the estimate leave a law of the estimate out."""
+    if not ca.depends_on(u, z):
+        return build(u)
+    own = ca.SX.sym("u", *u.shape)
+    return ca.substitute(build(own), own, u)
 
 
 def _entries(name: str, state: StateBlock) -> dict[str, tuple[int, int]]:

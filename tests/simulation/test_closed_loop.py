@@ -265,6 +265,45 @@ def test_a_law_may_use_an_observers_own_state() -> None:
     np.testing.assert_allclose(result.closed_loop["E"].u[-1], -0.7, atol=1e-3)
 
 
+LINEAR: Block = {
+    "time": {"end": 2, "output_step": 0.1},
+    "plant": {
+        "states": ["x1", "x2"],
+        "dynamics": {"x1": "x2", "x2": "-x1 + u"},
+        "output": "x1",
+        "inputs": {"u": "controller"},
+        "initial": {"x1": 1, "x2": 0.5},
+    },
+    "controller": {"law": {"u": "-x1 - 2*x2"}},
+    "solver": {"step": 0.001},
+}
+
+
+@pytest.mark.parametrize("measurement", [{}, {"sampling": {"period": 0.1}}])
+def test_the_covariance_of_a_linear_plant_does_not_depend_on_the_law(measurement: Block) -> None:
+    """Riccati equations and samples are solved here without any law, for P has none in it."""
+    filters = {"kalman_bucy": "flow", "hg_ekf": "flow", **({"ekf": "jump", "ukf": "jump"} if measurement else {})}
+    blocks = {name: {"type": name, "Q": {"x1": 1, "x2": 1}, "R": 1} for name in filters}
+    blocks["hg_ekf"] |= {"theta": 1, "Q": 1}
+    run = hgorun.simulate(Experiment({**LINEAR, "measurement": measurement, "observers": blocks}))
+    F, H, step = np.array([[0.0, 1.0], [-1.0, 0.0]]), np.array([[1.0, 0.0]]), 1e-3
+
+    def slope(P: np.ndarray, flow: bool) -> np.ndarray:
+        return F @ P + P @ F.T + np.eye(2) - (P @ H.T @ H @ P if flow else 0)
+
+    for name, how in filters.items():
+        P = np.eye(2)
+        for k in range(2000):
+            if how == "jump" and k % 100 == 0:
+                P = P - P @ H.T @ H @ P / (H @ P @ H.T + 1)
+            half = P + 0.5 * step * slope(P, how == "flow")
+            P = P + step * slope(half, how == "flow")
+        if how == "jump":
+            P = P - P @ H.T @ H @ P / (H @ P @ H.T + 1)
+        found = run.observers[name].internal["P"][-1]
+        np.testing.assert_allclose(found[np.triu_indices(2)], P[np.triu_indices(2)], rtol=2e-5, err_msg=name)
+
+
 def test_it_is_written_and_read(from_rest: Result, tmp_path: Path) -> None:
     result = simulated(SERVO, SERVO_LAW, {"F": plain(20)}, solver={"step": 0.01}, time={"end": 1, "output_step": 0.1})
     back = hgorun.read(result.save(tmp_path / "loop.h5"))
