@@ -18,7 +18,7 @@ from hgorun.config.reading import read_source
 from hgorun.config.validation import validate
 from hgorun.config.yaml_source import Source
 from hgorun.data.reading import read
-from hgorun.data.recording import Recording, Signal
+from hgorun.data.recording import Origin, Recording, Signal
 from hgorun.errors import ConfigError
 from hgorun.estimate.completed import plant_units, with_inputs
 from hgorun.estimate.estimate import estimate as estimated
@@ -58,14 +58,15 @@ class Log:
         of_file = [one for one in blocks if one.file and (self.folder / one.file).resolve() == file.resolve()]
         return [*of_file, *blocks][0].model_dump(exclude_none=True, exclude={"lag"})
 
-    def from_file(self, output: str, file: Path) -> Signal:
-        """An output as it stands in another file."""
+    def from_file(self, output: str, file: Path, origin: Origin) -> Signal:
+        """An output as it stands in another file, at times that count from the origin of the log."""
         other = Measured(**{**self._columns(output, file), "file": str(file.absolute())})
         return read(
             self.block.model_copy(update={"outputs": {output: other}, "inputs": {}, "reference": {}}),
             self.folder,
             time_unit=self.unit,
             units=self.units,
+            beside=origin,
         ).outputs[output]
 
 
@@ -164,7 +165,7 @@ def _held_out(log: Log, recording: Recording, options: Estimate) -> tuple[Record
         if every is None:
             if not Path(what).is_file():
                 raise ConfigError(f"--holdout {text}: expected a number of samples, or a file; there is no file {what}")
-            aside[output] = log.from_file(output, Path(what))
+            aside[output] = log.from_file(output, Path(what), recording.origin)
         else:
             chosen.append(every)
     recording, found = held_out(recording, chosen)

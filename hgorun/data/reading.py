@@ -10,7 +10,7 @@ import numpy as np
 from hgorun.config.data import Beside, Column, Data, Measured, Recorded
 from hgorun.data.cells import NAT, Stamps
 from hgorun.data.clocks import ClockColumn, origin, origin_stamp, stamps, times_since
-from hgorun.data.recording import InputSignal, Note, Recording, Signal
+from hgorun.data.recording import InputSignal, Note, Origin, Recording, Signal
 from hgorun.data.samples import Samples
 from hgorun.data.sorting import Sorting
 from hgorun.data.sources import LogFile, Sources, Wanted
@@ -25,6 +25,7 @@ def read(
     time_unit: str = "s",
     units: Mapping[str, str] | None = None,
     files: Sequence[Path] = (),
+    beside: Origin | None = None,
 ) -> Recording:
     """Measurements in the units of a model.
 
@@ -39,6 +40,8 @@ def read(
         Of the model's outputs, states and inputs; columns with a unit of their own are converted to these.
     files : sequence of Path
         In place of those that the block names for all signals.
+    beside : Origin, optional
+        That of another recording, from which the times of this one are counted, too.
 
     Raises
     ------
@@ -47,14 +50,16 @@ def read(
     Problem
         When a key names what is not there.
     """
-    return _Reader(block, Sources(block, folder, files), time_unit, units or {}).recording()
+    return _Reader(block, Sources(block, folder, files), time_unit, units or {}, beside).recording()
 
 
 class _Reader:
     """Puts the signals of a block on one clock and in the units of the model."""
 
-    def __init__(self, block: Data, sources: Sources, unit: str, units: Mapping[str, str]) -> None:
-        self._block, self._unit, self._units = block, unit, units
+    def __init__(
+        self, block: Data, sources: Sources, unit: str, units: Mapping[str, str], beside: Origin | None
+    ) -> None:
+        self._block, self._unit, self._units, self._beside = block, unit, units, beside
         groups: dict[str, Mapping[str, Column]] = {
             "outputs": block.outputs,
             "inputs": block.inputs,
@@ -106,6 +111,8 @@ class _Reader:
         for file, clock in dict.fromkeys(clocks):
             self._notes += self._unit_of_clock(file, clock)
             self._stamps[file, clock] = stamps(clock, self._tables[file], self._unit)
+        if self._beside is not None and bool(absolute) != (self._beside.epoch is not None):
+            return self._other_clock(self._beside, clocks[0][1])
         if not absolute:
             return self._no_epoch()
         number = next(((file, clock) for file, clock in clocks if not clock.absolute), None)
@@ -116,6 +123,11 @@ class _Reader:
         zones |= {True for _, clock in absolute if clock.clock.format == "unix"}
         if len(zones) > 1:
             raise Problem(absolute[0][1].path, "some dates have a time zone and others have none")
+        if self._beside is not None and self._beside.epoch is not None:
+            if zones != {bool(self._beside.zone)}:
+                here, there = ("have a", "have none") if True in zones else ("have no", "have one")
+                raise Problem(absolute[0][1].path, f"the dates {here} time zone, and those of the log {there}")
+            return int(self._beside.epoch.astype(np.int64)), zones == {True}
         if self._block.origin is not None:
             return origin_stamp(self._block.origin, absolute[0][1]), zones == {True}
         found = [self._stamps[file, clock] for file, clock in absolute]
@@ -130,6 +142,15 @@ class _Reader:
         if said and not clock.absolute and clock.clock.unit is None and said != self._unit:
             message = f"the file says {said}, the run counts in {self._unit}: taken as they are; unit: {said} converts"
             yield Note(kind="clock", signal=clock.cells.column, file=str(file.path), message=message)
+
+    def _other_clock(self, beside: Origin, clock: ClockColumn) -> tuple[int | None, bool]:
+        """Numbers beside a log with dates count from the origin that is stated; else nothing relates the clocks."""
+        if beside.epoch is None:
+            raise Problem(clock.path, "dates here and numbers in the log: nothing says how they belong together")
+        if self._block.origin is None:
+            message = "numbers here and dates in the log: data.origin has to say from which date the numbers count"
+            raise Problem(clock.path, message)
+        return int(beside.epoch.astype(np.int64)), bool(beside.zone)
 
     def _no_epoch(self) -> tuple[None, bool]:
         if self._block.origin is not None:

@@ -177,6 +177,40 @@ TWO = ("--set", "plant.output={a: a, z: b}")
 AT_ONE_TIME = ["0.1,a,0.1", "0.1,z,1", "0.2,a,0.2", "0.2,z,0.9", "0.2,a,0.2", "0.3,z,0.95", "0.3,a,0.3", "0.4,a,0.4"]
 
 
+def test_dates_of_a_file_that_is_held_out_count_from_the_start_of_the_log(shell: Shell) -> None:
+    rows = (f"2026-03-01T06:{m:02d}:00,{np.sin(m / 60):.4f}" for m in range(0, 60, 2))
+    (shell.folder / "log.csv").write_text("t,angle\n" + "\n".join(rows) + "\n")
+    (shell.folder / "lab.csv").write_text("t,angle\n2026-03-01T06:30:00,0.48\n2026-03-01T06:45:00,0.68\n")
+    of_laboratory = "data.reference={a: {file: lab.csv, column: angle}}"
+    words = ("--set", "time.unit=h", "--no-plots", "--no-sensitivity", "--holdout", "a=lab.csv")
+    code, _, err = shell("estimate", "pendulum.yaml", *words, "--set", of_laboratory)
+    assert code == 0, err
+    found = read(shell.folder / "results" / "pendulum.h5")
+    assert found.recorded is not None
+    assert found.recorded.held_out["a"].taken.tolist() == found.recorded.reference["a"].taken.tolist() == [0.5, 0.75]
+    scores = found.observers["o"].assessed
+    assert scores is not None
+    assert scores.scores["holdout_rmse"] == scores.scores["reference_rmse"]
+
+
+@pytest.mark.parametrize(
+    ("log", "lab", "message"),
+    [
+        ("2026-03-01T06:0{}:00", "0.{}", "numbers here and dates in the log: data.origin has to say"),
+        ("0.{}", "2026-03-01T06:0{}:00", "dates here and numbers in the log"),
+        ("2026-03-01T06:0{}:00", "2026-03-01T06:0{}:00Z", "the dates have a time zone, and those of the log have none"),
+        ("2026-03-01T06:0{}:00Z", "2026-03-01T06:0{}:00", "the dates have no time zone, and those of the log have one"),
+    ],
+)
+def test_a_file_that_is_held_out_is_on_the_clock_of_the_log(shell: Shell, log: str, lab: str, message: str) -> None:
+    for name, stamp in (("log", log), ("lab", lab)):
+        rows = (f"{stamp.format(i)},0.{i}" for i in range(1, 9))
+        (shell.folder / f"{name}.csv").write_text("t,angle\n" + "\n".join(rows) + "\n")
+    code, _, err = shell("estimate", "pendulum.yaml", "--holdout", "a=lab.csv", "--no-plots", "--no-sensitivity")
+    assert code == 2
+    assert message in err
+
+
 @pytest.mark.parametrize("of", [io.StringIO, bytes_of])
 @pytest.mark.parametrize("resent", [True, False])
 def test_a_checkpoint_between_signals_of_one_time_loses_nothing(
@@ -400,6 +434,8 @@ def test_gains_are_found_on_a_recording(shell: Shell) -> None:
         change = f"tune.gains.observers.o.theta.log=[{value}, {value + 1e-6}]"
         code, out, _ = shell("tune", "pendulum.yaml", "--set", change, "--json")
         assert json.loads(out)["observers"]["o"]["tuned"]["holdout_rmse(o, a)"] >= one["tuned"]["holdout_rmse(o, a)"]
+    code, _, err = shell("estimate", "results/pendulum.tuned.yaml", "--no-plots", "--no-sensitivity")
+    assert (code, err) == (0, "")  # it finds the log
 
 
 def test_gains_by_a_reference_and_at_the_end_of_a_range(shell: Shell) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+import yaml
 
 from hgorun import load
 from hgorun.study.loading import load_study
@@ -64,3 +65,34 @@ def test_a_run_has_numbers_of_its_own(tmp_path: Path, inside: bool) -> None:
     assert list(load_study(target).runs) == ["one", "two"]
     if inside:
         assert theta(target, run="two") == 4.0
+
+
+RECORDED = """\
+plant: {states: [a], dynamics: {a: -a}, output: a}
+data:
+  file: FILES
+  time: t
+  outputs: {a: {column: a, file: sub/a.csv}}  # measured
+  reference: {a: {column: a, file: /lab/b.csv}}
+observers: {F: {type: shgo, theta: 3, poles: -1}}
+"""
+
+
+@pytest.mark.parametrize("files", ["log.csv", "[one.csv, two.csv]"])
+def test_files_with_data_are_found_from_elsewhere(tmp_path: Path, files: str) -> None:
+    own = tmp_path / "own.yaml"
+    own.write_text(RECORDED.replace("FILES", files))
+    (tmp_path / "over.yaml").write_text("extends: own.yaml\nobservers: {F: {theta: 4}}\n")
+    target = tmp_path / "results" / "tuned.yaml"
+    target.parent.mkdir()
+    for path, number in ((own, "theta"), (own, "eta"), (tmp_path / "over.yaml", "theta")):
+        target.write_text(with_numbers(path, {f"observers.F.{number}": 5.0}, target))
+        found = yaml.safe_load(target.read_text())
+        names = found["data"]["file"] if files[0] == "[" else [found["data"]["file"]]
+        named = [(target.parent / name).resolve().relative_to(tmp_path.resolve()).name for name in names]
+        assert named == files.strip("[]").split(", ")
+        assert (target.parent / found["data"]["outputs"]["a"]["file"]).resolve() == (tmp_path / "sub/a.csv").resolve()
+        assert found["data"]["reference"]["a"]["file"] == "/lab/b.csv"
+        assert found["observers"]["F"][number] == 5.0
+    beside = with_numbers(own, {"observers.F.theta": 5.0}, tmp_path / "b.yaml")
+    assert beside == own.read_text().replace("theta: 3", "theta: 5")
