@@ -17,6 +17,7 @@ PACKAGE = Path(__file__).parent
 # Rooms or files of the package. How a configuration is read is left out of all of them: what is read, with its
 # defaults, is hashed itself.
 RUN = (
+    "config/controller.py",
     "config/data.py",
     "config/evaluation.py",
     "config/expressions.py",

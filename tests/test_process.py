@@ -147,7 +147,7 @@ def test_memory_that_is_limited_is_one_line(folder: Path) -> None:
     def limit() -> None:
         resource.setrlimit(resource.RLIMIT_AS, (2**31, 2**31))
 
-    command = [*HGORUN, "simulate", "c.yaml", "--set", "time.output_step=1e-8", "--set", "time.max_memory=1e11"]
+    command = [*HGORUN, "simulate", "c.yaml", "--set", "time.output_step=1e-9", "--set", "time.max_memory=1e12"]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, preexec_fn=limit, env=UNMEASURED)
     assert done.returncode == 1
     assert done.stderr.startswith("hgorun: out of memory; a longer time.output_step")
