@@ -62,3 +62,18 @@ def test_the_example_with_a_broker_runs(tmp_path: Path) -> None:
     found = [text for name, text in broker.received if name == to]
     assert len(found) == 4  # two samples, two observers
     assert found[2] == estimate
+
+
+def test_the_gains_of_the_page_are_found(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (config,) = re.findall(r"```yaml\n(.*?)```", PAGE, re.DOTALL)
+    (tune,) = re.findall(r"```text\n(tune:.*?)```", PAGE, re.DOTALL)
+    (tmp_path / "pendulum.yaml").write_text(config + tune)
+    t = np.arange(0, 6, 0.1)
+    rows = [f"{a:.1f},{np.cos(a) + 0.02 * np.sin(37.3 * a * a):.4f}" for a in t]
+    (tmp_path / "log.csv").write_text("\n".join(["t,encoder", *rows]))
+    code, out, err = Shell(tmp_path, monkeypatch, capsys)("tune", "pendulum.yaml")
+    assert code == 0, err
+    assert "holdout_rmse angle: search" in out
+    assert (tmp_path / "results" / "pendulum.tuned.yaml").is_file()

@@ -46,7 +46,9 @@ def follow_topic(source: Source, name: str, options: Estimate) -> int:
         require_topic(options.publish, wildcards=False)
     credentials = Credentials.of(os.environ)
     known = options.checkpoint.exists()
-    follower = Follower.of(Stream.of(source, name), options)
+    stream = Stream.of(source, name)
+    stream.tell_what_is_ignored()
+    follower = Follower.of(stream, options)
     client_id = options.client_id or client_id_of(name, address.topic, options.checkpoint)
     session = Session(address, client_id, credentials, _tell, known=known)
     try:

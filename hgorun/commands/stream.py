@@ -24,6 +24,7 @@ def follow(source: Source, name: str, options: Estimate) -> int:
     if options.publish is not None or options.client_id is not None:
         raise ConfigError("--publish and --client-id are for brokers: hgorun estimate CONFIG mqtt://HOST/TOPIC")
     stream = Stream.of(source, name)
+    stream.tell_what_is_ignored()
     form, late, blocks = read(sys.stdin)
     estimator = stream.estimator(remembered=REMEMBERED if late else 0)
     progress = InOrder(estimator, options.checkpoint)

@@ -17,10 +17,11 @@ from hgorun.commands.stream_progress import Progress
 from hgorun.config.data import Data
 from hgorun.config.validation import validate
 from hgorun.config.yaml_source import Source
+from hgorun.data.units import alike
 from hgorun.errors import ConfigError
 from hgorun.estimate.completed import streamed
 from hgorun.estimate.estimator import Estimator
-from hgorun.process import uninterrupted
+from hgorun.process import say, uninterrupted
 from hgorun.simulation.experiment import Experiment
 from hgorun.symbolic.evaluate import Floats
 
@@ -39,11 +40,14 @@ class Stream:
         Those that come with the samples.
     gates : mapping of str to float
         By output, standard deviations beyond which a sample is not used.
+    ignored : tuple of str
+        What the block ``data`` says of files that does not happen to samples of a stream.
     """
 
     experiment: Experiment
     inputs: tuple[str, ...]
     gates: Mapping[str, float]
+    ignored: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, source: Source, name: str) -> Stream:
@@ -59,11 +63,35 @@ class Stream:
         inputs = () if block is None else tuple(block.inputs)
         deviations = {output: one.std for output, one in outputs.items() if one.std is not None}
         gates = {output: one.gate for output, one in outputs.items() if one.gate is not None}
-        return cls(streamed(source, inputs, deviations, name), inputs, gates)
+        experiment = streamed(source, inputs, deviations, name)
+        return cls(experiment, inputs, gates, () if block is None else tuple(_ignored(block, experiment)))
+
+    def tell_what_is_ignored(self) -> None:
+        """On stderr: the estimates are other ones than those of a file."""
+        for words in self.ignored:
+            say(f"hgorun: {self.experiment.name}: {words}")
 
     def estimator(self, *, remembered: int) -> Estimator:
         """At the start of the stream."""
         return Estimator(self.experiment, gates=self.gates, inputs=self.inputs, remembered=remembered)
+
+
+def _ignored(block: Data, experiment: Experiment) -> Iterator[str]:
+    """Keys that would change the numbers of a file."""
+    units = {"time": experiment.blocks.time.unit, **experiment.plant.units}
+    said = {"data.time": ("time", None if block.time is None else block.time.unit)}
+    for group, columns in (("outputs", block.outputs), ("inputs", block.inputs)):
+        said |= {f"data.{group}.{name}": (name, column.unit) for name, column in columns.items()}
+    for key, (name, unit) in said.items():
+        wanted = units.get(name, "")
+        if unit is not None and wanted and not alike(unit, wanted):
+            yield f"{key}.unit: values of a stream are not converted from {unit}: send them in {wanted}"
+    for name, given in block.inputs.items():
+        if given.hold == "linear":
+            yield f"data.inputs.{name}.hold: in a stream an input is held until its next value comes, and not linear"
+    for name, measured in block.outputs.items():
+        if measured.plausible is not None:
+            yield f"data.outputs.{name}.plausible: samples of a stream are taken whatever they are"
 
 
 def refuse_results(options: Estimate) -> None:

@@ -128,10 +128,19 @@ class Tune(Block):
     def _some(self) -> Tune:
         if not self.gains:
             raise ValueError(f"expected 1 to {MOST_GAINS} gains, found 0")
+        return self
+
+    def require_enough(self) -> None:
+        """Refuse a budget that is too small for the seeds; recorded data have none.
+
+        Raises
+        ------
+        Problem
+        """
         least = _FOR_A_SEED * self.seeds
         if self.budget is not None and self.budget < least:
-            raise ValueError(f"a budget of {self.budget} runs is too small for {self.seeds} seeds: {least} at least")
-        return self
+            message = f"a budget of {self.budget} runs is too small for {self.seeds} seeds: {least} at least"
+            raise Problem(("tune", "budget"), message)
 
     def runs(self, gains: int) -> int:
         """The budget for so many gains of an observer, as given or as many runs as they need.

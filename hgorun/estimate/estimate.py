@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -22,6 +22,7 @@ from hgorun.result.status import OK, Verdict
 from hgorun.simulation.outcome import internal
 
 _MOST = 200_000  # samples for which runs with other gains are made
+_OUTLIERS = 0.2  # of the samples: more are none
 _LARGE = "an integration error above the accuracy asked for"
 
 
@@ -130,7 +131,7 @@ def result_of(
             error={b.label: float(e) for b, e in zip(run.observers, found.carried.error, strict=True)},
         ),
         measures=model.measures,
-        remarks=tuple(_remarks(prepared, recording)),
+        remarks=(*_remarks(prepared, recording), *_shut_out(prepared, found)),
         recorded=recorded,
     )
 
@@ -148,6 +149,21 @@ def _remarks(prepared: PreparedEstimate, recording: Recording) -> list[str]:
         if outside:
             told.append(f"{one.output}: {outside} samples lie outside of the run")
     return told
+
+
+def _shut_out(prepared: PreparedEstimate, found: Evaluated) -> Iterator[str]:
+    """Gates that leave out so many samples that these are no outliers."""
+    offered = prepared.used()
+    for j, block in enumerate(prepared.run.observers):
+        for one, slots in zip(prepared.samples, prepared.slots, strict=True):
+            count = int(np.count_nonzero(offered[slots, j]))
+            left_out = count - int(np.count_nonzero(found.carried.used[slots, j]))
+            if one.gate is not None and left_out > _OUTLIERS * count:
+                yield (
+                    f"{block.label}: the gate of {one.output} left out {left_out} of {count} samples, too many for "
+                    "outliers: look at the unit of the column, the model, and whether std or the gate of "
+                    f"{one.gate:g} is too small"
+                )
 
 
 def _observers(prepared: PreparedEstimate, found: Evaluated, assessed: Sequence[Assessed]) -> dict[str, ObserverResult]:

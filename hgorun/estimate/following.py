@@ -64,7 +64,11 @@ class Following:
                 f"the sample taken at {t:g} is late, and in a stream all observers treat late samples alike ({said})"
             )
         if "replay" in found and self.gate is not None:
-            raise ValueError(f"the sample taken at {t:g} is late: with a gate late samples enter the innovation alone")
+            raise ValueError(
+                f"the sample taken at {t:g} is late: with a gate late samples enter the innovation alone, and "
+                f"{found['replay']} goes back to them; leave the gate out, or take an observer that can have "
+                "late: innovation, such as kalman_bucy"
+            )
         return "innovation" in found
 
     def next_slot(self, output: int) -> int:

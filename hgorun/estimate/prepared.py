@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -19,6 +20,7 @@ from hgorun.estimate.given import require_observers
 from hgorun.estimate.samples import Sampled, all_sampled, channel, recorded_inputs
 from hgorun.measurement.late import HeardOtherwise, heard
 from hgorun.measurement.schedule import build_schedule
+from hgorun.observers.base import CorrectedObserver
 from hgorun.observers.treatment import treatment_of
 from hgorun.simulation.actions import RecordedInputs
 from hgorun.simulation.checks import check_corrections, check_jumps, check_start
@@ -227,13 +229,24 @@ def prepare_estimate(experiment: Experiment, recording: Recorded) -> PreparedEst
         check_start(run)
         prepared = PreparedEstimate(run=run, samples=samples, inputs=inputs)
         if prepared.gated and treatments:
-            label = next(label for label, o in experiment.observers.items() if treatment_of(o) in treatments)
-            raise Problem(
-                ("observers", label, "late"),
-                f"outliers are found when samples arrive: with a gate late samples enter the innovation, and {label} "
-                f"has late: {treatment_of(experiment.observers[label])}",
-            )
+            _refuse_gate(experiment, treatments)
     return prepared
+
+
+def _refuse_gate(experiment: Experiment, treatments: Sequence[str]) -> None:
+    """A gate and late samples that do not enter the innovation."""
+    label, observer = next((k, o) for k, o in experiment.observers.items() if treatment_of(o) in treatments)
+    way_out = "give it late: innovation, or leave the gate out"
+    if isinstance(observer, CorrectedObserver):
+        way_out = (
+            f"{observer.type} cannot have both a gate and late samples: leave the gate out, or take an observer whose "
+            "innovation is continuous, such as kalman_bucy"
+        )
+    raise Problem(
+        ("observers", label, "late"),
+        f"outliers are found when samples arrive: with a gate late samples enter the innovation, and {label} "
+        f"has late: {treatment_of(observer)}; {way_out}",
+    )
 
 
 def _check_inputs(model: PlantModel, recorded: tuple[int, ...], structure: Structure) -> None:

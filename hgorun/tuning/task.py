@@ -111,8 +111,9 @@ def tasks(experiment: Experiment, tune: Tune) -> list[Task]:
     ------
     Problem
         At ("tune", key, ...), where names or paths do not exist, a quantity is no metric, a gain has no effect on what
-        is minimised, or observers would get different numbers of gains.
+        is minimised, observers would get different numbers of gains, or the budget is too small for the seeds.
     """
+    tune.require_enough()
     wanted = [*tune.minimise, *(bound.value for bound in tune.subject)]
     if not any(_of_all(text) for text in wanted):
         paths = [(path, key) for key in tune.gains for path in _paths(experiment, key)]

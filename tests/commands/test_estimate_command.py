@@ -144,6 +144,39 @@ def test_a_stream_gives_a_line_as_soon_as_it_is_known(shell: Shell, monkeypatch:
     assert [repr(last["a"]), repr(last["b"])] == out[-1].split(",")[2:4]
 
 
+def test_what_a_stream_leaves_undone_is_told(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
+    of_file = (
+        "plant.inputs={w: '0'}",
+        "plant.dynamics.b=w - sin(a)",
+        "plant.units={a: rad}",
+        "data.inputs={w: {column: w, hold: linear}}",
+        "data.time={column: t, unit: ms}",
+        "data.outputs.a={column: angle, unit: deg, plausible: [-1, 1]}",
+    )
+    text = "t,signal,y\n0,w,0.1\n0.1,a,0.1\n"
+    code, _, err = piped(shell, monkeypatch, text, *(word for one in of_file for word in ("--set", one)))
+    assert code == 0
+    assert [line.split(": ")[2] for line in err.splitlines()] == [
+        "data.time.unit",
+        "data.outputs.a.unit",
+        "data.inputs.w.hold",
+        "data.outputs.a.plausible",
+    ]
+    plain = (*of_file[:3], "data.inputs={w: w}", "data.outputs.a.unit=rad")
+    code, _, err = piped(shell, monkeypatch, text, *(word for one in plain for word in ("--set", one)))
+    assert (code, err) == (0, "")
+
+
+def test_a_gate_and_late_samples_of_a_filter_in_a_stream(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
+    text = "t,signal,y,available\n0.1,a,0.1,0.1\n0.2,a,0.2,0.5\n"
+    code, _, err = piped(shell, monkeypatch, text, "--set", "observers={K: {type: ekf, Q: {b: 0.1}, R: 0.01}}")
+    assert code == 2
+    assert "K goes back to them; leave the gate out, or take an observer" in err
+    assert "kalman_bucy" in err
+    code, _, err = piped(shell, monkeypatch, text, "--set", "observers={K: {type: kalman_bucy, Q: {b: 0.1}, R: 0.01}}")
+    assert (code, err) == (0, "")
+
+
 def test_a_stream_on_a_grid_of_its_own(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
     _, out, _ = piped(
         shell, monkeypatch, "\n".join(["t,signal,y,available", "0.1,a,0.1,0.3", "1.0,a,0.8,"]), "--every", "0.25"

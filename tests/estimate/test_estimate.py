@@ -229,8 +229,30 @@ def test_a_gate_and_going_back_do_not_go_together() -> None:
     run = pendulum({"K": {"type": "ekf", "Q": {"b": 0.1}, "R": 0.01}}, measurement={"sampling": {"period": 0.25}})
     taken = np.arange(0, 5, 0.25)
     log = recording(signal("a", taken, np.sin(taken), taken + 0.3, gate=4.0))
-    with pytest.raises(ConfigError, match="with a gate late samples enter the innovation, and K has late: replay"):
+    with pytest.raises(ConfigError, match=r"K has late: replay; ekf cannot have both .* such as kalman_bucy"):
         estimate(run.experiment.source, log, sensitivity=False)
+    both = {"K": {"type": "kalman_bucy", "Q": {"b": 0.1}, "R": 0.01}}  # what the message names
+    run = pendulum(both, measurement={"sampling": {"period": 0.25}})
+    assert estimate(run.experiment.source, log, sensitivity=False).status == "ok"
+    run = pendulum({"S": {"type": "shgo", "theta": 2, "late": "drop"}}, measurement={"sampling": {"period": 0.25}})
+    with pytest.raises(ConfigError, match="S has late: drop; give it late: innovation, or leave the gate out"):
+        estimate(run.experiment.source, log, sensitivity=False)
+
+
+def test_a_gate_that_leaves_out_too_much_is_told() -> None:
+    taken = np.arange(0, 5, 0.05)
+    values = np.sin(taken)
+    values[5::10] += 100  # a tenth: outliers
+    sure = {"Q": {"b": 1e-9}, "R": 1e-9, "initial": {"a": 0.0, "b": 1.0}}  # which a sine is not
+    blocks = {"o": {"type": "shgo", "theta": 2}, "K": {"type": "ekf", **sure}}
+    text = {"plant": PENDULUM, "observers": blocks, "solver": {"step": 0.01}}
+    found = estimate(source(text), recording(signal("a", taken, values, gate=5.0)), sensitivity=False)
+    assert found.recorded is not None
+    used = found.recorded.outputs["a"].used
+    few, many = taken.size - np.count_nonzero(used, axis=0)
+    assert few <= 20 < many
+    told = [one for one in found.remarks if "the gate of" in one]
+    assert [one.partition(", too many")[0] for one in told] == [f"K: the gate of a left out {many} of 100 samples"]
 
 
 def test_long_logs_are_not_run_again_for_every_gain(monkeypatch: pytest.MonkeyPatch) -> None:

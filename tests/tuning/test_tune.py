@@ -169,6 +169,7 @@ def test_gains_that_lose_the_estimate_are_left(experiment: Experiment) -> None:
         ({"gains": {"observers.*.gamma": {"log": [1, 2]}}}, "no observer has the key"),
         ({"gains": {"observers.SHGO.gamma": {"log": [1, 2]}}}, "unknown key 'gamma'"),
         ({"gains": {THETA: {"linear": [-1, 2]}}}, r"for the value -1"),
+        ({"budget": 20}, "too small for 5 seeds: 40 at least"),
     ],
 )
 def test_what_does_not_fit_is_refused(experiment: Experiment, change: dict[str, Any], message: str) -> None:
@@ -188,7 +189,6 @@ def test_what_does_not_fit_is_refused(experiment: Experiment, change: dict[str, 
         ({"minimise": ["a(F, x)", "b(F, x)", "c(F, x)"]}, "at most 2"),
         ({"subject": [{"value": "sup(F, x)"}]}, "exactly one of below and above"),
         ({"subject": ["sup(F, x)"]}, "expected a mapping"),
-        ({"budget": 20}, "too small for 5 seeds: 40 at least"),
     ],
 )
 def test_blocks_that_say_nothing_sensible_are_refused(change: dict[str, Any], message: str) -> None:
