@@ -42,7 +42,6 @@ def _remark(observer: Subject) -> tuple[str, ...]:
     "for Kalman filters: eigenvalues of the error when P rests, with the plant linearised at the end of the run: of "
     "the flow of `kalman_bucy` (1/time), or from a sample to the next",
     group="poles",
-    optional=True,
     applies=_is_filter,
 )
 def stationary_poles(observer: Subject) -> Remarked:
@@ -55,7 +54,6 @@ def stationary_poles(observer: Subject) -> Remarked:
     "state/output, and per time for `kalman_bucy`",
     group="poles",
     places=("json",),
-    optional=True,
     applies=_is_filter,
 )
 def stationary_gain(observer: Subject) -> dict[str, list[float]]:
@@ -68,7 +66,6 @@ def stationary_gain(observer: Subject) -> dict[str, list[float]]:
     "where its Q and R are",
     group="noise, predicted",
     unit="state",
-    optional=True,
     applies=_is_filter,
 )
 def stationary_error(observer: Subject) -> dict[str, float]:
