@@ -39,6 +39,7 @@ from typing import Any
 import numpy as np
 
 import hgorun
+from hgorun.reproduce.shipped import experiments
 
 ROOT = Path(__file__).resolve().parents[1]
 EXPERIMENTS = ROOT / "experiments"
@@ -218,10 +219,7 @@ def choose(names: Sequence[str]) -> list[str]:
     ValueError
         When a name means nothing.
     """
-    files = (
-        p for p in sorted(EXPERIMENTS.rglob("*.yaml")) if not p.name.startswith("_") and p.parent.name != "benchmark"
-    )
-    every = [p.relative_to(EXPERIMENTS).with_suffix("").as_posix() for p in files]
+    every = list(experiments())
     chosen = {name: [e for e in every if f"{e}/".startswith(f"{name}/") or Path(e).name == name] for name in names}
     for name, meant in chosen.items():
         if not meant:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import wraps
-from typing import TypeVar, cast
+from typing import TYPE_CHECKING, TypeVar, cast
 
 from hgorun.analysis.reasons import Outcome, outcome
 from hgorun.observers.base import AnyObserver
@@ -14,6 +14,9 @@ from hgorun.result.result import Result
 from hgorun.simulation.observer_block import ObserverBlock
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.symbolic.forms import Form
+
+if TYPE_CHECKING:
+    import numpy as np
 
 T = TypeVar("T")
 Known = dict[object, Outcome[object]]
@@ -92,6 +95,10 @@ class Subject:
         import numpy as np
 
         return dict(zip(self.result.states, map(float, np.asarray(values)), strict=True))
+
+    def rows_by_state(self, matrix: np.ndarray) -> dict[str, list[float]]:
+        """The rows of a matrix, shape (n, q), by the names of the plant's states."""
+        return dict(zip(self.result.states, matrix.tolist(), strict=True))
 
 
 Asked = TypeVar("Asked", Context, Subject)

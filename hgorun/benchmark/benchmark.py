@@ -18,7 +18,7 @@ from hgorun.code import ENSEMBLE, RUN, code, code_of
 from hgorun.config.benchmark import BenchmarkFile, Contestant
 from hgorun.config.reading import read_source
 from hgorun.config.validation import validate
-from hgorun.errors import ConfigError, HgorunError
+from hgorun.errors import ConfigError, HgorunError, Problem
 from hgorun.files import json_value, write_text
 from hgorun.measurement.blocks import noise_blocks
 from hgorun.simulation.experiment import Experiment
@@ -173,9 +173,9 @@ def load_benchmark(path: str | Path) -> Benchmark:
         for scenario in blocks.scenarios:
             experiment = load(path.parent / venue.file, run=scenario)
             if len(experiment.observers) != 1:
-                file, line = source.where(("plants", name))
                 what = f"{venue.file}: expected one observer, which gives the initial estimate; found"
-                raise ConfigError(f"{what} {len(experiment.observers)}", file=file, line=line, key=f"plants.{name}")
+                with source.located():
+                    raise Problem(("plants", name), f"{what} {len(experiment.observers)}")
             bases[name, scenario] = experiment
     return Benchmark(path, blocks, bases)
 

@@ -21,11 +21,11 @@ from hgorun.measurement.schedule import (
     tolerances,
     variants_of,
 )
+from hgorun.measurement.sizes import COUNTABLE
 from hgorun.measurement.variants import Variant
 
 _PART = 1 << 15  # times of one kind in a part: its tables stay in the processor's cache
 _FEW = 2 * _PART  # events for which no parts are made
-_MOST = 1e12  # that can be counted; more are refused where they are tabulated
 _SEEN = 16  # times among which the middle of a gap is looked for
 _KEPT = 0.05  # of time.max_memory: what a result keeps of samples
 
@@ -281,4 +281,4 @@ def is_long(channels: Sequence[Channel]) -> bool:
     if not all(follows_from_numbers(s) for s, _ in stretches):
         return False
     changes = sum((s.end - s.start) / hold for s, noise in stretches if s.continuous for hold in noise.holds)
-    return bool(_FEW < sum(c.samples.size for c in channels) + changes < _MOST)
+    return bool(_FEW < sum(c.samples.size for c in channels) + changes < COUNTABLE)

@@ -12,7 +12,7 @@ from hgorun.measurement.availability import Stretch
 from hgorun.measurement.blocks import Periodic, Steps, Times
 from hgorun.measurement.chance import Chance, OfSeed
 from hgorun.measurement.samples import AnySamples, RegularSamples, Samples
-from hgorun.measurement.sizes import SAMPLE_BYTES
+from hgorun.measurement.sizes import COUNTABLE, SAMPLE_BYTES
 from hgorun.measurement.trains import Train
 from hgorun.memo import Memo
 from hgorun.symbolic.evaluate import along, compiled
@@ -20,7 +20,6 @@ from hgorun.symbolic.evaluate import along, compiled
 _KEPT = 100_000  # samples that are kept in memory
 
 
-_MOST = 1e12  # samples that are worth counting
 _LONG = 1 << 16  # periodic samples that are not kept as arrays
 _FOUND: Memo[AnySamples] = Memo(16, lambda samples: isinstance(samples, Samples) and samples.size < _KEPT)
 
@@ -71,7 +70,7 @@ def _trains(stretches: list[Stretch]) -> tuple[tuple[int, Train], ...] | None:
             return None
         sampling, last = stretch.regular, i == len(stretches) - 1
         first, span, most = stretch.start + sampling.offset, (stretch.start, stretch.end), _most(stretch, sampling)
-        if most > _MOST:
+        if most > COUNTABLE:
             return None
         size = int(most)
         train = Train(first, sampling.period, size, *span)

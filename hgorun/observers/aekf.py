@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any, Literal, Self
+from collections.abc import Mapping
+from typing import Any, Literal
 
 import casadi as ca
 import numpy as np
-from pydantic import Field, ModelWrapValidatorHandler, PrivateAttr, model_validator
+from pydantic import Field, ModelWrapValidatorHandler, model_validator
 
 from hgorun.config.types import Positive
 from hgorun.errors import Problem
@@ -19,7 +19,6 @@ from hgorun.observers.scaled_filter import ScaledFilter
 from hgorun.symbolic.canonical import CanonicalForm
 from hgorun.symbolic.forms import Form
 from hgorun.symbolic.scaled import ScaledCopy
-from hgorun.symbolic.sensors import Sensor
 from hgorun.symbolic.states import Symmetric
 from hgorun.symbolic.symbols import Symbols
 
@@ -54,7 +53,6 @@ class AdaptiveFilter(NoiseInformed, ScaledFilter):
     interval: Positive | None = Field(
         default=None, description="update: jump, time T between two samples; from the measurement by default"
     )
-    _sensors: tuple[Sensor, ...] = PrivateAttr(default=())
 
     @model_validator(mode="wrap")
     @classmethod
@@ -72,11 +70,6 @@ class AdaptiveFilter(NoiseInformed, ScaledFilter):
     @classmethod
     def example(cls, states: tuple[str, ...]) -> Mapping[str, object]:
         return {"theta_1": 2.0, "m": 0.05}
-
-    def informed(self, sensors: Sequence[Sensor]) -> Self:
-        copied = self.model_copy()
-        copied._sensors = tuple(sensors)
-        return copied
 
     def design(self, form: Form) -> dict[str, np.ndarray]:
         if self.coordinates == "canonical":

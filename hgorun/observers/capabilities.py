@@ -16,7 +16,7 @@ from typing import Any, Self
 
 import casadi as ca
 import numpy as np
-from pydantic import Field
+from pydantic import Field, PrivateAttr
 
 from hgorun.config.types import Block, Positive
 from hgorun.symbolic.forms import Form
@@ -141,6 +141,10 @@ class Punctual(Block):
 class NoiseInformed(Block):
     """The design depends on the noise of the sensors, which stands in another block of the configuration."""
 
-    @abstractmethod
+    _sensors: tuple[Sensor, ...] = PrivateAttr(default=())
+
     def informed(self, sensors: Sequence[Sensor]) -> Self:
         """The block with what is known of the sensors, in the order of the outputs; asked for before the design."""
+        copied = self.model_copy()
+        copied._sensors = tuple(sensors)
+        return copied

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any, Literal, Self
+from collections.abc import Mapping
+from typing import Any, Literal
 
 import casadi as ca
 import numpy as np
-from pydantic import Field, ModelWrapValidatorHandler, PrivateAttr, model_validator
+from pydantic import Field, ModelWrapValidatorHandler, model_validator
 
 from hgorun.config.types import Positive
 from hgorun.observers.base import Arrival, CorrectedObserver, Flow, observer
@@ -18,7 +18,6 @@ from hgorun.observers.scaled_filter import ScaledFilter
 from hgorun.symbolic.canonical import CanonicalForm
 from hgorun.symbolic.forms import Form
 from hgorun.symbolic.scaled import ScaledCopy
-from hgorun.symbolic.sensors import Sensor
 from hgorun.symbolic.states import Symmetric
 from hgorun.symbolic.symbols import Symbols
 
@@ -110,13 +109,6 @@ class HighGainKalmanFilter(HighGainFilter):
 
 class SampledHighGainFilter(NoiseInformed, HighGainFilter, CorrectedObserver[Form, ScaledCopy]):
     """The filter that is corrected whenever samples arrive; see :class:`HighGainKalmanFilter`."""
-
-    _sensors: tuple[Sensor, ...] = PrivateAttr(default=())
-
-    def informed(self, sensors: Sequence[Sensor]) -> Self:
-        copied = self.model_copy()
-        copied._sensors = tuple(sensors)
-        return copied
 
     def design(self, form: Form) -> dict[str, np.ndarray]:
         numbers = super().design(form)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import Annotated, Any, ClassVar, Self
+from typing import Annotated, Any, ClassVar
 
 import casadi as ca
 import numpy as np
-from pydantic import Discriminator, Field, ModelWrapValidatorHandler, PrivateAttr, Tag, model_validator
+from pydantic import Discriminator, Field, ModelWrapValidatorHandler, Tag, model_validator
 
 from hgorun.config.types import Name, NonNegative, Number, Positive
 from hgorun.errors import Problem
@@ -121,7 +121,6 @@ class KalmanFilter(NoiseInformed, ContinuousObserver[Form, ModelCopy]):
         default=None,
         description="of all outputs, or output: number; from the noise of the measurement by default",
     )
-    _sensors: tuple[Sensor, ...] = PrivateAttr(default=())
 
     @model_validator(mode="wrap")
     @classmethod
@@ -142,11 +141,6 @@ class KalmanFilter(NoiseInformed, ContinuousObserver[Form, ModelCopy]):
     @abstractmethod
     def on_chains(cls) -> type[KalmanFilter]:
         """The same filter, its process noise at the ends of chains."""
-
-    def informed(self, sensors: Sequence[Sensor]) -> Self:
-        copied = self.model_copy()
-        copied._sensors = tuple(sensors)
-        return copied
 
     def design(self, form: Form) -> Mapping[str, np.ndarray]:
         for name, default in self.states(form).items():

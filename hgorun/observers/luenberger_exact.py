@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Self
+from collections.abc import Mapping
 
 import casadi as ca
 import numpy as np
-from pydantic import Field, PrivateAttr
+from pydantic import Field
 
 from hgorun.config.types import Poles, Positive
 from hgorun.errors import Problem
@@ -16,7 +15,6 @@ from hgorun.observers.capabilities import NoiseInformed
 from hgorun.observers.kalman import mean_intervals
 from hgorun.observers.sample_clock import SampleClock
 from hgorun.symbolic.linear import LinearForm, linear_form
-from hgorun.symbolic.sensors import Sensor
 from hgorun.symbolic.smooth import SmoothCopy
 from hgorun.symbolic.symbols import Symbols
 
@@ -52,16 +50,10 @@ class ExactLuenbergerObserver(NoiseInformed, SampleClock[LinearForm, SmoothCopy]
     period: Positive | None = Field(
         default=None, description="T that the gain is for; that of the measurement by default"
     )
-    _sensors: tuple[Sensor, ...] = PrivateAttr(default=())
 
     @classmethod
     def example(cls, states: tuple[str, ...]) -> Mapping[str, object]:
         return {"poles": [-1.0 - 0.2 * i for i in range(len(states))], "period": 0.1}
-
-    def informed(self, sensors: Sequence[Sensor]) -> Self:
-        copied = self.model_copy()
-        copied._sensors = tuple(sensors)
-        return copied
 
     def design(self, form: LinearForm) -> dict[str, np.ndarray]:
         n = form.plant.n

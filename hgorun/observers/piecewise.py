@@ -14,7 +14,7 @@ from hgorun.observers.base import ContinuousObserver, Flow, observer
 from hgorun.observers.capabilities import LocallyLinear
 from hgorun.observers.constant_gain import PlacedGain
 from hgorun.observers.nested import clipped
-from hgorun.observers.threshold import NoiseThreshold
+from hgorun.observers.threshold import NoiseThreshold, falling
 from hgorun.symbolic.canonical import CanonicalForm, PlantCopy
 from hgorun.symbolic.symbols import Symbols
 
@@ -54,12 +54,10 @@ class PiecewiseObserver(NoiseThreshold, LocallyLinear, PlacedGain, ContinuousObs
         return {"theta_1": 4.0, "theta_2": 2.0, "d": 0.1}
 
     def design(self, form: CanonicalForm) -> dict[str, np.ndarray]:
-        if not self.theta_1 > self.theta_2:
-            raise Problem(("theta_1",), f"must be above theta_2 = {self.theta_2:g}, found {self.theta_1:g}")
+        thetas = falling(self.theta_1, self.theta_2)
         _, G = self.chain_gains(form)
         for length in set(form.chains):
             self._require_hurwitz(length)
-        thetas = {"theta_1": np.array(self.theta_1), "theta_2": np.array(self.theta_2)}
         return {**thetas, "G": G, "d": self.threshold(form, "d", self.d)}
 
     def _require_hurwitz(self, n: int) -> None:

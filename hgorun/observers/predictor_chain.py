@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Self
+from collections.abc import Mapping
 
 import casadi as ca
 import numpy as np
-from pydantic import Field, PrivateAttr
+from pydantic import Field
 
 from hgorun.errors import Problem
 from hgorun.observers.base import Flow, PeriodLimit, Role, observer
@@ -15,7 +14,6 @@ from hgorun.observers.capabilities import NoiseInformed
 from hgorun.observers.constant_gain import ConstantGain
 from hgorun.observers.recalling import LAGS, RecallingObserver
 from hgorun.symbolic.canonical import CanonicalForm, PlantCopy
-from hgorun.symbolic.sensors import Sensor
 from hgorun.symbolic.states import Symmetric
 from hgorun.symbolic.symbols import Symbols
 
@@ -63,12 +61,6 @@ class PredictorChain(NoiseInformed, ConstantGain, RecallingObserver[CanonicalFor
         description="copies beside the first, m >= 0; by default as many as theta d asks for",
     )
     corrected: bool = Field(default=True, description="false: without alpha in the copies")
-    _sensors: tuple[Sensor, ...] = PrivateAttr(default=())
-
-    def informed(self, sensors: Sequence[Sensor]) -> Self:
-        copied = self.model_copy()
-        copied._sensors = tuple(sensors)
-        return copied
 
     def design(self, form: CanonicalForm) -> dict[str, np.ndarray]:
         if self.coordinates == "canonical":

@@ -9,11 +9,10 @@ import numpy as np
 from pydantic import Field
 
 from hgorun.config.types import Name, NonNegative, Positive
-from hgorun.errors import Problem
 from hgorun.observers.base import DecidedObserver, Flow, Role, observer
 from hgorun.observers.capabilities import LocallyLinear
 from hgorun.observers.constant_gain import PlacedGain
-from hgorun.observers.threshold import NoiseThreshold
+from hgorun.observers.threshold import NoiseThreshold, falling
 from hgorun.symbolic.canonical import CanonicalForm, PlantCopy
 from hgorun.symbolic.symbols import Symbols
 
@@ -62,12 +61,10 @@ class SwitchedObserver(NoiseThreshold, LocallyLinear, PlacedGain, DecidedObserve
         return {"theta_1": 4.0, "theta_2": 2.0, "delta": 0.05}
 
     def design(self, form: CanonicalForm) -> dict[str, np.ndarray]:
-        if not self.theta_1 > self.theta_2:
-            raise Problem(("theta_1",), f"must be above theta_2 = {self.theta_2:g}, found {self.theta_1:g}")
+        thetas = falling(self.theta_1, self.theta_2)
         _, G = self.chain_gains(form)
         return {
-            "theta_1": np.array(self.theta_1),
-            "theta_2": np.array(self.theta_2),
+            **thetas,
             "dwell": np.array(self._dwell),
             "delta": self.threshold(form, "delta", self.delta),
             "G": G,

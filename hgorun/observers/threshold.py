@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Self
+from collections.abc import Mapping
 
 import numpy as np
-from pydantic import PrivateAttr
 
 from hgorun.errors import Problem
 from hgorun.observers.capabilities import NoiseInformed
 from hgorun.symbolic.forms import Form
-from hgorun.symbolic.sensors import Sensor
 
 _LARGER = 1.5  # than the noise
 Given = float | Mapping[str, float] | None
@@ -19,13 +16,6 @@ Given = float | Mapping[str, float] | None
 
 class NoiseThreshold(NoiseInformed):
     """A number for each output that the innovation exceeds by more than noise: by default 1.5 times its amplitude."""
-
-    _sensors: tuple[Sensor, ...] = PrivateAttr(default=())
-
-    def informed(self, sensors: Sequence[Sensor]) -> Self:
-        copied = self.model_copy()
-        copied._sensors = tuple(sensors)
-        return copied
 
     def threshold(self, form: Form, key: str, given: Given) -> np.ndarray:
         """What is given, or what follows from the noise, shape (q,).
@@ -56,3 +46,16 @@ class NoiseThreshold(NoiseInformed):
         """Of a sample of each output, 0 where it is not known, shape (q,)."""
         known = [sensor.variance if sensor.variance and not sensor.multiplicative else 0.0 for sensor in self._sensors]
         return np.array(known if known else [0.0] * count)
+
+
+def falling(theta_1: float, theta_2: float) -> dict[str, np.ndarray]:
+    """The gains of large and of small innovations, as numbers of a design.
+
+    Raises
+    ------
+    Problem
+        Unless theta_1 > theta_2.
+    """
+    if not theta_1 > theta_2:
+        raise Problem(("theta_1",), f"must be above theta_2 = {theta_2:g}, found {theta_1:g}")
+    return {"theta_1": np.array(theta_1), "theta_2": np.array(theta_2)}

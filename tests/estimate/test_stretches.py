@@ -11,6 +11,7 @@ import h5py
 import numpy as np
 import pytest
 from examples import inline
+from interrupting import interrupt_writing
 from recordings import NOISE, held_input, observers, recording, signal, source
 
 from hgorun.data.recording import Recording, Signal
@@ -174,16 +175,7 @@ def test_what_needs_the_whole_is_left_to_it(change: str, short: pytest.MonkeyPat
 
 @pytest.mark.parametrize("after", [0, 40])
 def test_an_interruption_leaves_nothing(after: int, short: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    append, calls = writer.Growing.append, 0
-
-    def interrupted(self: writer.Growing, rows: np.ndarray) -> None:
-        nonlocal calls
-        calls += 1
-        if calls > after:
-            raise KeyboardInterrupt
-        append(self, rows)
-
-    short.setattr(writer.Growing, "append", interrupted)
+    interrupt_writing(short, after)
     with pytest.raises(KeyboardInterrupt):
         _both(_log(), tmp_path / "a.h5", "shgo", **FIXED)
     assert list(tmp_path.iterdir()) == []

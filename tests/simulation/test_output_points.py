@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 import h5py
-import numpy as np
 import pytest
 from examples import VAN_DER_POL, experiment, inline, sinusoid
+from interrupting import interrupt_writing
 
 from hgorun import Experiment
 from hgorun.engine import window
@@ -120,16 +120,7 @@ def test_an_automatic_step_is_the_same_in_a_file_and_in_memory(long: pytest.Monk
 
 @pytest.mark.parametrize("after", [0, 1, 5])
 def test_an_interruption_leaves_nothing(after: int, long: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    append, calls = writer.Growing.append, 0
-
-    def interrupted(self: writer.Growing, rows: np.ndarray) -> None:
-        nonlocal calls
-        calls += 1
-        if calls > after:
-            raise KeyboardInterrupt
-        append(self, rows)
-
-    long.setattr(writer.Growing, "append", interrupted)
+    interrupt_writing(long, after)
     with pytest.raises(KeyboardInterrupt):
         simulate_into(prepare(_of()), tmp_path / "a.h5")
     assert list(tmp_path.iterdir()) == []

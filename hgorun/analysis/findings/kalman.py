@@ -57,8 +57,7 @@ def stationary_poles(observer: Subject) -> Remarked:
     applies=_is_filter,
 )
 def stationary_gain(observer: Subject) -> dict[str, list[float]]:
-    K = _at_rest(observer).K
-    return {state: [float(one) for one in row] for state, row in zip(observer.result.states, K, strict=True)}
+    return observer.rows_by_state(_at_rest(observer).K)
 
 
 @finding(

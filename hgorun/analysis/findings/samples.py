@@ -48,8 +48,7 @@ def period_factors(observer: Subject) -> Remarked:
     applies=_is_corrected,
 )
 def sample_gain(observer: Subject) -> dict[str, list[float]]:
-    gain = _error(observer).gain
-    return {state: [float(one) for one in row] for state, row in zip(observer.result.states, gain, strict=True)}
+    return observer.rows_by_state(_error(observer).gain)
 
 
 @finding(
