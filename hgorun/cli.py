@@ -127,6 +127,13 @@ def _report(chosen: options.Report) -> int:
     return report(chosen)
 
 
+@_command("explore", options.Explore)
+def _explore(chosen: options.Explore) -> int:
+    from hgorun.commands.explore import explore
+
+    return explore(chosen)
+
+
 @_command("tune", options.Tune)
 def _tune(chosen: options.Tune) -> int:
     from hgorun.commands.tune import tune
