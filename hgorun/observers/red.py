@@ -21,7 +21,8 @@ from hgorun.symbolic.symbols import Symbols
 
 LAMBDA = (1.1, 1.5, 2.0, 3.0, 5.0, 7.0, 10.0, 12.0, 14.0, 17.0, 20.0, 26.0, 32.0)
 _NEWTON_STEPS = 8  # 6 are enough for every order and any numbers
-Discretisation = Literal["implicit", "proper", "explicit"]
+Explicit = Literal["proper", "explicit"]
+Discretisation = Literal["implicit"] | Explicit
 
 
 @observer("red")
@@ -101,8 +102,7 @@ class RobustExactDifferentiator(SlidingMode, Switching, SteppedDifferentiator):
     def _step(self, z: ca.SX, y: ca.SX, h: ca.SX, a: ca.SX) -> ca.SX:
         if self.implicit:
             return implicit_step(z, y, h, [a[j] for j in range(z.numel())], _NEWTON_STEPS)
-        drift = taylor(z, h) if self.discretisation == "proper" else euler(z, h)
-        return drift - h * a * powers(z[0] - y, z.numel())
+        return drift(self.discretisation, z, h) - h * (a * powers(z[0] - y, z.numel()))
 
 
 def red_gains(n: int, L: float) -> np.ndarray:
@@ -133,6 +133,11 @@ def powers(s: ca.SX, count: int) -> ca.SX:
     for _ in range(count - 1):
         found.insert(0, found[0] * root)
     return ca.vertcat(*found)
+
+
+def drift(discretisation: Discretisation, z: ca.SX, h: ca.SX) -> ca.SX:
+    """The chain of integrators a step later, without corrections."""
+    return taylor(z, h) if discretisation == "proper" else euler(z, h)
 
 
 def euler(z: ca.SX, h: ca.SX) -> ca.SX:
