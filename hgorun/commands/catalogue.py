@@ -26,6 +26,7 @@ from hgorun.plants.inline import InlinePlant
 from hgorun.registry import Registry
 from hgorun.reproduce.shipped import experiments
 from hgorun.result.metrics.base import all_metrics
+from hgorun.tables.layout import entry, wrapped
 
 if TYPE_CHECKING:
     from hgorun.analysis.finding import Finding
@@ -55,7 +56,7 @@ def _entries(kind: str) -> dict[str, str]:
     if kind == "experiments":
         return _titles()
     if kind == "findings":
-        return {name: finding.meaning for name, finding in _findings().items()}
+        return {name: finding.meaning.replace(r"\|", "|") for name, finding in _findings().items()}
     if kind == "metrics":
         return {name: metric.meaning for name, metric in all_metrics(closed=True).items()}
     return {name: _first_line(cls) for name, cls in _REGISTRIES[kind].all().items()}
@@ -70,11 +71,11 @@ def list_all(options: List) -> int:
     if options.json:
         print(json_text.dumps(found, indent=2))
         return 0
-    width = max(len(name) for entries in found.values() for name in entries)
     for k, entries in found.items():
         print(f"{k}:")
+        beside = max(map(len, entries))
         for name, line in entries.items():
-            print(f"  {name:<{width}}  {line}".rstrip())
+            print("\n".join(entry(name, line, beside)))
     return 0
 
 
@@ -106,7 +107,8 @@ def show(options: Show) -> int:
 
 
 def _told(record: described.Record, *, json: bool) -> int:
-    print(json_text.dumps(record, indent=2) if json else "\n".join(f"{k}: {v}" for k, v in record.items()))
+    lines = [line for k, v in record.items() for line in wrapped(f"{k}: {v}")]
+    print(json_text.dumps(record, indent=2) if json else "\n".join(lines))
     return 0
 
 

@@ -101,7 +101,7 @@ def csv(results: Sequence[Result], predicted: Sequence[Predicted] = ()) -> str:
 
 
 def text(results: Sequence[Result], predicted: Sequence[Predicted] = ()) -> str:
-    """An aligned table for a terminal, at most 100 columns wide.
+    """An aligned table, as wide as the terminal.
 
     Above it stand the windows that the numbers are from, below it the integration error where it is known.
     Metrics that do not fit side by side follow below each other, and after them what theory predicts, where it
@@ -164,8 +164,7 @@ def _predictions(rows: Sequence[Row], results: Sequence[Result], predicted: Sequ
 def _blocks(rows: Sequence[Row], states: Sequence[str], more: Sequence[Sequence[str]]) -> list[list[str]]:
     """The lines of each part of the table; a metric's states stay together where they fit."""
     groups = [
-        [[f"{metric} {s}", *(number(row.value(metric, s)) for row in rows)] for s in states]
-        for metric in metrics_of(rows)
+        [[f"{metric} {s}", *(row.text_of(metric, s) for row in rows)] for s in states] for metric in metrics_of(rows)
     ]
     groups += scores_of(rows)
     status = ["status", *(row.status for row in rows)]
