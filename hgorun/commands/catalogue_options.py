@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from hgorun.commands import completion
 from hgorun.commands.options import Printing
 
 
@@ -18,7 +19,11 @@ class Reproduction(Printing):
 
     names: Annotated[
         list[str],
-        typer.Argument(metavar="[NAME...]", help="Figures, experiments or folders of them, or YAML files."),
+        typer.Argument(
+            metavar="[NAME...]",
+            help="Figures, experiments or folders of them, or YAML files.",
+            autocompletion=completion.publications,
+        ),
     ] = field(default_factory=list)
     jobs: Annotated[
         int | None, typer.Option("--jobs", min=1, help="Number of processes (default: one per processor).")
@@ -52,9 +57,16 @@ class Claims(Reproduction):
 class List:
     """List the available plants, observers, kinds of noise, metrics, findings and experiments."""
 
-    kind: Annotated[str, typer.Argument(help="plants, observers, noise, metrics, findings, experiments or all.")] = (
-        "all"
-    )
+    kind: Annotated[
+        str,
+        typer.Argument(
+            metavar="[KIND]",
+            help="plants, observers, noise, metrics, findings, experiments or all.",
+            autocompletion=completion.one_of(
+                "plants", "observers", "noise", "metrics", "findings", "experiments", "all"
+            ),
+        ),
+    ] = "all"
     json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False
 
 
@@ -65,7 +77,9 @@ class Show:
     The description has its equations, its keys with ranges and defaults, and its source.
     """
 
-    name: Annotated[str, typer.Argument(help="A name from hgorun list.")]
+    name: Annotated[
+        str, typer.Argument(metavar="NAME", help="A name from hgorun list.", autocompletion=completion.everything)
+    ]
     json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False
 
 
