@@ -191,7 +191,7 @@ def _show(chosen: catalogue_options.Show) -> int:
 
 @_command("schema", catalogue_options.Schema)
 def _schema(chosen: catalogue_options.Schema) -> int:
-    from hgorun.commands.catalogue import schema
+    from hgorun.commands.schema import schema
 
     return schema(chosen)
 

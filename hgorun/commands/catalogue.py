@@ -1,28 +1,22 @@
-"""``list``, ``show``, ``schema``, ``init``: what there is and how to start."""
+"""``list``, ``show``, ``init``: what there is and how to start."""
 
 from __future__ import annotations
 
 import json as json_text
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-from pydantic import BaseModel
+from typing import TYPE_CHECKING
 
 from hgorun.commands import described
-from hgorun.commands.catalogue_options import Init, List, Schema, Show
+from hgorun.commands.catalogue_options import Init, List, Show
+from hgorun.commands.schema import SCHEMA_FILE, build_schema, schema_text, with_schema
 from hgorun.config import yaml_source
 from hgorun.config.expressions import nearest
-from hgorun.config.models import File
-from hgorun.config.sweeps import SweepFile
 from hgorun.errors import ConfigError, HgorunError
-from hgorun.figures.scaling import quantities
 from hgorun.files import write_text
-from hgorun.measurement.blocks import Measurement
 from hgorun.noise.base import NOISE, Noise
 from hgorun.observers.base import OBSERVERS, AnyObserver
 from hgorun.plants.base import PLANTS, Plant
-from hgorun.plants.inline import InlinePlant
 from hgorun.registry import Registry
 from hgorun.reproduce.shipped import experiments
 from hgorun.result.metrics.base import all_metrics
@@ -118,58 +112,8 @@ def _findings() -> dict[str, Finding]:
     return {finding.name: finding for finding in all_findings()}
 
 
-def schema(options: Schema) -> int:
-    """The JSON schema, with the keys of every plant, observer and kind of noise."""
-    print(json_text.dumps(sweep_schema() if options.sweep else build_schema(), indent=2))
-    return 0
-
-
-def sweep_schema() -> dict[str, Any]:
-    """The schema of sweep files, whose base may be a whole configuration."""
-    top, base = SweepFile.model_json_schema(), build_schema()
-    definitions = top.pop("$defs", {}) | base.pop("$defs")
-    dialect = base.pop("$schema")
-    description = top["properties"]["base"]["description"]
-    whole = {"$ref": "#/$defs/Configuration"}
-    top["properties"]["base"] = {"anyOf": [{"type": "string"}, whole], "description": description}
-    return {"$schema": dialect, **top, "$defs": definitions | {"Configuration": base}}
-
-
-def build_schema() -> dict[str, Any]:
-    """The schema as data."""
-    top = File.model_json_schema()
-    definitions = top.setdefault("$defs", {})
-
-    def add(model: type[BaseModel], name: str, constant: str | None = None, *, whole: bool = False) -> dict[str, str]:
-        own = model.model_json_schema(ref_template="#/$defs/{model}")
-        definitions.update(own.pop("$defs", {}))
-        if not whole:  # a file that extends another one may leave anything out, except in the items of a list
-            own.pop("required", None)
-        if constant is not None:
-            own["properties"]["type"] = {"const": constant}
-        definitions[name] = own
-        return {"$ref": f"#/$defs/{name}"}
-
-    plants = [add(cls, f"plant-{name}", name) for name, cls in PLANTS.all().items()]
-    observers = [add(cls, f"observer-{name}", name) for name, cls in OBSERVERS.all().items()]
-    top["properties"]["plant"] = {"anyOf": [*plants, add(InlinePlant, "plant-inline", "inline")]}
-    definitions["plant-inline"]["properties"]["output"] = {
-        "anyOf": [
-            {"type": "string"},
-            {"type": "array", "items": {"type": "string"}},
-            definitions["plant-inline"]["properties"]["output"],
-        ]
-    }
-    top["properties"]["observers"]["additionalProperties"] = {"anyOf": observers}
-    top["properties"]["measurement"] = add(Measurement, "Measurement")
-    definitions["Scaling"]["properties"]["of"]["examples"] = list(quantities())
-    definitions["Noise"] = {"anyOf": [add(cls, f"noise-{name}", name, whole=True) for name, cls in NOISE.all().items()]}
-    top.pop("required", None)
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **top}
-
-
 def init(options: Init) -> int:
-    """Copy an experiment and the files that it extends."""
+    """Copy an experiment and the files that it extends, with the schema by which editors help with them."""
     name, folder = options.name, options.folder
     shipped = experiments()
     matches = [file for path, file in shipped.items() if name in (path, Path(path).name)]
@@ -177,13 +121,15 @@ def init(options: Init) -> int:
         raise ConfigError(
             f"no experiment is called {name!r}.{nearest(name, [*shipped, *(Path(p).name for p in shipped)])}"
         )
-    copies = [(folder / file.name, text) for file, text in _with_bases(matches[0])]
+    copies = [(folder / file.name, with_schema(text, SCHEMA_FILE)) for file, text in _with_bases(matches[0])]
     for target, text in copies:
         if target.exists() and not options.force and target.read_text(encoding="utf-8") != text:
             raise HgorunError(f"{target} exists and differs; --force overwrites it")
     for target, text in copies:
         write_text(target, text)
         print(f"written: {target}")
+    write_text(folder / SCHEMA_FILE, schema_text(build_schema()))
+    print(f"written: {folder / SCHEMA_FILE} (for editors)")
     print(f"try: hgorun simulate {folder / matches[0].name}")
     return 0
 

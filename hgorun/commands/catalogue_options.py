@@ -88,6 +88,7 @@ class Schema:
     """Print the JSON schema of configurations, for editors."""
 
     sweep: Annotated[bool, typer.Option("--sweep", help="The schema of sweep files instead.")] = False
+    benchmark: Annotated[bool, typer.Option("--benchmark", help="The schema of benchmark files instead.")] = False
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
