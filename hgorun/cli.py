@@ -198,7 +198,7 @@ def _schema(chosen: catalogue_options.Schema) -> int:
 
 @_command("init", catalogue_options.Init)
 def _init(chosen: catalogue_options.Init) -> int:
-    from hgorun.commands.catalogue import init
+    from hgorun.commands.init import init
 
     return init(chosen)
 

@@ -93,8 +93,44 @@ class Schema:
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Init:
-    """Copy a built-in experiment as a starting point."""
+    """Copy a built-in experiment, or write a first configuration.
 
-    name: Annotated[str, typer.Argument(help="A built-in experiment; see hgorun list experiments.")] = "contois_te025"
-    folder: Annotated[Path, typer.Argument(help="Folder to copy it to.")] = Path()
+    NAME is an experiment, or an example with recorded data (fermentation). With --plant a commented configuration of
+    that plant is written, which runs as it is; with --ask it follows from your answers, of your own plant, too.
+    """
+
+    name: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="[NAME]",
+            help="A built-in experiment, see hgorun list experiments, or an example (default: contois_te025).",
+            autocompletion=completion.starts,
+        ),
+    ] = None
+    folder: Annotated[
+        Path | None, typer.Argument(metavar="[FOLDER]", help="Folder to copy it to (default: here; examples: NAME).")
+    ] = None
+    plant: Annotated[
+        str | None,
+        typer.Option(
+            "--plant",
+            metavar="NAME",
+            help="Write a configuration of this plant; see hgorun list plants.",
+            autocompletion=completion.plants,
+        ),
+    ] = None
+    observers: Annotated[
+        list[str],
+        typer.Option(
+            "--observer",
+            metavar="NAME",
+            help="With --plant: an observer that is in it; repeatable.",
+            autocompletion=completion.observers,
+        ),
+    ] = field(default_factory=list)
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", metavar="FILE", help="With --plant or --ask: its file (default: PLANT.yaml)."),
+    ] = None
+    ask: Annotated[bool, typer.Option("--ask", help="Ask what the configuration should have.")] = False
     force: Annotated[bool, typer.Option("--force", help="Overwrite existing files.")] = False

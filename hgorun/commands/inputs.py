@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
 from pathlib import Path
 
 from hgorun.commands.outputs import RESULT_SUFFIXES
@@ -46,14 +45,3 @@ def is_result(path: Path) -> bool:
 def may_be_ensemble(path: Path) -> bool:
     """Whether a look into it is worth while."""
     return path.is_dir() or is_result(path)
-
-
-def distinct(names: Sequence[str]) -> list[str]:
-    """Names, numbered where two are the same, as :func:`hgorun.result.run_names.run_names` does it."""
-    found: list[str] = []
-    for name in names:
-        own, number = name, 2
-        while own in found:
-            own, number = f"{name} ({number})", number + 1
-        found.append(own)
-    return found

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
 from hgorun.commands.ensemble_options import Compare
-from hgorun.commands.inputs import configuration, distinct, is_result, may_be_ensemble
+from hgorun.commands.inputs import configuration, is_result, may_be_ensemble
 from hgorun.commands.options import Configured, Simulate
 from hgorun.commands.outputs import (
     DRAWING_SUFFIXES,
@@ -27,6 +27,7 @@ from hgorun.process import say
 from hgorun.progress import shown
 from hgorun.result.data import PLANT, Integration
 from hgorun.result.result import Result
+from hgorun.result.run_names import numbered
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.grid import LONG
 from hgorun.simulation.prepared import PreparedRun
@@ -172,7 +173,7 @@ def _prepared(options: Simulate) -> tuple[list[PreparedRun], list[Path], list[tu
     targets: list[Path] = []
     ensembles: list[tuple[Run, Path]] = []
     paths = [configuration(path) for path in options.configs]
-    for path, name in zip(paths, distinct([path.stem for path in paths]), strict=True):
+    for path, name in zip(paths, numbered([path.stem for path in paths]), strict=True):
         single, several = _experiments(path, options)
         folder = options.output or RESULTS
         for experiment in single:

@@ -55,6 +55,8 @@ class Start:
         Standard deviation.
     observers : mapping of str to mapping
         Keys by label.
+    keys : mapping of str to object
+        Further keys of the plant.
     """
 
     end: float
@@ -65,6 +67,7 @@ class Start:
     period: float
     noise: float
     observers: Mapping[str, Mapping[str, object]]
+    keys: Mapping[str, object] = field(default_factory=dict)
 
 
 class Plant(Plugin):

@@ -33,6 +33,7 @@ class IntegratorChain(Plant):
         period=0.05,
         noise=0.01,
         observers={"SHGO": {"type": "shgo", "theta": 3}, "FHGO": {"type": "fhgo2", "theta": 4, "r": 2}},
+        keys={"n": 2, "phi": "-x1 + sin(2*t)"},
     )
 
     n: int = Field(default=2, ge=1, le=50, strict=True, description="number of integrators")

@@ -52,7 +52,13 @@ class Phytoplankton(TriangularCoordinates, Plant):
                 "internal": {"P": 0.1},
                 "saturation": {"z1": [0.5, 6], "z2": [0.2, 1], "z3": [1, 50]},
             },
-            "EKF": {"type": "ekf", "Q": {"x1": 0.01, "x2": 0.01, "x3": 0.001}},
+            "FHGO": {
+                "type": "fhgo1",
+                "theta": 5,
+                "delta": 7,
+                "internal": {"P": 0.1},
+                "saturation": {"z1": [0.5, 6], "z2": [0.2, 1], "z3": [1, 50]},
+            },
         },
     )
 

@@ -116,6 +116,8 @@ def text(results: Sequence[Result], predicted: Sequence[Predicted] = ()) -> str:
         _blocks(rows, states_of(results), _predictions(rows, results, predicted)) if rows else [["no observers"]]
     ):
         lines += ["", *block]
+    still = _without_motion(rows)
+    lines += ["", *wrapped(still)] if still else []
     for run, result in zip(runs, results, strict=True):
         if result.closed_loop:
             lines += ["", *wrapped(run)] if len(runs) > 1 else []
@@ -146,6 +148,18 @@ def _windows(result: Result) -> str:
             with called("metric", metric.name, "told"):
                 parts.append(f"{metric.name}: {metric.told(windows[metric.setting], unit)}")
     return "; ".join(parts)
+
+
+def _without_motion(rows: Sequence[Row]) -> str:
+    """Which ratios have no value, and why; nothing where all have one."""
+    found = dict.fromkeys(
+        f"{metric} {state}"
+        for row in rows
+        for metric in row.observer.metrics
+        for state in row.result.states
+        if row.without_motion(metric, state)
+    )
+    return f"no {', '.join(found)}: what does not move in the window has no such ratio" if found else ""
 
 
 def _theory(row: Row, results: Sequence[Result], predicted: Sequence[Predicted]) -> Mapping[str, float]:

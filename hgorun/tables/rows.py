@@ -37,9 +37,17 @@ class Row:
         value, known = self.value(metric, state), all_metrics(closed=True).get(metric)
         return known is not None and known.moment and value is not None and self.result.time[-1] <= value < math.inf
 
+    def without_motion(self, metric: str, state: str) -> bool:
+        """Whether a ratio has no value, since what the state itself does is nothing."""
+        value, known = self.value(metric, state), all_metrics(closed=True).get(metric)
+        lost = self.observer.status in ("diverged", "undefined")
+        return known is not None and known.ideal != 0 and value == math.inf and not lost
+
     def text_of(self, metric: str, state: str) -> str:
         """What a table shows."""
-        return NEVER if self.never(metric, state) else number(self.value(metric, state))
+        if self.never(metric, state):
+            return NEVER
+        return number(None if self.without_motion(metric, state) else self.value(metric, state))
 
     @property
     def status(self) -> str:
