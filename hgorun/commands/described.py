@@ -93,7 +93,7 @@ def of_class(name: str, kind: str, cls: type[Plant] | type[Observer] | type[Nois
         "kind": kind,
         "reference": cls.reference,
         "description": own_doc(cls),
-        "keys": _keys(cls),
+        "keys": keys_of(cls),
     }
     if issubclass(cls, Plant):
         found["valid"] = cls.valid
@@ -118,7 +118,8 @@ def _names(cls: type[Plant]) -> tuple[list[str], list[str]]:
         return [], []
 
 
-def _keys(cls: type[BaseModel]) -> list[Key]:
+def keys_of(cls: type[BaseModel]) -> list[Key]:
+    """The keys of a block, in their order, but for the one that names its kind."""
     return [_key(name, field) for name, field in cls.model_fields.items() if name != "type"]
 
 
@@ -132,7 +133,7 @@ def _key(name: str, field: FieldInfo) -> Key:
         "default": pole_text(default) if isinstance(default, complex) else default,
         "range": " and ".join(limits),
         "description": field.description or "",
-        "keys": [key for block in _blocks(field.annotation) for key in _keys(block)],
+        "keys": [key for block in _blocks(field.annotation) for key in keys_of(block)],
     }
 
 
