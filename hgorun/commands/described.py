@@ -16,6 +16,7 @@ from hgorun.noise.base import Noise
 from hgorun.observers.base import Observer
 from hgorun.plants.base import Plant, units_of
 from hgorun.result.metrics.base import Metric
+from hgorun.tables.layout import reflowed, wrapped
 
 if TYPE_CHECKING:
     from hgorun.analysis.finding import Finding
@@ -156,16 +157,16 @@ def _blocks(annotation: object) -> Iterator[type[Block]]:
 
 
 def as_text(d: Description) -> str:
-    lines = [f"{d['name']} ({d['kind']})", *([f"source: {d['reference']}"] if d["reference"] else [])]
-    lines += ["", d["description"]]
+    lines = [f"{d['name']} ({d['kind']})", *(wrapped(f"source: {d['reference']}") if d["reference"] else [])]
+    lines += ["", *reflowed(d["description"])]
     if d.get("valid"):
-        lines += ["", f"valid: {d['valid']}"]
+        lines += ["", *wrapped(f"valid: {d['valid']}")]
     units = {name: f" [{unit}]" for name, unit in d.get("units", {}).items() if unit}
     for group, names in (("states", d.get("states")), ("outputs", d.get("outputs"))):
         if names:
             lines += [
                 *([""] if group == "states" else []),
-                f"{group}: " + ", ".join(n + units.get(n, "") for n in names),
+                *wrapped(f"{group}: " + ", ".join(n + units.get(n, "") for n in names)),
             ]
     for group, known in (("parameters", d.get("parameters")), ("inputs", d.get("inputs"))):
         if known:
@@ -173,7 +174,7 @@ def as_text(d: Description) -> str:
             for name, q in known.items():
                 value = f" = {q['default']:g}" if q.get("default") is not None else ""
                 unit = (f" {q['unit']}" if value else f" [{q['unit']}]") if q["unit"] else ""
-                lines.append(f"  {name}{value}{unit}  {q['meaning']}".rstrip())
+                lines += wrapped(f"{name}{value}{unit}  {q['meaning']}", "  ", then="    ")
     lines += ["", "keys:", *_lines(d["keys"], "  ")]
     return "\n".join(lines)
 
@@ -187,5 +188,6 @@ def _lines(keys: list[Key], indent: str) -> Iterator[str]:
         else:
             value = f"default {key['default']}"
         limits = f", {key['range']}" if key["range"] else ""
-        yield f"{indent}{key['key']} ({value}{limits}): {key['description']}".removesuffix(": ")
+        told = f"{key['key']} ({value}{limits}): {key['description']}".removesuffix(": ")
+        yield from wrapped(told, indent, then=f"{indent}    ")
         yield from _lines(key["keys"], indent + "  ")
