@@ -24,6 +24,7 @@ from hgorun.estimate.completed import plant_units, with_inputs
 from hgorun.estimate.estimate import estimate as estimated
 from hgorun.estimate.holdout import HoldOut, held_out, number_of, parse_holdout, thinned
 from hgorun.estimate.long_log import estimate_into
+from hgorun.figures.page import Page
 from hgorun.files import remove_leftovers, write_text
 from hgorun.result.result import Result
 from hgorun.study.split import split
@@ -73,6 +74,7 @@ class Log:
 def estimate(options: Estimate) -> int:
     """Run the observers of a configuration on recorded data and write the result."""
     refuse_other_kinds(options.output, RESULT_SUFFIXES)
+    page = Page.named(options.width, options.style)
     require_file(options.config)
     text, source = read_source(options.config, options.overrides, seed=options.seed)
     source, name = one_run(source, options.config, options.run)
@@ -105,7 +107,7 @@ def estimate(options: Estimate) -> int:
         result.save(target)
     file = str(target)
     warn(result)
-    written = [str(target), *_also_written(options, result, target)]
+    written = [str(target), *_also_written(options, page, result, target)]
     if options.json:
         from hgorun.tables.metrics import as_json
 
@@ -188,7 +190,7 @@ def _refuse_to_overwrite(options: Estimate, log: Log, target: Path) -> None:
         raise ConfigError(f"--export-csv: {options.export_csv} is read or written otherwise: name another file")
 
 
-def _also_written(options: Estimate, result: Result, target: Path) -> list[str]:
+def _also_written(options: Estimate, page: Page, result: Result, target: Path) -> list[str]:
     """Figures, and the estimates as text."""
     written = []
     if options.export_csv is not None:
@@ -200,5 +202,5 @@ def _also_written(options: Estimate, result: Result, target: Path) -> list[str]:
         from hgorun.figures.drawing import comparison
         from hgorun.figures.files import save
 
-        written += map(str, save(comparison(result), target.with_suffix("")))
+        written += map(str, save(comparison(result, page), target.with_suffix("")))
     return written

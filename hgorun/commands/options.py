@@ -39,6 +39,17 @@ class Configured(Printing):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Drawing:
+    """How figures are drawn."""
+
+    plots: Annotated[bool, typer.Option("--plots/--no-plots", help="Draw figures (PNG and PDF).")] = True
+    width: Annotated[
+        str, typer.Option("--width", metavar="COLUMNS", help="Width of figures: one or two columns of a journal.")
+    ] = "two"
+    style: Annotated[str, typer.Option("--style", help="Page that figures are for: light or dark.")] = "light"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Simulate(Configured):
     """Simulate configurations, write results/NAME.h5 and print the metrics."""
 
@@ -53,7 +64,7 @@ class Simulate(Configured):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Estimate(Configured):
+class Estimate(Configured, Drawing):
     """Run the observers of a configuration on recorded data, and score them without a truth.
 
     The key data of the configuration says which columns are the measurements; nothing is simulated. Writes
@@ -104,7 +115,6 @@ class Estimate(Configured):
     sensitivity: Annotated[
         bool, typer.Option("--sensitivity/--no-sensitivity", help="Report how the scores depend on each gain.")
     ] = True
-    plots: Annotated[bool, typer.Option("--plots/--no-plots", help="Draw the estimates (PNG and PDF).")] = True
     strict: Annotated[bool, typer.Option("--strict", help="Exit with code 3 if a status is not ok.")] = False
 
 
@@ -179,7 +189,7 @@ class OfEnsembles(Printing):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Compare(Configured, OfEnsembles):
+class Compare(Configured, OfEnsembles, Drawing):
     """Compare metrics side by side, and draw comparison plots.
 
     For an ensemble (NAME.sweep.h5, or the folder NAME.sweep while it is running): statistics over its members.
@@ -189,7 +199,6 @@ class Compare(Configured, OfEnsembles):
         list[Path], typer.Argument(metavar="SOURCE...", help="Configurations, result files, or ensembles.")
     ]
     format: Annotated[str, typer.Option("--format", help="Format of the table: text, csv or latex.")] = "text"
-    plots: Annotated[bool, typer.Option("--plots/--no-plots", help="Draw comparison plots (PNG and PDF).")] = True
     strict: Annotated[bool, typer.Option("--strict", help="Exit with code 3 if a status is not ok.")] = False
     analyze: Annotated[bool, typer.Option("--analyze", help="Add the numbers that theory predicts.")] = False
 
@@ -286,13 +295,10 @@ class Export(Configured):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Analyze(Configured):
+class Analyze(Configured, Drawing):
     """Compare theory with simulation: gains, bounds, noise."""
 
     config: Annotated[Path, typer.Argument(metavar="CONFIG", help="A YAML configuration.")]
-    plots: Annotated[bool, typer.Option("--plots/--no-plots", help="Draw errors and their bounds (PNG and PDF).")] = (
-        True
-    )
     search: Annotated[
         bool,
         typer.Option("--search", help="Search for the largest theta that fails below the working range."),
