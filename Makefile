@@ -13,7 +13,7 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 LOWEST := .venv-lowest
 LOWEST_PYTHON ?= $(or $(shell command -v python3.11),$(PYTHON))
 
-.PHONY: help figures benchmark test test-lowest coverage bench lint wheel clean
+.PHONY: help figures benchmark test test-lowest coverage bench lint docs wheel clean
 
 help:
 	@echo "make figures   every figure and claim of the publications, and results/REPORT.md"
@@ -23,6 +23,7 @@ help:
 	@echo "make coverage  run the tests, list the lines and branches of each file that they leave out"
 	@echo "make bench     measure the speed beside its bars"
 	@echo "make lint      ruff and mypy"
+	@echo "make docs      the documentation as a site, in build/docs; what is not right stops it"
 	@echo "make wheel     build the wheel into dist/"
 	@echo "make clean     remove .venv and everything built; results/ stays"
 
@@ -49,6 +50,9 @@ lint: $(VENV)/.installed-dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+docs: $(VENV)/.installed-dev
+	$(BIN)/python -m sphinx -W --keep-going -q -b html -d build/doctrees docs build/docs
 
 wheel: $(VENV)/.installed-dev
 	$(BIN)/python -m build --wheel

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import json as json_text
+from dataclasses import replace
 from pathlib import Path
 
 from hgorun.analysis.report import analysis_of
 from hgorun.analysis.subject import Context
+from hgorun.commands.inputs import configuration
 from hgorun.commands.options import Analyze
 from hgorun.commands.outputs import RESULTS, refuse_other_kinds
-from hgorun.commands.run import require_file, run_with_progress, warn
+from hgorun.commands.run import run_with_progress, warn
 from hgorun.errors import ConfigError
 from hgorun.figures.page import Page
 from hgorun.simulation.simulate import prepare
@@ -22,8 +24,8 @@ _FIGURES = {".png", ".pdf"}
 def analyze(options: Analyze) -> int:
     """Say what theory promises for a configuration, and draw the transients that it bounds."""
     refuse_other_kinds(options.output, _FIGURES)
-    require_file(options.config)
     page = Page.named(options.width, options.style)
+    options = replace(options, config=configuration(options.config))
     stem = options.config.stem
     target = _target(stem if options.run is None else f"{stem}-{options.run}", options.output)
     run = prepare(load(options.config, options.overrides, seed=options.seed, run=options.run))

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from hgorun.result.metrics.base import all_metrics, unit_of
 from hgorun.result.result import Result
 from hgorun.tables.layout import number
-from hgorun.tables.rows import metrics_of, rows_of, states_of
+from hgorun.tables.rows import NEVER, metrics_of, rows_of, states_of
 from hgorun.tables.typeset import latex_words, symbol
 
 _PAGE = 6  # numbers side by side on a page
@@ -43,7 +43,10 @@ def latex(results: Sequence[Result], metrics: Sequence[str] | None = None) -> st
         numbers = {(metric, s): [row.value(metric, s) for row in rows] for metric in block for s in states}
         best = {column: _best(column[0], values) for column, values in numbers.items()}
         for i, row in enumerate(rows):
-            cells = [_latex_number(values[i], best[column]) for column, values in numbers.items()]
+            cells = [
+                NEVER if row.never(*column) else _latex_number(values[i], best[column])
+                for column, values in numbers.items()
+            ]
             lines.append(" & ".join([latex_words(row.text), *cells, *padding]) + r" \\")
     lost = "; ".join(latex_words(f"{row.text} {row.status}") for row in rows if row.observer.status != "ok")
     if lost:

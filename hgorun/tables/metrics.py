@@ -104,7 +104,7 @@ def csv(results: Sequence[Result], predicted: Sequence[Predicted] = ()) -> str:
 
 
 def text(results: Sequence[Result], predicted: Sequence[Predicted] = ()) -> str:
-    """An aligned table for a terminal, at most 100 columns wide.
+    """An aligned table, as wide as the terminal.
 
     Above it stand the windows that the numbers are from, below it the integration error where it is known.
     Metrics that do not fit side by side follow below each other, and after them what theory predicts, where it
@@ -120,6 +120,8 @@ def text(results: Sequence[Result], predicted: Sequence[Predicted] = ()) -> str:
         _blocks(rows, states_of(results), _predictions(rows, results, predicted)) if rows else [["no observers"]]
     ):
         lines += ["", *block]
+    still = _without_motion(rows)
+    lines += ["", *wrapped(still)] if still else []
     for run, result in zip(runs, results, strict=True):
         if result.closed_loop:
             lines += ["", *wrapped(run)] if len(runs) > 1 else []
@@ -152,6 +154,18 @@ def _windows(result: Result) -> str:
     return "; ".join(parts)
 
 
+def _without_motion(rows: Sequence[Row]) -> str:
+    """Which ratios have no value, and why; nothing where all have one."""
+    found = dict.fromkeys(
+        f"{metric} {state}"
+        for row in rows
+        for metric in row.observer.metrics
+        for state in row.result.states
+        if row.without_motion(metric, state)
+    )
+    return f"no {', '.join(found)}: what does not move in the window has no such ratio" if found else ""
+
+
 def _units(result: Result) -> str:
     """What states, outputs and inputs are measured in: ``units: x1, x2 g/L; D 1/h``; nothing where none is stated."""
     groups: dict[str, list[str]] = {}
@@ -178,8 +192,7 @@ def _predictions(rows: Sequence[Row], results: Sequence[Result], predicted: Sequ
 def _blocks(rows: Sequence[Row], states: Sequence[str], more: Sequence[Sequence[str]]) -> list[list[str]]:
     """The lines of each part of the table; a metric's states stay together where they fit."""
     groups = [
-        [[f"{metric} {s}", *(number(row.value(metric, s)) for row in rows)] for s in states]
-        for metric in metrics_of(rows)
+        [[f"{metric} {s}", *(row.text_of(metric, s) for row in rows)] for s in states] for metric in metrics_of(rows)
     ]
     groups += scores_of(rows)
     status = ["status", *(row.status for row in rows)]

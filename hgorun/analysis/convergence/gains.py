@@ -151,6 +151,8 @@ def error_dynamics(observer: AnyObserver, form: Form) -> ErrorDynamics:
         raise NoValue(observer.not_linear)
     if isinstance(observer, ForwardDifferences):
         return _differences(observer, form)
+    if "gain" in observer.roles(form).values() and not isinstance(observer, SettlingGain):
+        raise NoValue("its gain follows the plant and comes to rest on no chain: there is no constant matrix")
     at_one, other = (_linear(observer, chains, theta) for theta in (1.0, _ELSEWHERE))
     A, E, flux = at_one
     powers = _powers(A, other[0], chains)
