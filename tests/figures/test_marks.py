@@ -98,7 +98,7 @@ def test_legends_stay_inside_their_figure(result: Result, width: float, count: i
 def test_figures_for_one_column_have_their_panels_below_each_other(result: Result) -> None:
     narrow = comparison(result, Page.named("one", "light"))
     assert len({round(ax.get_position().x0, 2) for ax in narrow.axes}) == 1
-    assert min(text.get_fontsize() for text in narrow.axes[0].get_yticklabels()) >= 8
+    assert min(float(text.get_fontsize()) for text in narrow.axes[0].get_yticklabels()) >= 8
     assert draw(result, block({"state": "x1"}, width="one")).get_figwidth() == 3.5
     for wrong in (("three", "light"), ("one", "pink")):
         with pytest.raises(ConfigError, match="expected one of"):
