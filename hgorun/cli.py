@@ -161,6 +161,13 @@ def _analyze(chosen: options.Analyze) -> int:
     return analyze(chosen)
 
 
+@_command("cite", options.Cite)
+def _cite(chosen: options.Cite) -> int:
+    from hgorun.commands.cite import cite
+
+    return cite(chosen)
+
+
 @_command("figures", catalogue_options.Figures)
 def _figures(chosen: catalogue_options.Figures) -> int:
     from hgorun.commands.figures import figures
