@@ -203,6 +203,13 @@ def _schema(chosen: catalogue_options.Schema) -> int:
     return schema(chosen)
 
 
+@_command("doctor", catalogue_options.Doctor, "something is amiss, with --strict")
+def _doctor(chosen: catalogue_options.Doctor) -> int:
+    from hgorun.commands.doctor import doctor
+
+    return doctor(chosen)
+
+
 @_command("init", catalogue_options.Init)
 def _init(chosen: catalogue_options.Init) -> int:
     from hgorun.commands.init import init
