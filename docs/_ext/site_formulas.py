@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from html import unescape
 from xml.etree import ElementTree
 
 from docutils import nodes
@@ -10,13 +12,14 @@ from sphinx.application import Sphinx
 from sphinx.writers.html5 import HTML5Translator
 
 _NAMESPACE = "http://www.w3.org/1998/Math/MathML"
+_NAMED = re.compile(r"&(?!(?:amp|lt|gt|quot|apos);)[A-Za-z]\w*;")  # characters that HTML has names for, and XML not
 _ACCENTS = frozenset("\N{DOT ABOVE}^~\N{MACRON}\N{CIRCUMFLEX ACCENT}\N{MODIFIER LETTER CIRCUMFLEX ACCENT}")
 
 
 def mathml(text: str, *, block: bool = False) -> str:
     """A formula of LaTeX; the index of a letter with a dot or a hat stands beside it, not below."""
     ElementTree.register_namespace("", _NAMESPACE)
-    root = ElementTree.fromstring(tex2mathml(text, as_block=block))
+    root = ElementTree.fromstring(_NAMED.sub(lambda found: unescape(found[0]), tex2mathml(text, as_block=block)))
     for element in root.iter(f"{{{_NAMESPACE}}}munderover"):
         base, index, accent = element
         if (accent.text or "").strip() in _ACCENTS:

@@ -68,7 +68,7 @@ def keys_table(keys: Sequence[Key], *, without: Collection[str] = ()) -> str:
 def _rows(keys: Sequence[Key], above: str, without: Collection[str] = ()) -> Iterator[tuple[str, str, str, str]]:
     for key in keys:
         name = f"`{above}{key['key']}`"
-        default = "required" if key["required"] else "" if key["default"] in (None, "") else f"`{key['default']}`"
+        default = "required" if key["required"] else "" if key["default"] in (None, "", ()) else f"`{key['default']}`"
         yield name, default, plain(key["range"]), plain(key["description"])
         if key["key"] not in without:
             yield from _rows(key["keys"], f"{above}{key['key']}.")

@@ -104,6 +104,11 @@ def test_the_index_of_a_letter_with_a_dot_stands_beside_it() -> None:
     assert not list(root.iter(f"{MATHML}munderover"))
 
 
+def test_the_sign_of_a_number_is_a_function() -> None:
+    """Which LaTeX is turned into a character that HTML has a name for, and XML not."""
+    assert "sign" in "".join(ElementTree.fromstring(mathml(r"\operatorname{sign}\left(x\right)")).itertext())
+
+
 def test_a_drawing_keeps_peaks_and_leaves_out_what_is_no_number() -> None:
     time = np.linspace(0, 10, 5001)
     peak = np.where(np.arange(5001) == 2345, 7.0, 0.0)
