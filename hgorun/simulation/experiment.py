@@ -107,7 +107,7 @@ class Experiment(Configured):
         source, _ = changed(self.source, changes)
         with source.located():
             observer = self._informed(observer_of(label, source.data["observers"][label], source))
-            form, origin = form_of(self.plant, label, observer, self._noise, self._taken().get(label), self._sampled)
+            form, origin = form_of(self.plant, label, observer, self._noise, self._taken().get(label), self.sampled)
             return Design.of(label, observer, form, origin)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -140,9 +140,9 @@ class Experiment(Configured):
             return {label: known.get(label) or self._form(label) for label in self.observers}
 
     def _form(self, label: str) -> tuple[Form, Form]:
-        return form_of(self.plant, label, self.observers[label], self._noise, self._chosen.get(label), self._sampled)
+        return form_of(self.plant, label, self.observers[label], self._noise, self._chosen.get(label), self.sampled)
 
-    def _sampled(self) -> bool:
+    def sampled(self) -> bool:
         """Whether all outputs are, all the time."""
         return not any(stretch.continuous for output in self.stretches for stretch in output)
 
