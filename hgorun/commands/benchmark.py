@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json as json_text
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -12,9 +12,9 @@ import numpy as np
 from hgorun.benchmark import tables
 from hgorun.benchmark.benchmark import Benchmark, Entry, load_benchmark, of_cells
 from hgorun.benchmark.standing import Standing, standings
-from hgorun.commands.options import Bench
+from hgorun.commands.ensemble_options import Bench
+from hgorun.commands.inputs import configuration
 from hgorun.commands.outputs import RESULTS, refuse_other_kinds
-from hgorun.commands.run import require_file
 from hgorun.figures.benchmark import Contender
 from hgorun.files import json_value, write_text
 from hgorun.process import processors
@@ -32,7 +32,7 @@ def benchmark(options: Bench) -> int:
         When a file cannot be written.
     """
     refuse_other_kinds(options.output, ())
-    require_file(options.file)
+    options = replace(options, file=configuration(options.file))
     asked = load_benchmark(options.file)
     folder = (options.output or RESULTS) / asked.name
     with shown(asked.size, asked.name, "entries", show=options.text) as progress:

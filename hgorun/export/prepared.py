@@ -18,6 +18,7 @@ from hgorun.export.observer import Exported
 from hgorun.observers.base import ContinuousObserver, CorrectedObserver, DecidedObserver
 from hgorun.observers.capabilities import NotExported
 from hgorun.observers.recalling import RecallingObserver
+from hgorun.observers.stepped import SteppedObserver
 from hgorun.observers.treatment import treatment_of
 from hgorun.simulation.checks import longest_step
 from hgorun.simulation.passes import Pass, as_given, plan_of
@@ -183,7 +184,8 @@ def _exported(run: PreparedRun, label: str, steps: _Steps | None, wanted: Wanted
         )
     if isinstance(design.observer, NotExported):
         raise Problem((*path, "type"), design.observer.not_exported)
-    if isinstance(design.observer, DecidedObserver):
+    steps_alone = isinstance(design.observer, SteppedObserver) and experiment.sampled()
+    if isinstance(design.observer, DecidedObserver) and not steps_alone:
         raise Problem(
             (*path, "type"),
             f"{design.observer.type} decides at the ends of the solver's steps, and exported code only follows the "

@@ -108,7 +108,7 @@ class Experiment(Configured):
         with source.located():
             found = observer_of(label, source.data["observers"][label], source)
             observer = self._informed(self._by_sampling(found))
-            form, origin = form_of(self.plant, label, observer, self._noise, self._taken().get(label), self._sampled)
+            form, origin = form_of(self.plant, label, observer, self._noise, self._taken().get(label), self.sampled)
             return Design.of(label, observer, form, origin)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -141,7 +141,7 @@ class Experiment(Configured):
     def _by_sampling(self, observer: AnyObserver) -> AnyObserver:
         """An observer's block as it is where outputs are sampled, or not."""
         found: AnyObserver = observer
-        if isinstance(observer, BySampling) and self._sampled():
+        if isinstance(observer, BySampling) and self.sampled():
             found = observer.of_samples()
         return found
 
@@ -159,9 +159,9 @@ class Experiment(Configured):
             return {label: known.get(label) or self._form(label) for label in self.observers}
 
     def _form(self, label: str) -> tuple[Form, Form]:
-        return form_of(self.plant, label, self.observers[label], self._noise, self._chosen.get(label), self._sampled)
+        return form_of(self.plant, label, self.observers[label], self._noise, self._chosen.get(label), self.sampled)
 
-    def _sampled(self) -> bool:
+    def sampled(self) -> bool:
         """Whether all outputs are, all the time."""
         return not any(stretch.continuous for output in self.stretches for stretch in output)
 

@@ -15,7 +15,7 @@ import hgorun
 from hgorun.benchmark.benchmark import Benchmark, load_benchmark
 from hgorun.benchmark.trial import Trial
 from hgorun.commands.benchmark import benchmark
-from hgorun.commands.options import Bench
+from hgorun.commands.ensemble_options import Bench
 from hgorun.errors import ConfigError, HgorunError
 
 PLANT: dict[str, Any] = {
