@@ -13,6 +13,7 @@ from hgorun.commands.options import Analyze
 from hgorun.commands.outputs import RESULTS, refuse_other_kinds
 from hgorun.commands.run import run_with_progress, warn
 from hgorun.errors import ConfigError
+from hgorun.figures.page import Page
 from hgorun.simulation.simulate import prepare
 from hgorun.study.loading import load
 from hgorun.tables import analysis as table
@@ -23,6 +24,7 @@ _FIGURES = {".png", ".pdf"}
 def analyze(options: Analyze) -> int:
     """Say what theory promises for a configuration, and draw the transients that it bounds."""
     refuse_other_kinds(options.output, _FIGURES)
+    page = Page.named(options.width, options.style)
     options = replace(options, config=configuration(options.config))
     stem = options.config.stem
     target = _target(stem if options.run is None else f"{stem}-{options.run}", options.output)
@@ -35,9 +37,9 @@ def analyze(options: Analyze) -> int:
         from hgorun.figures.files import save
         from hgorun.figures.peaking import peaking
 
-        written = save(peaking(result, analysis.transients), target)
+        written = save(peaking(result, analysis.transients, page), target)
     if options.plots:
-        written += _bode(analysis.context, target.with_name(target.name.removesuffix("-analysis") + "-bode"))
+        written += _bode(analysis.context, page, target.with_name(target.name.removesuffix("-analysis") + "-bode"))
     if options.json:
         print(json_text.dumps(analysis.as_json(str(options.config)), indent=2, allow_nan=False))
     elif not options.quiet:
@@ -56,11 +58,11 @@ def _target(name: str, output: Path | None) -> Path:
     return (output or RESULTS) / f"{name}-analysis"
 
 
-def _bode(context: Context, target: Path) -> list[Path]:
+def _bode(context: Context, page: Page, target: Path) -> list[Path]:
     """The observers' frequency responses, where there are some."""
     from hgorun.analysis.noise.responses import frequency_responses
     from hgorun.figures.bode import bode_figure
     from hgorun.figures.files import save
 
     data = frequency_responses(context)
-    return save(bode_figure(data, context.result), target) if data.magnitude else []
+    return save(bode_figure(data, context.result, page), target) if data.magnitude else []

@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from hgorun.commands import completion
-from hgorun.commands.options import Configured, Printing
+from hgorun.commands.options import Configured, Drawing, Printing
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -92,7 +92,7 @@ class OfEnsembles(Printing):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Compare(Configured, OfEnsembles):
+class Compare(Configured, OfEnsembles, Drawing):
     """Compare metrics side by side, and draw comparison plots.
 
     For an ensemble (NAME.sweep.h5, or the folder NAME.sweep while it is running): statistics over its members.
@@ -114,7 +114,6 @@ class Compare(Configured, OfEnsembles):
             autocompletion=completion.one_of("text", "csv", "latex"),
         ),
     ] = "text"
-    plots: Annotated[bool, typer.Option("--plots/--no-plots", help="Draw comparison plots (PNG and PDF).")] = True
     strict: Annotated[bool, typer.Option("--strict", help="Exit with code 3 if a status is not ok.")] = False
     analyze: Annotated[bool, typer.Option("--analyze", help="Add the numbers that theory predicts.")] = False
 

@@ -123,9 +123,10 @@ def draw(found: Compared, options: Compare) -> list[Path]:
     """Draw the figures that an ensemble has the numbers for; into one file only the first of them."""
     from hgorun.figures.ensembles import figures_of
     from hgorun.figures.files import save
+    from hgorun.figures.page import on_page
 
     output = options.output or RESULTS
-    figures = figures_of(found.members, options.metrics)
+    figures = ((kind, on_page(figure, options.style)) for kind, figure in figures_of(found.members, options.metrics))
     if output.suffix.lower() in DRAWING_SUFFIXES:
         return [path for _, figure in islice(figures, 1) for path in save(figure, output.with_suffix(""))]
     return [path for kind, figure in figures for path in save(figure, output / f"{found.members.name}-{kind}")]
@@ -141,10 +142,12 @@ def _style(options: Compare) -> Style:
         "--seed": options.seed is not None,
         "--run": options.run is not None,
         "--analyze": options.analyze,
+        "--width": options.width != "two",  # they have a panel for each state and axis
     }
     for option, given in refused.items():
         if given:
-            raise ConfigError(f"{option} is for configurations; these are ensembles that have been carried out")
+            what = "single runs" if option == "--width" else "configurations"
+            raise ConfigError(f"{option} is for {what}; these are ensembles that have been carried out")
     return styles[options.format]
 
 

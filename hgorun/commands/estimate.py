@@ -25,6 +25,7 @@ from hgorun.estimate.completed import plant_units, with_inputs
 from hgorun.estimate.estimate import estimate as estimated
 from hgorun.estimate.holdout import HoldOut, held_out, number_of, parse_holdout, thinned
 from hgorun.estimate.long_log import estimate_into
+from hgorun.figures.page import Page
 from hgorun.files import remove_leftovers, write_text
 from hgorun.result.result import Result
 from hgorun.study.split import split
@@ -74,6 +75,7 @@ class Log:
 def estimate(options: Estimate) -> int:
     """Run the observers of a configuration on recorded data and write the result."""
     refuse_other_kinds(options.output, RESULT_SUFFIXES, {".csv": "--export-csv FILE writes the estimates"})
+    page = Page.named(options.width, options.style)
     options = replace(options, config=configuration(options.config))
     text, source = read_source(options.config, options.overrides, seed=options.seed)
     source, name = one_run(source, options.config, options.run)
@@ -107,7 +109,7 @@ def estimate(options: Estimate) -> int:
         result.save(target)
     file = str(target)
     warn(result)
-    told = [target, *_also_written(options, result, target)]
+    told = [target, *_also_written(options, page, result, target)]
     if options.json:
         from hgorun.tables.metrics import as_json
 
@@ -190,7 +192,7 @@ def _refuse_to_overwrite(options: Estimate, log: Log, target: Path) -> None:
         raise ConfigError(f"--export-csv: {options.export_csv} is read or written otherwise: name another file")
 
 
-def _also_written(options: Estimate, result: Result, target: Path) -> list[Path]:
+def _also_written(options: Estimate, page: Page, result: Result, target: Path) -> list[Path]:
     """Figures, and the estimates as text."""
     files: list[Path] = []
     if options.export_csv is not None:
@@ -202,5 +204,5 @@ def _also_written(options: Estimate, result: Result, target: Path) -> list[Path]
         from hgorun.figures.drawing import comparison
         from hgorun.figures.files import save
 
-        files += save(comparison(result), target.with_suffix(""))
+        files += save(comparison(result, page), target.with_suffix(""))
     return files

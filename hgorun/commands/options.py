@@ -50,6 +50,30 @@ class Configured(Printing):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Drawing:
+    """How figures are drawn."""
+
+    plots: Annotated[bool, typer.Option("--plots/--no-plots", help="Draw figures (PNG and PDF).")] = True
+    width: Annotated[
+        str,
+        typer.Option(
+            "--width",
+            metavar="COLUMNS",
+            help="Width of figures: one or two columns of a journal.",
+            autocompletion=completion.one_of("one", "two"),
+        ),
+    ] = "two"
+    style: Annotated[
+        str,
+        typer.Option(
+            "--style",
+            help="Page that figures are for: light or dark.",
+            autocompletion=completion.one_of("light", "dark"),
+        ),
+    ] = "light"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Simulate(Configured):
     """Simulate configurations, write results/NAME.h5 and print the metrics."""
 
@@ -71,7 +95,7 @@ class Simulate(Configured):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Estimate(Configured):
+class Estimate(Configured, Drawing):
     """Run the observers of a configuration on recorded data, and score them without a truth.
 
     The key data of the configuration says which columns are the measurements; nothing is simulated. Writes
@@ -128,7 +152,6 @@ class Estimate(Configured):
     sensitivity: Annotated[
         bool, typer.Option("--sensitivity/--no-sensitivity", help="Report how the scores depend on each gain.")
     ] = True
-    plots: Annotated[bool, typer.Option("--plots/--no-plots", help="Draw the estimates (PNG and PDF).")] = True
     strict: Annotated[bool, typer.Option("--strict", help="Exit with code 3 if a status is not ok.")] = False
 
 
@@ -192,7 +215,7 @@ class Export(Configured):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Analyze(Configured):
+class Analyze(Configured, Drawing):
     """Say what theory knows of a configuration: limits, margins, which observer, which gain to change.
 
     With -v every number follows: gains, bounds, peaking, noise predicted and measured, and why others are missing.
@@ -206,9 +229,6 @@ class Analyze(Configured):
             autocompletion=completion.configurations,
         ),
     ]
-    plots: Annotated[bool, typer.Option("--plots/--no-plots", help="Draw errors and their bounds (PNG and PDF).")] = (
-        True
-    )
     search: Annotated[
         bool,
         typer.Option("--search", help="Search for the largest theta that fails below the working range."),
@@ -216,3 +236,26 @@ class Analyze(Configured):
     verbose: Annotated[
         bool, typer.Option("-v", "--verbose", help="Also print every number, and why others are missing.")
     ] = False
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Cite(Printing):
+    """Say what a configuration uses, and print it as BibTeX.
+
+    Its publication, its plant, its observers, the method, hgorun and the libraries, with keys that do not change.
+    """
+
+    config: Annotated[
+        Path,
+        typer.Argument(
+            metavar="CONFIG",
+            help="A YAML configuration, or the name of a built-in experiment.",
+            autocompletion=completion.configurations,
+        ),
+    ]
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="Write the BibTeX to this file (.bib).")] = None
+    run: Annotated[
+        str | None,
+        typer.Option("--run", help="Only this run of the file (default: all).", autocompletion=completion.runs),
+    ] = None
+    bibtex: Annotated[bool, typer.Option("--bibtex", help="Print only BibTeX.")] = False

@@ -36,6 +36,7 @@ from hgorun.study.check import check_figures
 from hgorun.study.loading import load, load_study
 
 if TYPE_CHECKING:
+    from hgorun.figures.page import Page
     from hgorun.study.study import Run
     from hgorun.tables.metrics import Predicted
 
@@ -93,6 +94,9 @@ def simulate(options: Simulate) -> int:
 
 def compare(options: Compare) -> int:
     """Show metrics of configurations and result files side by side, and draw plots of them."""
+    from hgorun.figures.page import Page
+
+    page = Page.named(options.width, options.style)
     if any(map(may_be_ensemble, options.sources)):
         from hgorun.commands.ensembles import all_ensembles, compare_ensembles
 
@@ -126,7 +130,7 @@ def compare(options: Compare) -> int:
     elif not options.quiet:
         print(style(results, predicted))
     if options.plots:
-        drawn = _draw(results, options)
+        drawn = _draw(results, options, page)
         if options.text and options.format == "text":
             print(written(drawn))
     return NOT_OK if options.strict and any(r.status != "ok" for r in results) else 0
@@ -156,15 +160,15 @@ def _folder_of_plots(options: Compare) -> Path:
     return output.parent if output.suffix.lower() in DRAWING_SUFFIXES else output
 
 
-def _draw(results: Sequence[Result], options: Compare) -> list[Path]:
+def _draw(results: Sequence[Result], options: Compare, page: Page) -> list[Path]:
     from hgorun.figures.drawing import comparison
     from hgorun.figures.files import save
 
     if options.output is not None and options.output.suffix.lower() in DRAWING_SUFFIXES:
-        return save(comparison(results), options.output.with_suffix(""))
+        return save(comparison(results, page), options.output.with_suffix(""))
     several = len(options.sources) > 1
     name = "comparison" if several else f"{options.sources[0].stem}-comparison"
-    return save(comparison(results), (options.output or RESULTS) / name)
+    return save(comparison(results, page), (options.output or RESULTS) / name)
 
 
 def _prepared(options: Simulate) -> tuple[list[PreparedRun], list[Path], list[tuple[Run, Path]]]:

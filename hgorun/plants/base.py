@@ -172,8 +172,9 @@ class TriangularCoordinates(ABC):
 
 
 def units_of(plant: Plant | type[Plant]) -> dict[str, str]:
-    """Units of states and outputs, where the plant states them."""
-    return dict(getattr(plant, "units", {}))
+    """Units of inputs, states and outputs, where the plant states them."""
+    of_inputs = {name: one.unit for name, one in plant.known_inputs.items() if one.unit}
+    return of_inputs | dict(getattr(plant, "units", {}))
 
 
 def is_plant(thing: object) -> TypeGuard[type[Plant]]:
