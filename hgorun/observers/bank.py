@@ -37,8 +37,8 @@ class ObserverBank(NoiseInformed, NotLinear, DecidedObserver):
     """The keys of a bank, and what its modes have in common."""
 
     reference = (
-        "Petri, Postoyan, Astolfi, Nesic, Andrieu, arXiv 2209.10130 and 2303.06936, whose abstracts were read; equations "
-        "quoted from memory"
+        "Petri, Postoyan, Astolfi, Nesic, Andrieu, arXiv 2209.10130 and 2303.06936, whose abstracts were read; "
+        "equations quoted from memory"
     )
 
     observer: dict[str, object] = Field(
@@ -277,8 +277,8 @@ def _family(block: Mapping[str, object]) -> type[ContinuousObserver]:
     jumps = issubclass(family, CorrectedObserver | DecidedObserver | RecallingObserver | NoiseInformed)
     if not issubclass(family, ContinuousObserver) or jumps or family.form is not canonical_form:
         raise ValueError(
-            "observer: modes are observers of chains that are differential equations alone, and ask nothing of the noise, "
-            f"such as shgo or fhgo2; {name} is not"
+            "observer: modes are observers of chains that are differential equations alone, and ask nothing of the "
+            f"noise, such as shgo or fhgo2; {name} is not"
         )
     return family
 
