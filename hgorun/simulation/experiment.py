@@ -14,7 +14,7 @@ from hgorun.measurement.noise import deviations
 from hgorun.measurement.sensors import sensors_of
 from hgorun.memo import Memo, same
 from hgorun.observers.base import AnyObserver
-from hgorun.observers.capabilities import NoiseInformed
+from hgorun.observers.capabilities import BySampling, NoiseInformed
 from hgorun.plants.build import BuiltPlant, build_plant
 from hgorun.result.observer import Coordinates
 from hgorun.simulation.blocks import Checked, changed, check_again, observer_of, resolved, resolved_text
@@ -106,7 +106,8 @@ class Experiment(Configured):
         """
         source, _ = changed(self.source, changes)
         with source.located():
-            observer = self._informed(observer_of(label, source.data["observers"][label], source))
+            found = observer_of(label, source.data["observers"][label], source)
+            observer = self._informed(self._by_sampling(found))
             form, origin = form_of(self.plant, label, observer, self._noise, self._taken().get(label), self.sampled)
             return Design.of(label, observer, form, origin)
 
@@ -125,6 +126,24 @@ class Experiment(Configured):
         known["_formed"] = {label: forms for label, forms in formed.items() if label in same_blocks}
         for name in stale(before, self._checked):
             known.pop(name, None)
+
+    @property
+    def observers(self) -> dict[str, AnyObserver]:
+        """The blocks of the observers by their labels."""
+        checked = self._checked.observers
+        return self._sampling if any(isinstance(one, BySampling) for one in checked.values()) else checked
+
+    @cached_property
+    def _sampling(self) -> dict[str, AnyObserver]:
+        """The observers where some have other equations for samples."""
+        return {label: self._by_sampling(observer) for label, observer in self._checked.observers.items()}
+
+    def _by_sampling(self, observer: AnyObserver) -> AnyObserver:
+        """An observer's block as it is where outputs are sampled, or not."""
+        found: AnyObserver = observer
+        if isinstance(observer, BySampling) and self.sampled():
+            found = observer.of_samples()
+        return found
 
     @cached_property
     def plant(self) -> BuiltPlant:
