@@ -3,6 +3,8 @@
 import os
 import signal
 
+import pytest
+
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the command does; NumPy reads it when it is imported
 
 from hypothesis import HealthCheck, settings
@@ -17,3 +19,16 @@ measure_forks()
 # what is started in the background of a shell ignores Ctrl-C, and so would all that the tests start and interrupt
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--one-case", action="store_true", help="of each test that has several cases, the last one only")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Other versions of Python or of libraries are found out by calls, of which every case of a test makes the same."""
+    if config.getoption("--one-case"):
+        last = {item.nodeid.partition("[")[0]: item for item in items}
+        kept = list(last.values())
+        config.hook.pytest_deselected(items=[item for item in items if last[item.nodeid.partition("[")[0]] is not item])
+        items[:] = kept
