@@ -1,5 +1,6 @@
 """What holds for all tests: drawn examples are the same each time, and a busy machine makes none of them fail."""
 
+import gc
 import os
 import signal
 
@@ -32,3 +33,10 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         kept = list(last.values())
         config.hook.pytest_deselected(items=[item for item in items if last[item.nodeid.partition("[")[0]] is not item])
         items[:] = kept
+
+
+def pytest_collection_finish() -> None:
+    """Take what is imported and collected out of each search for garbage, of which there are fewer."""
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(20_000, 20, 20)
