@@ -28,6 +28,9 @@ class Knob(Block):
     range: Range = Field(default_factory=lambda: Range(log=(0.5, 200)), description="where it is sought")
     rate: bool = Field(default=True, description="whether the range is in multiples of the plant's rate")
     whole: bool = Field(default=False, description="whether it is a whole number")
+    follow: dict[str, Positive] = Field(
+        default_factory=dict, description="other keys of the block that are so many times the knob"
+    )
 
 
 class Contestant(Block):
@@ -44,11 +47,20 @@ class Contestant(Block):
     def _free(self) -> Contestant:
         if "type" not in self.block:
             raise ValueError("block: the key type is missing")
-        for key in (self.knob.key, "initial"):
+        for key in (self.knob.key, *self.knob.follow, "initial"):
             if key in self.block:
                 why = "it is that of the plant's file" if key == "initial" else "it is tuned"
                 raise ValueError(f"block: {key} is not given here: {why}")
         return self
+
+
+class Others(Block):
+    """Observers of the program, and of other packages, that the file does not name."""
+
+    group: str = Field(default="others", description="their group; that of differentiators is differentiator")
+    knobs: Annotated[tuple[Knob, ...], NonEmpty] = Field(
+        description="the first of these that an observer has among its keys is tuned"
+    )
 
 
 class Seeds(Block):
@@ -62,8 +74,8 @@ class Seeds(Block):
 class Tries(Block):
     """How many values of each knob are tried: all over its range, then around the best one."""
 
-    coarse: Count = Field(default=15, description="all over its range, with a quarter of the seeds")
-    fine: Count = Field(default=9, description="around the best of these, with all seeds")
+    coarse: Count = Field(default=9, description="all over its range, with a quarter of the seeds")
+    fine: Count = Field(default=7, description="around the best of these, with all seeds")
 
 
 class BenchmarkFile(Block):
@@ -73,5 +85,7 @@ class BenchmarkFile(Block):
     plants: Annotated[dict[str, Venue], NonEmpty] = Field(description="name: plant")
     scenarios: Annotated[tuple[str, ...], NonEmpty] = Field(description="the runs that every plant's file has")
     observers: Annotated[dict[str, Contestant], NonEmpty] = Field(description="label: contestant")
+    others: Others | None = Field(default=None, description="how observers take part that are not named here")
+    without: dict[str, str] = Field(default_factory=dict, description="type: why it does not take part")
     seeds: Seeds = Field(default_factory=Seeds, description="whose runs are averaged")
     tries: Tries = Field(default_factory=Tries, description="how many values of each knob are tried")
