@@ -117,6 +117,8 @@ class _Cell:
     def entry(self, label: str, one: Contestant, folder: Path, threads: int) -> Entry:
         """An entry, from its file where there is one that says how it has come about."""
         entry = Entry(self.plant, self.scenario, label, one.group)
+        if one.scenarios and self.scenario not in one.scenarios:
+            return replace(entry, refused=f"made for {', '.join(one.scenarios)} only")
         try:
             experiment = contestant_in(self.base, label, one, self.rate)
             prepare(experiment)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from hgorun.benchmark.scan import Floats, Scan
 from hgorun.config.benchmark import BenchmarkFile, Contestant, Knob, Others
 from hgorun.observers.base import OBSERVERS, AnyObserver
-from hgorun.observers.capabilities import Differentiator, Switching
+from hgorun.observers.capabilities import Differentiator
 from hgorun.simulation.experiment import Experiment
 
 _EVALUATIONS = 1e6  # of the equations: a run that takes more is taken for lost
@@ -51,8 +51,7 @@ def _knob_of(one: type[AnyObserver], others: Others) -> Knob | None:
 
 def _joined(name: str, one: type[AnyObserver], knob: Knob, others: Others) -> Contestant:
     group = "differentiator" if issubclass(one, Differentiator) else others.group
-    steps = "plant" if issubclass(one, Switching) else "auto"
-    return Contestant.model_validate({"group": group, "knob": knob, "steps": steps, "block": {"type": name}})
+    return Contestant.model_validate({"group": group, "knob": knob, "block": {"type": name}})
 
 
 def with_knob(knob: Knob, values: Floats) -> dict[str, NDArray[Any]]:

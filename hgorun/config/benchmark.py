@@ -8,6 +8,7 @@ from pydantic import Field, model_validator
 
 from hgorun.config.tuning import Range
 from hgorun.config.types import Block, NonEmpty, Positive
+from hgorun.errors import Problem
 
 Count = Annotated[int, Field(ge=2, le=1000, strict=True)]
 
@@ -38,9 +39,10 @@ class Contestant(Block):
 
     group: str = Field(description="which kind it is: a colour of the figure")
     knob: Knob = Field(default_factory=Knob, description="the number that is tuned")
-    steps: Literal["auto", "plant"] = Field(
-        default="auto", description="of integration: found by error control, or those of the plant's file"
+    steps: Literal["plant", "auto"] = Field(
+        default="plant", description="of integration: those of the plant's file, or found by error control"
     )
+    scenarios: tuple[str, ...] = Field(default=(), description="the only ones that it is made for; all by default")
     block: dict[str, Any] = Field(description="the observer's block without its knob and its initial estimate")
 
     @model_validator(mode="after")
@@ -87,5 +89,14 @@ class BenchmarkFile(Block):
     observers: Annotated[dict[str, Contestant], NonEmpty] = Field(description="label: contestant")
     others: Others | None = Field(default=None, description="how observers take part that are not named here")
     without: dict[str, str] = Field(default_factory=dict, description="type: why it does not take part")
+
+    @model_validator(mode="after")
+    def _known(self) -> BenchmarkFile:
+        for label, one in self.observers.items():
+            for name in one.scenarios:
+                if name not in self.scenarios:
+                    raise Problem(("observers", label, "scenarios"), f"no scenario is called {name!r}")
+        return self
+
     seeds: Seeds = Field(default_factory=Seeds, description="whose runs are averaged")
     tries: Tries = Field(default_factory=Tries, description="how many values of each knob are tried")
