@@ -12,7 +12,7 @@ from typing import Any
 
 from pydantic import TypeAdapter
 
-from hgorun.benchmark.contestants import contestant_in, contestants
+from hgorun.benchmark.contestants import check_types, contestant_in, contestants
 from hgorun.benchmark.scan import Floats
 from hgorun.benchmark.trial import Score, Trial, swing
 from hgorun.code import ENSEMBLE, RUN, code, code_of
@@ -181,6 +181,8 @@ def load_benchmark(path: str | Path) -> Benchmark:
     path = Path(path)
     _, source = read_source(path)
     blocks = validate(BenchmarkFile, source.data, source, ())
+    with source.located():
+        check_types(blocks)
     bases: dict[tuple[str, str], Experiment] = {}
     for name, venue in blocks.plants.items():
         for scenario in blocks.scenarios:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from hgorun.benchmark.scan import Floats, Scan
 from hgorun.config.benchmark import BenchmarkFile, Contestant, Knob, Others
+from hgorun.errors import Problem
 from hgorun.observers.base import OBSERVERS, AnyObserver
 from hgorun.observers.capabilities import Differentiator
 from hgorun.simulation.experiment import Experiment
@@ -39,6 +40,22 @@ def absent(blocks: BenchmarkFile) -> dict[str, str]:
     return dict(sorted(found.items()))
 
 
+def check_types(blocks: BenchmarkFile) -> None:
+    """Refuse observers that there are not.
+
+    Raises
+    ------
+    Problem
+    """
+    known = OBSERVERS.names()
+    for path, name in [
+        *((("observers", label, "block", "type"), one.block["type"]) for label, one in blocks.observers.items()),
+        *((("without", name), name) for name in blocks.without),
+    ]:
+        if name not in known:
+            raise Problem(path, f"no observer is called {name!r}; known: {', '.join(known)}")
+
+
 def _unnamed(blocks: BenchmarkFile) -> dict[str, type[AnyObserver]]:
     """Observers of which the file says nothing."""
     named = {one.block["type"] for one in blocks.observers.values()} | blocks.without.keys()
@@ -62,9 +79,6 @@ def with_knob(knob: Knob, values: Floats) -> dict[str, NDArray[Any]]:
 
 def _needed(name: str, states: tuple[str, ...]) -> dict[str, object]:
     """Keys that have to be given, as its example has them."""
-    known = OBSERVERS.names()
-    if name not in known:  # which is said where the block is read
-        return {}
     one = OBSERVERS.find(name)
     return {key: value for key, value in one.example(states).items() if one.model_fields[key].is_required()}
 

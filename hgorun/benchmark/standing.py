@@ -4,10 +4,10 @@ In a cell, one plant in one scenario, a contestant's ratio is its mean error ove
 such mean. Over the plants that it takes, ratios are averaged geometrically: 1 is the best everywhere, 2 has twice the
 error of the best on average.
 
-The interval says where 95 % of the tables lie that are made anew with other seeds. Seeds are drawn anew with repetition,
-the same ones for all contestants, since they have met the same noise: those of scoring, and those of tuning, among which
-another value of the knob may be the best. Two such tables, one in the place of this one and one in that of the other,
-differ as this one and another do.
+The interval says where 95 % of the tables lie that are made anew with other seeds. Seeds are drawn anew with
+repetition, the same ones for all contestants, since they have met the same noise: those of scoring, and those of
+tuning, among which another value of the knob may be the best. Two such tables, one in the place of this one and one in
+that of the other, differ as this one and another do.
 """
 
 from __future__ import annotations
