@@ -12,7 +12,7 @@ from typing import Any
 
 from pydantic import TypeAdapter
 
-from hgorun.benchmark.contestants import check_types, contestant_in, contestants
+from hgorun.benchmark.contestants import absent, check_types, contestant_in, contestants
 from hgorun.benchmark.scan import Floats
 from hgorun.benchmark.trial import Score, Trial, swing
 from hgorun.code import ENSEMBLE, RUN, code, code_of
@@ -72,6 +72,11 @@ class Benchmark:
     def contestants(self) -> dict[str, Contestant]:
         """Those of the file, and the others that take part."""
         return contestants(self.blocks)
+
+    @property
+    def absent(self) -> dict[str, str]:
+        """Types of observers that do not take part, and why."""
+        return absent(self.blocks)
 
     def entries(self, folder: Path, threads: int = 1, told: Callable[[int], None] = lambda _: None) -> list[Entry]:
         """All entries; those that are in the folder are read, the others are carried out and written there.

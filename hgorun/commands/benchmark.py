@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import json as json_text
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 from hgorun.benchmark import tables
 from hgorun.benchmark.benchmark import Benchmark, Entry, load_benchmark
 from hgorun.benchmark.contenders import contenders
 from hgorun.benchmark.standing import Standing, standings
-from hgorun.commands.options import Bench
+from hgorun.commands.ensemble_options import Bench
+from hgorun.commands.inputs import configuration
 from hgorun.commands.outputs import RESULTS, refuse_other_kinds
-from hgorun.commands.run import require_file
 from hgorun.files import json_value, write_text
 from hgorun.process import processors
 from hgorun.progress import shown
@@ -30,7 +30,7 @@ def benchmark(options: Bench) -> int:
         When a file cannot be written.
     """
     refuse_other_kinds(options.output, ())
-    require_file(options.file)
+    options = replace(options, file=configuration(options.file))
     asked = load_benchmark(options.file)
     folder = (options.output or RESULTS) / asked.name
     with shown(asked.size, asked.name, "entries", show=options.text) as progress:
@@ -54,7 +54,7 @@ def _write(
     plots: bool,
 ) -> list[Path]:
     files = [folder / "standings.md", folder / "entries.csv"]
-    write_text(files[0], tables.markdown(found, asked.blocks.scenarios))
+    write_text(files[0], tables.markdown(found, asked.blocks.scenarios, asked.absent))
     write_text(files[1], tables.table(entries))
     if plots:
         from hgorun.figures.benchmark import benchmark as draw

@@ -95,6 +95,7 @@ def test_tables_say_all_of_it() -> None:
     assert "2.00 (1)" in text(found, ["calm"])
     assert "| A | 2.00 [2.00, 2.00] (1) |" in markdown(found, ["calm"])
     assert "| C | - |" in markdown(found, ["calm"])
+    assert "- `deadbeat`: no knob" in markdown(found, ["calm"], {"deadbeat": "no knob"})
     lines = table(entries).splitlines()
     assert lines[0].startswith("plant,scenario,observer,group,knob")
     assert lines[3].endswith('"too, bad"')

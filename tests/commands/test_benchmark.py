@@ -16,7 +16,7 @@ from hgorun.benchmark.benchmark import Benchmark, load_benchmark
 from hgorun.benchmark.contestants import absent, contestant_in, contestants
 from hgorun.benchmark.trial import Trial
 from hgorun.commands.benchmark import benchmark
-from hgorun.commands.options import Bench
+from hgorun.commands.ensemble_options import Bench
 from hgorun.config.benchmark import Contestant
 from hgorun.errors import ConfigError, HgorunError
 from hgorun.observers.base import OBSERVERS
