@@ -5,7 +5,6 @@ import subprocess
 import sys
 import tarfile
 import zipfile
-from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
@@ -14,7 +13,7 @@ ROOT = Path(__file__).parents[1]
 EPOCH = "1764115200"
 
 
-def built(checkout: Path, into: Path, kind: str, environment: Mapping[str, str], mask: int) -> Path:
+def built(checkout: Path, into: Path, kind: str, environment: dict[str, str], mask: int) -> Path:
     """A wheel or a source distribution, built without an environment of its own."""
     done = subprocess.run(
         [sys.executable, "-m", "hatchling", "build", "-t", kind, "-d", str(into)],
