@@ -53,6 +53,7 @@ lint: $(VENV)/.installed-dev
 
 docs: $(VENV)/.installed-dev
 	$(BIN)/python -m sphinx -W --keep-going -q -b html -d build/doctrees docs build/docs
+	$(BIN)/python tools/follow_links.py build/docs
 
 wheel: $(VENV)/.installed-dev
 	$(BIN)/python -m build --wheel
