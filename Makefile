@@ -17,7 +17,7 @@ LOWEST_PYTHON ?= $(or $(shell command -v python3.11),$(PYTHON))
 
 help:
 	@echo "make figures   every figure and claim of the publications, and results/REPORT.md"
-	@echo "make benchmark compare observers on several plants, in results/benchmark/: an hour; continues where it was"
+	@echo "make benchmark compare observers on several plants, in results/benchmark/: minutes; continues where it was"
 	@echo "make test      run the tests; the fast ones: make test ARGS='-m \"not slow\"'"
 	@echo "make test-lowest  the fast tests with the lowest versions that pyproject.toml permits"
 	@echo "make coverage  run the tests, list the lines and branches of each file that they leave out"
