@@ -1,4 +1,4 @@
-"""Links of a built site are followed, to the place in the page, and what a browser would fetch from elsewhere is told."""
+"""Links of a built site are followed, to the place in the page; what a browser would fetch from elsewhere is told."""
 
 from __future__ import annotations
 
