@@ -1,4 +1,4 @@
-"""The command line: parse, call, exit. Options are in ``hgorun.commands.options`` and
+"""The command line: parse, call, exit. Options are in ``hgorun.commands.options``, ``ensemble_options`` and
 ``catalogue_options``; the commands are beside them.
 
 Only typer is imported here; everything else when a command runs, so that help comes at once.
@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
-from hgorun.commands import catalogue_options, options
+from hgorun.commands import catalogue_options, ensemble_options, options
 from hgorun.errors import HgorunError, PluginError, PluginWarning, printable
 from hgorun.process import CLOSED_PIPE, INTERRUPTED, INTERRUPTION_SAID, TERMINATED, TERMINATION_SAID, say, silence
 
@@ -25,13 +25,15 @@ if TYPE_CHECKING:
 
     Options = TypeVar("Options", bound=DataclassInstance)
 
-_INTERRUPTED = 130
+_NOT_OK = "a status is not ok, with --strict"
 
 app = typer.Typer(
     name="hgorun",
     help="A test bench for high-gain observers: simulate, compare and check them from one YAML file.",
     no_args_is_help=True,
-    add_completion=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    epilog="Exit codes: 0 done; 1 could not finish; 2 wrong input; 3 a number, status or verdict is not as it should "
+    "be, with --strict or --check; 130 interrupted (Ctrl-C). hgorun COMMAND -h says what a command takes.",
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
 )
@@ -48,8 +50,12 @@ def _main(
         raise typer.Exit()
 
 
-def _command(name: str, record: type[Options]) -> Callable[[Callable[[Options], int]], None]:
-    """Make a command of a function: the record's fields are its parameters, its docstring the help."""
+def _command(name: str, record: type[Options], third: str = "") -> Callable[[Callable[[Options], int]], None]:
+    """Make a command of a function: the record's fields are its parameters, its docstring the help.
+
+    ``third`` says when its exit code is 3.
+    """
+    codes = ["0 done", "1 could not finish", "2 wrong input", *([f"3 {third}"] if third else []), "130 interrupted"]
 
     def add(function: Callable[[Options], int]) -> None:
         def run(**values: object) -> None:
@@ -67,7 +73,7 @@ def _command(name: str, record: type[Options]) -> Callable[[Callable[[Options], 
         ]
         run.__dict__["__signature__"] = Signature(parameters)  # what typer reads
         run.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
-        app.command(name, help=getdoc(record))(run)
+        app.command(name, help=getdoc(record), epilog=f"Exit codes: {'; '.join(codes)}.")(run)
 
     return add
 
@@ -78,50 +84,50 @@ def _default(field: Field[Any]) -> object:
     return Parameter.empty if field.default is MISSING else field.default
 
 
-@_command("simulate", options.Simulate)
+@_command("simulate", options.Simulate, _NOT_OK)
 def _simulate(chosen: options.Simulate) -> int:
     from hgorun.commands.run import simulate
 
     return simulate(chosen)
 
 
-@_command("estimate", options.Estimate)
+@_command("estimate", options.Estimate, _NOT_OK)
 def _estimate(chosen: options.Estimate) -> int:
     from hgorun.commands.estimate import estimate
 
     return estimate(chosen)
 
 
-@_command("sweep", options.Sweep)
-def _sweep(chosen: options.Sweep) -> int:
+@_command("sweep", ensemble_options.Sweep, _NOT_OK)
+def _sweep(chosen: ensemble_options.Sweep) -> int:
     from hgorun.commands.sweep import sweep
 
     return sweep(chosen)
 
 
-@_command("merge", options.Merge)
-def _merge(chosen: options.Merge) -> int:
+@_command("merge", ensemble_options.Merge, _NOT_OK)
+def _merge(chosen: ensemble_options.Merge) -> int:
     from hgorun.commands.sweep import merge
 
     return merge(chosen)
 
 
-@_command("rerun", options.Rerun)
+@_command("rerun", options.Rerun, "a number differs, with --check")
 def _rerun(chosen: options.Rerun) -> int:
     from hgorun.commands.rerun import rerun
 
     return rerun(chosen)
 
 
-@_command("compare", options.Compare)
-def _compare(chosen: options.Compare) -> int:
+@_command("compare", ensemble_options.Compare, _NOT_OK)
+def _compare(chosen: ensemble_options.Compare) -> int:
     from hgorun.commands.run import compare
 
     return compare(chosen)
 
 
-@_command("report", options.Report)
-def _report(chosen: options.Report) -> int:
+@_command("report", ensemble_options.Report)
+def _report(chosen: ensemble_options.Report) -> int:
     from hgorun.commands.ensembles import report
 
     return report(chosen)
@@ -134,15 +140,15 @@ def _explore(chosen: options.Explore) -> int:
     return explore(chosen)
 
 
-@_command("tune", options.Tune)
-def _tune(chosen: options.Tune) -> int:
+@_command("tune", ensemble_options.Tune)
+def _tune(chosen: ensemble_options.Tune) -> int:
     from hgorun.commands.tune import tune
 
     return tune(chosen)
 
 
-@_command("benchmark", options.Bench)
-def _benchmark(chosen: options.Bench) -> int:
+@_command("benchmark", ensemble_options.Bench)
+def _benchmark(chosen: ensemble_options.Bench) -> int:
     from hgorun.commands.benchmark import benchmark
 
     return benchmark(chosen)
@@ -162,6 +168,13 @@ def _analyze(chosen: options.Analyze) -> int:
     return analyze(chosen)
 
 
+@_command("cite", options.Cite)
+def _cite(chosen: options.Cite) -> int:
+    from hgorun.commands.cite import cite
+
+    return cite(chosen)
+
+
 @_command("figures", catalogue_options.Figures)
 def _figures(chosen: catalogue_options.Figures) -> int:
     from hgorun.commands.figures import figures
@@ -169,7 +182,7 @@ def _figures(chosen: catalogue_options.Figures) -> int:
     return figures(chosen)
 
 
-@_command("claims", catalogue_options.Claims)
+@_command("claims", catalogue_options.Claims, "a verdict is not as expected, with --strict")
 def _claims(chosen: catalogue_options.Claims) -> int:
     from hgorun.commands.claims import claims
 
@@ -192,14 +205,21 @@ def _show(chosen: catalogue_options.Show) -> int:
 
 @_command("schema", catalogue_options.Schema)
 def _schema(chosen: catalogue_options.Schema) -> int:
-    from hgorun.commands.catalogue import schema
+    from hgorun.commands.schema import schema
 
     return schema(chosen)
 
 
+@_command("doctor", catalogue_options.Doctor, "something is amiss, with --strict")
+def _doctor(chosen: catalogue_options.Doctor) -> int:
+    from hgorun.commands.doctor import doctor
+
+    return doctor(chosen)
+
+
 @_command("init", catalogue_options.Init)
 def _init(chosen: catalogue_options.Init) -> int:
-    from hgorun.commands.catalogue import init
+    from hgorun.commands.init import init
 
     return init(chosen)
 

@@ -39,7 +39,7 @@ class ConfigError(HgorunError):
     message : str
         What is wrong, what was found and what would be right.
     file, line, key : optional
-        Where: the message then starts ``file:line: key: ``.
+        Where: the message then starts with ``file:line: key:``.
     """
 
     exit_code = 2

@@ -116,4 +116,5 @@ def test_shipped_experiments_are_part_of_the_wheel() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     wheel = project["tool"]["hatch"]["build"]["targets"]["wheel"]
     assert wheel["packages"] == ["hgorun"]
-    assert wheel["force-include"] == {"experiments": "hgorun/experiments"}
+    example = {"demos/fermentation": "hgorun/demos/fermentation"}
+    assert wheel["force-include"] == {"experiments": "hgorun/experiments", **example}

@@ -10,7 +10,7 @@ import pytest
 import yaml
 from shell import Shell
 
-from hgorun.commands.catalogue import sweep_schema
+from hgorun.commands.schema import sweep_schema
 
 PAGE = (Path(__file__).parents[1] / "docs" / "sweeps.md").read_text(encoding="utf-8")
 BASE = """

@@ -31,6 +31,8 @@ import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from importlib.metadata import version
 from itertools import groupby
 from pathlib import Path
@@ -45,6 +47,7 @@ ROOT = Path(__file__).resolve().parents[1]
 EXPERIMENTS = ROOT / "experiments"
 REFERENCE = ROOT / "tests" / "reference" / "fingerprint.json"
 PROCESSES = 2
+START = 60.0  # seconds within which a worker has to say that it is there
 LONGEST = 160  # characters of a value that stands as it is; longer ones are hashed
 
 # (experiment, run) whose analysis is compared, at least one of each kind of theory; None: the file has no runs
@@ -235,15 +238,54 @@ def tasks(experiments: Sequence[str]) -> Iterator[Task]:
     yield from ((trajectories, (experiment, name)) for experiment, name, _ in sorted(of_all, key=lambda one: one[2]))
 
 
+class NoWorkersError(Exception):
+    """Processes that were started to do the work cannot do it."""
+
+
+@contextmanager
+def workers() -> Iterator[ProcessPoolExecutor]:
+    """Processes that have said that they can import this file; they are ended with the block.
+
+    They are spawned: workers inherit nothing of this process but its environment. One that cannot import what it is
+    to do, or that hangs while it tries, would otherwise be waited for, and started again, for ever.
+
+    Raises
+    ------
+    NoWorkersError
+        When a worker ends too early, or does not answer within START seconds.
+    """
+    pool = ProcessPoolExecutor(PROCESSES, mp_context=multiprocessing.get_context("spawn"))
+    try:
+        for answer in [pool.submit(this_platform) for _ in range(PROCESSES)]:
+            answer.result(timeout=START)
+        yield pool
+    except BrokenProcessPool as error:
+        raise NoWorkersError(f"a worker ended before its work was done: {error}") from error
+    except TimeoutError as error:
+        raise NoWorkersError(f"the workers did not answer within {START:g} s") from error
+    finally:
+        started = list((pool._processes or {}).values())  # shutdown alone waits for one that hangs
+        pool.shutdown(wait=False, cancel_futures=True)
+        for process in started:
+            process.kill()
+
+
 def fingerprint(experiments: Sequence[str]) -> tuple[Entries, list[str]]:
-    """All entries of the experiments, and which parts of the work failed."""
+    """All entries of the experiments, and which parts of the work failed.
+
+    Raises
+    ------
+    NoWorkersError
+        When the processes that do the work cannot be started, or die.
+    """
     found: Entries = {}
     failed: list[str] = []
-    # spawned: workers inherit nothing of this process but its environment
-    with ProcessPoolExecutor(PROCESSES, mp_context=multiprocessing.get_context("spawn")) as pool:
+    with workers() as pool:
         futures = [(task, pool.submit(task[0], *task[1])) for task in tasks(experiments)]
         for (function, arguments), future in futures:
             error = future.exception()
+            if isinstance(error, BrokenProcessPool):
+                raise error
             if error is None:
                 found |= future.result()
             else:
@@ -323,7 +365,11 @@ def main() -> int:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
     start = time.monotonic()
-    found, failed = fingerprint(experiments)
+    try:
+        found, failed = fingerprint(experiments)
+    except NoWorkersError as error:
+        print(f"failed: {error}", file=sys.stderr)
+        return 1
     print(f"{len(found)} entries in {time.monotonic() - start:.0f} s", file=sys.stderr)
     for text in failed:
         print(f"failed: {text}", file=sys.stderr)

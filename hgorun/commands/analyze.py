@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import json as json_text
+from dataclasses import replace
 from pathlib import Path
 
 from hgorun.analysis.report import analysis_of
 from hgorun.analysis.subject import Context
+from hgorun.commands.inputs import configuration
 from hgorun.commands.options import Analyze
-from hgorun.commands.outputs import RESULTS, refuse_other_kinds
-from hgorun.commands.run import require_file, run_with_progress, warn
+from hgorun.commands.outputs import RESULTS, refuse_other_kinds, written
+from hgorun.commands.run import run_with_progress, warn
 from hgorun.errors import ConfigError
+from hgorun.figures.page import Page
 from hgorun.simulation.simulate import prepare
 from hgorun.study.loading import load
 from hgorun.tables import analysis as table
+from hgorun.tables.advice import advice
 
 _FIGURES = {".png", ".pdf"}
 
@@ -21,27 +25,29 @@ _FIGURES = {".png", ".pdf"}
 def analyze(options: Analyze) -> int:
     """Say what theory promises for a configuration, and draw the transients that it bounds."""
     refuse_other_kinds(options.output, _FIGURES)
-    require_file(options.config)
+    page = Page.named(options.width, options.style)
+    options = replace(options, config=configuration(options.config))
     stem = options.config.stem
     target = _target(stem if options.run is None else f"{stem}-{options.run}", options.output)
     run = prepare(load(options.config, options.overrides, seed=options.seed, run=options.run))
     result = run_with_progress(run, show=options.text)
     warn(result)
     analysis = analysis_of(run, result, search=options.search)
-    written: list[Path] = []
+    drawn: list[Path] = []
     if options.plots and analysis.transients:
         from hgorun.figures.files import save
         from hgorun.figures.peaking import peaking
 
-        written = save(peaking(result, analysis.transients), target)
+        drawn = save(peaking(result, analysis.transients, page), target)
     if options.plots:
-        written += _bode(analysis.context, target.with_name(target.name.removesuffix("-analysis") + "-bode"))
+        drawn += _bode(analysis.context, page, target.with_name(target.name.removesuffix("-analysis") + "-bode"))
     if options.json:
         print(json_text.dumps(analysis.as_json(str(options.config)), indent=2, allow_nan=False))
     elif not options.quiet:
-        print(table.text(analysis))
-        for png, pdf in zip(written[::2], written[1::2], strict=True):
-            print(f"written: {png}, {pdf}")
+        print("\n".join(advice(analysis)))
+        print(f"\n{table.text(analysis)}" if options.verbose else "every number, and why others are missing: -v")
+        for png, pdf in zip(drawn[::2], drawn[1::2], strict=True):
+            print(written([png, pdf]))
     return 0
 
 
@@ -54,11 +60,11 @@ def _target(name: str, output: Path | None) -> Path:
     return (output or RESULTS) / f"{name}-analysis"
 
 
-def _bode(context: Context, target: Path) -> list[Path]:
+def _bode(context: Context, page: Page, target: Path) -> list[Path]:
     """The observers' frequency responses, where there are some."""
     from hgorun.analysis.noise.responses import frequency_responses
     from hgorun.figures.bode import bode_figure
     from hgorun.figures.files import save
 
     data = frequency_responses(context)
-    return save(bode_figure(data, context.result), target) if data.magnitude else []
+    return save(bode_figure(data, context.result, page), target) if data.magnitude else []

@@ -1,31 +1,24 @@
-"""``list``, ``show``, ``schema``, ``init``: what there is and how to start."""
+"""``list``, ``show``, ``init``: what there is and how to start."""
 
 from __future__ import annotations
 
 import json as json_text
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-from pydantic import BaseModel
+from typing import TYPE_CHECKING
 
 from hgorun.commands import described
-from hgorun.commands.catalogue_options import Init, List, Schema, Show
+from hgorun.commands.catalogue_options import List, Show
 from hgorun.config import yaml_source
 from hgorun.config.expressions import nearest
-from hgorun.config.models import File
-from hgorun.config.sweeps import SweepFile
-from hgorun.errors import ConfigError, HgorunError
-from hgorun.figures.scaling import quantities
-from hgorun.files import write_text
-from hgorun.measurement.blocks import Measurement
+from hgorun.errors import ConfigError
 from hgorun.noise.base import NOISE, Noise
 from hgorun.observers.base import OBSERVERS, AnyObserver
 from hgorun.plants.base import PLANTS, Plant
-from hgorun.plants.inline import InlinePlant
 from hgorun.registry import Registry
 from hgorun.reproduce.shipped import experiments
 from hgorun.result.metrics.base import all_metrics
+from hgorun.tables.layout import entry, wrapped
 
 if TYPE_CHECKING:
     from hgorun.analysis.finding import Finding
@@ -55,7 +48,7 @@ def _entries(kind: str) -> dict[str, str]:
     if kind == "experiments":
         return _titles()
     if kind == "findings":
-        return {name: finding.meaning for name, finding in _findings().items()}
+        return {name: finding.meaning.replace(r"\|", "|") for name, finding in _findings().items()}
     if kind == "metrics":
         return {name: metric.meaning for name, metric in all_metrics(closed=True).items()}
     return {name: _first_line(cls) for name, cls in _REGISTRIES[kind].all().items()}
@@ -70,11 +63,11 @@ def list_all(options: List) -> int:
     if options.json:
         print(json_text.dumps(found, indent=2))
         return 0
-    width = max(len(name) for entries in found.values() for name in entries)
     for k, entries in found.items():
         print(f"{k}:")
+        beside = max(map(len, entries))
         for name, line in entries.items():
-            print(f"  {name:<{width}}  {line}".rstrip())
+            print("\n".join(entry(name, line, beside)))
     return 0
 
 
@@ -106,7 +99,8 @@ def show(options: Show) -> int:
 
 
 def _told(record: described.Record, *, json: bool) -> int:
-    print(json_text.dumps(record, indent=2) if json else "\n".join(f"{k}: {v}" for k, v in record.items()))
+    lines = [line for k, v in record.items() for line in wrapped(f"{k}: {v}")]
+    print(json_text.dumps(record, indent=2) if json else "\n".join(lines))
     return 0
 
 
@@ -114,86 +108,3 @@ def _findings() -> dict[str, Finding]:
     from hgorun.analysis.finding import all_findings  # with all of the analysis, which nothing else here needs
 
     return {finding.name: finding for finding in all_findings()}
-
-
-def schema(options: Schema) -> int:
-    """The JSON schema, with the keys of every plant, observer and kind of noise."""
-    print(json_text.dumps(sweep_schema() if options.sweep else build_schema(), indent=2))
-    return 0
-
-
-def sweep_schema() -> dict[str, Any]:
-    """The schema of sweep files, whose base may be a whole configuration."""
-    top, base = SweepFile.model_json_schema(), build_schema()
-    definitions = top.pop("$defs", {}) | base.pop("$defs")
-    dialect = base.pop("$schema")
-    description = top["properties"]["base"]["description"]
-    whole = {"$ref": "#/$defs/Configuration"}
-    top["properties"]["base"] = {"anyOf": [{"type": "string"}, whole], "description": description}
-    return {"$schema": dialect, **top, "$defs": definitions | {"Configuration": base}}
-
-
-def build_schema() -> dict[str, Any]:
-    """The schema as data."""
-    top = File.model_json_schema()
-    definitions = top.setdefault("$defs", {})
-
-    def add(model: type[BaseModel], name: str, constant: str | None = None, *, whole: bool = False) -> dict[str, str]:
-        own = model.model_json_schema(ref_template="#/$defs/{model}")
-        definitions.update(own.pop("$defs", {}))
-        if not whole:  # a file that extends another one may leave anything out, except in the items of a list
-            own.pop("required", None)
-        if constant is not None:
-            own["properties"]["type"] = {"const": constant}
-        definitions[name] = own
-        return {"$ref": f"#/$defs/{name}"}
-
-    plants = [add(cls, f"plant-{name}", name) for name, cls in PLANTS.all().items()]
-    observers = [add(cls, f"observer-{name}", name) for name, cls in OBSERVERS.all().items()]
-    top["properties"]["plant"] = {"anyOf": [*plants, add(InlinePlant, "plant-inline", "inline")]}
-    definitions["plant-inline"]["properties"]["output"] = {
-        "anyOf": [
-            {"type": "string"},
-            {"type": "array", "items": {"type": "string"}},
-            definitions["plant-inline"]["properties"]["output"],
-        ]
-    }
-    top["properties"]["observers"]["additionalProperties"] = {"anyOf": observers}
-    top["properties"]["measurement"] = add(Measurement, "Measurement")
-    definitions["Scaling"]["properties"]["of"]["examples"] = list(quantities())
-    definitions["Noise"] = {"anyOf": [add(cls, f"noise-{name}", name, whole=True) for name, cls in NOISE.all().items()]}
-    top.pop("required", None)
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **top}
-
-
-def init(options: Init) -> int:
-    """Copy an experiment and the files that it extends."""
-    name, folder = options.name, options.folder
-    shipped = experiments()
-    matches = [file for path, file in shipped.items() if name in (path, Path(path).name)]
-    if not matches:
-        raise ConfigError(
-            f"no experiment is called {name!r}.{nearest(name, [*shipped, *(Path(p).name for p in shipped)])}"
-        )
-    copies = [(folder / file.name, text) for file, text in _with_bases(matches[0])]
-    for target, text in copies:
-        if target.exists() and not options.force and target.read_text(encoding="utf-8") != text:
-            raise HgorunError(f"{target} exists and differs; --force overwrites it")
-    for target, text in copies:
-        write_text(target, text)
-        print(f"written: {target}")
-    print(f"try: hgorun simulate {folder / matches[0].name}")
-    return 0
-
-
-def _with_bases(file: Path) -> Iterator[tuple[Path, str]]:
-    """A file and those that it extends, with texts in which all of them lie in one folder."""
-    text, source = yaml_source.read(file)
-    base = source.data.get("extends") if isinstance(source.data, dict) else None
-    if isinstance(base, str):
-        yield from _with_bases(file.parent / base)
-        lines = text.splitlines(keepends=True)
-        place = source.positions["extends",][1] - 1
-        lines[place] = lines[place].replace(base, Path(base).name)
-        text = "".join(lines)
-    yield file, text

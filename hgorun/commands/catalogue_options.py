@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from hgorun.commands import completion
 from hgorun.commands.options import Printing
 
 
@@ -18,7 +19,11 @@ class Reproduction(Printing):
 
     names: Annotated[
         list[str],
-        typer.Argument(metavar="[NAME...]", help="Figures, experiments or folders of them, or YAML files."),
+        typer.Argument(
+            metavar="[NAME...]",
+            help="Figures, experiments or folders of them, or YAML files.",
+            autocompletion=completion.publications,
+        ),
     ] = field(default_factory=list)
     jobs: Annotated[
         int | None, typer.Option("--jobs", min=1, help="Number of processes (default: one per processor).")
@@ -52,9 +57,16 @@ class Claims(Reproduction):
 class List:
     """List the available plants, observers, kinds of noise, metrics, findings and experiments."""
 
-    kind: Annotated[str, typer.Argument(help="plants, observers, noise, metrics, findings, experiments or all.")] = (
-        "all"
-    )
+    kind: Annotated[
+        str,
+        typer.Argument(
+            metavar="[KIND]",
+            help="plants, observers, noise, metrics, findings, experiments or all.",
+            autocompletion=completion.one_of(
+                "plants", "observers", "noise", "metrics", "findings", "experiments", "all"
+            ),
+        ),
+    ] = "all"
     json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False
 
 
@@ -65,7 +77,9 @@ class Show:
     The description has its equations, its keys with ranges and defaults, and its source.
     """
 
-    name: Annotated[str, typer.Argument(help="A name from hgorun list.")]
+    name: Annotated[
+        str, typer.Argument(metavar="NAME", help="A name from hgorun list.", autocompletion=completion.everything)
+    ]
     json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False
 
 
@@ -74,12 +88,61 @@ class Schema:
     """Print the JSON schema of configurations, for editors."""
 
     sweep: Annotated[bool, typer.Option("--sweep", help="The schema of sweep files instead.")] = False
+    benchmark: Annotated[bool, typer.Option("--benchmark", help="The schema of benchmark files instead.")] = False
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Doctor:
+    """Check the installation: versions, extras, speed, numbers.
+
+    A self-test compares a simulation with its solution in closed form. Exit code 1: its numbers are wrong.
+    """
+
+    prune: Annotated[bool, typer.Option("--prune", help="Empty the cache of compiled code.")] = False
+    strict: Annotated[bool, typer.Option("--strict", help="Exit with code 3 if anything is amiss.")] = False
+    json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Init:
-    """Copy a built-in experiment as a starting point."""
+    """Copy a built-in experiment, or write a first configuration.
 
-    name: Annotated[str, typer.Argument(help="A built-in experiment; see hgorun list experiments.")] = "contois_te025"
-    folder: Annotated[Path, typer.Argument(help="Folder to copy it to.")] = Path()
+    NAME is an experiment, or an example with recorded data (fermentation). With --plant a commented configuration of
+    that plant is written, which runs as it is; with --ask it follows from your answers, of your own plant, too.
+    """
+
+    name: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="[NAME]",
+            help="A built-in experiment, see hgorun list experiments, or an example (default: contois_te025).",
+            autocompletion=completion.starts,
+        ),
+    ] = None
+    folder: Annotated[
+        Path | None, typer.Argument(metavar="[FOLDER]", help="Folder to copy it to (default: here; examples: NAME).")
+    ] = None
+    plant: Annotated[
+        str | None,
+        typer.Option(
+            "--plant",
+            metavar="NAME",
+            help="Write a configuration of this plant; see hgorun list plants.",
+            autocompletion=completion.plants,
+        ),
+    ] = None
+    observers: Annotated[
+        list[str],
+        typer.Option(
+            "--observer",
+            metavar="NAME",
+            help="With --plant: an observer that is in it; repeatable.",
+            autocompletion=completion.observers,
+        ),
+    ] = field(default_factory=list)
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", metavar="FILE", help="With --plant or --ask: its file (default: PLANT.yaml)."),
+    ] = None
+    ask: Annotated[bool, typer.Option("--ask", help="Ask what the configuration should have.")] = False
     force: Annotated[bool, typer.Option("--force", help="Overwrite existing files.")] = False

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json as json_text
-import textwrap
 from collections.abc import Sequence
 
 from hgorun.commands.catalogue_options import Claims
@@ -14,9 +13,9 @@ from hgorun.reproduce.choice import choose
 from hgorun.reproduce.job import Folders
 from hgorun.reproduce.verdicts import verdicts_of
 from hgorun.study.verdict import VERDICTS, Verdict
+from hgorun.tables.layout import wrapped
 
 UNEXPECTED = 3
-_WIDTH = 100
 
 
 def claims(options: Claims) -> int:
@@ -45,13 +44,12 @@ def _text(found: Sequence[tuple[str, str, Verdict]]) -> str:
             last = group
         surprise = "" if verdict.as_expected else f"  (expected: {verdict.claim.expected})"
         first, *others = verdict.texts
-        lines.append(f"  {verdict.claim.id:>4}  {verdict.verdict:<11}  {first}{surprise}")
+        lines += wrapped(f"{verdict.claim.id:>4}  {verdict.verdict:<11}  {first}{surprise}", "  ", then=" " * 8)
         for words in (verdict.claim.claim, *others, verdict.claim.undecidable):
-            lines += textwrap.wrap(
-                words, _WIDTH, initial_indent=" " * 8, subsequent_indent=" " * 8, break_on_hyphens=False
-            )
+            lines += wrapped(words, " " * 8)
     counts = {kind: sum(v.verdict == kind for _, _, v in found) for kind in VERDICTS}
     unexpected = sum(not v.as_expected for _, _, v in found)
     summary = ", ".join(f"{count} {kind}" for kind, count in counts.items() if count)
-    lines += ["", f"{len(found)} claims: {summary}" + (f"; {unexpected} not as expected" if unexpected else "")]
+    surprises = f"; {unexpected} not as expected" if unexpected else ""
+    lines += ["", *wrapped(f"{len(found)} claims: {summary}{surprises}")]
     return "\n".join(lines)

@@ -16,6 +16,7 @@ from hgorun.noise.base import Noise
 from hgorun.observers.base import Observer
 from hgorun.plants.base import Plant, units_of
 from hgorun.result.metrics.base import Metric
+from hgorun.tables.layout import reflowed, wrapped
 
 if TYPE_CHECKING:
     from hgorun.analysis.finding import Finding
@@ -92,7 +93,7 @@ def of_class(name: str, kind: str, cls: type[Plant] | type[Observer] | type[Nois
         "kind": kind,
         "reference": cls.reference,
         "description": own_doc(cls),
-        "keys": _keys(cls),
+        "keys": keys_of(cls),
     }
     if issubclass(cls, Plant):
         found["valid"] = cls.valid
@@ -117,7 +118,8 @@ def _names(cls: type[Plant]) -> tuple[list[str], list[str]]:
         return [], []
 
 
-def _keys(cls: type[BaseModel]) -> list[Key]:
+def keys_of(cls: type[BaseModel]) -> list[Key]:
+    """The keys of a block, in their order, but for the one that names its kind."""
     return [_key(name, field) for name, field in cls.model_fields.items() if name != "type"]
 
 
@@ -131,7 +133,7 @@ def _key(name: str, field: FieldInfo) -> Key:
         "default": pole_text(default) if isinstance(default, complex) else default,
         "range": " and ".join(limits),
         "description": field.description or "",
-        "keys": [key for block in _blocks(field.annotation) for key in _keys(block)],
+        "keys": [key for block in _blocks(field.annotation) for key in keys_of(block)],
     }
 
 
@@ -155,16 +157,16 @@ def _blocks(annotation: object) -> Iterator[type[Block]]:
 
 
 def as_text(d: Description) -> str:
-    lines = [f"{d['name']} ({d['kind']})", *([f"source: {d['reference']}"] if d["reference"] else [])]
-    lines += ["", d["description"]]
+    lines = [f"{d['name']} ({d['kind']})", *(wrapped(f"source: {d['reference']}") if d["reference"] else [])]
+    lines += ["", *reflowed(d["description"])]
     if d.get("valid"):
-        lines += ["", f"valid: {d['valid']}"]
+        lines += ["", *wrapped(f"valid: {d['valid']}")]
     units = {name: f" [{unit}]" for name, unit in d.get("units", {}).items() if unit}
     for group, names in (("states", d.get("states")), ("outputs", d.get("outputs"))):
         if names:
             lines += [
                 *([""] if group == "states" else []),
-                f"{group}: " + ", ".join(n + units.get(n, "") for n in names),
+                *wrapped(f"{group}: " + ", ".join(n + units.get(n, "") for n in names)),
             ]
     for group, known in (("parameters", d.get("parameters")), ("inputs", d.get("inputs"))):
         if known:
@@ -172,7 +174,7 @@ def as_text(d: Description) -> str:
             for name, q in known.items():
                 value = f" = {q['default']:g}" if q.get("default") is not None else ""
                 unit = (f" {q['unit']}" if value else f" [{q['unit']}]") if q["unit"] else ""
-                lines.append(f"  {name}{value}{unit}  {q['meaning']}".rstrip())
+                lines += wrapped(f"{name}{value}{unit}  {q['meaning']}", "  ", then="    ")
     lines += ["", "keys:", *_lines(d["keys"], "  ")]
     return "\n".join(lines)
 
@@ -186,5 +188,6 @@ def _lines(keys: list[Key], indent: str) -> Iterator[str]:
         else:
             value = f"default {key['default']}"
         limits = f", {key['range']}" if key["range"] else ""
-        yield f"{indent}{key['key']} ({value}{limits}): {key['description']}".removesuffix(": ")
+        told = f"{key['key']} ({value}{limits}): {key['description']}".removesuffix(": ")
+        yield from wrapped(told, indent, then=f"{indent}    ")
         yield from _lines(key["keys"], indent + "  ")

@@ -9,8 +9,9 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from hgorun.commands.options import Compare, OfEnsembles, Report, Simulate
-from hgorun.commands.outputs import DRAWING_SUFFIXES, NOT_OK, RESULTS, refuse_other_kinds
+from hgorun.commands.ensemble_options import Compare, OfEnsembles, Report
+from hgorun.commands.options import Simulate
+from hgorun.commands.outputs import DRAWING_SUFFIXES, NOT_OK, RESULTS, refuse_other_kinds, there, written
 from hgorun.config.expressions import nearest
 from hgorun.ensemble.collected import Collected, levels
 from hgorun.ensemble.growing import read_sweep
@@ -52,9 +53,9 @@ def compare_ensembles(options: Compare) -> int:
     elif not options.quiet:
         print(style(found))
     if options.plots:
-        written = [path for one in found for path in draw(one, options)]
-        if written and options.text and options.format == "text":
-            print("written: " + ", ".join(map(str, written)))
+        drawn = [path for one in found for path in draw(one, options)]
+        if drawn and options.text and options.format == "text":
+            print(written(drawn))
     return NOT_OK if options.strict and not all(one.members.all_ok for one in found) else 0
 
 
@@ -74,6 +75,7 @@ def simulate_ensemble(run: Run, target: Path, options: Simulate) -> tuple[dict[s
         The statistics as JSON holds them, and whether every observer is ok in every member.
     """
     ensemble, place = ensemble_of(run), Place.of(target)
+    before = there([place.file])
     with progress(ensemble.size, run.name, "members", show=options.text) as bar:
         carried_out(ensemble, place, lambda count: bar.update(count.done, failed=count.failed))
     outcome = outcome_of(place.file)
@@ -88,7 +90,7 @@ def simulate_ensemble(run: Run, target: Path, options: Simulate) -> tuple[dict[s
     found = _divided(read_sweep(place.file), file=str(place.file))
     if options.text:
         print(tables.text([found], pairs=False))
-        print(f"written: {place.file}")
+        print(written([place.file], before))
     return plain_tables.as_json(found), found.members.all_ok
 
 
@@ -121,9 +123,10 @@ def draw(found: Compared, options: Compare) -> list[Path]:
     """Draw the figures that an ensemble has the numbers for; into one file only the first of them."""
     from hgorun.figures.ensembles import figures_of
     from hgorun.figures.files import save
+    from hgorun.figures.page import on_page
 
     output = options.output or RESULTS
-    figures = figures_of(found.members, options.metrics)
+    figures = ((kind, on_page(figure, options.style)) for kind, figure in figures_of(found.members, options.metrics))
     if output.suffix.lower() in DRAWING_SUFFIXES:
         return [path for _, figure in islice(figures, 1) for path in save(figure, output.with_suffix(""))]
     return [path for kind, figure in figures for path in save(figure, output / f"{found.members.name}-{kind}")]
@@ -139,10 +142,12 @@ def _style(options: Compare) -> Style:
         "--seed": options.seed is not None,
         "--run": options.run is not None,
         "--analyze": options.analyze,
+        "--width": options.width != "two",  # they have a panel for each state and axis
     }
     for option, given in refused.items():
         if given:
-            raise ConfigError(f"{option} is for configurations; these are ensembles that have been carried out")
+            what = "single runs" if option == "--width" else "configurations"
+            raise ConfigError(f"{option} is for {what}; these are ensembles that have been carried out")
     return styles[options.format]
 
 

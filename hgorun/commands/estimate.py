@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import json as json_text
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from hgorun.commands.inputs import configuration
 from hgorun.commands.mqtt_address import is_address
 from hgorun.commands.options import Estimate
-from hgorun.commands.outputs import NOT_OK, RESULT_SUFFIXES, RESULTS, refuse_other_kinds
-from hgorun.commands.run import require_file, warn
+from hgorun.commands.outputs import NOT_OK, RESULT_SUFFIXES, RESULTS, refuse_other_kinds, there, written
+from hgorun.commands.run import warn
 from hgorun.config.data import Data, Measured
 from hgorun.config.models import Time
 from hgorun.config.reading import read_source
@@ -24,6 +25,7 @@ from hgorun.estimate.completed import plant_units, with_inputs
 from hgorun.estimate.estimate import estimate as estimated
 from hgorun.estimate.holdout import HoldOut, held_out, number_of, parse_holdout, thinned
 from hgorun.estimate.long_log import estimate_into
+from hgorun.figures.page import Page
 from hgorun.files import remove_leftovers, write_text
 from hgorun.result.result import Result
 from hgorun.study.split import split
@@ -72,8 +74,9 @@ class Log:
 
 def estimate(options: Estimate) -> int:
     """Run the observers of a configuration on recorded data and write the result."""
-    refuse_other_kinds(options.output, RESULT_SUFFIXES)
-    require_file(options.config)
+    refuse_other_kinds(options.output, RESULT_SUFFIXES, {".csv": "--export-csv FILE writes the estimates"})
+    page = Page.named(options.width, options.style)
+    options = replace(options, config=configuration(options.config))
     text, source = read_source(options.config, options.overrides, seed=options.seed)
     source, name = one_run(source, options.config, options.run)
     if "-" in options.data:
@@ -94,6 +97,7 @@ def estimate(options: Estimate) -> int:
     _refuse_to_overwrite(options, log, target)
     with source.located():
         recording, aside = _held_out(log, log.read(), options)
+    before = there([target, *([] if options.export_csv is None else [options.export_csv])])
     remove_leftovers(target.parent)
     result = None
     if options.export_csv is None:  # which has all estimates
@@ -105,7 +109,7 @@ def estimate(options: Estimate) -> int:
         result.save(target)
     file = str(target)
     warn(result)
-    written = [str(target), *_also_written(options, result, target)]
+    told = [target, *_also_written(options, page, result, target)]
     if options.json:
         from hgorun.tables.metrics import as_json
 
@@ -114,7 +118,7 @@ def estimate(options: Estimate) -> int:
         from hgorun.tables.metrics import text as table
 
         print(table([result]))
-        print(f"written: {', '.join(written)}")
+        print(written(told, before))
     return NOT_OK if options.strict and result.status != "ok" else 0
 
 
@@ -188,17 +192,17 @@ def _refuse_to_overwrite(options: Estimate, log: Log, target: Path) -> None:
         raise ConfigError(f"--export-csv: {options.export_csv} is read or written otherwise: name another file")
 
 
-def _also_written(options: Estimate, result: Result, target: Path) -> list[str]:
+def _also_written(options: Estimate, page: Page, result: Result, target: Path) -> list[Path]:
     """Figures, and the estimates as text."""
-    written = []
+    files: list[Path] = []
     if options.export_csv is not None:
         from hgorun.tables.trajectories import csv
 
         write_text(options.export_csv, csv(result))
-        written.append(str(options.export_csv))
+        files.append(options.export_csv)
     if options.plots:
         from hgorun.figures.drawing import comparison
         from hgorun.figures.files import save
 
-        written += map(str, save(comparison(result), target.with_suffix("")))
-    return written
+        files += save(comparison(result, page), target.with_suffix(""))
+    return files

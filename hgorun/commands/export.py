@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
+from hgorun.commands.inputs import configuration
 from hgorun.commands.options import Export
 from hgorun.commands.outputs import RESULTS, refuse_other_kinds
-from hgorun.commands.run import require_file
 from hgorun.config.reading import read_source
 from hgorun.errors import ConfigError
 from hgorun.export.c_code import Real
@@ -32,7 +33,7 @@ def export(options: Export) -> int:
         raise ConfigError(f"--lang: expected one of {', '.join(_LANGUAGES)}, found {options.lang!r}")
     if options.output is not None and options.output.is_file():
         raise ConfigError(f"--output: {options.output} is a file; name a folder")
-    require_file(options.config)
+    options = replace(options, config=configuration(options.config))
     in_c = options.lang == "c"
     _version(options)
     if options.fmu and not in_c:

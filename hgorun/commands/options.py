@@ -1,6 +1,7 @@
 """The options of each command, written once: the command line makes its parameters and its help from them.
 
-Only typer is imported here, so that help appears at once; annotations are evaluated, since the command line reads them.
+Those of commands about many runs are in ``ensemble_options``. Only typer is loaded with it, so that help appears at
+once; annotations are evaluated, since the command line reads them.
 """
 
 from dataclasses import dataclass, field
@@ -8,6 +9,8 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+
+from hgorun.commands import completion
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -32,17 +35,56 @@ class Configured(Printing):
 
     overrides: Annotated[
         list[str],
-        typer.Option("--set", metavar="PATH=VALUE", help="Change a key, e.g. observers.SHGO.theta=2; repeatable."),
+        typer.Option(
+            "--set",
+            metavar="PATH=VALUE",
+            help="Change a key, e.g. observers.SHGO.theta=2; repeatable.",
+            autocompletion=completion.keys,
+        ),
     ] = field(default_factory=list)
     seed: Annotated[int | None, typer.Option("--seed", min=0, help="Override the seed in the file.")] = None
-    run: Annotated[str | None, typer.Option("--run", help="Only this run of the file (default: all).")] = None
+    run: Annotated[
+        str | None,
+        typer.Option("--run", help="Only this run of the file (default: all).", autocompletion=completion.runs),
+    ] = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Drawing:
+    """How figures are drawn."""
+
+    plots: Annotated[bool, typer.Option("--plots/--no-plots", help="Draw figures (PNG and PDF).")] = True
+    width: Annotated[
+        str,
+        typer.Option(
+            "--width",
+            metavar="COLUMNS",
+            help="Width of figures: one or two columns of a journal.",
+            autocompletion=completion.one_of("one", "two"),
+        ),
+    ] = "two"
+    style: Annotated[
+        str,
+        typer.Option(
+            "--style",
+            help="Page that figures are for: light or dark.",
+            autocompletion=completion.one_of("light", "dark"),
+        ),
+    ] = "light"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Simulate(Configured):
     """Simulate configurations, write results/NAME.h5 and print the metrics."""
 
-    configs: Annotated[list[Path], typer.Argument(metavar="CONFIG...", help="YAML configurations.")]
+    configs: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="CONFIG...",
+            help="YAML configurations, or names of built-in experiments.",
+            autocompletion=completion.configurations,
+        ),
+    ]
     strict: Annotated[bool, typer.Option("--strict", help="Exit with code 3 if a status is not ok.")] = False
     check_step: Annotated[
         bool, typer.Option("--check-step", help="Estimate the error of a given step from shorter ones.")
@@ -53,19 +95,25 @@ class Simulate(Configured):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Estimate(Configured):
+class Estimate(Configured, Drawing):
     """Run the observers of a configuration on recorded data, and score them without a truth.
 
     The key data of the configuration says which columns are the measurements; nothing is simulated. Writes
     results/NAME.h5.
     """
 
-    config: Annotated[Path, typer.Argument(metavar="CONFIG", help="A YAML configuration with the key data.")]
+    config: Annotated[
+        Path,
+        typer.Argument(
+            metavar="CONFIG", help="A YAML configuration with the key data.", autocompletion=completion.yaml_files
+        ),
+    ]
     data: Annotated[
         list[str],
         typer.Argument(
             metavar="[DATA...]",
             help="Files with the data, in place of data.file; - or mqtt://HOST/TOPIC follows a stream.",
+            autocompletion=completion.logs,
         ),
     ] = field(default_factory=list)
     holdout: Annotated[
@@ -104,45 +152,6 @@ class Estimate(Configured):
     sensitivity: Annotated[
         bool, typer.Option("--sensitivity/--no-sensitivity", help="Report how the scores depend on each gain.")
     ] = True
-    plots: Annotated[bool, typer.Option("--plots/--no-plots", help="Draw the estimates (PNG and PDF).")] = True
-    strict: Annotated[bool, typer.Option("--strict", help="Exit with code 3 if a status is not ok.")] = False
-
-
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Sweep(Printing):
-    """Run the members of a sweep file, and collect them in results/NAME.sweep.h5.
-
-    Run again, it continues with the members that are missing. Of a configuration it takes
-    the runs with seeds or vary.
-    """
-
-    file: Annotated[
-        Path, typer.Argument(metavar="FILE", help="A YAML file with base, axes and keep, or a configuration.")
-    ]
-    run: Annotated[str | None, typer.Option("--run", help="Only this run of a configuration (default: all).")] = None
-    fresh: Annotated[bool, typer.Option("--fresh", help="Start over, whatever was finished before.")] = False
-    part: Annotated[
-        str | None, typer.Option("--part", metavar="K/N", help="Only this part of N, for array jobs; see hgorun merge.")
-    ] = None
-    collect: Annotated[bool, typer.Option("--collect", help="Run nothing; collect the members that are finished.")] = (
-        False
-    )
-    executor: Annotated[str, typer.Option("--executor", help="threads, processes or dask.")] = "threads"
-    scheduler: Annotated[
-        str | None,
-        typer.Option("--scheduler", metavar="ADDRESS", help="Address of a dask scheduler (default: local workers)."),
-    ] = None
-    jobs: Annotated[
-        int | None, typer.Option("--jobs", min=1, help="Threads, processes or workers (default: one per processor).")
-    ] = None
-    strict: Annotated[bool, typer.Option("--strict", help="Exit with code 3 if a status is not ok.")] = False
-
-
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Merge(Printing):
-    """Put the parts of a sweep together, and collect them in results/NAME.sweep.h5."""
-
-    folders: Annotated[list[Path], typer.Argument(metavar="FOLDER...", help="Folders NAME.sweep with finished parts.")]
     strict: Annotated[bool, typer.Option("--strict", help="Exit with code 3 if a status is not ok.")] = False
 
 
@@ -153,60 +162,10 @@ class Rerun(Printing):
     The new result is written next to FILE as NAME.rerun.h5.
     """
 
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="A result file.")]
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A result file.", autocompletion=completion.results)]
     check: Annotated[bool, typer.Option("--check", help="Write nothing; exit with code 3 if any number differs.")] = (
         False
     )
-
-
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class OfEnsembles(Printing):
-    """What is told of ensembles."""
-
-    metrics: Annotated[
-        list[str], typer.Option("--metric", metavar="NAME", help="For ensembles: only this metric; repeatable.")
-    ] = field(default_factory=list)
-    by: Annotated[
-        list[str],
-        typer.Option(
-            "--by", metavar="AXIS", help="For ensembles: a row for each value of this axis, or `none`; repeatable."
-        ),
-    ] = field(default_factory=list)
-    at: Annotated[
-        list[str],
-        typer.Option("--at", metavar="AXIS=VALUE", help="For ensembles: only members with this value; repeatable."),
-    ] = field(default_factory=list)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Compare(Configured, OfEnsembles):
-    """Compare metrics side by side, and draw comparison plots.
-
-    For an ensemble (NAME.sweep.h5, or the folder NAME.sweep while it is running): statistics over its members.
-    """
-
-    sources: Annotated[
-        list[Path], typer.Argument(metavar="SOURCE...", help="Configurations, result files, or ensembles.")
-    ]
-    format: Annotated[str, typer.Option("--format", help="Format of the table: text, csv or latex.")] = "text"
-    plots: Annotated[bool, typer.Option("--plots/--no-plots", help="Draw comparison plots (PNG and PDF).")] = True
-    strict: Annotated[bool, typer.Option("--strict", help="Exit with code 3 if a status is not ok.")] = False
-    analyze: Annotated[bool, typer.Option("--analyze", help="Add the numbers that theory predicts.")] = False
-
-    @property
-    def of_ensembles(self) -> bool:
-        """Whether something is asked for that only ensembles have."""
-        return bool(self.metrics or self.by or self.at)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Report(OfEnsembles):
-    """Write a report of an ensemble: one HTML page with figures to zoom and tables to sort.
-
-    The page is self-contained and needs no network. It is written to results/NAME.html; needs hgorun[explore].
-    """
-
-    source: Annotated[Path, typer.Argument(metavar="SWEEP", help="NAME.sweep.h5, or the folder NAME.sweep.")]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -238,49 +197,6 @@ class Explore:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Tune(Printing):
-    """Find gains for a stated trade-off, and write the tuned configuration with the evidence.
-
-    The key tune of the configuration says which gains, what is minimised, and over how many seeds.
-    """
-
-    config: Annotated[
-        Path, typer.Argument(metavar="CONFIG", help="A configuration with the key tune, or a file with base and tune.")
-    ]
-    data: Annotated[
-        list[Path],
-        typer.Argument(
-            metavar="[DATA...]", help="Recordings in place of data.file, one a file: the score is of all of them."
-        ),
-    ] = field(default_factory=list)
-    overrides: Annotated[
-        list[str], typer.Option("--set", metavar="tune.KEY=VALUE", help="Change a key of tune; repeatable.")
-    ] = field(default_factory=list)
-    run: Annotated[str | None, typer.Option("--run", help="Which run of the file, where it has several.")] = None
-    plots: Annotated[bool, typer.Option("--plots/--no-plots", help="Draw what was tried and found (PNG and PDF).")] = (
-        True
-    )
-    jobs: Annotated[
-        int | None, typer.Option("--jobs", min=1, help="Number of threads (default: one per processor).")
-    ] = None
-
-
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Bench(Printing):
-    """Compare observers on several plants in several scenarios, each tuned alike and scored on seeds not seen.
-
-    The file names plants, scenarios and observers with one knob each. Run again, it carries out what is new or has
-    changed. Tables and a figure are written to results/NAME/.
-    """
-
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="A YAML file with plants, scenarios and observers.")]
-    plots: Annotated[bool, typer.Option("--plots/--no-plots", help="Draw the fronts (PNG and PDF).")] = True
-    jobs: Annotated[
-        int | None, typer.Option("--jobs", min=1, help="Number of threads (default: one per processor).")
-    ] = None
-
-
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Export(Configured):
     """Write the observers of a configuration in another language, to results/NAME/.
 
@@ -289,18 +205,31 @@ class Export(Configured):
     unit (FMU): for other simulators.
     """
 
-    config: Annotated[Path, typer.Argument(metavar="CONFIG", help="A YAML configuration.")]
+    config: Annotated[
+        Path,
+        typer.Argument(
+            metavar="CONFIG",
+            help="A YAML configuration, or the name of a built-in experiment.",
+            autocompletion=completion.configurations,
+        ),
+    ]
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="Folder to write to (default: results/NAME).")
     ] = None
-    lang: Annotated[str, typer.Option("--lang", metavar="LANGUAGE", help="c or latex.")] = "c"
+    lang: Annotated[
+        str,
+        typer.Option("--lang", metavar="LANGUAGE", help="c or latex.", autocompletion=completion.one_of("c", "latex")),
+    ] = "c"
     fmu: Annotated[
         bool,
         typer.Option("--fmu", help="Write FMI units for co-simulation, which contain the C code, instead of C files."),
     ] = False
     fmi: Annotated[str, typer.Option("--fmi", metavar="VERSION", help="FMI version for --fmu: 3.0 or 2.0.")] = "3.0"
     observers: Annotated[
-        list[str], typer.Option("--observer", metavar="LABEL", help="Only this observer; repeatable.")
+        list[str],
+        typer.Option(
+            "--observer", metavar="LABEL", help="Only this observer; repeatable.", autocompletion=completion.labels
+        ),
     ] = field(default_factory=list)
     single: Annotated[bool, typer.Option("--float", help="Use float instead of double.")] = False
     late: Annotated[
@@ -314,14 +243,47 @@ class Export(Configured):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Analyze(Configured):
-    """Compare theory with simulation: gains, bounds, noise."""
+class Analyze(Configured, Drawing):
+    """Say what theory knows of a configuration: limits, margins, which observer, which gain to change.
 
-    config: Annotated[Path, typer.Argument(metavar="CONFIG", help="A YAML configuration.")]
-    plots: Annotated[bool, typer.Option("--plots/--no-plots", help="Draw errors and their bounds (PNG and PDF).")] = (
-        True
-    )
+    With -v every number follows: gains, bounds, peaking, noise predicted and measured, and why others are missing.
+    """
+
+    config: Annotated[
+        Path,
+        typer.Argument(
+            metavar="CONFIG",
+            help="A YAML configuration, or the name of a built-in experiment.",
+            autocompletion=completion.configurations,
+        ),
+    ]
     search: Annotated[
         bool,
         typer.Option("--search", help="Search for the largest theta that fails below the working range."),
     ] = False
+    verbose: Annotated[
+        bool, typer.Option("-v", "--verbose", help="Also print every number, and why others are missing.")
+    ] = False
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Cite(Printing):
+    """Say what a configuration uses, and print it as BibTeX.
+
+    Its publication, its plant, its observers, the method, hgorun and the libraries, with keys that do not change.
+    """
+
+    config: Annotated[
+        Path,
+        typer.Argument(
+            metavar="CONFIG",
+            help="A YAML configuration, or the name of a built-in experiment.",
+            autocompletion=completion.configurations,
+        ),
+    ]
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="Write the BibTeX to this file (.bib).")] = None
+    run: Annotated[
+        str | None,
+        typer.Option("--run", help="Only this run of the file (default: all).", autocompletion=completion.runs),
+    ] = None
+    bibtex: Annotated[bool, typer.Option("--bibtex", help="Print only BibTeX.")] = False

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 
 from hgorun.errors import ConfigError
@@ -11,11 +11,34 @@ RESULTS = Path("results")
 NOT_OK = 3  # exit code of --strict
 RESULT_SUFFIXES = {".h5", ".hdf5", ".nc"}
 DRAWING_SUFFIXES = {".png", ".pdf"}
-_OF_OTHERS = {".csv", ".htm", ".html", ".json", ".mat", ".npz", ".svg", ".tex", ".txt", ".yaml", ".yml"}
+# Names that somebody gives to a file, and never to a folder.
+_OF_OTHERS = {
+    *(".csv", ".dat", ".htm", ".html", ".json", ".md", ".parquet", ".tex", ".tsv", ".txt", ".xls", ".xlsx"),
+    *(".eps", ".gif", ".jpeg", ".jpg", ".mp4", ".svg", ".tif", ".tiff"),
+    *(".c", ".fmu", ".mat", ".npy", ".npz", ".pickle", ".pkl", ".py", ".yaml", ".yml", ".zip"),
+}
+_TABLE = "; hgorun compare{} prints a table, which > FILE writes"
+_ADVICE = {
+    ".csv": _TABLE.format(" --format csv"),
+    ".tex": _TABLE.format(" --format latex"),
+    ".txt": _TABLE.format(""),
+    ".json": "; --json prints JSON, which > FILE writes",
+    ".png": "; hgorun compare -o FILE.png draws",
+    ".pdf": "; hgorun compare -o FILE.pdf draws",
+}
 
 
-def refuse_other_kinds(output: Path | None, suffixes: Collection[str]) -> None:
-    """Refuse an ``--output`` that is called like a file of a kind that the command does not write."""
+def refuse_other_kinds(output: Path | None, suffixes: Collection[str], advice: Mapping[str, str] | None = None) -> None:
+    """Refuse an ``--output`` that is called like a file of a kind that the command does not write.
+
+    Parameters
+    ----------
+    output : Path or None
+    suffixes : collection of str
+        The kinds of files that it writes into one that is named.
+    advice : mapping of str to str
+        What the right way is for a suffix, where the command has one of its own.
+    """
     if output is None or output.is_dir():
         return
     suffix = output.suffix.lower()
@@ -23,6 +46,16 @@ def refuse_other_kinds(output: Path | None, suffixes: Collection[str]) -> None:
     if suffix in suffixes or (suffix not in known and not output.is_file()):
         return
     kinds = f"a file {', '.join(sorted(suffixes))} or a folder" if suffixes else "a folder"
-    form = {".csv": " --format csv", ".tex": " --format latex", ".txt": ""}.get(suffix)
-    tables = "" if form is None else f"; hgorun compare{form} prints a table, which > FILE writes"
-    raise ConfigError(f"--output: expected {kinds}, found {output}{tables}")
+    own = {} if advice is None else advice
+    instead = f"; {own[suffix]}" if suffix in own else _ADVICE.get(suffix, "")
+    raise ConfigError(f"--output: expected {kinds}, found {output}{instead}")
+
+
+def there(files: Iterable[Path]) -> frozenset[Path]:
+    """Those files that exist: a command that writes them replaces them."""
+    return frozenset(file for file in files if file.exists())
+
+
+def written(files: Iterable[Path | str], before: Collection[Path] = ()) -> str:
+    """The line that says which files a command has written, and which of them it has replaced."""
+    return "written: " + ", ".join(f"{file} (replaced)" if Path(file) in before else str(file) for file in files)

@@ -3,32 +3,52 @@
 from __future__ import annotations
 
 import json as json_text
-import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
-from hgorun.commands.options import Compare, Configured, Simulate
-from hgorun.commands.outputs import DRAWING_SUFFIXES, NOT_OK, RESULT_SUFFIXES, RESULTS, refuse_other_kinds
+from hgorun.commands.ensemble_options import Compare
+from hgorun.commands.inputs import configuration, is_result, may_be_ensemble
+from hgorun.commands.options import Configured, Simulate
+from hgorun.commands.outputs import (
+    DRAWING_SUFFIXES,
+    NOT_OK,
+    RESULT_SUFFIXES,
+    RESULTS,
+    refuse_other_kinds,
+    there,
+    written,
+)
 from hgorun.engine.methods import METHODS
 from hgorun.errors import ConfigError
 from hgorun.files import remove_leftovers, write_text
+from hgorun.process import say
 from hgorun.progress import shown
 from hgorun.result.data import PLANT, Integration
 from hgorun.result.result import Result
+from hgorun.result.run_names import numbered
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.grid import LONG
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import prepare, simulate_into, simulate_prepared
 from hgorun.study.check import check_figures
-from hgorun.study.loading import load, load_study, refuse_twins
+from hgorun.study.loading import load, load_study
 
 if TYPE_CHECKING:
+    from hgorun.figures.page import Page
     from hgorun.study.study import Run
     from hgorun.tables.metrics import Predicted
 
 _COARSE, _FINE = 1e-2, 1e-3  # errors of given steps that are told, and that would do
+
+# What else somebody may have meant by --output of simulate.
+_INSTEAD = {
+    ".csv": "--export-csv FILE writes the states over time, hgorun compare --format csv prints the metrics",
+    ".txt": "--export-csv FILE writes the states over time, hgorun compare prints the metrics",
+    ".png": "hgorun compare CONFIG -o FILE.png draws",
+    ".pdf": "hgorun compare CONFIG -o FILE.pdf draws",
+}
 
 Style: TypeAlias = "Callable[[Sequence[Result], Sequence[Predicted]], str]"
 
@@ -38,9 +58,10 @@ def simulate(options: Simulate) -> int:
 
     Runs with seeds or vary are carried out as ensembles, and statistics of them are shown.
     """
-    refuse_other_kinds(options.output, RESULT_SUFFIXES)
+    refuse_other_kinds(options.output, RESULT_SUFFIXES, _INSTEAD)
     runs, targets, ensembles = _prepared(options)
     _check_export(options, runs, targets, ensembles)
+    before = there([*targets, *([] if options.export_csv is None else [options.export_csv])])
     for folder in {target.parent for target in targets}:
         remove_leftovers(folder)
     results, files = [], []
@@ -55,9 +76,9 @@ def simulate(options: Simulate) -> int:
             from hgorun.tables.metrics import text  # only where it is printed: a run has to be quick
 
             print(text([result]))
-        written = [str(target), *_exported(options, result)]
+        made = [target, *_exported(options, result)]
         if options.text:
-            print(f"written: {', '.join(written)}")
+            print(written(made, before))
     of_ensembles: list[dict[str, object]] = []
     fine = all(result.status == "ok" for result in results)
     for run, target in ensembles:
@@ -73,7 +94,10 @@ def simulate(options: Simulate) -> int:
 
 def compare(options: Compare) -> int:
     """Show metrics of configurations and result files side by side, and draw plots of them."""
-    if any(map(_may_be_ensemble, options.sources)):
+    from hgorun.figures.page import Page
+
+    page = Page.named(options.width, options.style)
+    if any(map(may_be_ensemble, options.sources)):
         from hgorun.commands.ensembles import all_ensembles, compare_ensembles
 
         if all_ensembles(options.sources):
@@ -87,10 +111,10 @@ def compare(options: Compare) -> int:
     loaded: list[Result | PreparedRun] = []
     files: list[str] = []
     for path in options.sources:
-        if _is_result(path):
+        if is_result(path):
             loaded.append(read(path))
         else:
-            loaded += [prepare(experiment) for experiment in _single(path, options)]
+            loaded += [prepare(experiment) for experiment in _single(configuration(path), options)]
         files += [str(path)] * (len(loaded) - len(files))
     results = [s if isinstance(s, Result) else run_with_progress(s, show=options.text) for s in loaded]
     predicted = _predicted(loaded, results) if options.analyze else []
@@ -106,9 +130,9 @@ def compare(options: Compare) -> int:
     elif not options.quiet:
         print(style(results, predicted))
     if options.plots:
-        written = _draw(results, options)
+        drawn = _draw(results, options, page)
         if options.text and options.format == "text":
-            print("written: " + ", ".join(map(str, written)))
+            print(written(drawn))
     return NOT_OK if options.strict and any(r.status != "ok" for r in results) else 0
 
 
@@ -126,30 +150,9 @@ def _style(options: Compare) -> Style:
         raise ConfigError(f"--format: expected one of {', '.join(styles)}, found {options.format!r}")
     if options.analyze and options.format == "latex":
         raise ConfigError("--analyze adds columns to text, csv and JSON; the LaTeX table has metrics only")
-    if (options.overrides or options.seed is not None) and all(map(_is_result, options.sources)):
+    if (options.overrides or options.seed is not None) and all(map(is_result, options.sources)):
         raise ConfigError("--set and --seed apply to configurations, not to result files")
     return styles[options.format]
-
-
-def require_file(path: Path) -> None:
-    """Where a file is missing that has the name of an experiment of ours, say how to get that."""
-    if os.path.exists(path):  # of a name that is too long, too, there is none
-        return
-    from hgorun.reproduce.shipped import experiments
-
-    name = next((n for n in experiments() if str(path.with_suffix("")) in (n, Path(n).name)), None)
-    if name is not None:
-        short = Path(name).name
-        raise ConfigError(f"there is no such file; `hgorun init {short}` copies the experiment {name}", file=str(path))
-
-
-def _may_be_ensemble(path: Path) -> bool:
-    """Whether a look into it is worth while."""
-    return path.is_dir() or _is_result(path)
-
-
-def _is_result(path: Path) -> bool:
-    return path.suffix.lower() in RESULT_SUFFIXES
 
 
 def _folder_of_plots(options: Compare) -> Path:
@@ -157,32 +160,32 @@ def _folder_of_plots(options: Compare) -> Path:
     return output.parent if output.suffix.lower() in DRAWING_SUFFIXES else output
 
 
-def _draw(results: Sequence[Result], options: Compare) -> list[Path]:
+def _draw(results: Sequence[Result], options: Compare, page: Page) -> list[Path]:
     from hgorun.figures.drawing import comparison
     from hgorun.figures.files import save
 
     if options.output is not None and options.output.suffix.lower() in DRAWING_SUFFIXES:
-        return save(comparison(results), options.output.with_suffix(""))
+        return save(comparison(results, page), options.output.with_suffix(""))
     several = len(options.sources) > 1
     name = "comparison" if several else f"{options.sources[0].stem}-comparison"
-    return save(comparison(results), (options.output or RESULTS) / name)
+    return save(comparison(results, page), (options.output or RESULTS) / name)
 
 
 def _prepared(options: Simulate) -> tuple[list[PreparedRun], list[Path], list[tuple[Run, Path]]]:
     """All single runs of the files and where each result goes, and all ensembles with their files."""
-    refuse_twins(options.configs)
     runs: list[PreparedRun] = []
     targets: list[Path] = []
     ensembles: list[tuple[Run, Path]] = []
-    for path in options.configs:
+    paths = [configuration(path) for path in options.configs]
+    for path, name in zip(paths, numbered([path.stem for path in paths]), strict=True):
         single, several = _experiments(path, options)
         folder = options.output or RESULTS
         for experiment in single:
-            runs.append(prepare(experiment))
-            inside = folder / path.stem if experiment.name != path.stem else folder
-            targets.append(inside / f"{experiment.name}.h5")
-        ensembles += [(run, folder / path.stem / f"{run.name}.sweep.h5") for run in several]
-    if options.output is not None and _is_result(options.output):
+            alone = experiment.name == path.stem
+            runs.append(prepare(experiment.varied({}, name=name) if alone and name != path.stem else experiment))
+            targets.append(folder / f"{name}.h5" if alone else folder / name / f"{experiment.name}.h5")
+        ensembles += [(run, folder / name / f"{run.name}.sweep.h5") for run in several]
+    if options.output is not None and is_result(options.output):
         if len(runs) + len(ensembles) > 1:
             files = len(options.configs)
             count = len(runs) + len(ensembles)
@@ -207,19 +210,18 @@ def _check_export(
         raise ConfigError(f"--export-csv: {file} is read or written otherwise: name another file")
 
 
-def _exported(options: Simulate, result: Result) -> list[str]:
+def _exported(options: Simulate, result: Result) -> list[Path]:
     """The trajectories as text, where that is asked for."""
     if options.export_csv is None:
         return []
     from hgorun.tables.trajectories import csv
 
     write_text(options.export_csv, csv(result))
-    return [str(options.export_csv)]
+    return [options.export_csv]
 
 
 def _experiments(path: Path, options: Configured) -> tuple[list[Experiment], list[Run]]:
     """The run named, or all single runs of a file, and its ensembles."""
-    require_file(path)
     if options.run is not None:
         return [load(path, options.overrides, seed=options.seed, run=options.run)], []
     study = load_study(path, options.overrides, seed=options.seed)
@@ -232,8 +234,10 @@ def _experiments(path: Path, options: Configured) -> tuple[list[Experiment], lis
 def _single(path: Path, options: Configured) -> list[Experiment]:
     """The single runs of a file, of which there has to be one."""
     single, several = _experiments(path, options)
+    names = ", ".join(run.name for run in several)
+    if single and several:
+        say(f"hgorun: {path}: compared are its single runs; ensembles are left out: {names}: hgorun simulate first")
     if not single:
-        names = ", ".join(run.name for run in several)
         raise ConfigError(
             f"all runs are ensembles: {names}; hgorun simulate carries them out, --run NAME compares the first member",
             file=str(path),

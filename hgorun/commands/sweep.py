@@ -5,13 +5,14 @@ from __future__ import annotations
 import json as json_text
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
 
-from hgorun.commands.options import Merge, Printing, Sweep
+from hgorun.commands.ensemble_options import Merge, Sweep
+from hgorun.commands.inputs import configuration
+from hgorun.commands.options import Printing
 from hgorun.commands.outputs import NOT_OK, RESULT_SUFFIXES, RESULTS, refuse_other_kinds
-from hgorun.commands.run import require_file
 from hgorun.ensemble.collecting import collect
 from hgorun.ensemble.ensemble import Ensemble
 from hgorun.ensemble.executors import EXECUTORS, Executor, processes, threads
@@ -25,12 +26,13 @@ from hgorun.files import remove_file
 from hgorun.process import processors
 from hgorun.progress import shown
 from hgorun.study.sweep_file import load_sweeps
+from hgorun.tables.layout import reflowed
 
 
 def sweep(options: Sweep) -> int:
     """Carry out what is missing of ensembles, and collect the file of each when nothing is missing."""
     refuse_other_kinds(options.output, RESULT_SUFFIXES)
-    require_file(options.file)
+    options = replace(options, file=configuration(options.file))
     part = None if options.part is None else Part.read(options.part)
     executor, jobs = _executor(options)
     if options.collect and (part is not None or options.fresh):
@@ -154,7 +156,7 @@ class Told:
     def text(self) -> str:
         """For a person."""
         if self.outcome is not None:
-            return f"{self.outcome.text()}\nwritten: {self.file}"
+            return "\n".join([*reflowed(self.outcome.text()), f"written: {self.file}"])
         which = "" if self.part is None else f"part {self.part.number}/{self.part.of} is finished; "
         return f"{self.store.folder}: {which}{self.store.size - self._left} of {self.store.size} members are there"
 

@@ -5,13 +5,14 @@ from __future__ import annotations
 import json as json_text
 import os
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from hgorun.commands.options import Tune
-from hgorun.commands.outputs import RESULTS, refuse_other_kinds
-from hgorun.commands.run import require_file
+from hgorun.commands.ensemble_options import Tune
+from hgorun.commands.inputs import configuration
+from hgorun.commands.outputs import RESULTS, refuse_other_kinds, there, written
 from hgorun.config.reading import read_source
 from hgorun.config.written import rounded, with_values
 from hgorun.errors import ConfigError, HgorunError
@@ -43,7 +44,7 @@ def tune(options: Tune) -> int:
         When no gains that were tried keep their estimate and meet the limits, or a file cannot be written.
     """
     refuse_other_kinds(options.output, ())
-    require_file(options.config)
+    options = replace(options, config=configuration(options.config))
     text, source = read_source(options.config, options.overrides)
     if isinstance(source.data, dict) and {"data", "tune"} <= source.data.keys():
         from hgorun.commands.tune_data import tune_data
@@ -53,6 +54,8 @@ def tune(options: Tune) -> int:
         raise ConfigError(f"{options.data[0]}: files are for recordings, and the configuration has no data")
     asked = load_tuning(options.config, options.overrides, run=options.run)
     found = [_tuned(task, asked.name, options) for task in asked.tasks]
+    folder = options.output or RESULTS
+    before = there(folder / f"{asked.name}{suffix}" for suffix in (".tuned.yaml", ".tune.h5"))
     files = _write(found, asked, options)
     told = [_table(one) for one in found]
     for one in found:
@@ -61,7 +64,7 @@ def tune(options: Tune) -> int:
         print(json_text.dumps(tables.as_json(told, asked.name, files), indent=2, allow_nan=False))
     elif not options.quiet:
         print(tables.text(told))
-        print("written: " + ", ".join(files))
+        print(written(files, before))
     return 0
 
 

@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from hgorun.commands.ensemble_options import Tune as Options
 from hgorun.commands.estimate import Log, log_of
-from hgorun.commands.options import Tune as Options
-from hgorun.commands.outputs import RESULTS
+from hgorun.commands.outputs import RESULTS, there, written
 from hgorun.config.tuning import Range, Tune, require_few
 from hgorun.config.validation import validate
 from hgorun.config.written import rounded, with_values
@@ -64,12 +64,13 @@ def tune_data(options: Options, text: str, source: Source) -> int:
     for one in found:
         _warn(one, options.config.stem, block)
     numbers = {path: rounded(value) for one in found for path, value in one.gains.items()}
+    before = there([target])
     write_text(target, with_values(options.config, numbers, target))
     if options.json:
         print(json_text.dumps(json_value(_as_json(found, options.config.stem, target)), indent=2, allow_nan=False))
     elif options.text:
-        print("\n".join(_table(found)))
-        print(f"written: {target}")
+        print(_table(found))
+        print(written([target], before))
     return 0
 
 
@@ -152,7 +153,7 @@ def _warn(one: _Tuned, name: str, block: Tune) -> None:
                 say(f"hgorun: {name}: {path} = {value:g} is at an end of its range: better values may lie beyond it")
 
 
-def _table(found: Sequence[_Tuned]) -> list[str]:
+def _table(found: Sequence[_Tuned]) -> str:
     goal = found[0].goal
     columns = [
         [f"{goal.score} {goal.name}: search", *(number(one.tuned) for one in found)],
@@ -164,7 +165,7 @@ def _table(found: Sequence[_Tuned]) -> list[str]:
         values = [{path.split(".", 2)[2]: v for path, v in one.gains.items()}.get(name) for one in found]
         columns.insert(0, [name, *map(number, values)])
     blocks = packed([one.goal.label for one in found], [[column] for column in columns])
-    return [line for block in blocks for line in block]
+    return "\n\n".join("\n".join(block) for block in blocks)
 
 
 def _as_json(found: Sequence[_Tuned], name: str, target: Path) -> dict[str, object]:

@@ -137,19 +137,21 @@ class ExperimentBlocks(Block):
 
     read_before = ("runs",)
 
-    title: str = ""
-    reference: str = ""
+    title: str = Field(default="", description="free text, above figures and in lists")
+    reference: str = Field(default="", description="free text: the publication")
     extends: str | None = Field(default=None, description="another file that this one changes")
-    time: Time
-    plant: dict[str, Any]
-    measurement: dict[str, Any] = Field(default_factory=dict)
+    time: Time = Field(description="horizon and output grid")
+    plant: dict[str, Any] = Field(description="a built-in plant by its type, or equations written in place")
+    measurement: dict[str, Any] = Field(
+        default_factory=dict, description="when outputs are measured, how late they are, and their noise"
+    )
     controller: Controller | None = Field(default=None, description="inputs that are a function of the estimates")
     data: Data | None = Field(default=None, description="recorded measurements, which hgorun estimate takes")
-    observers: dict[str, dict[str, Any]]
-    solver: Solver = Field(default_factory=Solver)
-    seed: Annotated[int, Field(ge=0, lt=SEEDS, strict=True)] = 0
-    metrics: Metrics = Field(default_factory=Metrics)
-    figures: dict[str, Figure] = Field(default_factory=dict)
+    observers: dict[str, dict[str, Any]] = Field(description="label: an observer by its type, with its gains")
+    solver: Solver = Field(default_factory=Solver, description="how the equations are integrated")
+    seed: Annotated[int, Field(ge=0, lt=SEEDS, strict=True, description="of all random numbers")] = 0
+    metrics: Metrics = Field(default_factory=Metrics, description="windows in which errors are measured")
+    figures: dict[str, Figure] = Field(default_factory=dict, description="name: a figure of runs of this file")
     claims: tuple[Claim, ...] = Field(default=(), description="sentences and the inequalities that decide them")
     tune: Tune | None = Field(default=None, description="gains that are sought by hgorun tune, and for what")
 

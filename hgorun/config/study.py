@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema, model_validator
 
 from hgorun.config.tuning import Tune
 from hgorun.config.types import Block, ExpressionText, Name, NonEmpty, Number, Positive, Window
@@ -15,8 +15,9 @@ class Inset(Block):
 
     window: Window = Field(description="time shown")
     limits: Window | None = Field(default=None, description="range of its vertical axis (default: what it shows)")
-    place: tuple[Number, Number, Number, Number] = Field(
-        default=(0.55, 0.5, 0.42, 0.42), description="left, bottom, width and height, as fractions of the panel"
+    place: tuple[Number, Number, Number, Number] | None = Field(
+        default=None,
+        description="left, bottom, width and height, as fractions of the panel (default: where it covers least)",
     )
 
 
@@ -69,6 +70,21 @@ class Panel(Block):
 PANEL_SUBJECTS = ("state", "error", "magnitude", "output", "driven", "input", "scaling")
 
 
+# inches: a column of a journal, and both with the gap between them
+WIDTHS = {"one": 3.5, "two": 7.2}
+
+
+def _inches(value: Any) -> Any:
+    return WIDTHS.get(value, value) if isinstance(value, str) else value
+
+
+Width = Annotated[
+    Positive,
+    BeforeValidator(_inches),
+    WithJsonSchema({"anyOf": [{"type": "number", "exclusiveMinimum": 0}, {"enum": list(WIDTHS)}]}),
+]
+
+
 class Figure(Block):
     """A figure: panels one below the other, or in columns."""
 
@@ -80,8 +96,9 @@ class Figure(Block):
     labels: dict[str, str] = Field(
         default_factory=dict, description="run/label or label: what the legend calls that observer"
     )
-    width: Positive = Field(default=6.0, description="inches")
+    width: Width = Field(default=6.0, description="inches; one or two: columns of a journal")
     height: Positive | None = Field(default=None, description="inches (default: 2.2 per row of panels)")
+    style: Literal["light", "dark"] = Field(default="light", description="of the page")
 
 
 class Inequality(Block):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Annotated, Any
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, ConfigDict, Field, WithJsonSchema, model_validator
 
 from hgorun.config.types import Block, NonEmpty, Number, describe
 from hgorun.errors import Problem
@@ -77,8 +77,15 @@ def _whole(value: Any) -> Any:
     return _mended(value, "value")
 
 
+_TEXTS_SCHEMA = {"anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}, "minItems": 1}]}
+# for editors: in braces, the rest of a quantity that YAML cuts at its comma is a key without a value
+_CUT = ConfigDict(json_schema_extra={"patternProperties": {r"\)$": {"type": "null"}}})
+
+
 class Bound(Block):
     """What has to hold besides."""
+
+    model_config = _CUT
 
     value: str = Field(description="an expression of quantities, such as peak(FHGO, x2)")
     below: Number | None = Field(default=None, description="its mean over the seeds has to be below")
@@ -98,10 +105,14 @@ _FOR_A_SEED = 8  # runs for each of the seeds, at least
 class Tune(Block):
     """Gains are sought that minimise one quantity, or the front of two."""
 
+    model_config = _CUT
+
     gains: dict[str, Range] = Field(
         description="path: range, with a path as after --set; observers.*.theta: of every observer that has such a key"
     )
-    minimise: Annotated[tuple[str, ...], BeforeValidator(_texts), NonEmpty, Field(max_length=2)] = Field(
+    minimise: Annotated[
+        tuple[str, ...], BeforeValidator(_texts), NonEmpty, Field(max_length=2), WithJsonSchema(_TEXTS_SCHEMA)
+    ] = Field(
         description="one quantity or two, as in claims: hf(FHGO, x2); hf(*, x2) where several observers are tuned"
     )
     subject: tuple[Annotated[Bound, BeforeValidator(_whole)], ...] = Field(

@@ -58,7 +58,7 @@ class History:
             "ptr %ctx, i64 %index, double %t0, double %t1, ptr %start, ptr %end",
             attributes=f"nounwind {self._inlined}",
         )
-        piece = self._piece(f, "%index")
+        piece = self._piece(f, "%index", self._ring(f))
         f.store("%t0", piece)
         f.store("%t1", f.at(piece, 1))
         values = 2 * self.width // self.m.lanes
@@ -74,10 +74,14 @@ class History:
         few = self.m.lanes == 1 and places <= _FEW
         return "alwaysinline" if few else "noinline"
 
-    def _piece(self, f: Function, index: str) -> str:
-        slot = f.scalar("and", index, f.word("%ctx", WORD["ring_mask"]))
+    def _ring(self, f: Function) -> tuple[str, str]:
+        """Where the pieces are, and what makes a place of a number: read once, since stores in between hide that."""
+        return f.word("%ctx", WORD["ring"], "ptr"), f.word("%ctx", WORD["ring_mask"])
+
+    def _piece(self, f: Function, index: str, ring: tuple[str, str]) -> str:
+        first, mask = ring
         words = piece_words(self.m.system.outputs * self.m.system.width, self.m.lanes)
-        return f.at(f.word("%ctx", WORD["ring"], "ptr"), f.scalar("mul", slot, str(words)))
+        return f.at(first, f.scalar("mul", f.scalar("and", index, mask), str(words)))
 
     def _initial(self, f: Function, first: str, count: int) -> None:
         copy(f, f.at(f.word("%ctx", WORD["initial"], "ptr"), first), "%target", count)
@@ -112,10 +116,8 @@ class History:
         early(f, first, self.m.system.width)
         f.do("ret i64 0")
         f.place(search)
-        count = f.word("%ctx", WORD["ring_count"])
-        oldest = f.let(
-            f"call i64 @llvm.smax.i64(i64 0, i64 {f.scalar('sub', count, f.word('%ctx', WORD['ring_mask']))})"
-        )
+        count, ring = f.word("%ctx", WORD["ring_count"]), self._ring(f)
+        oldest = f.let(f"call i64 @llvm.smax.i64(i64 0, i64 {f.scalar('sub', count, ring[1])})")
         self.m.declarations.add("declare i64 @llvm.smax.i64(i64, i64)")
         self.m.declarations.add("declare i64 @llvm.smin.i64(i64, i64)")
         start = f.let(f"call i64 @llvm.smax.i64(i64 {oldest}, i64 {f.load('%hint', 'i64')})")
@@ -124,11 +126,11 @@ class History:
         with f.loop() as after:
             i = f.load(at, "i64")
             f.leave_if(f.test("sge", i, "%newest"), after)
-            f.leave_if(f.test("ole", "%t", f.word(self._piece(f, i), 1, "double")), after)
+            f.leave_if(f.test("ole", "%t", f.word(self._piece(f, i, ring), 1, "double")), after)
             f.store(f.scalar("add", i, "1"), at, "i64")
         with f.loop() as after:
             i = f.load(at, "i64")
-            f.leave_if(f.test("ole", f.word(self._piece(f, i), 0, "double"), "%t"), after)
+            f.leave_if(f.test("ole", f.word(self._piece(f, i, ring), 0, "double"), "%t"), after)
             short, enough = f.label(), f.label()
             f.branch(f.test("sle", i, oldest), short, enough)
             f.place(short)
@@ -137,7 +139,7 @@ class History:
             f.store(f.scalar("sub", i, "1"), at, "i64")
         i = f.load(at, "i64")
         f.store(i, "%hint", "i64")
-        piece = self._piece(f, i)
+        piece = self._piece(f, i, ring)
         t0, t1 = f.load(piece), f.word(piece, 1, "double")
         h = f.scalar("fsub", t1, t0)
         theta, length = f.splat(f.scalar("fdiv", f.scalar("fsub", "%t", t0), h)), f.splat(h)
@@ -150,8 +152,11 @@ class History:
         f.do(f"ret i64 {f.let(f'zext i1 {provisional} to i64')}")
         self.m.finish(f)
 
-    def look_up(self, f: Function, regime: int, t: str, newest: str, flags: str) -> None:
-        """Fill w with the delayed channels at time t; or the outcome into the slot ``flags``."""
+    def look_up(self, f: Function, regime: int, t: str, newest: str, flags: str, target: str = "") -> None:
+        """Fill w with the delayed channels at time t; or the outcome into the slot ``flags``.
+
+        With a ``target`` they are left there, one output after the other, until :meth:`hand_over` needs them.
+        """
         lag = self.lags[regime]
         s, lanes = self.m.system, self.m.lanes
         p, z, w = (f.word("%ctx", WORD[name], "ptr") for name in ("p", "z", "w"))
@@ -159,8 +164,19 @@ class History:
         tau, delays = f.slot("double", lag.clocked * lanes), f.slot("double", s.outputs * lanes)
         lag.clock(f, t, p, c, tau)
         lag.main(f, p, c, tau, z, w, delays)
-        for i in s.regimes[regime].delayed:
-            self._look_up(f, "recall", i, t, f.at(delays, i * lanes), newest, f.at(w, s.held.output(i) * lanes), flags)
+        for number, i in enumerate(s.regimes[regime].delayed):
+            place = f.at(target, number * s.width * lanes) if target else f.at(w, s.held.output(i) * lanes)
+            self._look_up(f, "recall", i, t, f.at(delays, i * lanes), newest, place, flags)
+
+    def buffer(self, f: Function, regime: int) -> str:
+        """Memory for what :meth:`look_up` finds at one time."""
+        return f.slot("double", len(self.m.system.regimes[regime].delayed) * self.m.system.width * self.m.lanes)
+
+    def hand_over(self, f: Function, regime: int, source: str) -> None:
+        """Fill w with what has been looked up before."""
+        s, w = self.m.system, f.word("%ctx", WORD["w"], "ptr")
+        for number, i in enumerate(s.regimes[regime].delayed):
+            copy(f, f.at(source, number * s.width * f.lanes), f.at(w, s.held.output(i) * f.lanes), s.width)
 
     def near(self, f: Function, regime: int, h: str) -> str:
         """Whether a delay may look into a step of length h; of delays that are not constant that is not known."""

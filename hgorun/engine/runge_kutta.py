@@ -41,14 +41,21 @@ class RungeKutta(Stepper):
 
     def stages(self, t: str, h: str, t_end: str) -> None:
         f, method = self.f, self.method
+        times = {c: t_end if c == 1.0 else f.scalar("fadd", t, f.scalar("fmul", h, hexadecimal(c))) for c in method.c}
+        history, past = self.history if self.delayed else None, dict[float, str]()
+        if history:  # before all stages: what is looked up for one of them need not wait for another
+            for c in dict.fromkeys(method.c[1:]):
+                past[c] = history.buffer(f, self.regime)
+                self.look_up(times[c], target=past[c])
         ticked, before = {0.0}, -1.0
         for c, row, target in zip(method.c[1:], method.stages, self.k[1:], strict=True):
-            t_stage = t_end if c == 1.0 else f.scalar("fadd", t, f.scalar("fmul", h, hexadecimal(c)))
             if c not in ticked:
-                self.tick(t_stage, self.clock[c])
+                self.tick(times[c], self.clock[c])
                 ticked.add(c)
             combine(f, row, h, self.base, self.k, self.stage, self.size)
-            self.flow_at(t_stage, self.clock[c], self.stage, target, known=c == before)  # what is delayed
+            if history and c != before:
+                history.hand_over(f, self.regime, past[c])
+            self.flow_at(times[c], self.clock[c], self.stage, target, known=True)
             before = c
         combine(f, method.result, h, self.base, self.k, self.z, self.size)
         if 1.0 not in ticked:

@@ -171,13 +171,16 @@ class Stepper(ABC):
         """What depends on time alone, at t."""
         self.flow.clock(self.f, t, self.p, self.c, tau)
 
-    def look_up(self, t: str, *, finished: str = "0") -> None:
-        """What is delayed at t; ``finished``: "1" where no step is being made whose provisional piece may be used."""
+    def look_up(self, t: str, *, finished: str = "0", target: str = "") -> None:
+        """What is delayed at t, for w or for a ``target``.
+
+        ``finished``: "1" where no step is being made whose provisional piece may be used.
+        """
         f = self.f
         if self.delayed:
             assert self.history is not None
             newest = f.scalar("sub", f.word("%ctx", WORD["ring_count"]), finished)
-            self.history.look_up(f, self.regime, t, newest, self.flags)
+            self.history.look_up(f, self.regime, t, newest, self.flags, target)
 
     def flow_at(self, t: str, tau: str, z: str, target: str, *, finished: str = "0", known: bool = False) -> None:
         """z' at (t, z); ``finished`` as in :meth:`look_up`, ``known`` where what is delayed at t stands in w."""

@@ -49,7 +49,7 @@ def sweep(
     fresh : bool
         Begin anew, whatever was finished before.
     executor : callable, optional
-        Who carries members out, see :mod:`hgorun.ensemble.executors`; by default threads of this process.
+        Who carries members out, see ``hgorun.ensemble.executors``; by default threads of this process.
 
     Returns
     -------
@@ -66,7 +66,8 @@ def sweep(
     Examples
     --------
     >>> found = hgorun.sweep(experiment, {"observers.FHGO.theta": {"log": [2, 20, 10]}, "seed": {"count": 20}})
-    >>> found.to_xarray()["rmse"].mean("seed")
+    >>> found.to_xarray()["rmse"].mean("seed").dims
+    ('observers.FHGO.theta', 'observer', 'state')
     """
     _check(experiment, output, executor)
     data = plain({"axes": _as_dict(axes), "combine": combine, "keep": _as_dict({} if keep is None else keep)})

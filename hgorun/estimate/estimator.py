@@ -46,7 +46,8 @@ class Estimator:
     --------
     >>> estimator = Estimator(hgorun.load("config.yaml"))
     >>> estimator.update(0.1, {"y": 0.52})
-    >>> estimator.predict(0.15)["SHGO"]
+    >>> estimator.predict(0.15)["SHGO"].shape
+    (2,)
     """
 
     def __init__(

@@ -27,7 +27,7 @@ from hgorun.ensemble.fronts import non_dominated
 from hgorun.ensemble.points import points, thinned
 from hgorun.ensemble.statistics import QUANTILES, quantiles
 from hgorun.figures.ensemble import TIMES, Cast, drawable, limits, places
-from hgorun.result.metrics.base import all_metrics
+from hgorun.result.metrics.base import unit_of
 
 Plot = Any  # bokeh publishes types, but not of what figure() returns
 _SIZE = {"width": 400, "height": 320}
@@ -187,9 +187,7 @@ def axis_name(axis: str, time: str = "") -> str:
 
 def name(cast: Cast, metric: str, state: str) -> str:
     """A metric of a state in words, with its unit."""
-    known = all_metrics(closed=True).get(metric)
-    measured_in = {"state": state, "time": "time"}.get(known.unit if known else "", "")
-    return f"{metric} {state}{_in_brackets(cast.members.units.get(measured_in, ''))}"
+    return f"{metric} {state}{_in_brackets(unit_of(metric, state, cast.members.units))}"
 
 
 def _in_brackets(unit: str) -> str:

@@ -124,6 +124,7 @@ class LivePage:
 
     def serve(self, ready: Callable[[], None]) -> None:
         """Serve until it is stopped; ``ready`` is called once pages can be opened."""
+
         def begun() -> None:
             self._running = asyncio.get_running_loop()
             ready()

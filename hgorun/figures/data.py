@@ -78,6 +78,15 @@ def moving_maximum(curve: Curve, points: int) -> Curve:
     return Curve(curve.t, np.maximum(found[:count], found[rest : rest + count]))
 
 
+def coming_maximum(curve: Curve, points: int) -> Curve:
+    """The largest of every value and about ``points`` that follow it; without the end, which so many do not follow."""
+    half = min(points // 2, (len(curve.v) - 1) // 4)
+    if half <= 0:
+        return curve
+    kept = len(curve.v) - 2 * half
+    return Curve(curve.t[:kept], moving_maximum(curve, 2 * half).v[half : half + kept])
+
+
 def state_limits(
     truths: Sequence[np.ndarray], healthy: Sequence[np.ndarray], lost: Sequence[np.ndarray]
 ) -> tuple[float, float] | None:

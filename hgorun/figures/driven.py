@@ -32,7 +32,7 @@ def draw_driven(ax: Axes, scene: Scene, name: str) -> None:
 def draw_input(ax: Axes, scene: Scene, name: str) -> None:
     """An input as each observer sets it."""
     _draw(ax, scene, lambda result: result.inputs, name, lambda loop, k: loop.u[:, k])
-    ax.set_ylabel(f"${symbol(name)}$")
+    ax.set_ylabel(f"${symbol(name)}$" + unit(_unit_of(scene, name)))
 
 
 def _unit_of(scene: Scene, name: str) -> str:

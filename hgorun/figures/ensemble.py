@@ -16,7 +16,7 @@ from hgorun.figures.actors import Actor, texts
 from hgorun.figures.looks import Look, looks
 from hgorun.figures.scaling import measured_on, quantities
 from hgorun.figures.style import LARGEST_NUMBER
-from hgorun.result.metrics.base import all_metrics
+from hgorun.result.metrics.base import unit_of
 from hgorun.tables.typeset import symbol, unit, words
 
 if TYPE_CHECKING:
@@ -64,13 +64,9 @@ class Cast:
 
     def quantity(self, metric: str, state: str, *, short: bool = False) -> str:
         """What a metric of a state's error is called on an axis, with its unit."""
-        known = all_metrics(closed=True).get(metric)
         named = quantities().get(metric, f"{metric} of ${{}}$")
         text = f"{metric} of ${symbol(state)}$" if short else named.format(measured_on(metric, state))
-        units = self.members.units
-        return text + unit(
-            {"state": units.get(state, ""), "time": units.get("time", "")}.get(known.unit if known else "", "")
-        )
+        return text + unit(unit_of(metric, state, self.members.units))
 
     @property
     def width(self) -> float:
@@ -86,10 +82,8 @@ def quantity_label(metric: str, state: str, units: Mapping[str, str]) -> str:
     units : mapping of str to str
         Of the states, and of ``time``.
     """
-    known = all_metrics(closed=True).get(metric)
     named = quantities().get(metric, f"{words(metric)} of ${{}}$")
-    measured_in = {"state": state, "time": "time"}.get(known.unit if known else "", "")
-    return named.format(measured_on(metric, state)) + unit(units.get(measured_in, ""))
+    return named.format(measured_on(metric, state)) + unit(unit_of(metric, state, units))
 
 
 def axis_label(axis: str, time: str = "") -> str:

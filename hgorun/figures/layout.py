@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 from hgorun.figures.style import DOTS, DPI, LARGEST, THEORY, TRUTH
 from hgorun.result.data import ResultData
-from hgorun.tables.typeset import paragraph, unit
+from hgorun.tables.typeset import columns as columns_of
+from hgorun.tables.typeset import paragraph, shortened, unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -16,6 +17,8 @@ if TYPE_CHECKING:
     from matplotlib.legend import Legend
 
 TOP = 0.6  # inches for title and legend
+_MARGIN = 0.05  # inches that a legend keeps from the edges of its figure
+_SHORTEST = 8  # characters of a legend's texts
 
 
 def grid(count: int, columns: int, width: float, height: float, *, share: bool) -> tuple[Figure, list[Axes]]:
@@ -41,8 +44,23 @@ def time_axis(ax: Axes, results: Sequence[ResultData], span: tuple[float, float]
     ax.set_xlabel("time" + unit(next((r.units["time"] for r in results if r.units.get("time")), "")))
 
 
-def finished(figure: Figure, axes: Sequence[Axes], columns: int, title: str | None, *, grow: bool) -> Figure:
-    """Ticks and legend, which need to know all panels; a figure may grow for a long legend."""
+def finished(
+    figure: Figure,
+    axes: Sequence[Axes],
+    columns: int,
+    title: str | None,
+    *,
+    grow: bool,
+    cuts: bool = False,
+) -> Figure:
+    """Ticks and legend, which need to know all panels; a figure may grow for a long legend.
+
+    Parameters
+    ----------
+    cuts : bool
+        Mark what the limits of the panels cut off.
+    """
+    from hgorun.figures.cuts import mark_all
     from hgorun.figures.ticks import tick
 
     for i, ax in enumerate(axes):
@@ -59,6 +77,8 @@ def finished(figure: Figure, axes: Sequence[Axes], columns: int, title: str | No
         figure.set_figheight(min(figure.get_figheight() + taller, LARGEST))
     figure.draw_without_rendering()  # makes the ticks now, in our style, not when somebody saves
     figure.set_layout_engine("none")  # every format gets this layout
+    if cuts:
+        mark_all([*axes, *(inset for ax in axes for inset in _insets(ax))], figure.dpi)
     for ax in axes:
         for axis in (ax.xaxis, ax.yaxis):
             _freeze_label(ax, axis)
@@ -91,21 +111,22 @@ def _legend(figure: Figure, axes: Sequence[Axes], title: str | None) -> Legend:
                 handles.setdefault((text, line.get_color()), line)
     entries = sorted(handles, key=lambda entry: _rank(entry[0]))
     texts = [text for text, _ in entries]
-    room = figure.get_figwidth() * figure.dpi
-    columns = max(len(texts), 1)
+    room = figure.get_figwidth() * figure.dpi - 2 * _MARGIN * figure.dpi
+    columns, limit = max(len(texts), 1), max(map(columns_of, texts), default=0)
     while True:
         legend = figure.legend(
             [handles[entry] for entry in entries],
-            texts,
+            [text if "$" in text else shortened(text, limit) for text in texts],
             ncols=columns,
             title=title,
             loc="outside upper center",
         )
         legend.get_title().set_multialignment("center")
-        if columns == 1 or legend.get_window_extent().width <= room:
+        width = max(legend.get_window_extent().width, legend.get_title().get_window_extent().width)
+        if width <= room or (columns == 1 and limit <= _SHORTEST):
             return legend
         legend.remove()
-        columns -= 1
+        columns, limit = (columns - 1, limit) if columns > 1 else (1, limit - 2)
 
 
 def _rank(text: str) -> int:

@@ -1,7 +1,7 @@
 """Colours, line styles and markers of a figure's observers.
 
-An observer has the colour of its family in every figure of every file; only where two of one family meet
-in one set of axes does the second one take another.
+An observer has the look of its family in every figure of every file; only where two that look alike meet in one figure
+does the second one take another.
 """
 
 from __future__ import annotations
@@ -9,36 +9,61 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
+from zlib import crc32
 
 from hgorun.figures.style import DASHES, MARKERS, PALETTE
 
 BLUE, ORANGE, GREEN, VERMILLION, SKY, PINK, OLIVE, VIOLET, BRICK, WINE = PALETTE
+SOLID, LONG, DASH_DOT, DENSE, DASH_DOT_DOT = range(len(DASHES))
 _STANDARD = ORANGE
-# For observers without a colour of their own and for a second one of a family: those rare in publications first.
+# For a second observer of a family: colours that are rare in publications first.
 _SPARE = (PINK, OLIVE, SKY, WINE, GREEN, BRICK, VIOLET, VERMILLION, BLUE, ORANGE)
 # Families that are compared with each other differ in colour and nearly all in luminance. The standard
-# observer, which is the noisy one of most comparisons, is light, and none is dark: the truth shows on them.
-_FAMILIES = {
-    "shgo": _STANDARD,
-    "shgo_riccati": _STANDARD,
-    "fhgo1": BLUE,
-    "treangle": PINK,
-    "low_power": SKY,
-    "integral": VERMILLION,
-    "hgo_fd": VERMILLION,
-    "hgo_sa": VIOLET,
-    "direct": GREEN,
-    "dynamic_gain": VERMILLION,
-    "direct_dynamic": VIOLET,
-    "levant": SKY,
-    "reduced_sampled": BLUE,
-    "deadbeat": VERMILLION,
+# observer, which is the noisy one of most comparisons, is light, and none is dark: the truth shows on them. No two
+# families have both colour and line style in common.
+_FAMILIES: Mapping[str, tuple[str, int]] = {
+    "shgo": (_STANDARD, SOLID),
+    "shgo_riccati": (_STANDARD, LONG),
+    "updated": (_STANDARD, DASH_DOT),
+    "dead_zone": (_STANDARD, DENSE),
+    "stubborn": (_STANDARD, DASH_DOT_DOT),
+    "fhgo1": (BLUE, LONG),
+    "reduced_sampled": (BLUE, SOLID),
+    "extended": (BLUE, DASH_DOT),
+    "nested": (BLUE, DENSE),
+    "treangle": (PINK, SOLID),
+    "luenberger_exact": (PINK, LONG),
+    "predictor_chain": (PINK, DASH_DOT),
+    "low_power": (SKY, SOLID),
+    "levant": (SKY, LONG),
+    "savgol": (SKY, DASH_DOT),
+    "spline": (SKY, DENSE),
+    "integral": (VERMILLION, SOLID),
+    "hgo_fd": (VERMILLION, LONG),
+    "dynamic_gain": (VERMILLION, DASH_DOT),
+    "deadbeat": (VERMILLION, DENSE),
+    "hgo_sa": (VIOLET, SOLID),
+    "direct_dynamic": (VIOLET, DASH_DOT),
+    "ekf": (VIOLET, DENSE),
+    "direct": (GREEN, LONG),
+    "kalman_bucy": (WINE, SOLID),
+    "hg_ekf": (GREEN, DASH_DOT),
+    "kinetic_rate": (GREEN, DASH_DOT_DOT),
+    "homogeneous": (OLIVE, LONG),
+    "prescribed_time": (OLIVE, DASH_DOT),
+    "cascade": (OLIVE, DENSE),
+    "ukf": (WINE, LONG),
+    "aekf": (WINE, DASH_DOT),
+    "impulsive": (BRICK, LONG),
+    "impulsive_riccati": (BRICK, SOLID),
+    "piecewise": (BRICK, DENSE),
+    "switched": (OLIVE, SOLID),
 }
 # By filter order; without a filter these are the standard observer.
-_FILTERED = {
-    "fhgo2": (_STANDARD, BRICK, GREEN, VIOLET),
-    "fhgo2_nuos": (_STANDARD, BRICK, GREEN, VIOLET),
-    "lowpass": (_STANDARD, OLIVE, BLUE, WINE),
+_FILTERED: Mapping[str, tuple[tuple[str, int], ...]] = {
+    "fhgo2": ((_STANDARD, SOLID), (BRICK, DASH_DOT), (GREEN, SOLID), (VIOLET, LONG)),
+    "fhgo2_nuos": ((_STANDARD, SOLID), (BRICK, DASH_DOT_DOT), (GREEN, DENSE), (VIOLET, DASH_DOT_DOT)),
+    "lowpass": ((_STANDARD, SOLID), (OLIVE, DASH_DOT_DOT), (BLUE, DASH_DOT_DOT), (WINE, DASH_DOT_DOT)),
 }
 
 
@@ -73,12 +98,27 @@ class Look:
     marker: str
 
 
-def family_colour(type_: str, filter_order: int | None) -> str | None:
-    """The colour of a family of observers in all figures; None for families that we do not know."""
+def family_colour(type_: str, filter_order: int | None) -> str:
+    """The colour of a family of observers in all figures."""
+    return _family(type_, filter_order)[0]
+
+
+def _family(type_: str, filter_order: int | None) -> tuple[str, int]:
+    """Colour and line style of a family; of one that we do not know they follow from its name."""
     if type_ in _FILTERED:
         known = _FILTERED[type_]
-        return known[filter_order or 0] if (filter_order or 0) < len(known) else None
-    return _FAMILIES.get(type_)
+        if (filter_order or 0) < len(known):
+            return known[filter_order or 0]
+    elif type_ in _FAMILIES:
+        return _FAMILIES[type_]
+    number = crc32(f"{type_} {filter_order or ''}".encode())
+    return _SPARE[number % len(_SPARE)], 1 + number // len(_SPARE) % (len(DASHES) - 1)
+
+
+def _marker(type_: str, filter_order: int | None) -> int:
+    """The place of a family's marker, which follows from its colour and line style."""
+    colour, dashes = _family(type_, filter_order)
+    return (PALETTE.index(colour) + 3 * dashes) % len(MARKERS)
 
 
 def looks(panels: Sequence[Sequence[HasFamily]], texts: Mapping[int, str]) -> dict[int, Look]:
@@ -99,26 +139,26 @@ def looks(panels: Sequence[Sequence[HasFamily]], texts: Mapping[int, str]) -> di
     """
     colours = _colours(panels, texts)
     styles = _dashes(panels, colours, texts)
+    markers = _markers(panels)
     return {
-        order: Look(texts[order], colours[order], DASHES[style], MARKERS[i % len(MARKERS)])
-        for i, (order, style) in enumerate(styles.items())
+        order: Look(texts[order], colours[order], DASHES[style], MARKERS[markers[order]])
+        for order, style in styles.items()
     }
 
 
+def _actors(panels: Sequence[Sequence[HasFamily]]) -> dict[int, HasFamily]:
+    return {a.order: a for panel in panels for a in panel}
+
+
 def _colours(panels: Sequence[Sequence[HasFamily]], texts: Mapping[int, str]) -> dict[int, str]:
-    actors = {a.order: a for panel in panels for a in panel}
-    families = {(a.type, a.filter_order): family_colour(a.type, a.filter_order) for _, a in sorted(actors.items())}
-    used = {colour for colour in families.values() if colour}
-    for key, colour in families.items():
-        if colour is None:
-            families[key] = _first_free(used, ())
-            used.add(str(families[key]))
+    actors = _actors(panels)
+    families = {a.order: (a.type, a.filter_order) for a in actors.values()}
+    used = {family_colour(*family) for family in families.values()}
     chosen: dict[int, str] = {}
     for order, beside in _neighbours(panels).items():
         taken = [chosen[other] for other in beside if other in chosen]
-        family = (actors[order].type, actors[order].filter_order)
-        twins = [chosen[o] for o in chosen if texts[o] == texts[order] and actors[o].type == family[0]]
-        wanted = [colour for colour in (*twins, str(families[family])) if colour not in taken]
+        twins = [chosen[o] for o in chosen if texts[o] == texts[order] and families[o][0] == families[order][0]]
+        wanted = [colour for colour in (*twins, family_colour(*families[order])) if colour not in taken]
         chosen[order] = wanted[0] if wanted else _first_free(used, taken)
         used.add(chosen[order])
     return chosen
@@ -133,16 +173,35 @@ def _first_free(used: set[str], beside: Sequence[str]) -> str:
 def _dashes(
     panels: Sequence[Sequence[HasFamily]], colours: Mapping[int, str], texts: Mapping[int, str]
 ) -> dict[int, int]:
-    """Line styles: different for observers that share a panel, solid as often as that allows."""
+    """Line styles: the family's own, unless one of the same colour has it that is to be told from it.
+
+    Those without the colour of their family take one that is rare beside them.
+    """
+    actors = _actors(panels)
     chosen: dict[int, int] = {}
     for order, beside in _neighbours(panels).items():
+        colour, own = _family(actors[order].type, actors[order].filter_order)
+        at_home = colours[order] == colour
         alike = [o for o in chosen if colours[o] == colours[order]]
         twins = {chosen[o] for o in alike if texts[o] == texts[order]}
         confused = {chosen[o] for o in alike if texts[o] != texts[order] or o in beside}
         holders = [[o for o in beside if chosen.get(o) == style] for style in range(len(DASHES))]
         gaps = [min((_gap(colours[order], colours[o]) for o in group), default=1.0) for group in holders]
-        reluctance = [(s in confused, len(holders[s]), s not in twins, -gaps[s]) for s in range(len(DASHES))]
+        reluctance = [
+            (s in confused, at_home and s != own, len(holders[s]), s not in twins, -gaps[s]) for s in range(len(DASHES))
+        ]
         chosen[order] = reluctance.index(min(reluctance))
+    return chosen
+
+
+def _markers(panels: Sequence[Sequence[HasFamily]]) -> dict[int, int]:
+    """Places of markers: the family's own, or the next one that no other of the family has beside it."""
+    families = {order: (a.type, a.filter_order) for order, a in _actors(panels).items()}
+    chosen: dict[int, int] = {}
+    for order, beside in _neighbours(panels).items():
+        own = _marker(*families[order])
+        taken = [chosen[o] for o in beside if o in chosen and families[o] == families[order]]
+        chosen[order] = min(range(len(MARKERS)), key=lambda m: (taken.count(m), (m - own) % len(MARKERS)))
     return chosen
 
 

@@ -267,6 +267,8 @@ def _check_overlap(
 
 
 def _check_place(inset: Inset, path: KeyPath) -> None:
+    if inset.place is None:
+        return
     left, bottom, width, height = inset.place
     within = min(left, bottom) >= 0 and max(left + width, bottom + height) <= 1 + 1e-9
     if not (within and min(width, height) >= 0.1):

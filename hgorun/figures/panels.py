@@ -71,6 +71,17 @@ def moving_window(result: ResultData) -> float:
     return float(result.windows.get("average") or 0.01 * span)
 
 
+def points_in_window(result: ResultData) -> int:
+    """How many steps of the output grid :func:`moving_window` has."""
+    return round(moving_window(result) / float(result.time[1] - result.time[0])) if result.time.size > 1 else 0
+
+
+def window_words(what: str, results: Sequence[ResultData]) -> str:
+    """``largest error in a moving window of 0.08 s``; without the length where results differ in it."""
+    windows = {f"{moving_window(r):.4g} {words(r.units.get('time', ''))}".rstrip() for r in results}
+    return f"largest {what} in a moving window" + (f" of {windows.pop()}" if len(windows) == 1 else "")
+
+
 def _estimates(
     ax: Axes,
     scene: Scene,
@@ -112,9 +123,8 @@ def lines_of(
         if own is None:
             continue
         curve = data.finite(result.time, own)
-        if moving_maximum and len(result.time) > 1:
-            step = float(result.time[1] - result.time[0])
-            curve = data.moving_maximum(curve, round(moving_window(result) / step))
+        if moving_maximum:
+            curve = data.moving_maximum(curve, points_in_window(result))
         curve = data.inside(curve, scene.window)
         drawn.append((float(np.abs(np.diff(curve.v)).sum()), actor, curve))
     ranks = {id(actor): rank for rank, (_, actor, _) in enumerate(sorted(drawn, key=lambda d: -d[0]))}

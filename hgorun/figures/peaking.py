@@ -8,26 +8,31 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hgorun.figures.actors import cast, texts
-from hgorun.figures.data import Curve, thinned
+from hgorun.figures.data import Curve, coming_maximum, thinned
 from hgorun.figures.layout import TOP, finished, grid, time_axis
 from hgorun.figures.looks import looks
+from hgorun.figures.page import LIGHT, Page, on_page
+from hgorun.figures.panels import points_in_window, window_words
 from hgorun.figures.style import styled
 from hgorun.result.data import ResultData
 from hgorun.result.theory import Transient
-from hgorun.tables.typeset import symbol
+from hgorun.tables.typeset import symbol, unit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_WIDTH, _ROW = 7.2, 1.8
+_ROW = 1.8
 _BOUND, _NOMINAL = (0, (3, 2)), (0, (1, 2))
-_TITLE = "errors; dashed: bounds where the theorems hold; dotted: their decay where they do not"
+_TITLE = "{}; thin dashed: bounds where the theorems hold; thin dotted: their decay where they do not"
 _DECADES = 12  # that an axis shows at most
 _MAX_POINTS = 2000  # points of a line: noise is a band of them
 
 
-def peaking(result: ResultData, transients: Mapping[str, Transient]) -> Figure:
+def peaking(result: ResultData, transients: Mapping[str, Transient], page: Page = LIGHT) -> Figure:
     """|zhat - z| on a logarithmic axis, one row a coordinate, and the theorem's bound dashed.
+
+    An error is drawn as the largest one from then on, for as long as the metrics' moving average: noisy errors cross
+    zero so often that they would hide each other. A bound that falls is above that where it is above the error.
 
     Where the run does not meet what the theorem assumes the bound's nominal decay is dotted, which bounds nothing
     there. Observers that compute in other coordinates have rows of their own.
@@ -37,6 +42,7 @@ def peaking(result: ResultData, transients: Mapping[str, Transient]) -> Figure:
     result : ResultData
     transients : mapping of str to Transient
         Of the observers that have some, by label.
+    page : Page
 
     Returns
     -------
@@ -44,9 +50,10 @@ def peaking(result: ResultData, transients: Mapping[str, Transient]) -> Figure:
     """
     actors = [a for a in cast([result]) if a.label in transients]
     names = list(dict.fromkeys(name for a in actors for name in transients[a.label].names))
+    points = points_in_window(result)
     look = looks([actors], texts(actors, {}))
     with styled():
-        figure, axes = grid(max(len(names), 1), 1, _WIDTH, _ROW * max(len(names), 1) + TOP, share=True)
+        figure, axes = grid(max(len(names), 1), 1, page.width, _ROW * max(len(names), 1) + TOP, share=True)
         for ax, name in zip(axes, names, strict=False):
             ax.set_yscale("log")
             drawn: list[np.ndarray] = []
@@ -56,20 +63,24 @@ def peaking(result: ResultData, transients: Mapping[str, Transient]) -> Figure:
                     continue
                 i = transient.names.index(name)
                 own = look[actor.order]
-                curves = [(transient.error[:, i], own.dashes, own.text, 1.0)]
+                errors = coming_maximum(Curve(transient.time, transient.error[:, i]), points)
+                curves = [(errors, own.dashes, own.text, 1.0)]
                 if transient.holds:
-                    curves.append((transient.bound[:, i], _BOUND, f"{own.text}: bound", 0.8))
+                    bound = Curve(transient.time, transient.bound[:, i])
+                    curves.append((bound, _BOUND, f"{own.text}: bound", 0.6))
                 elif transient.nominal is not None:
-                    curves.append((transient.nominal[:, i], _NOMINAL, f"{own.text}: nominal", 0.8))
-                for values, line, text, width in curves:
+                    nominal = Curve(transient.time, transient.nominal[:, i])
+                    curves.append((nominal, _NOMINAL, f"{own.text}: nominal", 0.6))
+                for (t, values), line, text, thickness in curves:
                     kept = np.isfinite(values) & (values > 0)
-                    curve = Curve(transient.time[kept], values[kept])
-                    ax.plot(*thinned(curve, _MAX_POINTS), color=own.colour, linestyle=line, label=text, linewidth=width)
+                    curve = Curve(t[kept], values[kept])
+                    how = {"color": own.colour, "linestyle": line, "label": text, "linewidth": thickness}
+                    ax.plot(*thinned(curve, _MAX_POINTS), **how)
                     drawn.append(curve.v if line is not _NOMINAL else curve.v[:1])
             ax.set_ylim(*_limits(drawn))
             time_axis(ax, [result], (float(result.time[0]), float(result.time[-1])))
-            ax.set_ylabel(rf"$|{symbol(name, hat=True)} - {symbol(name)}|$")
-        return finished(figure, axes, 1, _TITLE, grow=True)
+            ax.set_ylabel(rf"$|{symbol(name, hat=True)} - {symbol(name)}|$" + unit(result.units.get(name, "")))
+        return on_page(finished(figure, axes, 1, _TITLE.format(window_words("error", [result])), grow=True), page.style)
 
 
 def _limits(drawn: list[np.ndarray]) -> tuple[float, float]:

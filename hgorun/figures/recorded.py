@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hgorun.figures.looks import Look
 from hgorun.figures.scene import Scene
 from hgorun.figures.style import HELD_OUT, OUTLIERS, REFERENCE
 from hgorun.result.data import ResultData
@@ -32,21 +34,21 @@ def draw_bands(ax: Axes, scene: Scene, state: str) -> list[np.ndarray]:
 def draw_unseen(ax: Axes, scene: Scene, state: str) -> list[np.ndarray]:
     """Outliers, and measurements that no observer was given; the values of the latter."""
     drawn, told = [], set()
-    for result in scene.results.values():
-        for label, one, style in _marks(result, state):
+    for run, result in scene.results.items():
+        theirs = {a.label: scene.looks[a.order] for a in scene.actors if a.run == run}
+        for label, one, style in _marks(result, state, theirs):
             inside = np.isfinite(one.y)
             if scene.window is not None:
                 inside &= (one.taken >= scene.window[0]) & (one.taken <= scene.window[1])
             if inside.any():
-                text = {} if label in told else {"label": label}
+                ax.plot(one.taken[inside], one.y[inside], **{**style, "label": "_" if label in told else label})
                 told.add(label)
-                ax.plot(one.taken[inside], one.y[inside], **{**style, **text})
-                if style is not OUTLIERS:
+                if style["marker"] != OUTLIERS["marker"]:
                     drawn.append(one.y[inside])
     return drawn
 
 
-def _marks(result: ResultData, state: str) -> list[tuple[str, Unseen, dict[str, Any]]]:
+def _marks(result: ResultData, state: str, looks: Mapping[str, Look]) -> list[tuple[str, Unseen, dict[str, Any]]]:
     recorded = result.recorded
     if recorded is None or state not in result.states:
         return []
@@ -55,6 +57,11 @@ def _marks(result: ResultData, state: str) -> list[tuple[str, Unseen, dict[str, 
         one = recorded.outputs[output]
         out = ~np.any(one.used, axis=1)
         found.append(("not used", Unseen(one.taken[out], one.y[out]), OUTLIERS))
+        for k, label in enumerate(result.observers):  # what others have taken stays a dot, with a cross on it
+            own = ~one.used[:, k] & ~out
+            if label in looks:
+                cross = {**OUTLIERS, "color": looks[label].colour, "zorder": 4.6}
+                found.append((f"not used by {looks[label].text}", Unseen(one.taken[own], one.y[own]), cross))
     names = dict.fromkeys((state, *result.outputs_of(state)))  # a file may hold out a state that is no output
     for label, unseen, style in (
         ("reference", recorded.reference, REFERENCE),

@@ -28,9 +28,8 @@ _STAR: dict[str, Any] = {"marker": "*", "markersize": 11, "markeredgecolor": "bl
 # tried, and no choice
 _MISSED: dict[str, Any] = {
     "linestyle": "none",
-    "marker": "o",
+    "marker": "x",  # hollow points mean something else
     "markersize": 2.4,
-    "markerfacecolor": "none",
     "markeredgecolor": "0.7",
     "markeredgewidth": 0.5,
     "color": "0.7",
@@ -113,7 +112,8 @@ def tuning(found: Sequence[Tuned], goals: Sequence[str]) -> Figure:
 
 def _front(ax: Axes, one: Tuned, look: Look) -> None:
     tried = drawable(one.goals)
-    ax.plot(*tried[~one.met].T, **_MISSED)
+    if not one.met.all():
+        ax.plot(*tried[~one.met].T, **_MISSED, label="misses a limit")
     ax.plot(*tried[one.met].T, linestyle="none", marker=".", markersize=2.2, color=look.colour, alpha=0.35, zorder=1.5)
     front, best = drawable(one.front), non_dominated(one.front)
     order = np.flatnonzero(best)[np.argsort(front[best, 0], kind="stable")]
@@ -123,7 +123,8 @@ def _front(ax: Axes, one: Tuned, look: Look) -> None:
         x_half, y_half = one.half[which].T
         ax.errorbar(front[which, 0], front[which, 1], xerr=x_half, yerr=y_half, **bars, **line)
     ax.plot([], [], **marks | {"linestyle": look.dashes, "label": look.text})
-    ax.plot(*front[one.chosen], color=look.colour, linestyle="none", zorder=4, **_STAR)
+    face = look.colour if best[one.chosen] else "white"
+    ax.plot(*front[one.chosen], color=look.colour, markerfacecolor=face, linestyle="none", zorder=4, **_STAR)
 
 
 def _limits(ax: Axes, found: Sequence[Tuned]) -> None:

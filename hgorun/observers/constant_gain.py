@@ -12,6 +12,7 @@ from hgorun.config.types import Block, Number, Poles, Positive
 from hgorun.errors import Problem
 from hgorun.observers.base import ContinuousObserver
 from hgorun.observers.capabilities import FilterOrder, HighGain
+from hgorun.observers.extension import Extendable
 from hgorun.symbolic.canonical import CanonicalForm
 from hgorun.symbolic.matrices import hurwitz_gain
 from hgorun.symbolic.states import Symmetric
@@ -81,7 +82,7 @@ class ConstantGain(HighGain, PlacedGain, ContinuousObserver):
         return self.theta * self.largest_pole(form, filter_order)
 
 
-class FilteredGain(FilterOrder, ConstantGain):
+class FilteredGain(FilterOrder, Extendable, ConstantGain):
     """A gain (K_r; K_n) of order r + n: its first r numbers belong to a filter with state eta, one a chain."""
 
     r: int = Field(default=1, ge=0, le=20, strict=True, description="order of the filter, r >= 0; 0 is the SHGO")

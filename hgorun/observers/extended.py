@@ -37,6 +37,7 @@ class ExtendedObserver(ConstantGain):
     (extend: 1). Noise of high frequency reaches component i with theta^i, sigma with theta^(n+1): where the model is
     right and nothing disturbs the plant, choose ``shgo`` or a filtered observer, whose noise is smaller. On a chain
     of integrators with the input b_0 u this is the linear extended-state observer of active disturbance rejection.
+    Other observers of chains estimate an unknown input as well with their key ``extend``.
     """
 
     reference = "Freidovich, Khalil 2008; Gao 2003 for the chain of integrators"

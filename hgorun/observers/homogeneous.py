@@ -11,12 +11,13 @@ from hgorun.errors import Problem
 from hgorun.observers.base import Flow, observer
 from hgorun.observers.capabilities import NotLinear
 from hgorun.observers.constant_gain import ConstantGain
+from hgorun.observers.extension import Extendable
 from hgorun.symbolic.canonical import CanonicalForm, PlantCopy
 from hgorun.symbolic.symbols import Symbols
 
 
 @observer("homogeneous")
-class HomogeneousObserver(NotLinear, ConstantGain):
+class HomogeneousObserver(NotLinear, Extendable, ConstantGain):
     """High-gain observer of one degree of homogeneity for small errors and another for large ones (bi-limit).
 
     For uniformly observable plants. Powers of the innovation e take the place of the linear correction: in the

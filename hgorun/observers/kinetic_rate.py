@@ -8,12 +8,12 @@ import casadi as ca
 import numpy as np
 from pydantic import Field
 
-from hgorun.config.expressions import ExpressionError, parse
 from hgorun.config.types import ExpressionText, Name, Number, Positive
 from hgorun.errors import Problem
 from hgorun.observers.base import ContinuousObserver, Flow, observer
 from hgorun.observers.capabilities import Differentiator, HighGain
 from hgorun.observers.constant_gain import PlacedGain
+from hgorun.observers.expressions import of_copy, require_known, require_states
 from hgorun.symbolic.ranks import is_regular
 from hgorun.symbolic.smooth import SmoothCopy, SmoothForm, smooth_form
 from hgorun.symbolic.states import Symmetric
@@ -61,16 +61,12 @@ class KineticRateObserver(Differentiator, HighGain, PlacedGain, ContinuousObserv
 
     def design(self, form: SmoothForm) -> dict[str, np.ndarray]:
         states, measured = form.plant.states, self._measured(form)
-        for key, rows in (("yields", self.yields), ("feed", self.feed)):
-            for name in rows:
-                if name not in states:
-                    raise Problem((key, name), f"unknown state {name!r}; known here: {', '.join(states)}")
+        require_states("yields", self.yields, states)
+        require_states("feed", self.feed, states)
         known = ("t", *form.plant.inputs, *form.plant.parameters)
-        for path, text in [(("dilution",), self.dilution), *((("feed", name), row) for name, row in self.feed.items())]:
-            try:
-                parse(text, names=known)
-            except ExpressionError as error:
-                raise Problem(path, str(error)) from error
+        require_known(("dilution",), self.dilution, known)
+        for name, row in self.feed.items():
+            require_known(("feed", name), row, known)
         K = np.array([self.yields.get(name, (0.0,) * len(measured)) for name in states])
         K_a = K[measured]
         if not is_regular(K_a, _SINGULAR):
@@ -102,8 +98,8 @@ class KineticRateObserver(Differentiator, HighGain, PlacedGain, ContinuousObserv
 
     def equations(self, plant: SmoothCopy, s: Symbols, e: ca.SX, k: Symbols) -> Flow:
         model = plant.form.plant
-        D = _value(plant, self.dilution)
-        F_in = ca.vertcat(*[_value(plant, self.feed.get(name, "0")) for name in model.states])
+        D = of_copy(plant, self.dilution)
+        F_in = ca.vertcat(*[of_copy(plant, self.feed.get(name, "0")) for name in model.states])
         kappa = k.theta * k.G[0] * e
         measured = self._measured(plant.form)
         pulled = ca.vertcat(*[kappa[measured.index(i)] if i in measured else 0 for i in range(model.n)])
@@ -121,11 +117,3 @@ class KineticRateObserver(Differentiator, HighGain, PlacedGain, ContinuousObserv
     @classmethod
     def example(cls, states: tuple[str, ...]) -> Mapping[str, object]:
         return {"theta": 2.0, "yields": {states[0]: [1.0]}}
-
-
-def _value(plant: SmoothCopy, text: str) -> ca.SX:
-    """An expression of the block at the plant's time, inputs and parameters."""
-    model = plant.form.plant
-    known = {"t": plant.t, **dict(zip(model.inputs, ca.vertsplit(plant.u), strict=False))}
-    known |= dict(zip(model.parameters, ca.vertsplit(plant.p), strict=False))
-    return parse(text, names=known).symbol(known)

@@ -14,6 +14,7 @@ from hgorun.errors import NotObservableForm, Problem
 from hgorun.observers.base import Flow, observer
 from hgorun.observers.capabilities import LocallyLinear
 from hgorun.observers.constant_gain import ConstantGain
+from hgorun.observers.extension import Extendable
 from hgorun.observers.nested import clipped
 from hgorun.observers.treangle import cascade, characteristic
 from hgorun.symbolic.canonical import CanonicalForm, PlantCopy
@@ -74,7 +75,7 @@ def _upper(s: Symbols) -> ca.SX:
 
 
 @observer("low_power")
-class LowPowerObserver(LocallyLinear, ConstantGain):
+class LowPowerObserver(LocallyLinear, Extendable, ConstantGain):
     """Low-power high-gain observer: n - 1 blocks of two states, theta to the power 2 at most.
 
     For plants with one output and phi in the last equation alone, x_i' = x_(i+1), x_n' = phi(u, x), n >= 2,

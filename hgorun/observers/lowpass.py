@@ -11,6 +11,7 @@ from hgorun.errors import Problem
 from hgorun.observers.base import Flow, observer
 from hgorun.observers.capabilities import FilterOrder
 from hgorun.observers.constant_gain import ConstantGain
+from hgorun.observers.extension import Extendable
 from hgorun.symbolic.canonical import CanonicalForm, PlantCopy
 from hgorun.symbolic.matrices import A, B, C
 from hgorun.symbolic.states import Symmetric
@@ -18,7 +19,7 @@ from hgorun.symbolic.symbols import Symbols
 
 
 @observer("lowpass")
-class LowPassObserver(FilterOrder, ConstantGain):
+class LowPassObserver(FilterOrder, Extendable, ConstantGain):
     """High-gain observer with r equal low-pass filters on the innovation, for uniformly observable plants.
 
     The correction uses the innovation e after r filters of time constant rho/theta,

@@ -10,9 +10,10 @@ from pydantic import Field
 
 from hgorun.config.types import Name, NonNegative, Positive
 from hgorun.errors import Problem
-from hgorun.observers.base import ContinuousObserver, Flow, observer
+from hgorun.observers.base import Flow, observer
 from hgorun.observers.capabilities import LocallyLinear
 from hgorun.observers.constant_gain import PlacedGain
+from hgorun.observers.extension import Extendable
 from hgorun.observers.nested import clipped
 from hgorun.observers.threshold import NoiseThreshold, falling
 from hgorun.symbolic.canonical import CanonicalForm, PlantCopy
@@ -22,7 +23,7 @@ _BETWEEN = np.concatenate([[0.0], np.geomspace(1e-6, 1.0, 200)])  # gains of the
 
 
 @observer("piecewise")
-class PiecewiseObserver(NoiseThreshold, LocallyLinear, PlacedGain, ContinuousObserver):
+class PiecewiseObserver(NoiseThreshold, LocallyLinear, PlacedGain, Extendable):
     """High-gain observer with one gain for small innovations and another for large ones.
 
     For uniformly observable plants. With e the innovation, sat_d(e) e cut off at +-d and dz_d(e) = e - sat_d(e) what

@@ -7,13 +7,14 @@ import numpy as np
 
 from hgorun.observers.base import Flow, observer
 from hgorun.observers.constant_gain import ConstantGain
+from hgorun.observers.extension import Extendable
 from hgorun.observers.nested import NestedSaturation, nested
 from hgorun.symbolic.canonical import CanonicalForm, PlantCopy
 from hgorun.symbolic.symbols import Symbols
 
 
 @observer("shgo")
-class StandardObserver(NestedSaturation, ConstantGain):
+class StandardObserver(NestedSaturation, Extendable, ConstantGain):
     """Standard high-gain observer (SHGO) for uniformly observable plants.
 
     In the coordinates of the chain, with e the innovation,

@@ -12,6 +12,7 @@ from hgorun.config.types import Name, NonNegative, Positive
 from hgorun.observers.base import DecidedObserver, Flow, Role, observer
 from hgorun.observers.capabilities import LocallyLinear
 from hgorun.observers.constant_gain import PlacedGain
+from hgorun.observers.extension import Extendable
 from hgorun.observers.threshold import NoiseThreshold, falling
 from hgorun.symbolic.canonical import CanonicalForm, PlantCopy
 from hgorun.symbolic.symbols import Symbols
@@ -22,7 +23,7 @@ _ROUNDING = 1e-9  # relative, of sums of steps
 
 
 @observer("switched")
-class SwitchedObserver(NoiseThreshold, LocallyLinear, PlacedGain, DecidedObserver):
+class SwitchedObserver(NoiseThreshold, LocallyLinear, PlacedGain, Extendable, DecidedObserver):
     """High-gain observer with a fast gain for the transient and a slow one for noise.
 
     For uniformly observable plants. It is the standard observer with theta_1 in mode 1, in which it starts, and with

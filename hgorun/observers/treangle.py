@@ -12,6 +12,7 @@ from hgorun.config.types import Number
 from hgorun.errors import Problem
 from hgorun.observers.base import Flow, observer
 from hgorun.observers.constant_gain import ConstantGain
+from hgorun.observers.extension import Extendable
 from hgorun.symbolic.canonical import CanonicalForm, PlantCopy
 from hgorun.symbolic.matrices import C
 from hgorun.symbolic.states import Symmetric
@@ -19,7 +20,7 @@ from hgorun.symbolic.symbols import Symbols
 
 
 @observer("treangle")
-class TreangleObserver(ConstantGain):
+class TreangleObserver(Extendable, ConstantGain):
     """Filtered high-gain observer with a cascade of n first-order filters, for uniformly observable plants.
 
     Component i is corrected by the innovation e_y after i filters,

@@ -10,9 +10,10 @@ from pydantic import Field
 
 from hgorun.config.types import Name, NonNegative, Positive
 from hgorun.errors import Problem
-from hgorun.observers.base import ContinuousObserver, Flow, Role, observer
+from hgorun.observers.base import Flow, Role, observer
 from hgorun.observers.capabilities import LocallyLinear
 from hgorun.observers.constant_gain import PlacedGain
+from hgorun.observers.extension import Extendable
 from hgorun.observers.threshold import NoiseThreshold
 from hgorun.symbolic.canonical import CanonicalForm, PlantCopy
 from hgorun.symbolic.symbols import Symbols
@@ -21,7 +22,7 @@ _APART = 1e-3  # relative: theta counts as another one than theta_0
 
 
 @observer("updated")
-class UpdatedObserver(NoiseThreshold, LocallyLinear, PlacedGain, ContinuousObserver):
+class UpdatedObserver(NoiseThreshold, LocallyLinear, PlacedGain, Extendable):
     """High-gain observer with a theta that grows while the innovation is large, and falls back.
 
     For uniformly observable plants. It is the standard observer with theta(t), theta(0) = theta_0,

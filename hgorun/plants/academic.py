@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import casadi as ca
 
-from hgorun.plants.base import Expressions, Parameter, Plant, plant
+from hgorun.plants.base import Expressions, Parameter, Plant, Start, plant
 from hgorun.symbolic.symbols import Symbols
 
 
@@ -37,6 +37,17 @@ class Academic(Plant):
         "c_u": Parameter(5.0, "1/s", "amplitude of the input"),
         "omega_u": Parameter(0.5 * math.pi, "rad/s", "its frequency"),
     }
+    first: ClassVar[Start | None] = Start(
+        end=20,
+        initial={"x1": 1, "x2": 1, "x3": 1},
+        estimate={"x1": 0, "x2": 0, "x3": 0},
+        period=0.02,
+        noise=0.01,
+        observers={
+            "SHGO": {"type": "shgo_riccati", "theta": 5},
+            "FHGO": {"type": "fhgo2_nuos", "theta": 5, "r": 2},
+        },
+    )
 
     @property
     def state_names(self) -> tuple[str, ...]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from inspect import isabstract
 from typing import ClassVar, Literal, TypeAlias, TypeGuard
 
@@ -37,6 +37,39 @@ class Input:
     meaning: str = ""
 
 
+@dataclass(frozen=True, kw_only=True)
+class Start:
+    """A first configuration of a plant, which ``hgorun init --plant`` writes.
+
+    Attributes
+    ----------
+    end, unit : float and str
+        Of the run, and what time is counted in.
+    initial, estimate : mapping of str to float
+        The state at the start, and what observers take it for.
+    inputs : mapping of str to str
+        Expressions of t.
+    period : float
+        Between two samples.
+    noise : float
+        Standard deviation.
+    observers : mapping of str to mapping
+        Keys by label.
+    keys : mapping of str to object
+        Further keys of the plant.
+    """
+
+    end: float
+    unit: str = "s"
+    initial: Mapping[str, float]
+    estimate: Mapping[str, float]
+    inputs: Mapping[str, str] = field(default_factory=dict)
+    period: float
+    noise: float
+    observers: Mapping[str, Mapping[str, object]]
+    keys: Mapping[str, object] = field(default_factory=dict)
+
+
 class Plant(Plugin):
     """Base of all plants; its fields are the keys that every plant block has."""
 
@@ -47,6 +80,7 @@ class Plant(Plugin):
     known_inputs: ClassVar[Mapping[str, Input]] = {}
     parameters_as_written: ClassVar[bool] = False  # parameters stand in expressions of the block alone
     units: ClassVar[Mapping[str, str]]  # may be left out; for your own model it is a key
+    first: ClassVar[Start | None] = None  # a configuration to begin with
 
     type: str = Field(description="name of the plant")
     parameters: dict[Name, ExpressionText] = Field(default_factory=dict, description="name: value")
@@ -138,8 +172,9 @@ class TriangularCoordinates(ABC):
 
 
 def units_of(plant: Plant | type[Plant]) -> dict[str, str]:
-    """Units of states and outputs, where the plant states them."""
-    return dict(getattr(plant, "units", {}))
+    """Units of inputs, states and outputs, where the plant states them."""
+    of_inputs = {name: one.unit for name, one in plant.known_inputs.items() if one.unit}
+    return of_inputs | dict(getattr(plant, "units", {}))
 
 
 def is_plant(thing: object) -> TypeGuard[type[Plant]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import casadi as ca
 
-from hgorun.plants.base import Expressions, Input, Invertible, Parameter, Plant, TriangularCoordinates, plant
+from hgorun.plants.base import Expressions, Input, Invertible, Parameter, Plant, Start, TriangularCoordinates, plant
 from hgorun.symbolic.symbols import Symbols
 
 
@@ -29,6 +29,15 @@ class GauthierBioreactor(Invertible, TriangularCoordinates, Plant):
         "s_in": Parameter(0.1, "", "substrate in the feed"),
     }
     known_inputs = {"u": Input("1/s", "dilution rate")}
+    first = Start(
+        end=10,
+        initial={"eta1": 0.05, "eta2": 0.05},
+        estimate={"eta1": 0.05, "eta2": 0.0036},
+        inputs={"u": "0.08"},
+        period=0.02,
+        noise=0.001,
+        observers={"SHGO": {"type": "shgo", "theta": 3}, "FHGO": {"type": "fhgo2", "theta": 5, "r": 2}},
+    )
 
     @property
     def state_names(self) -> tuple[str, ...]:

@@ -91,8 +91,10 @@ class BuiltPlant:
 
     @property
     def units(self) -> dict[str, str]:
-        """Units of states and outputs, where the plant states them."""
-        return units_of(self.block)
+        """Units of inputs, states and outputs, where the plant states them; an output that is a state has its unit."""
+        stated = units_of(self.block)
+        measured = {output: stated[state] for output, state in self.model.measures.items() if state in stated}
+        return measured | stated
 
 
 # buckets of plants that agree in their names and signals; what else of their blocks matters is in the reads

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import casadi as ca
 
-from hgorun.plants.base import Expressions, Input, Invertible, Parameter, Plant, plant
+from hgorun.plants.base import Expressions, Input, Invertible, Parameter, Plant, Start, plant
 from hgorun.symbolic.symbols import Symbols
 
 
@@ -28,6 +28,16 @@ class Contois(Invertible, Plant):
     }
     known_inputs = {"D": Input("1/h", "dilution rate")}
     units = {"x1": "g/L", "x2": "g/L"}
+    first = Start(
+        end=60,
+        unit="h",
+        initial={"x1": 1.5, "x2": 15},
+        estimate={"x1": 1, "x2": 14},
+        inputs={"D": "mu*(1 - abs(sin(t))/2)"},
+        period=0.25,
+        noise=0.05,
+        observers={"SHGO": {"type": "shgo", "theta": 1}, "FHGO": {"type": "fhgo2", "theta": 2, "r": 2}},
+    )
 
     @property
     def state_names(self) -> tuple[str, ...]:

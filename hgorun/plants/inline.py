@@ -44,7 +44,7 @@ class InlinePlant(Plant):
         description="expression, list of expressions, or name: expression; {value, period} where it is an angle"
     )
     units: dict[Name, str] = Field(  # type: ignore[misc]  # a key here, what the class says elsewhere
-        default_factory=dict, description="state or output: its unit, for tables, figures and files"
+        default_factory=dict, description="state, output or input: its unit, for tables, figures and files"
     )
 
     @field_validator("output", mode="before")
@@ -106,12 +106,12 @@ class InlinePlant(Plant):
         return ("dynamics", state)
 
     def require_fit(self) -> None:
+        measurable = tuple(dict.fromkeys((*self.states, *self.output, *self.inputs)))
         for name in self.units:
-            if name not in (*self.states, *self.output):
-                known = ", ".join(dict.fromkeys((*self.states, *self.output)))
+            if name not in measurable:
                 raise Problem(
                     ("plant", "units", name),
-                    f"unknown name {name!r}; known here: {known}.{nearest(name, known.split(', '))}",
+                    f"unknown name {name!r}; known here: {', '.join(measurable)}.{nearest(name, measurable)}",
                 )
         for name, text in self._values.items():
             if not parse(text).names:

@@ -9,7 +9,7 @@ from pydantic import Field
 
 from hgorun.config.expressions import parse
 from hgorun.config.types import ExpressionText
-from hgorun.plants.base import Expressions, Plant, plant
+from hgorun.plants.base import Expressions, Plant, Start, plant
 from hgorun.symbolic.symbols import Symbols
 
 
@@ -26,6 +26,15 @@ class IntegratorChain(Plant):
     reference = "Astolfi, Marconi, Praly, Teel 2016, (1)"
     valid = "everywhere"
     parameters_as_written = True
+    first = Start(
+        end=20,
+        initial={"x1": 1, "x2": 0},
+        estimate={"x1": 0, "x2": 0},
+        period=0.05,
+        noise=0.01,
+        observers={"SHGO": {"type": "shgo", "theta": 3}, "FHGO": {"type": "fhgo2", "theta": 4, "r": 2}},
+        keys={"n": 2, "phi": "-x1 + sin(2*t)"},
+    )
 
     n: int = Field(default=2, ge=1, le=50, strict=True, description="number of integrators")
     phi: ExpressionText = Field(default="0", description="right-hand side of the last equation")

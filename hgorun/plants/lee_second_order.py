@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import casadi as ca
 
-from hgorun.plants.base import Expressions, Plant, plant
+from hgorun.plants.base import Expressions, Plant, Start, plant
 from hgorun.symbolic.symbols import Symbols
 
 
@@ -20,6 +20,14 @@ class LeeSecondOrder(Plant):
     reference = "Lee, Choi, Khalil 2016, (38)"
     valid = "everywhere"
     parameters_as_written = True  # those of inputs and disturbances
+    first = Start(
+        end=20,
+        initial={"x1": 10, "x2": 10},
+        estimate={"x1": 9, "x2": 0},
+        period=0.05,
+        noise=0.1,
+        observers={"SHGO": {"type": "shgo", "theta": 3}, "FHGO": {"type": "fhgo2", "theta": 4, "r": 2}},
+    )
 
     @property
     def state_names(self) -> tuple[str, ...]:

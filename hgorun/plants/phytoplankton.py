@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import casadi as ca
 
-from hgorun.plants.base import Expressions, Input, Parameter, Plant, TriangularCoordinates, plant
+from hgorun.plants.base import Expressions, Input, Parameter, Plant, Start, TriangularCoordinates, plant
 from hgorun.symbolic.symbols import Symbols
 
 
@@ -37,6 +37,30 @@ class Phytoplankton(TriangularCoordinates, Plant):
         "a_3": Parameter(5.32, "1/d", "maximal uptake rate over the minimal quota"),
     }
     known_inputs: ClassVar[Mapping[str, Input]] = {"u": Input("1/d", "dilution rate")}
+    first: ClassVar[Start | None] = Start(
+        end=6,
+        unit="d",
+        initial={"x1": 3, "x2": 1.7, "x3": 0.03},
+        estimate={"x1": 2.5, "x2": 1.6, "x3": 0.05},
+        inputs={"u": "1.71*(1 + 0.6*sin(6*pi*t))"},
+        period=0.02,
+        noise=0.01,
+        observers={
+            "SHGO": {
+                "type": "shgo_riccati",
+                "theta": 5,
+                "internal": {"P": 0.1},
+                "saturation": {"z1": [0.5, 6], "z2": [0.2, 1], "z3": [1, 50]},
+            },
+            "FHGO": {
+                "type": "fhgo1",
+                "theta": 5,
+                "delta": 7,
+                "internal": {"P": 0.1},
+                "saturation": {"z1": [0.5, 6], "z2": [0.2, 1], "z3": [1, 50]},
+            },
+        },
+    )
 
     @property
     def state_names(self) -> tuple[str, ...]:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 import casadi as ca
 
-from hgorun.plants.base import Expressions, Input, Parameter, Plant, plant
+from hgorun.plants.base import Expressions, Input, Parameter, Plant, Start, plant
 from hgorun.symbolic.symbols import Symbols
 
 
@@ -42,6 +42,15 @@ class QubePendulum(Plant):
     }
     known_inputs = {"V": Input("V", "voltage of the motor")}
     units = {"theta": "rad", "alpha": "rad", "theta_dot": "rad/s", "alpha_dot": "rad/s"}
+    first = Start(
+        end=6,
+        initial={"theta": 0, "alpha": 2.4, "theta_dot": 0, "alpha_dot": 0},
+        estimate={"theta": 0.1, "alpha": 2.3, "theta_dot": 1, "alpha_dot": -1},
+        inputs={"V": "3*sin(3*t) + 2*sin(5.3*t)"},
+        period=0.01,
+        noise=0.005,
+        observers={"SHGO": {"type": "shgo", "theta": 20}, "FHGO": {"type": "fhgo2", "theta": 30, "r": 1}},
+    )
 
     @property
     def state_names(self) -> tuple[str, ...]:

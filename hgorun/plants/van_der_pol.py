@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import casadi as ca
 
-from hgorun.plants.base import Expressions, Parameter, Plant, plant
+from hgorun.plants.base import Expressions, Parameter, Plant, Start, plant
 from hgorun.symbolic.symbols import Symbols
 
 
@@ -24,6 +24,14 @@ class VanDerPol(Plant):
         "mu": Parameter(0.5, "", "damping"),
         "stiffness": Parameter(-1.0, "", "factor of the stiffness term: -1 oscillates, +1 as printed"),
     }
+    first = Start(
+        end=20,
+        initial={"x1": 1, "x2": 0},
+        estimate={"x1": 1.5, "x2": -1},
+        period=0.05,
+        noise=0.02,
+        observers={"SHGO": {"type": "shgo", "theta": 4}, "FHGO": {"type": "fhgo2", "theta": 5, "r": 2}},
+    )
 
     @property
     def state_names(self) -> tuple[str, ...]:

@@ -5,13 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 
-def folder() -> Path:
+def folder(name: str = "experiments") -> Path:
     """Beside the package in a checkout, inside it in an installation."""
     package = Path(__file__).parents[1]
-    inside = package / "experiments"
-    return inside if inside.is_dir() else package.parent / "experiments"
+    inside = package / name
+    return inside if inside.is_dir() else package.parent / name
 
 
+_EXAMPLES = ("fermentation",)  # folders of demos/ that are in an installation, too: those whose data are small
 _BENCHMARK = "benchmark"  # a folder with plants, and what hgorun benchmark takes: no figures, no claims
 
 
@@ -20,3 +21,19 @@ def experiments() -> dict[str, Path]:
     base = folder()
     files = (p for p in sorted(base.rglob("*.yaml")) if not p.name.startswith("_") and p.parent.name != _BENCHMARK)
     return {p.relative_to(base).with_suffix("").as_posix(): p for p in files}
+
+
+def examples() -> dict[str, tuple[Path, ...]]:
+    """{name: its files}: configurations with recorded data, the one to begin with first."""
+    base = folder("demos")
+    return {
+        name: (base / name / f"{name}.yaml", *sorted(p for p in (base / name).iterdir() if p.stem != name))
+        for name in _EXAMPLES
+    }
+
+
+def found(path: Path) -> Path:
+    """A file, or the experiment that a name without suffix stands for where there is no file of that name."""
+    if path.exists() or path.suffix:
+        return path
+    return next((file for name, file in experiments().items() if str(path) in (name, Path(name).name)), path)

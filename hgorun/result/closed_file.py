@@ -5,37 +5,31 @@ from __future__ import annotations
 from hgorun.result.closed import ClosedLoop
 from hgorun.result.data import PLANT, ResultData
 from hgorun.result.stored import StoredFile, is_number
-from hgorun.result.writer import Writer, labels_of
+from hgorun.result.writer import Writer, labels_of, units_in
 
 GROUP = "closed_loop"
 
 
-def write_closed(w: Writer, result: ResultData, units: str | None) -> None:
-    """Write all loops; what /plant has of the one with the true state is not written again.
-
-    Parameters
-    ----------
-    units : str, optional
-        Of the states.
-    """
+def write_closed(w: Writer, result: ResultData) -> None:
+    """Write all loops; what /plant has of the one with the true state is not written again."""
+    of_states, of_inputs, of_outputs = (
+        {"labels": labels_of(names), "units": units_in(result.units, names)}
+        for names in (result.states, result.inputs, result.outputs)
+    )
     if result.closed_loop:
         w.group(GROUP)
     for label, loop in result.closed_loop.items():
         base = f"{GROUP}/{label}"
         w.group(base)
         if label != PLANT:
-            states, inputs, outputs = map(labels_of, (result.states, result.inputs, result.outputs))
-            of_states = {"labels": states, "long_name": "state of the driven plant", "units": units}
-            w.data(f"{base}/x", loop.x, ("time", "plant_state"), **of_states)
-            w.data(f"{base}/u", loop.u, ("time", "plant_input"), labels=inputs, long_name="input")
-            w.data(f"{base}/y", loop.y, ("time", "plant_output"), labels=outputs, long_name="noise-free output")
+            w.data(f"{base}/x", loop.x, ("time", "plant_state"), long_name="state of the driven plant", **of_states)
+            w.data(f"{base}/u", loop.u, ("time", "plant_input"), long_name="input", **of_inputs)
+            w.data(f"{base}/y", loop.y, ("time", "plant_output"), long_name="noise-free output", **of_outputs)
         for name, values in loop.integral.items():
             w.data(f"{base}/integral/{name}", values, ("time",), long_name="integral of the controller")
-        for name, values, meaning in (
-            ("effort", loop.effort, "integral of u^2"),
-            ("peak_input", loop.peak_input, "largest |u|"),
-        ):
-            w.data(f"{base}/{name}", values, ("plant_input",), long_name=meaning)
+        w.data(f"{base}/effort", loop.effort, ("plant_input",), long_name="integral of u^2")
+        largest = {"long_name": "largest |u|", "units": of_inputs["units"]}
+        w.data(f"{base}/peak_input", loop.peak_input, ("plant_input",), **largest)
         if loop.cost is not None:
             w.group(base).attrs["cost"] = loop.cost
 

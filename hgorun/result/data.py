@@ -112,7 +112,7 @@ class ResultData:
         Plant states, inputs and noise-free outputs.
     states, inputs, outputs : tuple of str
     units : mapping of str to str
-        Of time ("time"), states and outputs, where known.
+        Of time ("time"), states, outputs and inputs, where known.
     measurements : Measurements
     observers : dict of str to ObserverResult
     config : str

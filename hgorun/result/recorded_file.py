@@ -10,7 +10,7 @@ import numpy as np
 from hgorun.result.data import ResultData
 from hgorun.result.recorded import Assessed, Recorded, RecordedOutput, Unseen
 from hgorun.result.stored import StoredFile
-from hgorun.result.writer import Writer, labels_of
+from hgorun.result.writer import Writer, labels_of, units_in
 
 _OF_OBSERVERS = {
     "used": "whether each observer has taken the sample",
@@ -19,12 +19,24 @@ _OF_OBSERVERS = {
 }
 
 
+def write_inputs(w: Writer, result: ResultData) -> None:
+    """The plant's inputs over time, where it has some."""
+    if result.inputs:
+        w.data(
+            "plant/u",
+            result.u,
+            ("time", "plant_input"),
+            labels=labels_of(result.inputs),
+            long_name="input",
+            units=units_in(result.units, result.inputs),
+        )
+
+
 def write_recorded(w: Writer, result: ResultData, recorded: Recorded) -> None:
     """Inputs, samples, and what was set aside."""
     unit = result.units.get("time", "")
     w.group("plant").attrs["outputs"] = labels_of(result.outputs)
-    if result.inputs:
-        w.data("plant/u", result.u, ("time", "plant_input"), labels=labels_of(result.inputs), long_name="input")
+    write_inputs(w, result)
     if result.measures is not None:
         w.group("plant").attrs["measures"] = json.dumps(dict(result.measures))
     w.names("observer", tuple(result.observers))
@@ -35,16 +47,24 @@ def write_recorded(w: Writer, result: ResultData, recorded: Recorded) -> None:
         w.data(f"{base}/time", one.available, numbered, units=unit, long_name="when the observers get the sample")
         w.data(f"{base}/taken", one.taken, numbered, units=unit, long_name="time it was measured")
         w.data(f"{base}/available", one.available, numbered, units=unit, long_name="time it was known")
-        w.data(f"{base}/y", one.y, numbered, units=result.units.get(name) or None, long_name="sample")
+        measured_in = result.units.get(name) or None
+        w.data(f"{base}/y", one.y, numbered, units=measured_in, long_name="sample")
         for key, meaning in _OF_OBSERVERS.items():
             values = np.asarray(getattr(one, key), dtype=np.int8 if key == "used" else float)
-            w.data(f"{base}/{key}", values, (*numbered, "observer"), long_name=meaning)
+            units = measured_in if key == "innovation" else None
+            w.data(f"{base}/{key}", values, (*numbered, "observer"), units=units, long_name=meaning)
     for group, several in (("held_out", recorded.held_out), ("reference", recorded.reference)):
         for name, unseen in several.items():
             base = f"{group}/{name}"
             w.scale(f"{base}/number", np.arange(unseen.y.size), long_name="number of the sample")
             w.data(f"{base}/taken", unseen.taken, (f"{base}/number",), units=unit, long_name="time it was measured")
-            w.data(f"{base}/y", unseen.y, (f"{base}/number",), long_name="sample that no observer was given")
+            w.data(
+                f"{base}/y",
+                unseen.y,
+                (f"{base}/number",),
+                units=result.units.get(name) or None,
+                long_name="sample that no observer was given",
+            )
 
 
 def write_assessed(w: Writer, result: ResultData, label: str, assessed: Assessed, units: str | None) -> None:

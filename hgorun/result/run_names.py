@@ -9,10 +9,15 @@ from hgorun.result.data import ResultData
 
 def run_names(results: Sequence[ResultData]) -> list[str]:
     """Names of results, numbered where two are called the same."""
-    names: list[str] = []
-    for result in results:
-        name, number = result.name, 2
-        while name in names:
-            name, number = f"{result.name} ({number})", number + 1
-        names.append(name)
-    return names
+    return numbered([result.name for result in results])
+
+
+def numbered(names: Sequence[str]) -> list[str]:
+    """Names, numbered where two are the same: ``a``, ``a (2)``."""
+    found: list[str] = []
+    for name in names:
+        own, number = name, 2
+        while own in found:
+            own, number = f"{name} ({number})", number + 1
+        found.append(own)
+    return found

@@ -125,5 +125,21 @@ def _layout(shape: tuple[int, ...], dtype: np.dtype[Any]) -> dict[str, Any]:
     return {"fletcher32": True, "chunks": (max(1, min(shape[0], _CHUNK // of_a_row)), *shape[1:])}
 
 
+def units_in(units: Mapping[str, str], names: tuple[str, ...]) -> str | None:
+    """The attribute of a data set with these columns: their one unit, or one after the other; None where none is known.
+
+    Parameters
+    ----------
+    units : mapping of str to str
+        By name.
+    names : tuple of str
+        Of the columns.
+    """
+    each = [units.get(name, "") for name in names]
+    if not any(each):
+        return None
+    return each[0] if len(set(each)) == 1 else "; ".join(each)
+
+
 def labels_of(names: tuple[str, ...]) -> Any:
     return np.array(names, dtype=object).astype(h5py.string_dtype()) if names else None

@@ -21,10 +21,10 @@ from hgorun.result.closed_file import write_closed
 from hgorun.result.data import PLANT, DesignNumbers, ResultData
 from hgorun.result.metrics.base import all_metrics
 from hgorun.result.observer import ObserverResult
-from hgorun.result.recorded_file import write_assessed, write_recorded
+from hgorun.result.recorded_file import write_assessed, write_inputs, write_recorded
 from hgorun.result.sink import hdf5_written_whole
 from hgorun.result.status import OK, Verdict
-from hgorun.result.writer import Writer, labels_of
+from hgorun.result.writer import Writer, labels_of, units_in
 
 FORMAT = "hgorun-result-1"
 _MANY = 100  # observers
@@ -83,14 +83,12 @@ def write(result: ResultData, w: Writer) -> None:
     w.names("plant_state", result.states)
     w.names("plant_input", result.inputs)
     w.names("plant_output", result.outputs)
-    each = [units.get(s, "") for s in result.states]
-    # one unit for all states, or one after the other in their order
-    of_states = (each[0] if len(set(each)) == 1 else "; ".join(each)) if any(each) else None
+    of_states = units_in(units, result.states)
     if result.recorded is None:
         _write_truth(w, result, of_states)
     else:
         write_recorded(w, result, result.recorded)
-    write_closed(w, result, of_states)
+    write_closed(w, result)
     if result.design is not None:
         _write_design(w, result.design)
     w.group("observers")
@@ -117,14 +115,15 @@ def _write_truth(w: Writer, result: ResultData, of_states: str | None) -> None:
         long_name="state",
         units=of_states,
     )
-    if result.inputs:
-        w.data("plant/u", result.u, ("time", "plant_input"), labels=labels_of(result.inputs), long_name="input")
+    write_inputs(w, result)
+    of_outputs = units_in(result.units, result.outputs)
     w.data(
         "plant/y",
         result.y,
         ("time", "plant_output"),
         labels=labels_of(result.outputs),
         long_name="noise-free output",
+        units=of_outputs,
         measures=_measured_states(result),
     )
     if result.verdict != OK:
@@ -147,6 +146,7 @@ def _write_truth(w: Writer, result: ResultData, of_states: str | None) -> None:
         numbered,
         labels=labels_of(result.outputs),
         long_name="measurement that the observers got",
+        units=of_outputs,
     )
 
 

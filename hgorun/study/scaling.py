@@ -16,7 +16,7 @@ from hgorun.ensemble.statistics import quantiles
 from hgorun.figures.followed import MembersData
 from hgorun.figures.scaling import ScaledObserver, ScalingData
 from hgorun.observers.capabilities import FilterOrder
-from hgorun.result.metrics.base import all_metrics
+from hgorun.result.metrics.base import all_metrics, unit_of
 from hgorun.result.quantities import Quantity, measure_quantity
 from hgorun.result.result import Result
 from hgorun.simulation.experiment import Experiment
@@ -60,7 +60,9 @@ def scaling_data(study: Study, figure: str, ensembles: Mapping[str, Numbers]) ->
                 tuple(dict.fromkeys(one.reason for one in theory if one.reason is not None)),
                 ensembles[name][str(q)] if run.ensemble.seeds is not None else None,
             )
-        unit = run.experiment.plant.units.get(panel.state, "")
+        units = {"time": run.experiment.blocks.time.unit, **run.experiment.plant.units}
+        of_error = panel.of in _OF_THE_WINDOW
+        unit = units.get(panel.state, "") if of_error else unit_of(panel.of, panel.state, units)
         found[i] = ScalingData(name, panel.state, run.ensemble.vary.name, np.array(run.values), observers, unit)
     return found
 

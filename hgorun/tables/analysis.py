@@ -22,7 +22,7 @@ _CAUTION = (
 
 
 def text(analysis: Analysis) -> str:
-    """Tables at most 100 columns wide, then what has no value and why."""
+    """Tables as wide as the terminal, then what has no value and why."""
     result, found = analysis.result, analysis.observers
     unit = printable(result.units.get("time", ""))
     lines = wrapped(": ".join(part for part in (printable(analysis.name), printable(result.title)) if part))

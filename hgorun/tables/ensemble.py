@@ -70,7 +70,7 @@ def compared(members: Collected, by: Sequence[str], metrics: Sequence[str] = (),
 
 
 def text(found: Sequence[Compared], *, pairs: bool = True) -> str:
-    """Aligned tables for a terminal, at most 100 columns wide.
+    """Aligned tables, as wide as the terminal.
 
     Parameters
     ----------

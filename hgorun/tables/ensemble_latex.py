@@ -5,9 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from hgorun.ensemble.collected import Collected
 from hgorun.ensemble.statistics import Statistics
-from hgorun.result.metrics.base import all_metrics
+from hgorun.result.metrics.base import unit_of
 from hgorun.tables.axis_names import names_of_values, short_axis
 from hgorun.tables.ensemble import Compared, best
 from hgorun.tables.latex import latex_head, latex_number
@@ -37,7 +36,7 @@ def _tabular(one: Compared) -> str:
     lines = [rf"\begin{{tabular}}{{l{'r' * width}}}", r"\toprule"]
     for block in blocks:
         padding = [""] * (width - len(block) * len(states))
-        units = [_unit(one.members, metric, state) for metric in block for state in states]
+        units = [unit_of(metric, state, one.members.units) for metric in block for state in states]
         lines += [*([r"\midrule"] if block is not blocks[0] else []), *latex_head(block, states, padding, units)]
         for part, place in zip(one.parts, places, strict=True):
             if place:
@@ -72,11 +71,6 @@ def _equation(name: str, text: str, value: object) -> str:
     left = f"${symbol(what)}$" if re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", what) else latex_words(what)
     left += latex_words(of + whose)
     return f"{left} $= {latex_number(text)}$" if isinstance(value, int | float) else f"{left} = {latex_words(text)}"
-
-
-def _unit(members: Collected, metric: str, state: str) -> str:
-    known = all_metrics(closed=True).get(metric)
-    return members.units.get({"state": state, "time": "time"}.get(known.unit if known else "", ""), "")
 
 
 def _members(one: Compared) -> str:

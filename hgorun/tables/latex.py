@@ -6,10 +6,10 @@ import math
 import re
 from collections.abc import Sequence
 
-from hgorun.result.metrics.base import all_metrics
+from hgorun.result.metrics.base import all_metrics, unit_of
 from hgorun.result.result import Result
 from hgorun.tables.layout import number
-from hgorun.tables.rows import metrics_of, rows_of, states_of
+from hgorun.tables.rows import NEVER, metrics_of, rows_of, states_of
 from hgorun.tables.typeset import latex_words, symbol
 
 _PAGE = 6  # numbers side by side on a page
@@ -28,6 +28,8 @@ def latex(results: Sequence[Result], metrics: Sequence[str] | None = None) -> st
         Which, in this order; all by default.
     """
     rows, states = rows_of(results), states_of(results)
+    stated = {name: text for result in reversed(results) for name, text in result.units.items()}
+    units = stated if any(stated.get(state) for state in states) else {}
     known = metrics_of(rows)
     chosen = [metric for metric in (known if metrics is None else metrics) if metric in known]
     at_once = max(_PAGE // max(len(states), 1), 1)
@@ -36,11 +38,15 @@ def latex(results: Sequence[Result], metrics: Sequence[str] | None = None) -> st
     lines = [rf"\begin{{tabular}}{{l{'r' * width}}}", r"\toprule"]
     for block in blocks:
         padding = [""] * (width - len(block) * len(states))
-        lines += [*([r"\midrule"] if block is not blocks[0] else []), *latex_head(block, states, padding)]
+        of_columns = [unit_of(metric, s, units) for metric in block for s in states]
+        lines += [*([r"\midrule"] if block is not blocks[0] else []), *latex_head(block, states, padding, of_columns)]
         numbers = {(metric, s): [row.value(metric, s) for row in rows] for metric in block for s in states}
         best = {column: _best(column[0], values) for column, values in numbers.items()}
         for i, row in enumerate(rows):
-            cells = [_latex_number(values[i], best[column]) for column, values in numbers.items()]
+            cells = [
+                NEVER if row.never(*column) else _latex_number(values[i], best[column])
+                for column, values in numbers.items()
+            ]
             lines.append(" & ".join([latex_words(row.text), *cells, *padding]) + r" \\")
     lost = "; ".join(latex_words(f"{row.text} {row.status}") for row in rows if row.observer.status != "ok")
     if lost:

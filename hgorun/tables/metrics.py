@@ -39,11 +39,12 @@ def as_json(result: Result, file: str | None = None, predicted: Predicted | None
     dict
         ``{"name", "file", "status", "observers": {label: {"status", "status_at", "reason",
         metric: {state: number}}}}``, ``integration_error`` and ``remarks`` where there are any, ``plant`` with its
-        status where that is not ok, and an observer's ``coordinates``, where it has a choice of them:
-        ``{"map", "chains": {output: length}}``. Numbers that are not finite are text, a time or reason that is not
-        known is null. A closed loop has ``closed_loop``: ``{label: {"effort": {input: number}, "peak_input": {input:
-        number}, "cost": number}}``, with the label ``plant`` for state feedback. An estimate of recorded data has
-        ``kind``, and its observers have ``scores``: ``{score: {output, state or gain: number}}``.
+        status where that is not ok, ``units`` where the plant states some: ``{"time" or name: unit}``, and
+        ``coordinates`` of an observer, where it has a choice of them: ``{"map", "chains": {output: length}}``. Numbers
+        that are not finite are text, a time or reason that is not known is null. A closed loop has ``closed_loop``:
+        ``{label: {"effort": {input: number}, "peak_input": {input: number}, "cost": number}}``, with the label
+        ``plant`` for state feedback. An estimate of recorded data has ``kind``, and its observers have ``scores``:
+        ``{score: {output, state or gain: number}}``.
     """
     observers: dict[str, dict[str, Any]] = {
         label: _said(result.observers[label].verdict) | metrics for label, metrics in result.metrics().items()
@@ -71,6 +72,8 @@ def as_json(result: Result, file: str | None = None, predicted: Predicted | None
         found["plant"] = _said(result.verdict)
     if result.remarks:
         found["remarks"] = list(result.remarks)
+    if any(name != "time" for name in result.units):
+        found["units"] = dict(result.units)
     return {key: json_value(value) for key, value in found.items()}
 
 
@@ -101,7 +104,7 @@ def csv(results: Sequence[Result], predicted: Sequence[Predicted] = ()) -> str:
 
 
 def text(results: Sequence[Result], predicted: Sequence[Predicted] = ()) -> str:
-    """An aligned table for a terminal, at most 100 columns wide.
+    """An aligned table, as wide as the terminal.
 
     Above it stand the windows that the numbers are from, below it the integration error where it is known.
     Metrics that do not fit side by side follow below each other, and after them what theory predicts, where it
@@ -112,10 +115,13 @@ def text(results: Sequence[Result], predicted: Sequence[Predicted] = ()) -> str:
     for run, result in zip(runs, results, strict=True):
         lines += wrapped(": ".join(part for part in (printable(run), printable(result.title)) if part))
         lines += wrapped(_windows(result), "  ")
+        lines += wrapped(_units(result), "  ")
     for block in (
         _blocks(rows, states_of(results), _predictions(rows, results, predicted)) if rows else [["no observers"]]
     ):
         lines += ["", *block]
+    still = _without_motion(rows)
+    lines += ["", *wrapped(still)] if still else []
     for run, result in zip(runs, results, strict=True):
         if result.closed_loop:
             lines += ["", *wrapped(run)] if len(runs) > 1 else []
@@ -148,6 +154,28 @@ def _windows(result: Result) -> str:
     return "; ".join(parts)
 
 
+def _without_motion(rows: Sequence[Row]) -> str:
+    """Which ratios have no value, and why; nothing where all have one."""
+    found = dict.fromkeys(
+        f"{metric} {state}"
+        for row in rows
+        for metric in row.observer.metrics
+        for state in row.result.states
+        if row.without_motion(metric, state)
+    )
+    return f"no {', '.join(found)}: what does not move in the window has no such ratio" if found else ""
+
+
+def _units(result: Result) -> str:
+    """What states, outputs and inputs are measured in: ``units: x1, x2 g/L; D 1/h``; nothing where none is stated."""
+    groups: dict[str, list[str]] = {}
+    for name in dict.fromkeys((*result.states, *result.outputs, *result.inputs)):
+        if result.units.get(name):
+            groups.setdefault(printable(result.units[name]), []).append(name)
+    parts = [f"{', '.join(map(printable, names))} {unit}" for unit, names in groups.items()]
+    return f"units: {'; '.join(parts)}" if parts else ""
+
+
 def _theory(row: Row, results: Sequence[Result], predicted: Sequence[Predicted]) -> Mapping[str, float]:
     """What is predicted for a row."""
     found = [p for result, p in zip(results, predicted, strict=False) if result is row.result]
@@ -164,8 +192,7 @@ def _predictions(rows: Sequence[Row], results: Sequence[Result], predicted: Sequ
 def _blocks(rows: Sequence[Row], states: Sequence[str], more: Sequence[Sequence[str]]) -> list[list[str]]:
     """The lines of each part of the table; a metric's states stay together where they fit."""
     groups = [
-        [[f"{metric} {s}", *(number(row.value(metric, s)) for row in rows)] for s in states]
-        for metric in metrics_of(rows)
+        [[f"{metric} {s}", *(row.text_of(metric, s) for row in rows)] for s in states] for metric in metrics_of(rows)
     ]
     groups += scores_of(rows)
     status = ["status", *(row.status for row in rows)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -9,7 +10,10 @@ from hgorun.result.metrics.base import all_metrics
 from hgorun.result.observer import ObserverResult
 from hgorun.result.result import Result
 from hgorun.result.run_names import run_names
+from hgorun.tables.layout import number
 from hgorun.tables.typeset import printable
+
+NEVER = "never"
 
 
 @dataclass(frozen=True)
@@ -27,6 +31,23 @@ class Row:
         if metric not in self.observer.metrics or state not in self.result.states:
             return None
         return float(self.observer.metrics[metric][self.result.states.index(state)])
+
+    def never(self, metric: str, state: str) -> bool:
+        """Whether what a metric waits for has not come by the end of the run, as an error that never settles."""
+        value, known = self.value(metric, state), all_metrics(closed=True).get(metric)
+        return known is not None and known.moment and value is not None and self.result.time[-1] <= value < math.inf
+
+    def without_motion(self, metric: str, state: str) -> bool:
+        """Whether a ratio has no value, since what the state itself does is nothing."""
+        value, known = self.value(metric, state), all_metrics(closed=True).get(metric)
+        lost = self.observer.status in ("diverged", "undefined")
+        return known is not None and known.ideal != 0 and value == math.inf and not lost
+
+    def text_of(self, metric: str, state: str) -> str:
+        """What a table shows."""
+        if self.never(metric, state):
+            return NEVER
+        return number(None if self.without_motion(metric, state) else self.value(metric, state))
 
     @property
     def status(self) -> str:

@@ -9,23 +9,33 @@ from collections.abc import Iterator
 import numpy as np
 
 from hgorun.result.data import PLANT, ResultData
+from hgorun.tables.typeset import printable
 
 
 def csv(result: ResultData) -> str:
     """The states over time, a line for every time and source: the plant where it was simulated, and every observer.
 
     Estimates of recorded data have their bands besides. Numbers have all their digits; what is undefined is empty.
+    Where the plant states units of its states, they stand in the header: ``t [h],observer,x1 [g/L]``.
     """
     buffer = io.StringIO()
     writer = csv_module.writer(buffer, lineterminator="\n")
     recorded = result.recorded is not None
-    bands = [f"{state}_{end}" for state in result.states for end in ("lower", "upper")] if recorded else []
-    writer.writerow(["t", "observer", *result.states, *bands])
+    bands = [(state, f"{state}_{end}") for state in result.states for end in ("lower", "upper")] if recorded else []
+    columns = [(state, state) for state in result.states] + bands
+    known = any(result.units.get(state) for state in result.states)
+    t = _headed("t", result.units.get("time", "")) if known else "t"
+    writer.writerow([t, "observer", *(_headed(name, result.units.get(state, "")) for state, name in columns)])
     times = result.time.tolist()
     for label, values in _sources(result):
         for t, row in zip(times, values.tolist(), strict=True):
             writer.writerow([repr(t), label, *(repr(v) if v == v else "" for v in row)])
     return buffer.getvalue()
+
+
+def _headed(name: str, unit: str) -> str:
+    """The name of a column, with its unit where that is known."""
+    return f"{name} [{printable(unit)}]" if unit else name
 
 
 def _sources(result: ResultData) -> Iterator[tuple[str, np.ndarray]]:

@@ -25,9 +25,10 @@ from hgorun.figures.actors import Actor
 from hgorun.figures.data import Curve, moving_maximum, state_limits, thinned
 from hgorun.figures.drawing import comparison, draw
 from hgorun.figures.files import save
-from hgorun.figures.looks import Look, family_colour, looks
+from hgorun.figures.looks import _FAMILIES, Look, family_colour, looks
 from hgorun.figures.names import RunNames, check
 from hgorun.figures.style import DASHES, PALETTE, TRUTH
+from hgorun.observers.base import OBSERVERS
 from hgorun.result.data import Measurements
 from hgorun.result.observer import ObserverResult
 from hgorun.result.status import OK, Verdict
@@ -249,9 +250,6 @@ def test_looks_in_a_panel_are_different(panels: list[list[tuple[str, int | None]
         assert len({(look.colour, look.dashes) for look in own}) == len(own) or len(found) > len(PALETTE)
         if len(panel) <= len(PALETTE) and len(found) <= len(PALETTE):
             assert len({look.colour for look in own}) == len(own)
-    if len(found) <= len(DASHES):
-        for panel in shown:
-            assert len({found[a.order].dashes for a in panel}) == len(panel)
 
 
 def test_35_observers_side_by_side_look_different() -> None:
@@ -265,17 +263,39 @@ def test_a_family_has_its_colour_in_every_figure() -> None:
     assert family_colour("shgo", None) == family_colour("shgo_riccati", None) == family_colour("fhgo2", 0)
     assert family_colour("fhgo2", 2) == family_colour("fhgo2_nuos", 2)
     assert len({family_colour("fhgo2", r) for r in range(4)}) == 4
-    assert family_colour("fhgo2", 9) is None
+    assert family_colour("fhgo2", 9) in PALETTE
     for order in (FAMILIES, FAMILIES[::-1]):
         alone = [a for a in actors(*order) if (a.type, a.filter_order) != ("fhgo2_nuos", 2)]
         for actor in alone:
-            if actor.type != "mine":
-                assert looks_of(alone)[actor.order].colour == family_colour(actor.type, actor.filter_order)
+            assert looks_of(alone)[actor.order].colour == family_colour(actor.type, actor.filter_order)
     two = actors(("shgo", None), ("fhgo1", 3), ("shgo_riccati", None))
     meeting, apart = looks_of(two), looks_of(two[:2], two[2:])
     assert meeting[0].colour == apart[0].colour == apart[2].colour == family_colour("shgo", None)
     assert meeting[2].colour not in (meeting[0].colour, meeting[1].colour)
     assert apart[0].dashes != apart[2].dashes  # their texts differ, and the legend is one
+
+
+def look_alone(kind: str, r: int | None) -> tuple[str, Any, str]:
+    """Colour, line style and marker of an observer that is alone in its figure."""
+    own = looks_of(actors((kind, r)))[0]
+    return own.colour, own.dashes, own.marker
+
+
+def test_two_figures_agree_on_every_observer() -> None:
+    """Whoever stands beside it: colour, line style and marker are those that it has alone."""
+    beside = [("shgo", None), ("fhgo1", 3), ("fhgo2", 1), ("fhgo2", 2), ("levant", None), ("kalman_bucy", None)]
+    for order in (beside, beside[::-1]):
+        found = looks_of(actors(*order))
+        for actor in actors(*order):
+            own = found[actor.order]
+            assert (own.colour, own.dashes, own.marker) == look_alone(actor.type, actor.filter_order)
+
+
+def test_no_two_families_look_alike() -> None:
+    filtered = ("fhgo2", "fhgo2_nuos", "lowpass")
+    kinds = [*((kind, None) for kind in OBSERVERS.load()), *((kind, r) for kind in filtered for r in (1, 2, 3))]
+    known = [look_alone(*family)[:2] for family in kinds if family[0] in _FAMILIES or family[1]]
+    assert len({(colour, str(dashes)) for colour, dashes in known}) == len(known)
 
 
 def test_families_that_are_compared_differ() -> None:
@@ -293,7 +313,6 @@ def test_families_that_are_compared_differ() -> None:
         ],
     ):
         colours = [family_colour(*family) for family in group]
-        assert None not in colours
         assert len(set(colours)) == len(group)
     thesis = [str(family_colour(*family)) for family in [("shgo", None), ("fhgo2", 1), ("fhgo2", 2), ("fhgo2", 3)]]
     assert min(abs(lightness(a) - lightness(b)) for a, b in combinations([*thesis, "black"], 2)) > 9
@@ -311,7 +330,7 @@ def test_an_observer_keeps_its_colour(result: Result, compared: Any) -> None:
     for label in result.observers:
         alone = lines(draw(result, block({"state": "x1", "observers": [label]})).axes[0])[label]
         assert alone.get_color() == everywhere[label].get_color()
-        assert alone.get_linestyle() == "-"
+        assert alone.get_linestyle() == everywhere[label].get_linestyle()
 
 
 # Divergence and scale

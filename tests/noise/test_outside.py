@@ -12,8 +12,9 @@ from examples import load, prepared, run, said
 from outside import code_of, installed
 
 import hgorun
-from hgorun.commands.catalogue import build_schema, list_all, show
+from hgorun.commands.catalogue import list_all, show
 from hgorun.commands.catalogue_options import List, Show
+from hgorun.commands.schema import build_schema
 from hgorun.errors import ConfigError
 from hgorun.noise.base import NOISE
 

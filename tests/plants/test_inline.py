@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from examples import VAN_DER_POL, experiment
+from examples import CONTOIS, VAN_DER_POL, experiment
 
 from hgorun.errors import ConfigError
 from hgorun.plants.base import PLANTS, Parameter
@@ -66,3 +66,16 @@ def test_a_parameter_without_a_default_has_to_be_given() -> None:
             _ = experiment(plant, {}).plant
         assert caught.value.key == "plant.parameters"
         assert experiment(plant | {"parameters": {"mu": 2}}, {}).plant.parameters.size == 2
+
+
+def test_units_may_be_those_of_states_outputs_and_inputs() -> None:
+    block = PLANT | {
+        "dynamics": {"x1": "x2", "x2": "u - x1"},
+        "output": {"level": "x1", "both": "x1 + x2"},
+        "inputs": {"u": "sin(t)"},
+        "units": {"x1": "g/L", "u": "V", "both": "kg"},
+    }
+    built = experiment(block, {}).plant
+    # an output that is a state is measured in the state's unit
+    assert built.units == {"x1": "g/L", "u": "V", "both": "kg", "level": "g/L"}
+    assert experiment(CONTOIS, {}).plant.units == {"D": "1/h", "x1": "g/L", "x2": "g/L"}

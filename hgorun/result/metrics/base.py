@@ -162,6 +162,19 @@ def all_metrics(*, closed: bool = False) -> Mapping[str, Metric]:
     return _sorted(tuple(m for m in METRICS.load().values() if closed or not m.closed))
 
 
+def unit_of(metric: str, state: str, units: Mapping[str, str]) -> str:
+    """What a metric of a state is measured in; empty where that is not known, or it is a mere number.
+
+    Parameters
+    ----------
+    metric, state : str
+    units : mapping of str to str
+        Of the states, and of ``time``.
+    """
+    known = all_metrics(closed=True).get(metric)
+    return units.get({"state": state, "time": "time"}.get(known.unit if known else "", ""), "")
+
+
 @lru_cache(maxsize=8)
 def _sorted(metrics: tuple[Metric, ...]) -> Mapping[str, Metric]:
     return MappingProxyType({m.name: m for m in sorted(metrics, key=lambda m: (m.place, m.name))})

@@ -1,0 +1,204 @@
+"""The options of the commands about many runs: comparisons, ensembles and what is made of them.
+
+Only typer is loaded with it, as in :mod:`hgorun.commands.options`.
+"""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from hgorun.commands import completion
+from hgorun.commands.options import Configured, Drawing, Printing
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Sweep(Printing):
+    """Run the members of a sweep file, and collect them in results/NAME.sweep.h5.
+
+    Run again, it continues with the members that are missing. Of a configuration it takes
+    the runs with seeds or vary.
+    """
+
+    file: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FILE",
+            help="A YAML file with base, axes and keep, or a configuration.",
+            autocompletion=completion.yaml_files,
+        ),
+    ]
+    run: Annotated[
+        str | None,
+        typer.Option("--run", help="Only this run of a configuration (default: all).", autocompletion=completion.runs),
+    ] = None
+    fresh: Annotated[bool, typer.Option("--fresh", help="Start over, whatever was finished before.")] = False
+    part: Annotated[
+        str | None, typer.Option("--part", metavar="K/N", help="Only this part of N, for array jobs; see hgorun merge.")
+    ] = None
+    collect: Annotated[bool, typer.Option("--collect", help="Run nothing; collect the members that are finished.")] = (
+        False
+    )
+    executor: Annotated[
+        str,
+        typer.Option(
+            "--executor",
+            help="threads, processes or dask.",
+            autocompletion=completion.one_of("threads", "processes", "dask"),
+        ),
+    ] = "threads"
+    scheduler: Annotated[
+        str | None,
+        typer.Option("--scheduler", metavar="ADDRESS", help="Address of a dask scheduler (default: local workers)."),
+    ] = None
+    jobs: Annotated[
+        int | None, typer.Option("--jobs", min=1, help="Threads, processes or workers (default: one per processor).")
+    ] = None
+    strict: Annotated[bool, typer.Option("--strict", help="Exit with code 3 if a status is not ok.")] = False
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Merge(Printing):
+    """Put the parts of a sweep together, and collect them in results/NAME.sweep.h5."""
+
+    folders: Annotated[list[Path], typer.Argument(metavar="FOLDER...", help="Folders NAME.sweep with finished parts.")]
+    strict: Annotated[bool, typer.Option("--strict", help="Exit with code 3 if a status is not ok.")] = False
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class OfEnsembles(Printing):
+    """What is told of ensembles."""
+
+    metrics: Annotated[
+        list[str],
+        typer.Option(
+            "--metric",
+            metavar="NAME",
+            help="For ensembles: only this metric; repeatable.",
+            autocompletion=completion.metrics,
+        ),
+    ] = field(default_factory=list)
+    by: Annotated[
+        list[str],
+        typer.Option(
+            "--by", metavar="AXIS", help="For ensembles: a row for each value of this axis, or `none`; repeatable."
+        ),
+    ] = field(default_factory=list)
+    at: Annotated[
+        list[str],
+        typer.Option("--at", metavar="AXIS=VALUE", help="For ensembles: only members with this value; repeatable."),
+    ] = field(default_factory=list)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Compare(Configured, OfEnsembles, Drawing):
+    """Compare metrics side by side, and draw comparison plots.
+
+    For an ensemble (NAME.sweep.h5, or the folder NAME.sweep while it is running): statistics over its members.
+    """
+
+    sources: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="SOURCE...",
+            help="Configurations, names of built-in experiments, result files, or ensembles.",
+            autocompletion=completion.sources,
+        ),
+    ]
+    format: Annotated[
+        str,
+        typer.Option(
+            "--format",
+            help="Format of the table: text, csv or latex.",
+            autocompletion=completion.one_of("text", "csv", "latex"),
+        ),
+    ] = "text"
+    strict: Annotated[bool, typer.Option("--strict", help="Exit with code 3 if a status is not ok.")] = False
+    analyze: Annotated[bool, typer.Option("--analyze", help="Add the numbers that theory predicts.")] = False
+
+    @property
+    def of_ensembles(self) -> bool:
+        """Whether something is asked for that only ensembles have."""
+        return bool(self.metrics or self.by or self.at)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Report(OfEnsembles):
+    """Write a report of an ensemble: one HTML page with figures to zoom and tables to sort.
+
+    The page is self-contained and needs no network. It is written to results/NAME.html; needs hgorun[explore].
+    """
+
+    source: Annotated[
+        Path,
+        typer.Argument(
+            metavar="SWEEP", help="NAME.sweep.h5, or the folder NAME.sweep.", autocompletion=completion.results
+        ),
+    ]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Tune(Printing):
+    """Find gains for a stated trade-off, and write the tuned configuration with the evidence.
+
+    The key tune of the configuration says which gains, what is minimised, and over how many seeds.
+    """
+
+    config: Annotated[
+        Path,
+        typer.Argument(
+            metavar="CONFIG",
+            help="A configuration with the key tune, or a file with base and tune.",
+            autocompletion=completion.yaml_files,
+        ),
+    ]
+    data: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="[DATA...]",
+            help="Recordings in place of data.file, one a file: the score is of all of them.",
+            autocompletion=completion.logs,
+        ),
+    ] = field(default_factory=list)
+    overrides: Annotated[
+        list[str],
+        typer.Option(
+            "--set",
+            metavar="tune.KEY=VALUE",
+            help="Change a key of tune; repeatable.",
+            autocompletion=completion.keys,
+        ),
+    ] = field(default_factory=list)
+    run: Annotated[
+        str | None,
+        typer.Option("--run", help="Which run of the file, where it has several.", autocompletion=completion.runs),
+    ] = None
+    plots: Annotated[bool, typer.Option("--plots/--no-plots", help="Draw what was tried and found (PNG and PDF).")] = (
+        True
+    )
+    jobs: Annotated[
+        int | None, typer.Option("--jobs", min=1, help="Number of threads (default: one per processor).")
+    ] = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Bench(Printing):
+    """Compare observers on several plants in several scenarios, each tuned alike and scored on seeds not seen.
+
+    The file names plants, scenarios and observers with one knob each. Run again, it carries out what is new or has
+    changed. Tables and a figure are written to results/NAME/.
+    """
+
+    file: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FILE",
+            help="A YAML file with plants, scenarios and observers.",
+            autocompletion=completion.yaml_files,
+        ),
+    ]
+    plots: Annotated[bool, typer.Option("--plots/--no-plots", help="Draw the fronts (PNG and PDF).")] = True
+    jobs: Annotated[
+        int | None, typer.Option("--jobs", min=1, help="Number of threads (default: one per processor).")
+    ] = None

@@ -1,0 +1,130 @@
+"""``init``: how to start, from a copy of what hgorun brings, from a plant's name, or from answers to questions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from hgorun.commands.catalogue_options import Init
+from hgorun.commands.first import First, first_of
+from hgorun.commands.questions import ask
+from hgorun.commands.schema import SCHEMA_FILE, build_schema, schema_text, with_schema
+from hgorun.config import yaml_source
+from hgorun.config.expressions import nearest
+from hgorun.errors import ConfigError, HgorunError
+from hgorun.files import write_text
+from hgorun.plants.base import PLANTS
+from hgorun.reproduce.shipped import examples, experiments
+from hgorun.simulation.simulate import prepare
+from hgorun.study.loading import load
+
+_DEFAULT = "contois_te025"
+
+
+def init(options: Init) -> int:
+    """Write the files to start with.
+
+    Raises
+    ------
+    ConfigError
+        For a name that does not exist, and options that do not go together.
+    HgorunError
+        Where another file of that name is there already.
+    """
+    if options.ask or options.plant is not None:
+        if options.name is not None:
+            raise ConfigError(f"{options.name} is copied as it is: leave it out, or leave --plant and --ask out")
+        if options.ask and options.observers:
+            raise ConfigError("--observer goes with --plant; --ask asks for observers")
+        return _first(options)
+    if options.output is not None or options.observers:
+        raise ConfigError("--output and --observer go with --plant; a copy takes NAME and FOLDER")
+    name = options.name or _DEFAULT
+    if name in examples():
+        return _example(name, options)
+    return _experiment(name, options)
+
+
+def _first(options: Init) -> int:
+    """A configuration of a plant, which is tried before the command ends."""
+    if options.plant is not None:
+        try:
+            plant = PLANTS.find(options.plant)
+        except KeyError:
+            hint = nearest(options.plant, PLANTS.names())
+            raise ConfigError(f"--plant: no plant is called {options.plant!r}.{hint} See hgorun list plants") from None
+        chosen = first_of(options.plant, plant, options.observers)
+    else:
+        chosen = ask()
+    target = options.output or Path(f"{chosen.name}.yaml")
+    if target.suffix.lower() not in (".yaml", ".yml"):
+        raise ConfigError(f"--output: expected a file .yaml, found {target}")
+    _write([(target, with_schema(chosen.text(str(target)), SCHEMA_FILE))], force=options.force)
+    _schema_beside(target.parent)
+    _try(target, chosen)
+    return 0
+
+
+def _try(target: Path, chosen: First) -> None:
+    """Say what to do next, or what keeps the configuration from running."""
+    try:
+        prepare(load(target))
+    except HgorunError as error:
+        raise HgorunError(f"{target} is written, but does not run yet: {error}") from None
+    print(f"try: hgorun simulate {target} && hgorun compare {target}")
+
+
+def _experiment(name: str, options: Init) -> int:
+    """Copy an experiment and the files that it extends, with the schema by which editors help with them."""
+    shipped, folder = experiments(), options.folder or Path()
+    matches = [file for path, file in shipped.items() if name in (path, Path(path).name)]
+    if not matches:
+        known = [*shipped, *(Path(p).name for p in shipped), *examples()]
+        plant = f" To start with the plant: hgorun init --plant {name}" if name in PLANTS.names() else ""
+        raise ConfigError(
+            f"no experiment is called {name!r}.{nearest(name, known)}{plant or ' See hgorun list experiments'}"
+        )
+    copies = [(folder / file.name, with_schema(text, SCHEMA_FILE)) for file, text in _with_bases(matches[0])]
+    _write(copies, force=options.force)
+    _schema_beside(folder)
+    print(f"try: hgorun simulate {folder / matches[0].name}")
+    return 0
+
+
+def _example(name: str, options: Init) -> int:
+    """Copy a configuration with its recorded data."""
+    folder, files = options.folder or Path(name), examples()[name]
+    copies = [(folder / file.name, file.read_text(encoding="utf-8")) for file in files]
+    made = [(path, with_schema(text, SCHEMA_FILE) if path.suffix == ".yaml" else text) for path, text in copies]
+    _write(made, force=options.force)
+    _schema_beside(folder)
+    print(f"try: hgorun estimate {folder / files[0].name}")
+    return 0
+
+
+def _write(copies: Sequence[tuple[Path, str]], *, force: bool) -> None:
+    """Write texts, none of them where another one is in the way."""
+    for target, text in copies:
+        if target.exists() and not force and (target.is_dir() or target.read_bytes() != text.encode()):
+            raise HgorunError(f"{target} exists and differs; --force overwrites it")
+    for target, text in copies:
+        write_text(target, text)
+        print(f"written: {target}")
+
+
+def _schema_beside(folder: Path) -> None:
+    write_text(folder / SCHEMA_FILE, schema_text(build_schema()))
+    print(f"written: {folder / SCHEMA_FILE} (for editors)")
+
+
+def _with_bases(file: Path) -> Iterator[tuple[Path, str]]:
+    """A file and those that it extends, with texts in which all of them lie in one folder."""
+    text, source = yaml_source.read(file)
+    base = source.data.get("extends") if isinstance(source.data, dict) else None
+    if isinstance(base, str):
+        yield from _with_bases(file.parent / base)
+        lines = text.splitlines(keepends=True)
+        place = source.positions["extends",][1] - 1
+        lines[place] = lines[place].replace(base, Path(base).name)
+        text = "".join(lines)
+    yield file, text

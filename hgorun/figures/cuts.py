@@ -1,0 +1,150 @@
+"""Marks of what the limits of a panel cut off: an arrow at its edge, with the value that is out of sight."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from matplotlib.colors import to_hex
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.lines import Line2D
+
+_SIZE = 7.0  # points
+_ROW, _LETTER = 1.15 * _SIZE, 0.52 * _SIZE  # points: height of a row, about the width of a letter
+_ROWS = 6  # of marks, one below the other
+_UNSEEN = 0.01  # of an axis' range: so much is inside the line that the edge is drawn with
+_ARROWS = {"top": "↑", "bottom": "↓"}
+
+
+@dataclass(frozen=True)
+class Cut:
+    """Where a line leaves a panel furthest.
+
+    Attributes
+    ----------
+    side : {"top", "bottom"}
+    x, value : float
+        The place on the horizontal axis, and the value there.
+    colour : str
+    """
+
+    side: Literal["top", "bottom"]
+    x: float
+    value: float
+    colour: str
+
+    @property
+    def text(self) -> str:
+        return f"{self.value:.3g}".replace("e+0", "e").replace("e+", "e").replace("e-0", "e-").replace("-", "−")
+
+
+def cuts(ax: Axes) -> list[Cut]:
+    """Of all lines of one colour the furthest beyond each edge, the furthest first.
+
+    A logarithmic axis has no lower edge that a peak could pass: errors that are small for a moment leave it.
+    """
+    found: dict[tuple[str, str], Cut] = {}
+    for line in ax.lines:
+        for one in _of_line(ax, line):
+            known = found.get((one.side, one.colour))
+            if known is None or abs(one.value) > abs(known.value):
+                found[one.side, one.colour] = one
+    return sorted(found.values(), key=lambda one: -abs(one.value))
+
+
+def _of_line(ax: Axes, line: Line2D) -> list[Cut]:
+    if line.get_transform() != ax.transData:  # a line across the panel, such as that at zero
+        return []
+    x, y = (np.asarray(values, dtype=float) for values in line.get_data())
+    (left, right), (low, high) = sorted(ax.get_xlim()), sorted(ax.get_ylim())
+    seen = (x >= left) & (x <= right) & np.isfinite(y)
+    x, y = x[seen], y[seen]
+    if not y.size:
+        return []
+    logarithmic = ax.get_yscale() == "log"
+    room = high * ((high / low) ** _UNSEEN - 1) if logarithmic else _UNSEEN * (high - low)
+    top, bottom = int(np.argmax(y)), int(np.argmin(y))
+    colour = to_hex(line.get_color())
+    found = [Cut("top", float(x[top]), float(y[top]), colour)] if y[top] > high + room else []
+    if not logarithmic and y[bottom] < low - room:
+        found.append(Cut("bottom", float(x[bottom]), float(y[bottom]), colour))
+    return found
+
+
+def mark_cuts(ax: Axes, width: float) -> list[Any]:
+    """Draw an arrow with its value for every cut, one below the other where they would hide each other.
+
+    Parameters
+    ----------
+    ax : Axes
+        With its limits.
+    width : float
+        Of the axes, in points.
+
+    Returns
+    -------
+    list of matplotlib.text.Annotation
+        The values.
+    """
+    places = ax.transData.transform
+    rows: dict[str, list[list[tuple[float, float]]]] = {"top": [], "bottom": []}
+    drawn = []
+    for one in cuts(ax):
+        at = _fraction(places, ax, one.x) * width
+        length = (len(one.text) + 2) * _LETTER
+        turned = at + length > width  # it would leave the panel on the right
+        span = (at - length, at) if turned else (at, at + length)
+        row = _free(rows[one.side], span)
+        if row >= _ROWS:
+            continue
+        drawn.append(_mark(ax, one, row, turned=turned))
+    return drawn
+
+
+def _fraction(places: Any, ax: Axes, x: float) -> float:
+    """How far a value of the horizontal axis is from its left end, in units of its length."""
+    (here, _), (left, _), (right, _) = places([(x, 1.0), (ax.get_xlim()[0], 1.0), (ax.get_xlim()[1], 1.0)])
+    return float((here - left) / (right - left))
+
+
+def _free(rows: list[list[tuple[float, float]]], span: tuple[float, float]) -> int:
+    """The first row in which nothing stands in this span, which is taken then."""
+    for i, row in enumerate(rows):
+        if all(span[1] <= low or span[0] >= high for low, high in row):
+            row.append(span)
+            return i
+    rows.append([span])
+    return len(rows) - 1
+
+
+def _mark(ax: Axes, one: Cut, row: int, *, turned: bool) -> Any:
+    top = one.side == "top"
+    place: dict[str, Any] = {
+        "xy": (one.x, 1.0 if top else 0.0),
+        "xycoords": ax.get_xaxis_transform(),
+        "textcoords": "offset points",
+        "va": "top" if top else "bottom",
+        "ha": "right" if turned else "left",
+        "fontsize": _SIZE,
+        "zorder": 8,
+        "annotation_clip": False,
+    }
+    down = -(1.0 + _ROW * row) if top else 1.0 + _ROW * row
+    step = -_SIZE if turned else _SIZE
+    start = -1.0 if turned else 1.0
+    box = {"facecolor": "white", "edgecolor": "none", "alpha": 0.85, "pad": 0.4}
+    arrow = ax.annotate(_ARROWS[one.side], xytext=(start, down), color=one.colour, fontweight="bold", bbox=box, **place)
+    value = ax.annotate(one.text, xytext=(start + step, down), bbox=box, **place)
+    for text in (arrow, value):
+        text.set_in_layout(False)
+    return value
+
+
+def mark_all(axes: Sequence[Axes], dpi: float) -> None:
+    """Mark what the limits of these axes cut off, once the layout is known."""
+    for ax in axes:
+        mark_cuts(ax, ax.get_window_extent().width * 72.0 / dpi)

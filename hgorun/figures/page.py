@@ -1,0 +1,129 @@
+"""The page that a figure is for: one column or two, light or dark."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from hgorun.config.study import WIDTHS
+from hgorun.errors import ConfigError
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.figure import Figure
+
+STYLES = ("light", "dark")
+TWO = WIDTHS["two"]
+NARROW = 5.0  # inches: below it, panels stand one below the other
+_PAPER, _INK = "#16181d", "#f2f2f2"  # of a dark page
+_GREY = 0.08  # differences of red, green and blue up to which a colour counts as a grey
+
+
+@dataclass(frozen=True)
+class Page:
+    """What a figure is drawn for.
+
+    Attributes
+    ----------
+    width : float
+        Inches.
+    style : {"light", "dark"}
+    """
+
+    width: float = TWO
+    style: str = "light"
+
+    @classmethod
+    def named(cls, width: str, style: str) -> Page:
+        """A page as the command line calls it.
+
+        Raises
+        ------
+        ConfigError
+            For names that there are not.
+        """
+        if width not in WIDTHS:
+            raise ConfigError(f"--width: expected one of {', '.join(WIDTHS)}, found {width!r}")
+        if style not in STYLES:
+            raise ConfigError(f"--style: expected one of {', '.join(STYLES)}, found {style!r}")
+        return cls(WIDTHS[width], style)
+
+
+LIGHT = Page()
+
+
+def on_page(figure: Figure, style: str) -> Figure:
+    """The figure for a page of this style: on a dark one greys are reversed, and colours that are too dark are lighter.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+        Finished; it is changed in place.
+    style : {"light", "dark"}
+    """
+    if style == "dark":
+        for artist in figure.findobj():
+            _darken(artist)
+        figure.set_facecolor(_PAPER)
+        for ax in figure.findobj(lambda one: hasattr(one, "tick_params")):
+            ax.tick_params(which="both", color=_INK, labelcolor=_INK)  # type: ignore[attr-defined]  # found by it
+    return figure
+
+
+def dark(colour: object) -> tuple[float, float, float, float]:
+    """What stands for a colour on a dark page.
+
+    Parameters
+    ----------
+    colour
+        Whatever matplotlib takes for one.
+
+    Returns
+    -------
+    tuple of float
+        Red, green, blue and alpha. White becomes the page and black the ink; between them greys are reversed. Other
+        colours are mixed with white until their luminance is at least that of a medium grey.
+    """
+    from matplotlib.colors import to_rgba
+
+    red, green, blue, alpha = to_rgba(colour)  # type: ignore[arg-type]  # of matplotlib's own types
+    paper, ink = to_rgba(_PAPER)[:3], to_rgba(_INK)[:3]
+    if max(red, green, blue) - min(red, green, blue) <= _GREY:
+        grey = (red + green + blue) / 3
+        red, green, blue = (i + (p - i) * grey for p, i in zip(paper, ink, strict=True))
+        return red, green, blue, alpha
+    light = 0.2126 * red**2.2 + 0.7152 * green**2.2 + 0.0722 * blue**2.2
+    white = max(0.0, (0.3 - light) / (1.0 - light))
+    red, green, blue = ((part**2.2 * (1 - white) + white) ** (1 / 2.2) for part in (red, green, blue))
+    return red, green, blue, alpha
+
+
+def _shown(colour: Any) -> Any:
+    """The same, but none stays none."""
+    from matplotlib.colors import to_rgba
+
+    return "none" if to_rgba(colour)[3] == 0 else dark(colour)
+
+
+def _darken(artist: Artist) -> None:
+    """Change the colours of one artist."""
+    from matplotlib.collections import Collection
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+    from matplotlib.text import Text
+
+    if isinstance(artist, Line2D):
+        edge, face = artist.get_markeredgecolor(), artist.get_markerfacecolor()
+        artist.set_color(_shown(artist.get_color()))
+        artist.set_markeredgecolor(_shown(edge))
+        artist.set_markerfacecolor(_shown(face))
+    elif isinstance(artist, Text):
+        artist.set_color(_shown(artist.get_color()))
+        if (box := artist.get_bbox_patch()) is not None:
+            _darken(box)
+    elif isinstance(artist, Patch):
+        artist.set_facecolor(_shown(artist.get_facecolor()))
+        artist.set_edgecolor(_shown(artist.get_edgecolor()))
+    elif isinstance(artist, Collection) and artist.get_array() is None:
+        artist.set_facecolor([_shown(one) for one in artist.get_facecolor()])
+        artist.set_edgecolor([_shown(one) for one in artist.get_edgecolor()])

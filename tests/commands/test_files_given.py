@@ -1,0 +1,92 @@
+"""Files as commands are given them, and as they leave them: nothing is done to one without a word."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from shell import Shell
+
+SMALL = """
+time: {end: 1, output_step: 0.1}
+plant: {type: van_der_pol, initial: {x1: 1, x2: 0}}
+observers: {S: {type: shgo, theta: 2}}
+"""
+
+NOISE = "measurement: {noise: [{type: gaussian, std: 0.1, hold: 0.1}]}\n"
+
+
+@pytest.fixture
+def shell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Shell:
+    (tmp_path / "a.yaml").write_text(SMALL)
+    return Shell(tmp_path, monkeypatch, capsys)
+
+
+def test_a_result_that_is_replaced_is_told(shell: Shell) -> None:
+    assert shell("simulate", "a.yaml", "--export-csv", "a.csv")[1].endswith("written: results/a.h5, a.csv\n")
+    again = shell("simulate", "a.yaml", "--export-csv", "b.csv")[1]
+    assert again.endswith("written: results/a.h5 (replaced), b.csv\n")
+
+
+def test_files_of_one_name_are_called_alike_by_simulate_and_compare(shell: Shell) -> None:
+    (shell.folder / "b").mkdir()
+    (shell.folder / "b" / "a.yaml").write_text(SMALL.replace("theta: 2", "theta: 3"))
+    code, out, _ = shell("simulate", "a.yaml", "b/a.yaml")
+    assert code == 0
+    assert "written: results/a.h5\n" in out
+    assert "written: results/a (2).h5\n" in out
+    compared = shell("compare", "a.yaml", "b/a.yaml", "--no-plots")[1]
+    assert "a (2): S" in compared
+    assert compared.splitlines()[0] == "a"
+    stored = shell("compare", "results/a.h5", "results/a (2).h5", "--no-plots")[1]
+    assert stored.split("status")[1] == compared.split("status")[1]
+
+
+def test_runs_of_files_of_one_name_go_to_folders_of_their_own(shell: Shell) -> None:
+    (shell.folder / "b").mkdir()
+    for folder in ("", "b/"):
+        (shell.folder / f"{folder}a.yaml").write_text(SMALL + "runs: {one: {}, two: {seed: 1}}\n")
+    assert shell("simulate", "a.yaml", "b/a.yaml", "-q")[0] == 0
+    names = {str(path.relative_to(shell.folder / "results")) for path in (shell.folder / "results").rglob("*.h5")}
+    assert names == {"a/one.h5", "a/two.h5", "a (2)/one.h5", "a (2)/two.h5"}
+
+
+def test_the_name_of_an_experiment_stands_for_it(shell: Shell) -> None:
+    code, out, err = shell("simulate", "contois_te025")
+    assert (code, out.endswith("written: results/contois_te025.h5\n")) == (0, True), err
+    assert "no file here; this is the experiment robles2023/chapter3/contois_te025, which `hgorun init" in err
+    code, _, err = shell("simulate", "contois_te025.yaml")
+    assert (code, "`hgorun init contois_te025` copies the experiment" in err) == (2, True)
+    code, _, err = shell("simulate", "contois_te026")
+    assert (code, "contois_te026" in err) == (2, True)
+
+
+def test_ensembles_that_compare_leaves_out_are_told(shell: Shell) -> None:
+    runs = "runs: {one: {}, many: {seeds: 2}}\n"
+    (shell.folder / "a.yaml").write_text(SMALL + NOISE + runs)
+    code, out, err = shell("compare", "a.yaml", "--no-plots")
+    assert (code, "ensembles are left out: many" in err, "S" in out) == (0, True, True), err
+    code, out, _ = shell("simulate", "a.yaml")
+    assert "written: results/a/one.h5" in out
+    assert "written: results/a/many.sweep.h5" in out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("simulate", "a.yaml", "-o", "out.csv"), "--export-csv FILE writes the states over time"),
+        (("simulate", "a.yaml", "-o", "out.png"), "hgorun compare CONFIG -o FILE.png draws"),
+        (("simulate", "a.yaml", "-o", "out.json"), "--json prints JSON, which > FILE writes"),
+        (("simulate", "a.yaml", "-o", "out.xlsx"), "expected a file .h5, .hdf5, .nc or a folder, found out.xlsx"),
+        (("compare", "a.yaml", "-o", "out.csv"), "hgorun compare --format csv prints a table, which > FILE writes"),
+        (("compare", "a.yaml", "-o", "out.tex"), "hgorun compare --format latex prints a table"),
+        (("compare", "a.yaml", "-o", "out.svg"), "expected a file .pdf, .png or a folder"),
+        (("analyze", "a.yaml", "-o", "out.csv"), "expected a file .pdf, .png or a folder, found out.csv"),
+        (("estimate", "a.yaml", "-o", "out.csv"), "--export-csv FILE writes the estimates"),
+        (("export", "a.yaml", "-o", "out.c"), "expected a folder, found out.c"),
+    ],
+)
+def test_an_output_means_what_its_name_says_or_is_refused(shell: Shell, arguments: tuple[str, ...], words: str) -> None:
+    code, _, err = shell(*arguments)
+    assert (code, words in err) == (2, True), err
+    assert not (shell.folder / arguments[-1]).exists()

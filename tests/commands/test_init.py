@@ -1,0 +1,143 @@
+"""``hgorun init`` gives something that runs as it is."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import pytest
+import yaml
+from shell import Shell
+
+from hgorun.commands.first import first_of
+from hgorun.plants.base import PLANTS
+from hgorun.plants.contois import Contois
+from hgorun.simulation.simulate import prepare, simulate_prepared
+from hgorun.study.loading import load
+
+
+@pytest.fixture
+def shell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Shell:
+    return Shell(tmp_path, monkeypatch, capsys)
+
+
+def test_a_plant_gives_a_commented_configuration_that_runs(shell: Shell) -> None:
+    code, out, _ = shell("init", "--plant", "contois", "-o", "my.yaml")
+    assert code == 0
+    assert "written: my.yaml\n" in out
+    assert "try: hgorun simulate my.yaml && hgorun compare my.yaml\n" in out
+    text = (shell.folder / "my.yaml").read_text()
+    assert "mu: 1.064  # maximal growth rate, 1/h" in text
+    assert text.count("#") > 15
+    assert text.startswith("# yaml-language-server: $schema=hgorun.schema.json\n")
+    assert (shell.folder / "hgorun.schema.json").is_file()
+    code, out, _ = shell("simulate", "my.yaml", "--strict")
+    assert (code, "FHGO" in out) == (0, True)
+    assert shell("init", "--plant", "contois", "-o", "my.yaml")[0] == 0  # it is the same
+    (shell.folder / "my.yaml").write_text(text + "# mine\n")
+    code, _, err = shell("init", "--plant", "contois", "-o", "my.yaml")
+    assert (code, "my.yaml exists and differs; --force overwrites it" in err) == (1, True)
+    assert shell("init", "--plant", "contois", "-o", "my.yaml", "--force")[0] == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", PLANTS.names())
+def test_every_plant_has_one_whose_observers_follow_it(name: str, tmp_path: Path) -> None:
+    path = tmp_path / "first.yaml"
+    path.write_text(first_of(name, PLANTS.find(name)).text("first.yaml"))
+    result = simulate_prepared(prepare(load(path)))
+    assert result.status == "ok"
+    for label, metrics in result.metrics().items():
+        for k, state in enumerate(result.states):
+            swing = result.x[:, k].max() - result.x[:, k].min()
+            assert metrics["rmse"][state] < 0.2 * swing, (label, state)
+
+
+def test_observers_may_be_named(shell: Shell) -> None:
+    assert shell("init", "--plant", "van_der_pol", "--observer", "ekf", "--observer", "levant", "-o", "v.yaml")[0] == 0
+    found = yaml.safe_load((shell.folder / "v.yaml").read_text())
+    assert {label: keys["type"] for label, keys in found["observers"].items()} == {"EKF": "ekf", "LEVANT": "levant"}
+
+
+def test_a_plant_that_names_no_start_gets_numbers_near_one(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(Contois, "first", None)
+    (tmp_path / "g.yaml").write_text(first_of("contois", Contois).text("g.yaml"))
+    prepare(load(tmp_path / "g.yaml"))
+
+
+def answers(monkeypatch: pytest.MonkeyPatch, *lines: str) -> None:
+    monkeypatch.setattr("sys.stdin", io.StringIO("".join(f"{line}\n" for line in lines)))
+
+
+def test_a_plant_of_your_own_from_answers(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
+    equations = ("x2", "-a*x1 + u", "-a*x1")  # the second of these has an unknown name, and is asked again
+    end_and_sampling = ("-5", "5", "0", "0.01")
+    named = ("own", "h", "x1, x1", "x1, x2", "b", "a = 2")
+    answers(monkeypatch, *named, *equations, "", "", "", "", "one", "0", *end_and_sampling, "shgo, ekff", "shgo")
+    code, out, err = shell("init", "--ask", "-o", "own.yaml")
+    assert code == 0, err
+    assert "written: own.yaml" in out
+    for words in (
+        "`u` is not known",
+        "different names",
+        "expected name = number",
+        "> 0, found -5",
+        "Did you mean `ekf`",
+    ):
+        assert words in err
+    found = yaml.safe_load((shell.folder / "own.yaml").read_text())
+    assert found["time"] == {"end": 5, "output_step": 0.005, "unit": "h"}
+    assert found["plant"]["dynamics"] == {"x1": "x2", "x2": "-a*x1"}
+    assert found["plant"]["parameters"] == {"a": 2}
+    assert "sampling" not in found["measurement"]
+
+
+def test_a_built_in_plant_from_answers(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
+    answers(monkeypatch, "contoi", "contois", "", "0.5", "", "")
+    code, _, err = shell("init", "--ask")
+    assert (code, "Did you mean `contois`?" in err) == (0, True)
+    found = yaml.safe_load((shell.folder / "contois.yaml").read_text())
+    assert found["measurement"]["sampling"] == {"period": 0.5}
+    answers(monkeypatch, "contois")
+    code, _, err = shell("init", "--ask", "-o", "other.yaml")
+    assert (code, "the answers ended; nothing is written" in err) == (1, True)
+    assert not (shell.folder / "other.yaml").exists()
+
+
+def test_the_example_with_a_recording_comes_with_its_data(shell: Shell) -> None:
+    code, out, _ = shell("init", "fermentation")
+    assert (code, "try: hgorun estimate fermentation/fermentation.yaml\n" in out) == (0, True)
+    names = {
+        "fermentation.yaml",
+        "with_laboratory.yaml",
+        "online.csv",
+        "laboratory.csv",
+        "README.md",
+        "hgorun.schema.json",
+    }
+    assert {path.name for path in (shell.folder / "fermentation").iterdir()} == names
+    code, out, _ = shell("estimate", "fermentation/fermentation.yaml", "--no-sensitivity", "--no-plots")
+    assert (code, "reference_rmse E" in out) == (0, True)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("contoi",), "no experiment is called 'contoi'. Did you mean"),
+        (("contois",), "To start with the plant: hgorun init --plant contois"),
+        (("--plant", "contos"), "--plant: no plant is called 'contos'. Did you mean `contois`?"),
+        (("--plant", "contois", "--observer", "shgoo"), "no observer is called 'shgoo'. Did you mean `shgo`?"),
+        (("--plant", "contois", "-o", "my.csv"), "expected a file .yaml, found my.csv"),
+        (("contois_te025", "--plant", "contois"), "copied as it is"),
+        (("--ask", "--observer", "shgo"), "--observer goes with --plant"),
+        (("contois_te025", "-o", "my.yaml"), "a copy takes NAME and FOLDER"),
+    ],
+)
+def test_what_does_not_go_together_is_refused(shell: Shell, arguments: tuple[str, ...], words: str) -> None:
+    code, _, err = shell("init", *arguments)
+    assert (code, words in err) == (2, True), err
+
+
+def test_a_configuration_that_does_not_run_is_told(shell: Shell) -> None:
+    code, _, err = shell("init", "--plant", "academic", "--observer", "shgo", "-o", "a.yaml")
+    assert (code, "a.yaml is written, but does not run yet: a.yaml:" in err) == (1, True), err

@@ -1,0 +1,238 @@
+"""What figures say of themselves: peaks that are cut, legends that fit, insets beside the data, dark pages."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+import pytest
+from drawn import block, lines
+from examples import chain, simulated
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+from matplotlib.text import Annotation
+
+from hgorun import ConfigError, Result
+from hgorun.figures.bode import bode_figure
+from hgorun.figures.data import Curve, coming_maximum
+from hgorun.figures.drawing import comparison, draw
+from hgorun.figures.page import Page, dark
+from hgorun.figures.style import PALETTE, styled
+from hgorun.figures.tuning import Tuned, tuning
+from hgorun.result.observer import ObserverResult
+from hgorun.result.recorded import Recorded, RecordedOutput
+from hgorun.result.theory import Bode
+
+
+@pytest.fixture(scope="module")
+def result() -> Result:
+    return simulated(chain(2, "-x1"), {"A": {"type": "shgo", "theta": 2}, "B": {"type": "shgo", "theta": 3}}, end=5)
+
+
+def with_estimates(result: Result, **errors: np.ndarray) -> Result:
+    """The same run with estimates whose errors, equal for all states, are given."""
+    observers = {
+        label: ObserverResult(type="shgo", xhat=result.x + e[:, None], internal={}, gains={}, dimension=2)
+        for label, e in errors.items()
+    }
+    return replace(result, observers=observers)
+
+
+def marks(ax: Any) -> list[str]:
+    """The values written at the edges, without their arrows."""
+    texts = [child.get_text() for child in ax.get_children() if isinstance(child, Annotation)]
+    return [text for text in texts if text not in "↑↓"]
+
+
+def test_a_peak_that_is_cut_has_an_arrow_with_its_value(result: Result) -> None:
+    t = result.time
+    peaking = with_estimates(
+        result, small=0.1 * np.exp(-t), peak=1234.5 * np.exp(-50 * t), dip=-777.0 * np.exp(-50 * t)
+    )
+    whole, *_ = comparison(peaking).axes
+    assert lines(whole)["peak"].get_ydata().max() > whole.get_ylim()[1]
+    assert marks(whole) == ["1.24e3" if f"{1235.0:.3g}" == "1.24e+03" else "1.23e3", "−776"]
+    assert not marks(comparison(with_estimates(result, small=0.1 * np.exp(-t))).axes[0])
+
+
+def test_every_panel_with_limits_of_its_own_says_what_it_leaves_out(result: Result) -> None:
+    shown = with_estimates(result, A=np.full(result.time.size, 0.5), B=np.where(result.time < 1, 3.0, 0.0))
+    state, error, early = draw(
+        shown,
+        block(
+            {"state": "x1", "limits": [-10, 10]},
+            {"error": "x1", "limits": [-1, 1]},
+            {"error": "x1", "limits": [-1, 1], "window": [2, 4]},
+        ),
+    ).axes
+    assert [marks(ax) for ax in (state, error, early)] == [[], ["3"], []]  # outside its time nothing is cut
+
+
+def test_values_at_an_edge_do_not_hide_each_other(result: Result) -> None:
+    t = result.time
+    peaks = {f"o{k}": (100.0 + 10 * k) * np.exp(-30 * t) for k in range(5)}
+    figure = comparison(with_estimates(result, small=0.01 * np.cos(t), **peaks))
+    found = [one for one in figure.axes[0].get_children() if isinstance(one, Annotation) and one.get_text() not in "↑↓"]
+    assert len(found) == 5
+    boxes = [one.get_window_extent() for one in found]
+    assert not any(a.overlaps(b) for a, b in combinations(boxes, 2))
+    inside = figure.axes[0].get_window_extent()
+    assert all(inside.x0 <= box.x0 and box.x1 <= inside.x1 for box in boxes)
+
+
+@pytest.mark.parametrize(("width", "count"), [(3.5, 9), (7.2, 9)])
+def test_legends_stay_inside_their_figure(result: Result, width: float, count: int) -> None:
+    errors = {f"a rather long name of observer number {k}": np.sin(result.time + k) for k in range(count)}
+    figure = comparison(with_estimates(result, **errors), Page(width))
+    (legend,) = figure.legends
+    extent = legend.get_window_extent()
+    assert extent.x0 >= 0
+    assert extent.x1 <= figure.bbox.x1
+    assert extent.y1 <= figure.bbox.y1 + 1
+    assert len(legend.get_texts()) == count + 1
+    assert figure.get_figwidth() == width
+
+
+def test_figures_for_one_column_have_their_panels_below_each_other(result: Result) -> None:
+    narrow = comparison(result, Page.named("one", "light"))
+    assert len({round(ax.get_position().x0, 2) for ax in narrow.axes}) == 1
+    assert min(float(text.get_fontsize()) for text in narrow.axes[0].get_yticklabels()) >= 8
+    assert draw(result, block({"state": "x1"}, width="one")).get_figwidth() == 3.5
+    for wrong in (("three", "light"), ("one", "pink")):
+        with pytest.raises(ConfigError, match="expected one of"):
+            Page.named(*wrong)
+
+
+def hidden(figure: Figure) -> int:
+    """Points of the lines of the first panel that lie below its inset."""
+    ax = figure.axes[0]
+    box = ax.child_axes[0].get_window_extent()
+    found = 0
+    for line in ax.lines:
+        x, y = ax.transData.transform(line.get_xydata()).T
+        found += int(np.sum((x > box.x0) & (x < box.x1) & (y > box.y0) & (y < box.y1)))
+    return found
+
+
+@pytest.mark.parametrize("shape", ["rising", "falling", "everywhere"])
+def test_an_inset_covers_no_data(result: Result, shape: str) -> None:
+    t = result.time
+    x = {"rising": t, "falling": -t, "everywhere": np.sin(20 * t)}[shape]
+    own = replace(result, x=np.column_stack([x, x]))
+    panel: dict[str, Any] = {"state": "x1", "inset": {"window": [2, 2.5]}}
+    assert hidden(draw(with_estimates(own, A=0.01 * np.cos(t)), block(panel))) == 0
+
+
+# The page
+
+
+def luminance(colour: Any) -> float:
+    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in to_rgb(colour)]
+    return float(np.dot([0.2126, 0.7152, 0.0722], linear))
+
+
+def test_everything_on_a_dark_page_stands_out(result: Result) -> None:
+    """By the contrast that WCAG 2.2 asks of graphics, 3:1, and of text, 4.5:1."""
+    figure = draw(
+        result,
+        block({"state": "x1", "measurements": True, "inset": {"window": [1, 2]}}, {"error": "x1"}, style="dark"),
+    )
+    page = luminance(figure.get_facecolor())
+    assert page < 0.02
+    for ax in figure.axes:
+        assert luminance(ax.get_facecolor()) == pytest.approx(page)
+        for line in lines(ax).values():
+            assert (luminance(line.get_color()) + 0.05) / (page + 0.05) > 3
+        for text in (ax.xaxis.label, ax.yaxis.label, *ax.get_xticklabels(), *figure.legends[0].get_texts()):
+            assert (luminance(text.get_color()) + 0.05) / (page + 0.05) > 4.5
+
+
+def test_colours_of_a_dark_page() -> None:
+    assert luminance(dark("black")) > 0.8
+    assert luminance(dark("white")) < 0.02
+    assert dark((0.0, 0.0, 0.0, 0.3))[3] == 0.3
+    assert len({dark(colour) for colour in PALETTE}) == len(PALETTE)
+    assert to_rgb(dark(PALETTE[4])[:3]) == pytest.approx(to_rgb(PALETTE[4]), abs=1e-6)  # light enough as it is
+
+
+# Single kinds of figures
+
+
+def test_the_coming_maximum_is_one() -> None:
+    v = np.random.default_rng(1).standard_normal(50)
+    t, found = coming_maximum(Curve(np.arange(50.0), v), 7)
+    assert np.array_equal(found, [v[i : i + 7].max() for i in range(44)])
+    assert np.array_equal(t, np.arange(44))
+    falling = np.exp(-np.arange(50.0))
+    assert np.array_equal(coming_maximum(Curve(np.arange(50.0), falling), 9).v, falling[:42])  # never above a bound
+    assert coming_maximum(Curve(t[:3], v[:3]), 9).v.size == 3
+
+
+def test_the_frequencies_of_the_noise_are_named_once(result: Result) -> None:
+    data = Bode(np.logspace(-1, 1, 5), {"A": np.ones((5, 2))}, result.states, np.array([2.0, 3.0]), {})
+    figure = bode_figure(data, result)
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["noise of this run", "A"]
+
+
+def test_units_of_a_gain(result: Result) -> None:
+    data = Bode(np.logspace(-1, 1, 5), {"A": np.ones((5, 2))}, result.states, np.zeros(0), {})
+    known = replace(result, units={"x1": "m", "x2": "m/s", result.outputs[0]: "m"})
+    assert [ax.get_ylabel().partition(" [")[2] for ax in bode_figure(data, known).axes] == ["", "(m/s)/(m)]"]
+
+
+def test_a_knee_that_is_beaten_on_held_out_seeds_is_hollow() -> None:
+    def drawn(chosen: int) -> Any:
+        front = np.array([[1.0, 3.0], [2.0, 2.0], [2.5, 2.5], [3.0, 1.0]])  # the third is beaten by the second
+        gains, met = np.ones((4, 1)), np.array([True, True, True, False])
+        found = Tuned(
+            label="A", type="shgo", filter_order=None, paths=("observers.A.theta",), logarithmic=(True,), gains=gains,
+            goals=front, met=met, front_gains=gains, front=front, half=0.1 * front, chosen=chosen,
+        )  # fmt: skip
+        ax = tuning([found], ["a", "b"]).axes[0]
+        return next(line for line in ax.lines if line.get_marker() == "*")
+
+    assert drawn(1).get_markerfacecolor() == drawn(1).get_color()
+    assert drawn(2).get_markerfacecolor() == "white"
+
+
+def recorded(result: Result, used: np.ndarray) -> Result:
+    """The run as an estimate of a recording, whose samples the observers have used or not."""
+    t = result.time[::5]
+    nothing = np.full((t.size, used.shape[1]), np.nan)
+    one = RecordedOutput(t, t, np.cos(t), used, nothing, nothing)
+    return replace(result, recorded=Recorded({result.outputs[0]: one}, {}, {}), measures={result.outputs[0]: "x1"})
+
+
+def test_samples_that_one_of_two_observers_left_out_say_whose(result: Result) -> None:
+    count = result.time[::5].size
+    used = np.ones((count, 2), dtype=bool)
+    used[1, 0] = used[2, :] = False
+    ax = comparison(recorded(result, used)).axes[0]
+    drawn = lines(ax)
+    assert drawn["measured"].get_xdata().size == count - 1
+    assert drawn["not used"].get_xdata().size == 1
+    assert drawn["not used by A"].get_xdata().size == 1
+    assert drawn["not used by A"].get_color() == drawn["A"].get_color()
+    assert "not used by B" not in drawn
+
+
+def test_two_estimates_compared_name_their_samples_once(result: Result) -> None:
+    used = np.ones((result.time[::5].size, 2), dtype=bool)
+    used[3, :] = used[4, 0] = False
+    one = recorded(result, used)
+    figure = comparison([one, replace(one, name="other")])
+    texts = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert len(set(texts)) == len(texts)
+    assert sorted(set(texts) - {"measured", "not used"}) == sorted(
+        [f"{run}: {label}" for run in ("test", "other") for label in ("A", "B")]
+        + ["not used by test: A", "not used by other: A"]
+    )
+
+
+def test_settings_of_matplotlib_are_those_of_nine_points() -> None:
+    import matplotlib
+
+    with styled():
+        assert matplotlib.rcParams["font.size"] == 9
