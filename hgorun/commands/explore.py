@@ -10,9 +10,9 @@ from contextlib import contextmanager
 from html import escape
 from pathlib import Path
 
+from hgorun.commands.inputs import configuration
 from hgorun.commands.options import Explore
 from hgorun.commands.outputs import RESULTS, refuse_other_kinds
-from hgorun.commands.run import require_file
 from hgorun.errors import HgorunError
 from hgorun.explore.bench import Bench, recorded
 from hgorun.explore.keeping import Keeper
@@ -25,13 +25,13 @@ _YAML = {".yaml", ".yml"}
 def explore(options: Explore) -> int:
     """Serve a page of a configuration until Ctrl-C."""
     refuse_other_kinds(options.output, _YAML)
-    require_file(options.config)
-    experiment = load(options.config, options.overrides, seed=options.seed, run=options.run)
+    config = configuration(options.config)
+    experiment = load(config, options.overrides, seed=options.seed, run=options.run)
     with experiment.located():
         refused = recorded(experiment)
     if refused is not None:
         raise refused
-    bench = Bench(options.config, experiment, options.run)
+    bench = Bench(config, experiment, options.run)
     try:
         from hgorun.explore.server import LivePage
     except ImportError as error:
