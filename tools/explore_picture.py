@@ -16,7 +16,8 @@ sys.path.insert(0, str(ROOT / "tests"))
 import browser  # noqa: E402  # of the tests
 
 TARGET = ROOT / "docs" / "images" / "explore.png"
-_WIDTH, _HEIGHT, _COLOURS = 1300, 900, 32
+CONFIG = "experiments/robles2023/chapter3/contois_te025.yaml"
+_WIDTH, _HEIGHT, _COLOURS = 1300, 900, 128
 
 
 async def _look(page: browser.Page) -> None:
@@ -28,7 +29,7 @@ async def _look(page: browser.Page) -> None:
 
 def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
-        command = [sys.executable, "-m", "hgorun", "explore", "contois_te025", "--no-browser", "-q", "-o", folder]
+        command = [sys.executable, "-m", "hgorun", "explore", CONFIG, "--no-browser", "-q", "-o", folder]
         process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True)
         try:
             assert process.stdout is not None
@@ -38,7 +39,7 @@ def main() -> None:
             process.wait(30)
     with Image.open(TARGET) as image:
         small = image.convert("RGB").resize((_WIDTH * 3 // 5, _HEIGHT * 3 // 5), Image.Resampling.LANCZOS)
-    small.quantize(_COLOURS, dither=Image.Dither.NONE).save(TARGET, optimize=True)
+    small.quantize(_COLOURS, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE).save(TARGET, optimize=True)
 
 
 if __name__ == "__main__":
