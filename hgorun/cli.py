@@ -161,6 +161,13 @@ def _analyze(chosen: options.Analyze) -> int:
     return analyze(chosen)
 
 
+@_command("cite", options.Cite)
+def _cite(chosen: options.Cite) -> int:
+    from hgorun.commands.cite import cite
+
+    return cite(chosen)
+
+
 @_command("figures", catalogue_options.Figures)
 def _figures(chosen: catalogue_options.Figures) -> int:
     from hgorun.commands.figures import figures
@@ -194,6 +201,13 @@ def _schema(chosen: catalogue_options.Schema) -> int:
     from hgorun.commands.schema import schema
 
     return schema(chosen)
+
+
+@_command("doctor", catalogue_options.Doctor, "something is amiss, with --strict")
+def _doctor(chosen: catalogue_options.Doctor) -> int:
+    from hgorun.commands.doctor import doctor
+
+    return doctor(chosen)
 
 
 @_command("init", catalogue_options.Init)

@@ -92,6 +92,18 @@ class Schema:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Doctor:
+    """Check the installation: versions, extras, speed, numbers.
+
+    A self-test compares a simulation with its solution in closed form. Exit code 1: its numbers are wrong.
+    """
+
+    prune: Annotated[bool, typer.Option("--prune", help="Empty the cache of compiled code.")] = False
+    strict: Annotated[bool, typer.Option("--strict", help="Exit with code 3 if anything is amiss.")] = False
+    json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Init:
     """Copy a built-in experiment, or write a first configuration.
 

@@ -244,3 +244,26 @@ class Analyze(Configured, Drawing):
     verbose: Annotated[
         bool, typer.Option("-v", "--verbose", help="Also print every number, and why others are missing.")
     ] = False
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Cite(Printing):
+    """Say what a configuration uses, and print it as BibTeX.
+
+    Its publication, its plant, its observers, the method, hgorun and the libraries, with keys that do not change.
+    """
+
+    config: Annotated[
+        Path,
+        typer.Argument(
+            metavar="CONFIG",
+            help="A YAML configuration, or the name of a built-in experiment.",
+            autocompletion=completion.configurations,
+        ),
+    ]
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="Write the BibTeX to this file (.bib).")] = None
+    run: Annotated[
+        str | None,
+        typer.Option("--run", help="Only this run of the file (default: all).", autocompletion=completion.runs),
+    ] = None
+    bibtex: Annotated[bool, typer.Option("--bibtex", help="Print only BibTeX.")] = False

@@ -7,8 +7,8 @@ of the integration is told from some of the stretches, each of which begins with
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,11 +18,10 @@ from hgorun.data.recording import Recording, Signal
 from hgorun.engine.memory import Raw, Start
 from hgorun.engine.methods import METHODS
 from hgorun.estimate.assessed import Widths, widths_of
-from hgorun.estimate.carrying import HALVINGS, ORDER, UNEVEN, Carried, estimates, relative_error
+from hgorun.estimate.carrying import HALVINGS, UNEVEN, Carried, estimates
 from hgorun.estimate.completed import completed
 from hgorun.estimate.estimate import result_of, unseen, without_sensitivity
 from hgorun.estimate.evaluated import (
-    Compared,
     Evaluated,
     compared_with,
     first_undefined,
@@ -30,23 +29,20 @@ from hgorun.estimate.evaluated import (
     inside,
     with_lag,
 )
+from hgorun.estimate.long_found import Found, Key, Sweep, together
 from hgorun.estimate.prepared import PreparedEstimate
 from hgorun.estimate.samples import Sampled
 from hgorun.estimate.scores import scores_of
 from hgorun.estimate.stretches import LONG, Stretch, Stretches, count_of, is_plain, points_before
 from hgorun.result.parts import ResultInParts
-from hgorun.result.recorded import Assessed, Recorded, RecordedOutput
+from hgorun.result.recorded import Assessed, Recorded
 from hgorun.result.result import Result
 from hgorun.simulation.outcome import internal
-from hgorun.simulation.steps import part_of_difference, steps_between
+from hgorun.simulation.steps import steps_between
 from hgorun.symbolic.evaluate import Floats
 from hgorun.symbolic.levels import distinct
 
-Key = tuple[int, str]
-"""What is compared: 0 and an output of which samples were held out, 1 and what was recorded for reference."""
-
 _ROWS = 1 << 16  # that are written at a time
-_SHOWN = 10_000  # points, and samples of an output, that are kept for a picture
 _FIRST, _EVERY = 2, 8  # stretches that are carried out with other steps as well: the first ones, then every so many
 
 
@@ -76,61 +72,6 @@ def estimate_into(
             return None
         log = LongLog(Stretches(experiment, recording), recording, held_out, sensitivity=sensitivity)
         return log.written(path)
-
-
-@dataclass(kw_only=True, eq=False, repr=False)
-class _Sweep:
-    """What has been seen of one way through a log.
-
-    Attributes
-    ----------
-    z, w : ndarray
-        The states and what is held at the end of the last stretch.
-    diverged : ndarray, shape (m,)
-        When each observer has.
-    tries : int
-        Steps.
-    """
-
-    z: Floats
-    w: Floats | None
-    diverged: Floats
-    tries: int = 0
-
-
-@dataclass(kw_only=True, eq=False, repr=False)
-class _Found:
-    """What is told at the end of a log.
-
-    Attributes
-    ----------
-    predicted : list of ndarray, shape (m, n_k)
-    compared : mapping of Key to list of Compared
-        Stretch by stretch.
-    sizes, gaps : ndarray, shape (m, n)
-        The largest estimates, and differences to the other steps.
-    undefined : ndarray, shape (m,)
-        From when on an estimate is no number.
-    shown : dict of str to list of ndarray
-        By data set, every so many of its rows, stretch by stretch.
-    steps : set of int
-        How many there are between two events.
-    done : dict
-        How far all that is asked for has been told.
-    """
-
-    predicted: list[Floats]
-    compared: dict[Key, list[Compared]]
-    sizes: Floats
-    gaps: Floats
-    undefined: Floats
-    shown: dict[str, list[np.ndarray]] = field(default_factory=dict)
-    steps: set[int] = field(default_factory=set)
-    done: dict[object, int] = field(default_factory=dict)
-
-    def all_shown(self, path: str) -> np.ndarray:
-        """Of a data set the rows that are shown."""
-        return np.concatenate(self.shown[path])
 
 
 class _TooCoarse(Exception):
@@ -183,23 +124,16 @@ class LongLog:
                 spent, step = sofar, step / 2
         raise AssertionError("the last one is taken as it is")
 
-    def _begin(self) -> _Sweep:
+    def _begin(self) -> Sweep:
         run = self._prepared.run
-        return _Sweep(z=run.numbers.z0, w=None, diverged=np.full(len(run.observers), np.inf))
+        return Sweep(z=run.numbers.z0, w=None, diverged=np.full(len(run.observers), np.inf))
 
-    def _nothing_yet(self) -> _Found:
-        prepared, m = self._prepared, len(self._prepared.run.observers)
-        n = len(prepared.run.plant.model.states)
-        return _Found(
-            predicted=[np.full((m, one.taken.size), np.nan) for one in prepared.samples],
-            compared={key: [] for key in self._asked},
-            sizes=np.zeros((m, n)),
-            gaps=np.zeros((m, n)),
-            undefined=np.full(m, np.inf),
-        )
+    def _nothing_yet(self) -> Found:
+        run, samples = self._prepared.run, self._prepared.samples
+        return Found.begin(len(run.observers), len(run.plant.model.states), samples, self._asked)
 
     def _carry_out(
-        self, stretch: Stretch, step: float, own: _Sweep, other: _Sweep | None, found: _Found, file: ResultInParts
+        self, stretch: Stretch, step: float, own: Sweep, other: Sweep | None, found: Found, file: ResultInParts
     ) -> None:
         """Carry a stretch out, with ``other`` steps as well, and tell and write what it gives."""
         prepared = stretch.prepared
@@ -213,7 +147,7 @@ class LongLog:
         everywhere = estimates(prepared, times, raw)
         if other is not None:
             beside = self._pass(stretch, times, step, UNEVEN, other)
-            self._compare(found, everywhere, estimates(prepared, times, beside))
+            found.compare(everywhere, estimates(prepared, times, beside))
         found.steps |= set(distinct(steps_between(prepared.run.schedule, step)).tolist())
         for key, (taken, values) in aside.items():
             at = np.searchsorted(times, taken)
@@ -238,13 +172,13 @@ class LongLog:
         for key, (taken, _) in self._asked.items():
             yield key, taken
 
-    def _some(self, key: Key | None, times: Floats, stretch: Stretch, step: float, found: _Found) -> slice:
+    def _some(self, key: Key | None, times: Floats, stretch: Stretch, step: float, found: Found) -> slice:
         """Which of them lie in a stretch."""
         first = found.done.get(key, 0)
         found.done[key] = points_before(times, stretch, step)
         return slice(first, found.done[key])
 
-    def _pass(self, stretch: Stretch, times: Floats, step: float, uneven: float | None, sweep: _Sweep) -> Raw:
+    def _pass(self, stretch: Stretch, times: Floats, step: float, uneven: float | None, sweep: Sweep) -> Raw:
         """The engine's arrays of a stretch, from where the last one has ended."""
         prepared = stretch.prepared
         plan = prepared.plan(np.append(times, stretch.end), step, uneven)
@@ -255,24 +189,10 @@ class LongLog:
         sweep.tries += raw.tries
         return replace(raw, rows=raw.rows[:-1])
 
-    @staticmethod
-    def _compare(found: _Found, own: Sequence[Floats], other: Sequence[Floats]) -> None:
-        with np.errstate(invalid="ignore"):
-            for j, (a, b) in enumerate(zip(own, other, strict=True)):
-                if len(a):
-                    found.sizes[j] = np.maximum(found.sizes[j], np.max(np.abs(a), axis=0))
-                    found.gaps[j] = np.maximum(found.gaps[j], np.max(np.abs(a - b), axis=0))
-
-    def _error(self, found: _Found) -> Floats:
-        """Of every observer, as far as it has been compared."""
-        order = min(METHODS[self._prepared.method].order, ORDER)
-        part = part_of_difference(np.array(sorted(found.steps)), UNEVEN, order)
-        return relative_error(part, found.sizes, found.gaps)
-
-    def _enough(self, found: _Found) -> bool:
+    def _enough(self, found: Found) -> bool:
         """Whether steps are short enough so far."""
         solver = self._prepared.run.solver
-        return not solver.controlled or bool(np.all(self._error(found) <= solver.accuracy))
+        return not solver.controlled or bool(np.all(found.error(self._prepared.method) <= solver.accuracy))
 
     def _along_time(
         self, prepared: PreparedEstimate, grid: Floats, xhat: Sequence[Floats], rows: Floats
@@ -298,17 +218,17 @@ class LongLog:
         yield f"{base}/innovation", predicted.T
         yield f"{base}/nis", np.full(predicted.T.shape, np.nan)
 
-    def _finish(self, file: ResultInParts, own: _Sweep, found: _Found, step: float, spent: int) -> Result:
+    def _finish(self, file: ResultInParts, own: Sweep, found: Found, step: float, spent: int) -> Result:
         """What is told at the end, and the bands."""
         prepared, origin = self._prepared, self._prepared.run.origin
         m = len(prepared.run.observers)
         nothing, count = np.zeros((0, 1)), sum(one.values.size for one in prepared.samples)
         raw = Raw(np.zeros((0, own.z.size, 1)), nothing, own.diverged[:, None], nothing, nothing)
         used = np.broadcast_to(np.True_, (count, m))
-        whole = {key: with_lag(prepared, _together(parts), self._lags[key]) for key, parts in found.compared.items()}
+        whole = {key: with_lag(prepared, together(parts), self._lags[key]) for key, parts in found.compared.items()}
         shown = found.all_shown
         evaluated = Evaluated(
-            Carried(raw, used, step, self._error(found), spent),
+            Carried(raw, used, step, found.error(prepared.method), spent),
             self._grid[:0],
             [shown(f"observers/{b.label}/xhat") for b in prepared.run.observers],
             np.zeros((0, own.z.size)),
@@ -319,7 +239,7 @@ class LongLog:
             found.undefined,
         )
         assessed = [self._assess(file, evaluated, found, j) for j in range(m)]
-        outputs = {one.output: _shown_samples(shown, one.output) for one in prepared.samples}
+        outputs = {one.output: found.samples(one.output) for one in prepared.samples}
         recorded = Recorded(outputs, unseen(evaluated.held_out, origin), unseen(evaluated.reference, origin))
         result = result_of(prepared, self._recording, evaluated, assessed, recorded)
         result = replace(result, time=shown("time"), u=shown("plant/u") if result.inputs else result.u)
@@ -328,7 +248,7 @@ class LongLog:
         file.finish(result)
         return result
 
-    def _assess(self, file: ResultInParts, evaluated: Evaluated, found: _Found, j: int) -> Assessed:
+    def _assess(self, file: ResultInParts, evaluated: Evaluated, found: Found, j: int) -> Assessed:
         """The scores of an observer, and its band, which is written."""
         prepared, label = self._prepared, self._prepared.run.observers[j].label
         widths = widths_of(prepared, evaluated, j)
@@ -337,32 +257,14 @@ class LongLog:
         return Assessed(lower, upper, widths.reasons, scores_of(prepared, evaluated, j))
 
     @staticmethod
-    def _write(file: ResultInParts, found: _Found, path: str, rows: np.ndarray, total: int) -> None:
+    def _write(file: ResultInParts, found: Found, path: str, rows: np.ndarray, total: int) -> None:
         """Write rows of a data set, and keep those that are shown."""
-        every, first = -(-total // _SHOWN), found.done.get(path, 0)
-        found.done[path] = first + len(rows)
-        found.shown.setdefault(path, []).append(rows[-first % every :: every].copy())
+        found.keep(path, rows, total)
         file.append(path, rows, total)
 
-    def _write_band(self, file: ResultInParts, found: _Found, label: str, widths: Widths) -> None:
+    def _write_band(self, file: ResultInParts, found: Found, label: str, widths: Widths) -> None:
         for first in range(0, self._grid.size, _ROWS):
             some = slice(first, min(first + _ROWS, self._grid.size))
             xhat, width = file.read(f"observers/{label}/xhat", some), widths.at(self._grid[some])
             for name, rows in (("lower", xhat - width), ("upper", xhat + width)):
                 self._write(file, found, f"observers/{label}/{name}", rows, self._grid.size)
-
-
-def _together(parts: Sequence[Compared]) -> Compared:
-    """What is compared in all stretches."""
-    return Compared(
-        parts[0].name,
-        np.concatenate([part.taken for part in parts]),
-        np.concatenate([part.values for part in parts]),
-        np.concatenate([part.residuals for part in parts], axis=1),
-    )
-
-
-def _shown_samples(shown: Callable[[str], np.ndarray], output: str) -> RecordedOutput:
-    names = ("taken", "available", "y", "used", "innovation", "nis")
-    taken, available, y, used, innovation, nis = (shown(f"measurement/{output}/{name}") for name in names)
-    return RecordedOutput(taken, available, y, used != 0, innovation, nis)

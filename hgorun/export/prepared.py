@@ -16,7 +16,9 @@ from hgorun.export.equations import Equations, Output, equations_of, outputs_of
 from hgorun.export.names import identifier
 from hgorun.export.observer import Exported
 from hgorun.observers.base import ContinuousObserver, CorrectedObserver, DecidedObserver
+from hgorun.observers.capabilities import NotExported
 from hgorun.observers.recalling import RecallingObserver
+from hgorun.observers.stepped import SteppedObserver
 from hgorun.observers.treatment import treatment_of
 from hgorun.simulation.checks import longest_step
 from hgorun.simulation.passes import Pass, as_given, plan_of
@@ -180,7 +182,10 @@ def _exported(run: PreparedRun, label: str, steps: _Steps | None, wanted: Wanted
             "exported code takes late samples into the innovation or not at all: it does not go back to the time of a "
             "sample, and leaves none out; export it from a configuration without delay",
         )
-    if isinstance(design.observer, DecidedObserver):
+    if isinstance(design.observer, NotExported):
+        raise Problem((*path, "type"), design.observer.not_exported)
+    steps_alone = isinstance(design.observer, SteppedObserver) and experiment.sampled()
+    if isinstance(design.observer, DecidedObserver) and not steps_alone:
         raise Problem(
             (*path, "type"),
             f"{design.observer.type} decides at the ends of the solver's steps, and exported code only follows the "

@@ -138,6 +138,23 @@ class Punctual(Block):
     """Outputs have to come without delay."""
 
 
+class BySampling(Block):
+    """The observer has other equations, and is of another class, where all outputs are sampled."""
+
+    @abstractmethod
+    def of_samples(self) -> Any:
+        """The block, as an observer of samples."""
+
+
+class NotExported(Block):
+    """Equations that are not written as code of their own."""
+
+    @property
+    @abstractmethod
+    def not_exported(self) -> str:
+        """Why, in words."""
+
+
 class NoiseInformed(Block):
     """The design depends on the noise of the sensors, which stands in another block of the configuration."""
 

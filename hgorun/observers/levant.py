@@ -131,6 +131,12 @@ def levant_implicit_step(z: ca.SX, y: ca.SX, h: ca.SX, gains: ca.SX) -> ca.SX:
     c: list[ca.SX] = []
     for i in range(n):
         c.append(gains[i] if i == 0 else gains[i] * c[-1] ** ((n - 1 - i) / (n - i)))
+    return implicit_step(z, y, h, c)
+
+
+def implicit_step(z: ca.SX, y: ca.SX, h: ca.SX, c: list[ca.SX], newton_steps: int = _NEWTON_STEPS) -> ca.SX:
+    """The same, from the gains c_i of the powers of the new error."""
+    n = z.numel()
     powers = [h**j for j in range(n + 1)]
     b = sum((powers[j] * z[j] for j in range(1, n)), z[0]) - y
     size = ca.fabs(b) / powers[n]
@@ -138,7 +144,7 @@ def levant_implicit_step(z: ca.SX, y: ca.SX, h: ca.SX, gains: ca.SX) -> ca.SX:
     r = rest ** (1 / n)  # above the root, as is each term's own bound
     for i in range(n - 1):
         r = ca.fmin(r, (rest / c[i]) ** (1 / (n - 1 - i)))
-    for _ in range(_NEWTON_STEPS if n > 1 else 0):
+    for _ in range(newton_steps if n > 1 else 0):
         value, slope = ca.SX(1), ca.SX(0)
         for i in range(n):  # Horner, with the slope
             value, slope = value * r + (c[i] if i < n - 1 else -rest), slope * r + value

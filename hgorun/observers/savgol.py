@@ -12,11 +12,9 @@ from pydantic import Field
 from hgorun.errors import Problem
 from hgorun.observers.base import Arrival, CorrectedObserver, Flow, Role, observer
 from hgorun.observers.capabilities import Differentiator
+from hgorun.observers.least_squares import TINY, projections
 from hgorun.symbolic.derivatives import DerivativeCopy, DerivativeForm, derivative_form
 from hgorun.symbolic.symbols import Symbols
-
-_TINY = 1e-60  # in place of zero, where that would divide
-_RANK = 1e-24  # of the square of a column: what rounding leaves where samples are at fewer times than coefficients
 
 
 @observer("savgol")
@@ -66,7 +64,7 @@ class SavitzkyGolayFilter(Differentiator, CorrectedObserver[DerivativeForm, Deri
         y, age, there = (
             ca.vertcat(new, past[:-1]) for new, past in ((arrival.y, s.y), (0, s.age), (arrival.fresh, s.there))
         )
-        span = ca.fmax(ca.mmax(there * age), _TINY)
+        span = ca.fmax(ca.mmax(there * age), TINY)
         c, independent = _fit([there * (-age / span) ** j for j in range(self.degree + 1)], there * y)
         z = ca.vertcat(*[factorial(i) * c[i] / span**i for i in range(s.xhat.numel())])
         return {"xhat": ca.if_else(independent, z, s.xhat), "y": y, "age": age, "there": there}
@@ -78,19 +76,9 @@ class SavitzkyGolayFilter(Differentiator, CorrectedObserver[DerivativeForm, Deri
 
 def _fit(columns: list[ca.SX], y: ca.SX) -> tuple[list[ca.SX], ca.SX]:
     """Coefficients of the least squares, by the modified Gram-Schmidt process, and whether they are determined."""
-    count, R, independent = len(columns), {}, ca.SX(1)
-    columns, projected = list(columns), []
-    for j in range(count):
-        left = ca.dot(columns[j], columns[j])
-        independent = ca.logic_and(independent, left > _RANK)
-        R[j, j] = ca.sqrt(ca.fmax(left, _TINY))
-        unit = columns[j] / R[j, j]
-        projected.append(ca.dot(unit, y))
-        y = y - projected[j] * unit
-        for i in range(j + 1, count):
-            R[j, i] = ca.dot(unit, columns[i])
-            columns[i] = columns[i] - R[j, i] * unit
+    parts, count = list(projections(columns, y)), len(columns)
     found: list[ca.SX] = [ca.SX(0)] * count
     for j in reversed(range(count)):
-        found[j] = (projected[j] - sum(R[j, i] * found[i] for i in range(j + 1, count))) / R[j, j]
-    return found, independent
+        R = parts[j].slopes
+        found[j] = (parts[j].size - sum(R[i - j] * found[i] for i in range(j + 1, count))) / R[0]
+    return found, parts[-1].independent

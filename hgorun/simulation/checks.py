@@ -12,6 +12,7 @@ from hgorun.measurement.signals import delay_range
 from hgorun.observers.base import CorrectedObserver, DecidedObserver, SampledObserver, SampleSchedule
 from hgorun.observers.capabilities import Punctual
 from hgorun.observers.hold import Shrinking
+from hgorun.observers.stepped import SteppedObserver
 from hgorun.observers.treatment import treatment_of
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.steps import counted_steps, steps_between
@@ -220,8 +221,12 @@ def check_corrections(run: PreparedRun) -> None:
     for b in run.observers:
         if isinstance(b.observer, CorrectedObserver):
             for channel in run.channels:
-                if any(s.continuous for s in channel.stretches):
+                continuous = [s for s in channel.stretches if s.continuous]
+                if continuous and not isinstance(b.observer, SteppedObserver):
                     message = f"this needs sampled outputs, but {channel.name} is continuous"
+                    raise Problem(("observers", b.label), message)
+                if not all(s.undelayed for s in continuous):
+                    message = f"this takes continuous outputs without delay, but {channel.name} is late"
                     raise Problem(("observers", b.label), message)
             late = treatment_of(b.observer) == "replay"
             times = {c.name: np.sort(c.samples.taken if late else c.samples.arrival) for c in run.channels}

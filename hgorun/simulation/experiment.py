@@ -14,7 +14,7 @@ from hgorun.measurement.noise import deviations
 from hgorun.measurement.sensors import sensors_of
 from hgorun.memo import Memo, same
 from hgorun.observers.base import AnyObserver
-from hgorun.observers.capabilities import NoiseInformed
+from hgorun.observers.capabilities import BySampling, NoiseInformed
 from hgorun.plants.build import BuiltPlant, build_plant
 from hgorun.result.observer import Coordinates
 from hgorun.simulation.blocks import Checked, changed, check_again, observer_of, resolved, resolved_text
@@ -119,8 +119,9 @@ class Experiment(Configured):
         """
         source, _ = changed(self.source, changes)
         with source.located():
-            observer = self._informed(observer_of(label, source.data["observers"][label], source))
-            form, origin = form_of(self.plant, label, observer, self._noise, self._taken().get(label), self._sampled)
+            found = observer_of(label, source.data["observers"][label], source)
+            observer = self._informed(self._by_sampling(found))
+            form, origin = form_of(self.plant, label, observer, self._noise, self._taken().get(label), self.sampled)
             return Design.of(label, observer, form, origin)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -139,6 +140,24 @@ class Experiment(Configured):
         for name in stale(before, self._checked):
             known.pop(name, None)
 
+    @property
+    def observers(self) -> dict[str, AnyObserver]:
+        """The blocks of the observers by their labels."""
+        checked = self._checked.observers
+        return self._sampling if any(isinstance(one, BySampling) for one in checked.values()) else checked
+
+    @cached_property
+    def _sampling(self) -> dict[str, AnyObserver]:
+        """The observers where some have other equations for samples."""
+        return {label: self._by_sampling(observer) for label, observer in self._checked.observers.items()}
+
+    def _by_sampling(self, observer: AnyObserver) -> AnyObserver:
+        """An observer's block as it is where outputs are sampled, or not."""
+        found: AnyObserver = observer
+        if isinstance(observer, BySampling) and self.sampled():
+            found = observer.of_samples()
+        return found
+
     @cached_property
     def plant(self) -> BuiltPlant:
         """The plant as a model with numbers."""
@@ -153,9 +172,9 @@ class Experiment(Configured):
             return {label: known.get(label) or self._form(label) for label in self.observers}
 
     def _form(self, label: str) -> tuple[Form, Form]:
-        return form_of(self.plant, label, self.observers[label], self._noise, self._chosen.get(label), self._sampled)
+        return form_of(self.plant, label, self.observers[label], self._noise, self._chosen.get(label), self.sampled)
 
-    def _sampled(self) -> bool:
+    def sampled(self) -> bool:
         """Whether all outputs are, all the time."""
         return not any(stretch.continuous for output in self.stretches for stretch in output)
 

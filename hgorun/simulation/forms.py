@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from hgorun.errors import HgorunError, NotObservableForm, Problem, called
 from hgorun.memo import Memo, same
 from hgorun.observers.base import OBSERVERS, AnyObserver, CorrectedObserver, SampledObserver
+from hgorun.observers.stepped import SteppedObserver
 from hgorun.plants.build import BuiltPlant
 from hgorun.result.observer import Coordinates
 from hgorun.symbolic.forms import ChosenChains, Form, FormFinder, Redecided
@@ -110,7 +111,7 @@ def _elsewhere(plant: BuiltPlant, label: str, observer: AnyObserver, sampled: bo
 def _takers(plant: BuiltPlant, sampled: bool) -> Iterator[str]:
     """The families that find their form of the plant, and a gain for it; those that need samples on request."""
     for name, family in OBSERVERS.all().items():
-        if issubclass(family, _NEED_SAMPLES) and not sampled:
+        if issubclass(family, _NEED_SAMPLES) and not issubclass(family, SteppedObserver) and not sampled:
             continue
         try:
             block = family.model_validate({"type": name, **family.example(plant.model.states)})

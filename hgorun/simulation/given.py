@@ -9,15 +9,14 @@ from typing import Any
 import numpy as np
 
 from hgorun.errors import SimulationError
-from hgorun.observers.base import AnyObserver, ContinuousObserver
-from hgorun.observers.capabilities import Switching
+from hgorun.observers.base import ContinuousObserver
 from hgorun.result.data import PLANT
 from hgorun.simulation.confirmation import ended
 from hgorun.simulation.error_estimate import differences
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.measured import Measured, measured
 from hgorun.simulation.passes import Pass, as_given, fixed_steps, integrate, part_of_error
-from hgorun.simulation.preparation import prepare
+from hgorun.simulation.preparation import needs_given_steps, prepare
 from hgorun.simulation.prepared import PreparedRun
 
 _UNEVEN, _FEWEST, _MORE = 0.62, 0.125, 1.62  # steps of the second pass, for each of the first
@@ -90,13 +89,9 @@ class LaterEstimate:
 
     def _labels(self, run: PreparedRun) -> list[str]:
         """Of what there are errors: of the plant, and of observers that have numbers and a limit."""
-        limited = [(j, b.label) for j, b in enumerate(run.observers) if not _switches(b.observer)]
+        observers = enumerate(run.observers)
+        limited = [(j, b.label) for j, b in observers if not needs_given_steps(run.experiment, b.observer)]
         return [PLANT, *(label for j, label in limited if np.all(np.isfinite(self.found.estimates.of(j))))]
-
-
-def _switches(observer: AnyObserver) -> bool:
-    """Whether its numbers are those of its steps, and have no limit as these get shorter."""
-    return isinstance(observer, Switching) and observer.switches
 
 
 def _integrates(run: PreparedRun) -> bool:

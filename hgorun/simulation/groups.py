@@ -11,6 +11,7 @@ from hgorun.engine.layout import Held
 from hgorun.measurement.signals import Signal
 from hgorun.measurement.variants import CONTINUOUS, DELAYED, FROZEN, HELD, SILENT, Variant
 from hgorun.observers.base import Arrival, CorrectedObserver, DecidedObserver, Sample, SampledObserver
+from hgorun.observers.stepped import SteppedObserver
 from hgorun.simulation.observer_block import ObserverBlock
 from hgorun.simulation.truth import Placed, PlantNumbers, SameTruth, Seen, Truth
 from hgorun.symbolic.plant import PlantModel
@@ -122,7 +123,9 @@ class Part:
         s, found = self.symbols, dict[int, ca.SX]()
         if variant[self.outputs.start][0] != FROZEN:
             for j, b in enumerate(self.group.observers):
-                if isinstance(b.observer, DecidedObserver):
+                arrives = any(variant[i][0] != CONTINUOUS for i in self.outputs)
+                sampled = arrives and isinstance(b.observer, SteppedObserver)
+                if isinstance(b.observer, DecidedObserver) and not sampled:
                     e = self.innovation(j, variant, signals)
                     found |= b.decisions(s.t, self.placed.u, s.plant.parameters, s.z, e)
         return found

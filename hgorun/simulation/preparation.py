@@ -18,6 +18,7 @@ from hgorun.memo import Memo, same
 from hgorun.observers.base import AnyObserver, CorrectedObserver, SampledObserver
 from hgorun.observers.capabilities import Switching
 from hgorun.observers.recalling import RecallingObserver
+from hgorun.observers.stepped import SteppedObserver
 from hgorun.observers.treatment import treatment_of
 from hgorun.plants.build import BuiltPlant
 from hgorun.result.data import DesignNumbers
@@ -63,6 +64,12 @@ def prepare(experiment: Experiment, design: DesignNumbers | None = None) -> Prep
 def _check_limits(experiment: Experiment) -> None:
     for label, observer in experiment.observers.items():
         check_limit(experiment, label, observer)
+        if isinstance(observer, SteppedObserver) and experiment.given_step is None and not experiment.sampled():
+            raise Problem(
+                ("solver", "step"),
+                f"observer {label} ({observer.type}) measures a continuous output at the ends of the solver's steps, "
+                "which are its period: give a number, as in solver: {method: rk4, step: 0.01}",
+            )
 
 
 def check_limit(experiment: Experiment, label: str, observer: AnyObserver) -> None:
@@ -78,6 +85,13 @@ def check_limit(experiment: Experiment, label: str, observer: AnyObserver) -> No
             f"observer {label} ({observer.type}) switches in every step and has no limit as steps get shorter, "
             "so that no error can be controlled: give a number, as in solver: {method: euler, step: 1e-4}",
         )
+
+
+def needs_given_steps(experiment: Experiment, observer: AnyObserver) -> bool:
+    """Whether the numbers of an observer are those of the solver's steps, and have no limit or another one."""
+    if isinstance(observer, SteppedObserver) and not experiment.sampled():
+        return True
+    return isinstance(observer, Switching) and observer.switches
 
 
 def _prepared(experiment: Experiment, design: DesignNumbers | None) -> PreparedRun:

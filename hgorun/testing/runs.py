@@ -8,7 +8,7 @@ import numpy as np
 
 from hgorun.errors import HgorunError
 from hgorun.observers.base import ContinuousObserver
-from hgorun.observers.capabilities import Averaged, Differentiator, Punctual
+from hgorun.observers.capabilities import Averaged, Differentiator, Punctual, SlidingMode
 from hgorun.result.observer import ObserverResult
 from hgorun.result.result import Result
 from hgorun.simulation.passes import as_given, integrate, integrate_lanes
@@ -93,6 +93,8 @@ def _stays(subject: Subject) -> None:
         observer = case.observer()
         if isinstance(observer, Differentiator):
             raise NotApplicable("it does without the plant's equations")
+        if isinstance(observer, SlidingMode):
+            raise NotApplicable("its correction is discontinuous at the truth, and rounding makes it chatter about it")
         if isinstance(observer, Averaged):
             raise NotApplicable("it follows a mean of the plant's field, which is another one where that is curved")
         if isinstance(observer, ContinuousObserver) and not isinstance(case.equations().copy(0.0), ModelCopy):

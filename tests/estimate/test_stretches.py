@@ -15,7 +15,7 @@ from interrupting import interrupt_writing
 from recordings import NOISE, held_input, observers, recording, signal, source
 
 from hgorun.data.recording import Recording, Signal
-from hgorun.estimate import long_log, stretches
+from hgorun.estimate import long_found, long_log, stretches
 from hgorun.estimate.estimate import estimate
 from hgorun.estimate.long_log import estimate_into
 from hgorun.result import digests, writer
@@ -128,7 +128,7 @@ def test_what_is_said_stands_in_the_file(short: pytest.MonkeyPatch, tmp_path: Pa
 
 
 def test_a_picture_has_some_of_the_points(short: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    short.setattr(long_log, "_SHOWN", 50)
+    short.setattr(long_found, "_SHOWN", 50)
     whole, found = _both(_log(), tmp_path / "a.h5", "shgo", **FIXED)
     assert found is not None
     assert found.recorded is not None

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from examples import VAN_DER_POL, Block, experiment
 
-from hgorun.simulation import actions, tables
+from hgorun.simulation import actions, tabulated
 from hgorun.simulation.passes import as_given, carry_out, plan_of
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import prepare
@@ -42,7 +42,7 @@ def test_parts_are_those_of_the_whole(case: str, uneven: float | None, monkeypat
     if uneven is not None and how.tolerance is None:
         how = type(how)(method=how.method, step=how.step, uneven=uneven)
     whole, start = plan_of(run, how)
-    monkeypatch.setattr(tables, "_PART_EVENTS", 7)
+    monkeypatch.setattr(tabulated, "_PART_EVENTS", 7)
     plan, _ = plan_of(run, how, in_parts=True)
     assert plan.following is not None
     assert (plan.steps, plan.span) == (whole.steps, whole.span)
@@ -57,13 +57,13 @@ def test_parts_are_those_of_the_whole(case: str, uneven: float | None, monkeypat
 
 
 def test_a_plan_that_needs_the_history_is_whole(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(tables, "_PART_EVENTS", 7)
+    monkeypatch.setattr(tabulated, "_PART_EVENTS", 7)
     run = prepared(measurement={"delay": 0.1, "noise": [HELD]})
     assert plan_of(run, as_given(run), in_parts=True)[0].following is None
 
 
 def test_a_long_run_tells_its_progress(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(tables, "_PART_EVENTS", 7)
+    monkeypatch.setattr(tabulated, "_PART_EVENTS", 7)
     run, told = prepared(**CASES["sampled"]), list[float]()
     how = as_given(run)
     carry_out(run, how, *plan_of(run, how, in_parts=True), told.append)

@@ -146,9 +146,9 @@ def error_dynamics(observer: AnyObserver, form: Form) -> ErrorDynamics:
     NoValue
         Where there are no such matrices.
     """
-    chains = _chains(observer, form)
     if isinstance(observer, NotLinear) and observer.not_linear is not None:
         raise NoValue(observer.not_linear)
+    chains = _chains(observer, form)
     if isinstance(observer, ForwardDifferences):
         return _differences(observer, form)
     if "gain" in observer.roles(form).values() and not isinstance(observer, SettlingGain):

@@ -10,10 +10,11 @@ import numpy as np
 from hgorun.analysis.reasons import RECALLS, NoValue
 from hgorun.errors import HgorunError
 from hgorun.observers.base import AnyObserver, CorrectedObserver, SampledObserver
-from hgorun.observers.capabilities import HighGain, Switching
+from hgorun.observers.capabilities import HighGain
 from hgorun.result.result import Result
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.outcome import since_start
+from hgorun.simulation.preparation import needs_given_steps
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import prepare, simulate_prepared
 from hgorun.symbolic.forms import BlockForm, ChainForm, Form
@@ -116,7 +117,7 @@ def chain(run: PreparedRun, label: str) -> tuple[PreparedRun, Result]:
 
 def _step(run: PreparedRun, observer: AnyObserver) -> float | str:
     """For the chain at rest: the run's own step for observers that need a given one."""
-    return run.step if isinstance(observer, Switching) and observer.switches else "auto"
+    return run.step if needs_given_steps(run.experiment, observer) else "auto"
 
 
 def chain_lengths(form: Form) -> tuple[int, ...] | None:

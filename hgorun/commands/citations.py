@@ -1,0 +1,84 @@
+"""Publications as BibTeX: those that sources of the package name, each under a key that does not change.
+
+``reference`` of an observer or a plant says in words what it is from, with equation numbers. What such words mean
+stands once, in ``references.bib`` beside this file.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+_FILE = Path(__file__).with_name("references.bib")
+_ENTRY = re.compile(r"^@(\w+)\{(\w+),\n(.*?)^\}", re.MULTILINE | re.DOTALL)
+_FIELD = re.compile(r"^  (\w+) = \{(.*)\},$", re.MULTILINE)
+_COAUTHOR = re.compile(r"[A-Z][\w']*, $")
+_NEW = re.compile(r"\W+")
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A publication.
+
+    Attributes
+    ----------
+    kind, key : str
+        As in ``@kind{key, ...}``.
+    fields : tuple of pairs of str
+    """
+
+    kind: str
+    key: str
+    fields: tuple[tuple[str, str], ...]
+
+    @property
+    def bibtex(self) -> str:
+        """The entry as BibTeX."""
+        lines = [f"  {name} = {{{value}}}," for name, value in self.fields]
+        return "\n".join([f"@{self.kind}{{{self.key},", *lines, "}"])
+
+    @property
+    def text(self) -> str:
+        """The entry in a line for people."""
+        own = {name: re.sub(r"[{}\\]", "", value) for name, value in self.fields}
+        names = own.get("author") or own.get("editor", "")
+        people = [" ".join(reversed(name.split(", ", 1))) for name in names.split(" and ")]
+        where = own.get("journal") or own.get("booktitle") or own.get("publisher") or own.get("school")
+        volume = " ".join(part for part in (own.get("volume", ""), own.get("pages", "").replace("--", "-")) if part)
+        doi = f"doi:{own['doi']}" if "doi" in own else own.get("url")
+        parts = (", ".join(people), own.get("title"), where, volume, own.get("year"), own.get("note"), doi)
+        return ", ".join(part for part in parts if part)
+
+
+@cache
+def known() -> Mapping[str, Entry]:
+    """{what sources call it: the publication}."""
+    found: dict[str, Entry] = {}
+    for kind, key, body in _ENTRY.findall(_FILE.read_text(encoding="utf-8")):
+        fields = dict(_FIELD.findall(body))
+        words = fields.pop("cited")
+        found[words] = Entry(kind, key, tuple(fields.items()))
+    return found
+
+
+def cited_in(reference: str) -> Iterator[Entry]:
+    """The publications that the words of a reference name; the words themselves where none of them is known."""
+    named = [known()[words] for words in sorted(filter(lambda w: _names(reference, w), known()), key=reference.find)]
+    if reference:
+        yield from named or [_unknown(reference)]
+
+
+def _names(reference: str, words: str) -> bool:
+    """Whether words such as ``Khalil 2017`` stand there, and not as the end of ``Freidovich, Khalil 2017``."""
+    return any(
+        not _COAUTHOR.search(reference[: match.start()])
+        for match in re.finditer(rf"(?<!\w){re.escape(words)}(?!\w| \d{{4}})", reference)
+    )
+
+
+def _unknown(reference: str) -> Entry:
+    key = _NEW.sub("", reference.split(",")[0].split(";")[0]).lower() or "reference"
+    return Entry("misc", key, (("note", re.sub(r"[{}\\]", "", reference)),))

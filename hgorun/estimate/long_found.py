@@ -1,0 +1,122 @@
+"""What is seen on the way through a long log, stretch by stretch, and told at its end."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from hgorun.engine.methods import METHODS
+from hgorun.estimate.carrying import ORDER, UNEVEN, relative_error
+from hgorun.estimate.evaluated import Compared
+from hgorun.estimate.samples import Sampled
+from hgorun.result.recorded import RecordedOutput
+from hgorun.simulation.steps import part_of_difference
+from hgorun.symbolic.evaluate import Floats
+
+Key = tuple[int, str]
+"""What is compared: 0 and an output of which samples were held out, 1 and what was recorded for reference."""
+
+_SHOWN = 10_000  # points, and samples of an output, that are kept for a picture
+
+
+@dataclass(kw_only=True, eq=False, repr=False)
+class Sweep:
+    """What has been seen of one way through a log.
+
+    Attributes
+    ----------
+    z, w : ndarray
+        The states and what is held at the end of the last stretch.
+    diverged : ndarray, shape (m,)
+        When each observer has.
+    tries : int
+        Steps.
+    """
+
+    z: Floats
+    w: Floats | None
+    diverged: Floats
+    tries: int = 0
+
+
+@dataclass(kw_only=True, eq=False, repr=False)
+class Found:
+    """What is told at the end of a log.
+
+    Attributes
+    ----------
+    predicted : list of ndarray, shape (m, n_k)
+    compared : mapping of Key to list of Compared
+        Stretch by stretch.
+    sizes, gaps : ndarray, shape (m, n)
+        The largest estimates, and differences to the other steps.
+    undefined : ndarray, shape (m,)
+        From when on an estimate is no number.
+    shown : dict of str to list of ndarray
+        By data set, every so many of its rows, stretch by stretch.
+    steps : set of int
+        How many there are between two events.
+    done : dict
+        How far all that is asked for has been told.
+    """
+
+    predicted: list[Floats]
+    compared: dict[Key, list[Compared]]
+    sizes: Floats
+    gaps: Floats
+    undefined: Floats
+    shown: dict[str, list[np.ndarray]] = field(default_factory=dict)
+    steps: set[int] = field(default_factory=set)
+    done: dict[object, int] = field(default_factory=dict)
+
+    def all_shown(self, path: str) -> np.ndarray:
+        """Of a data set the rows that are shown."""
+        return np.concatenate(self.shown[path])
+
+    @classmethod
+    def begin(cls, m: int, n: int, samples: Sequence[Sampled], keys: Iterable[Key]) -> Found:
+        """Nothing has been seen yet, of m observers and n states."""
+        return cls(
+            predicted=[np.full((m, one.taken.size), np.nan) for one in samples],
+            compared={key: [] for key in keys},
+            sizes=np.zeros((m, n)),
+            gaps=np.zeros((m, n)),
+            undefined=np.full(m, np.inf),
+        )
+
+    def keep(self, path: str, rows: np.ndarray, total: int) -> None:
+        """Of rows that a data set is given, keep those that are shown; it gets a total."""
+        every, first = -(-total // _SHOWN), self.done.get(path, 0)
+        self.done[path] = first + len(rows)
+        self.shown.setdefault(path, []).append(rows[-first % every :: every].copy())
+
+    def samples(self, output: str) -> RecordedOutput:
+        """Those of an output that are shown."""
+        names = ("taken", "available", "y", "used", "innovation", "nis")
+        taken, available, y, used, innovation, nis = (self.all_shown(f"measurement/{output}/{name}") for name in names)
+        return RecordedOutput(taken, available, y, used != 0, innovation, nis)
+
+    def compare(self, own: Sequence[Floats], other: Sequence[Floats]) -> None:
+        """Note how far the estimates of every observer, (n_t, n) each, are from those with other steps."""
+        with np.errstate(invalid="ignore"):
+            for j, (a, b) in enumerate(zip(own, other, strict=True)):
+                if len(a):
+                    self.sizes[j] = np.maximum(self.sizes[j], np.max(np.abs(a), axis=0))
+                    self.gaps[j] = np.maximum(self.gaps[j], np.max(np.abs(a - b), axis=0))
+
+    def error(self, method: str) -> Floats:
+        """Of every observer, as far as it has been compared."""
+        part = part_of_difference(np.array(sorted(self.steps)), UNEVEN, min(METHODS[method].order, ORDER))
+        return relative_error(part, self.sizes, self.gaps)
+
+
+def together(parts: Sequence[Compared]) -> Compared:
+    """What is compared in all stretches."""
+    return Compared(
+        parts[0].name,
+        np.concatenate([part.taken for part in parts]),
+        np.concatenate([part.values for part in parts]),
+        np.concatenate([part.residuals for part in parts], axis=1),
+    )

@@ -1,0 +1,209 @@
+"""The map T of a KKL observer and its inverse, as numbers.
+
+T(x) is where the filter z' = Lam z + Gam y has come to when the plant has come to x, from whatever start long before.
+For linear plants it is a matrix, a row of Sylvester's equation for each eigenvalue. For others its values come from
+integrating the plant backwards, and its inverse is a polynomial fitted to points of a box.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import combinations_with_replacement
+from typing import TYPE_CHECKING
+
+import casadi as ca
+import numpy as np
+
+from hgorun.errors import Problem
+from hgorun.symbolic.evaluate import Floats
+
+if TYPE_CHECKING:
+    from scipy.integrate import DOP853
+
+_FORGOTTEN = 20.0  # over the slowest eigenvalue: what is left of the past is exp(-20)
+_ACCURACY = 1e-10  # of the backward integration, relative
+_COARSE = 1e-6  # where the plant has kinks at the box, and T is not quite right anyway
+_ESCAPED = 1e3  # in widths of the box: an orbit that goes on from there does not come back
+_STEPS = 5_000  # before an orbit counts as escaped
+_RANK = 1e-12  # relative singular values that count
+_SINGULAR = 1e-12  # of T, its rows of size one
+
+Field = Callable[[Floats], tuple[Floats, Floats]]
+"""(N, n) -> f, shape (N, n), and h, shape (N, q)."""
+
+
+class Escaped(Exception):
+    """An orbit that does not stay near its start ``x``, ``after`` some time backwards."""
+
+    def __init__(self, x: Floats, after: float) -> None:
+        self.x, self.after = x, after
+        super().__init__(f"from {x} after {after:g}")
+
+
+def of_linear_plant(A: np.ndarray, C: np.ndarray, eigenvalues: np.ndarray) -> np.ndarray:
+    """T of x' = A x with T A = Lam T + Gam C; the same of samples, A from one to the next.
+
+    Parameters
+    ----------
+    A, C : ndarray, shapes (n, n), (q, n)
+    eigenvalues : ndarray, shape (m,)
+        Lam is diagonal, these for each output.
+
+    Returns
+    -------
+    ndarray, shape (q m, n)
+        The rows of the first output before those of the second.
+
+    Raises
+    ------
+    Problem
+        Where an eigenvalue is one of the plant, or the plant cannot be observed with these.
+    """
+    n, rows = len(A), []
+    for row in C:
+        for value in eigenvalues:
+            shifted = (A - value * np.eye(n)).T
+            if np.linalg.cond(shifted) > 1 / _SINGULAR:
+                raise Problem(("lam",), f"{value:.6g} is an eigenvalue of the plant: choose others")
+            rows.append(np.linalg.solve(shifted, row))
+    T = np.array(rows)
+    size = np.max(np.abs(T), axis=1, keepdims=True)
+    if np.linalg.matrix_rank(T / np.where(size > 0, size, 1), tol=_SINGULAR) < n:
+        raise Problem(("type",), "the state is no function of z: the plant cannot be observed from its outputs")
+    return T
+
+
+def of_points(field: Field, x: Floats, eigenvalues: np.ndarray, reach: np.ndarray) -> Floats:
+    """T at points x, shape (N, n): the integral of e^(Lam s) Gam h(X(x, -s)) over s > 0; shape (N, q m).
+
+    Parameters
+    ----------
+    eigenvalues : ndarray, shape (m,)
+        Negative.
+    reach : ndarray, shape (n,)
+        Widths of the box; infinite where the plant is clipped to it.
+
+    Raises
+    ------
+    Escaped
+    """
+    count, n = x.shape
+
+    def rate(s: float, flat: Floats) -> Floats:
+        f, h = field(flat[: count * n].reshape(count, n))
+        return np.concatenate([-f.ravel(), (h[:, :, None] * np.exp(eigenvalues * s)).ravel()])
+
+    outputs = field(x[:1])[1].shape[1]
+    start = np.concatenate([x.ravel(), np.zeros(count * outputs * len(eigenvalues))])
+    end = _FORGOTTEN / float(np.min(-eigenvalues))
+    for solver in _steps(rate, start, end, x, reach):
+        found = solver.y[count * n :]
+    return np.reshape(found, (count, -1))
+
+
+def of_samples(field: Field, x: Floats, factors: np.ndarray, T: float, reach: np.ndarray) -> Floats:
+    """T of samples at points: the sum of Lam^j Gam h(X(x, -(j + 1) T)) over j >= 0; otherwise as :func:`of_points`.
+
+    Parameters
+    ----------
+    factors : ndarray, shape (m,)
+        The eigenvalues of Lam, in (0, 1).
+    T : float
+        The period.
+    """
+    times = T * np.arange(1, 1 + int(np.ceil(_FORGOTTEN / float(np.min(-np.log(factors))))))
+    found, weight, taken = np.zeros(1), np.ones(len(factors)), 0
+
+    def rate(s: float, flat: Floats) -> Floats:
+        return -field(flat.reshape(x.shape))[0].ravel()
+
+    for solver in _steps(rate, x.ravel(), times[-1], x, reach):
+        between = solver.dense_output()
+        while taken < len(times) and times[taken] <= solver.t:
+            found = found + field(between(times[taken]).reshape(x.shape))[1][:, :, None] * weight
+            weight, taken = weight * factors, taken + 1
+    return np.reshape(found, (len(x), -1))
+
+
+def _steps(
+    rate: Callable[[float, Floats], Floats], start: Floats, end: float, x: Floats, reach: np.ndarray
+) -> Iterator[DOP853]:
+    """The integration after every step; the states stand first in what is integrated."""
+    from scipy.integrate import DOP853
+
+    with np.errstate(all="ignore"):  # what escapes is told
+        accuracy = _ACCURACY if np.all(np.isfinite(reach)) else _COARSE
+        solver = DOP853(rate, 0.0, start, end, rtol=accuracy, atol=accuracy / 100)
+        for _ in range(_STEPS):
+            solver.step()
+            X = solver.y[: x.size].reshape(x.shape)
+            far = ~(np.abs(X - x) <= _ESCAPED * reach)
+            if np.any(far):
+                raise Escaped(x[int(np.argmax(np.any(far, axis=1)))], float(solver.t))
+            if solver.status == "failed":
+                break
+            yield solver
+            if solver.status == "finished":
+                return
+    raise Escaped(x[0], float(solver.t))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Polynomial:
+    """x as a polynomial in w = (z - center)/scale.
+
+    Attributes
+    ----------
+    W : ndarray, shape (n, number of monomials)
+    center, scale : ndarray, shape (M,)
+    trained, held_out : ndarray, shape (n,)
+        Root mean square of the error at the points that it was fitted to, and at others.
+    """
+
+    W: np.ndarray
+    center: np.ndarray
+    scale: np.ndarray
+    trained: np.ndarray
+    held_out: np.ndarray
+
+
+def fitted(z: Floats, x: Floats, others: tuple[Floats, Floats], degree: int, ridge: float) -> Polynomial:
+    """Least squares, relative singular values below 1e-12 left out.
+
+    Parameters
+    ----------
+    z, x : ndarray, shapes (N, M), (N, n)
+    others : (ndarray, ndarray)
+        z and x of other points.
+    ridge : float
+        Weight of the squared coefficients, beside a mean square.
+    """
+    center, scale = z.mean(axis=0), z.std(axis=0)
+    scale = np.where(scale > 0, scale, 1.0)
+
+    def matrix(z: Floats) -> Floats:
+        w = (z - center) / scale
+        return np.column_stack([np.prod(w[:, list(one)], axis=1) for one in monomials(z.shape[1], degree)])
+
+    A, b = matrix(z), x
+    if ridge > 0:
+        A = np.vstack([A, np.sqrt(ridge * len(z)) * np.eye(A.shape[1])])
+        b = np.vstack([x, np.zeros((A.shape[1], x.shape[1]))])
+    W = np.linalg.lstsq(A, b, rcond=_RANK)[0].T
+    errors = [np.sqrt(np.mean((matrix(at) @ W.T - true) ** 2, axis=0)) for at, true in ((z, x), others)]
+    return Polynomial(W, center, scale, *errors)
+
+
+def monomials(count: int, degree: int) -> list[tuple[int, ...]]:
+    """Those of so many variables up to a degree: for each the numbers of its factors, none for 1."""
+    return [one for power in range(degree + 1) for one in combinations_with_replacement(range(count), power)]
+
+
+def value(W: ca.SX, w: ca.SX, degree: int) -> ca.SX:
+    """The polynomial at w, as symbols."""
+    known: dict[tuple[int, ...], ca.SX] = {(): ca.SX(1)}
+    for one in monomials(w.numel(), degree):
+        if one:
+            known[one] = known[one[:-1]] * w[one[-1]]
+    return W @ ca.vertcat(*known.values())

@@ -1,0 +1,160 @@
+"""Segments between events, and what happens at each event, from a schedule."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from hgorun.engine.layout import HybridSystem
+from hgorun.engine.plan import Following, Segments
+from hgorun.measurement.channels import Channel
+from hgorun.measurement.long import AnySchedule
+from hgorun.measurement.schedule import Schedule
+from hgorun.simulation.actions import Actions, RecordedInputs
+from hgorun.simulation.steps import count_steps, counted_steps, in_pieces, steps_of_a_piece, unevenly
+from hgorun.symbolic.levels import distinct
+
+_PART_EVENTS = 1 << 15  # of a part: its tables stay in the processor's cache
+
+
+def long_from() -> int:
+    """From how many events on tables are made part by part."""
+    return 2 * _PART_EVENTS
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Tables:
+    """The engine's tables of a run without its numbers.
+
+    Attributes
+    ----------
+    segments : Segments
+    slots : int
+        Samples on their way, over all outputs.
+    values : ndarray
+        What is set beside noise and recorded inputs.
+    snapshots : int
+        States that are kept at a time.
+    """
+
+    segments: Segments
+    slots: int
+    values: np.ndarray
+    snapshots: int
+
+
+class Tabulated:
+    """The tables of a run, of as many of its events as are asked for.
+
+    Parameters are those of :func:`~hgorun.simulation.tables.build_plan`.
+    """
+
+    def __init__(
+        self,
+        schedule: Schedule,
+        channels: Sequence[Channel],
+        grid: np.ndarray,
+        system: HybridSystem,
+        always_slope: bool,
+        longest: float,
+        uneven: float | None,
+        inputs: RecordedInputs | None,
+        piece: int | None = None,
+        before: Tabulated | None = None,
+    ) -> None:
+        self.schedule, self.grid, self.longest, self.uneven = schedule, grid, longest, uneven
+        self.always_slope = system.remembers or always_slope
+        self.actions = Actions(schedule.events, channels, system, inputs, schedule.order, schedule.acting)
+        if before is not None:
+            self.actions.take_from(before.actions)
+        self._piece = piece
+        # what is carried out, one after the other
+        self.order = np.arange(schedule.events.size) if schedule.order is None else schedule.order.event
+
+    @property
+    def steps(self) -> int:
+        """All steps of the run."""
+        return all_steps(self.schedule, self.longest, self.uneven)
+
+    @cached_property
+    def piece(self) -> int:
+        """How many of them are a piece."""
+        return steps_of_a_piece(self.steps) if self._piece is None else self._piece
+
+    def whole(self) -> Tables:
+        """All of a run."""
+        return self._tables(self.segments(0, self.order.size))
+
+    def in_parts(self) -> tuple[Tables, Following]:
+        """The first events of a run, and the others part by part."""
+        count = self.schedule.events.size
+        first = self.segments(0, _PART_EVENTS)
+        steps = self.steps - int(np.sum(first.counts[:, 2] - first.counts[:, 1]))
+
+        def rest() -> Iterator[Segments]:
+            for start in range(_PART_EVENTS, count, _PART_EVENTS):
+                yield self.segments(start, min(start + _PART_EVENTS, count))
+
+        following = Following(rest, steps, steps + count - _PART_EVENTS, float(self.schedule.events[-1]))
+        return self._tables(first), following
+
+    def _tables(self, segments: Segments) -> Tables:
+        return Tables(segments, self.actions.slots, self.actions.values, self.actions.snapshots)
+
+    def segments(self, first: int, stop: int) -> Segments:
+        """From event ``first`` on, with what happens at the events before ``stop``.
+
+        Behind the last event of the run, one more segment without steps has what happens at the very end.
+        """
+        events, inward, variant = self.schedule.events, self.schedule.inward, self.schedule.variant
+        between = slice(first, min(stop, self.order.size - 1))
+        left = self.order[between]
+        right = left + 1
+        steps = count_steps(events[right] - events[left], self.longest)
+        slope = 1 if self.always_slope else _row_in_last_step(events[left], events[right], steps, self.grid)
+        actions, places = self.actions.at(first, stop)
+        inside = events[left] + inward[left], events[right] - inward[right]
+        spans = _columns(float, events[left], events[right], *inside)
+        of_segments = places[: steps.size], places[1 : steps.size + 1]
+        counts = _columns(np.int64, steps, 0, steps, variant[between], *of_segments, slope)
+        if self.uneven is not None:
+            spans, counts = unevenly(spans, counts, self.uneven)
+        spans, counts = in_pieces(spans, counts, self.piece)
+        if stop == self.order.size:
+            last = np.array([[1, 0, 0, variant[-1], places[-2], places[-1], 0]])
+            spans, counts = np.concatenate([spans, np.full((1, 4), events[-1])]), np.concatenate([counts, last])
+        return Segments(spans, counts.astype(np.int64, copy=False), actions)
+
+
+def _columns(kind: type[np.generic] | type[float], *columns: np.ndarray | int) -> np.ndarray:
+    """Columns side by side; what is one number is so in every row."""
+    rows = max(np.size(column) for column in columns if isinstance(column, np.ndarray))
+    table = np.empty((rows, len(columns)), dtype=kind)
+    for i, column in enumerate(columns):
+        table[:, i] = column
+    return table
+
+
+def all_steps(schedule: AnySchedule, longest: float, uneven: float | None) -> int:
+    """Steps of a run."""
+    counted = counted_steps(schedule, longest)
+    return counted.total if uneven is None else counted.uneven(uneven)
+
+
+def _row_in_last_step(start: np.ndarray, end: np.ndarray, steps: np.ndarray, grid: np.ndarray) -> np.ndarray:
+    """Whether an output point lies strictly inside the last step before each event."""
+    if grid.size < end.size:  # then every output point is asked for its segment
+        i = np.searchsorted(end, grid)
+        inside = (i < end.size) & (grid > start[np.minimum(i, end.size - 1)])
+        found = np.zeros(end.size, dtype=bool)
+        if inside.any():
+            own = distinct(i[inside])
+            found[own] = _row_in_last_step(start[own], end[own], steps[own], grid[inside])
+        return found
+    h = (end - start) / steps
+    snap = 1e-9 * h + 1e-15 * np.maximum(np.abs(start), np.abs(end))
+    first = np.searchsorted(grid, end - h + snap, side="right")
+    return np.asarray(np.searchsorted(grid, end - snap, side="left") > first)

@@ -1,0 +1,118 @@
+"""``hgorun cite``: exactly what a configuration uses, as BibTeX that others can read."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from bibtexparser.entrypoint import parse_string
+from shell import Shell
+
+from hgorun.commands.citations import cited_in, known
+from hgorun.commands.cite import publications, uses
+from hgorun.observers.base import OBSERVERS
+from hgorun.plants.base import PLANTS
+from hgorun.reproduce.shipped import experiments
+
+TWO = """
+time: {end: 1, output_step: 0.1}
+plant: {type: van_der_pol, initial: {x1: 1, x2: 0}}
+measurement: {sampling: {period: 0.1}}
+observers: {A: {type: ekf, Q: {x1: 1, x2: 1}}, B: {type: savgol, window: 5}}
+"""
+
+
+def parsed(text: str) -> dict[str, dict[str, str]]:
+    """Fields by key, read by a parser that is not ours."""
+    library = parse_string(text)
+    assert not library.failed_blocks
+    return {e.key: {f.key: f.value for f in e.fields} | {"kind": e.entry_type} for e in library.entries}
+
+
+@pytest.fixture
+def shell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Shell:
+    (tmp_path / "two.yaml").write_text(TWO)
+    return Shell(tmp_path, monkeypatch, capsys)
+
+
+def test_what_two_observers_use_and_nothing_else(shell: Shell) -> None:
+    code, out, _ = shell("cite", "two.yaml", "--bibtex")
+    assert code == 0
+    found = parsed(out)
+    publications = {"katayama", "jazwinski1970", "gelb1974", "savitzky1964"}
+    assert set(found) == {"hgorun", *publications, "casadi", "llvm", "numpy"}
+    assert found["savitzky1964"]["doi"] == "10.1021/ac60214a047"
+    assert found["jazwinski1970"]["kind"] == "book"
+    assert "cited" not in found["gelb1974"]
+
+
+def test_a_method_and_scipy_are_cited_where_they_are_used(shell: Shell) -> None:
+    (shell.folder / "m.yaml").write_text(TWO + "solver: {method: dopri5, rtol: 1e-8}\nseed: 1\n")
+    assert "dormand1980" in parsed(shell("cite", "m.yaml", "--bibtex")[1])
+    linear = TWO.replace("savgol, window: 5", "luenberger_exact, poles: [-1, -2]")
+    (shell.folder / "l.yaml").write_text(linear.replace("van_der_pol", "integrator_chain"))
+    found = parsed(shell("cite", "l.yaml", "--bibtex")[1])
+    assert {"scipy", "luenberger1971", "astolfi2016"} <= set(found)
+
+
+def test_text_json_and_a_file_say_the_same(shell: Shell) -> None:
+    text = shell("cite", "two.yaml")[1]
+    assert "observer A (ekf): Jazwinski 1970, 8.3; Gelb 1974, 6.1 [jazwinski1970, gelb1974]" in text
+    assert "[savitzky1964] Abraham Savitzky, Marcel J. E. Golay" in " ".join(text.split())
+    data = json.loads(shell("cite", "two.yaml", "--json")[1])
+    bibtex = shell("cite", "two.yaml", "--bibtex")[1]
+    assert "\n\n".join(data["bibtex"].values()) + "\n" == bibtex
+    assert shell("cite", "two.yaml", "-o", "two.bib")[1] == "written: two.bib\n"
+    assert (shell.folder / "two.bib").read_text() == bibtex
+    assert shell("cite", "two.yaml", "-o", "two.bib")[1] == "written: two.bib (replaced)\n"
+    assert shell("cite", "two.yaml", "-q")[1] == ""
+
+
+def test_what_is_wrong_is_refused(shell: Shell) -> None:
+    assert "expected a file .bib, found two.txt" in shell("cite", "two.yaml", "-o", "two.txt")[2]
+    (shell.folder / "bad.yaml").write_text(TWO.replace("savgol", "savgoll"))
+    code, _, err = shell("cite", "bad.yaml")
+    assert (code, "savgol" in err) == (2, True)
+    assert shell("cite", "two.yaml", "--run", "none")[0] == 2
+
+
+def test_a_configuration_of_recorded_data_needs_no_data(shell: Shell) -> None:
+    assert shell("init", "fermentation", "f")[0] == 0
+    (shell.folder / "f" / "online.csv").unlink()
+    assert {"bastin1990", "kalman1961"} <= set(parsed(shell("cite", "f/fermentation.yaml", "--bibtex")[1]))
+    assert shell("cite", "f/fermentation.yaml", "--run", "none")[0] == 2
+
+
+def test_every_shipped_experiment_names_its_publication() -> None:
+    for name, path in experiments().items():
+        found = publications(uses(path))
+        assert name.split("/")[0] in {entry.key for entry in found}, name
+        assert set(parsed("\n".join(e.bibtex for e in found))) == {e.key for e in found}
+
+
+def test_every_source_of_an_observer_or_a_plant_is_known() -> None:
+    words = [*(cls.reference for cls in OBSERVERS.all().values()), *(cls.reference for cls in PLANTS.all().values())]
+    for reference in filter(None, words):
+        assert set(cited_in(reference)) <= set(known().values()), reference
+
+
+def test_keys_are_unique_and_stay() -> None:
+    keys = [entry.key for entry in known().values()]
+    assert len(set(keys)) == len(keys)
+    assert {"robles2023", "lee2016", "meiners2025", "katayama", "astolfi2016", "casadi", "scipy"} <= set(keys)
+    assert len(parsed("\n".join(entry.bibtex for entry in known().values()))) == len(keys)
+
+
+@pytest.mark.parametrize(
+    ("words", "keys"),
+    [
+        ("Freidovich, Khalil 2017", ["freidovich"]),  # not Khalil 2017: its own words, under a name made of them
+        ("after Khalil 2017, our own", ["khalil2017"]),
+        ("gain: fading-memory polynomials, Morrison 1969", ["morrison1969"]),
+        ("A paper {of} mine", ["apaperofmine"]),
+        ("", []),
+    ],
+)
+def test_words_and_the_publications_that_they_name(words: str, keys: list[str]) -> None:
+    assert [entry.key for entry in cited_in(words)] == keys

@@ -1,0 +1,84 @@
+"""``hgorun doctor`` knows a right installation from a wrong one."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from shell import Shell
+
+import hgorun.commands.doctor as doctor_module
+from hgorun.commands.doctor import EXTRAS, SelfTest, self_test
+from hgorun.result.result import Result
+from hgorun.simulation.prepared import PreparedRun
+from hgorun.simulation.simulate import simulate_prepared
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture
+def shell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Shell:
+    monkeypatch.setenv("HGORUN_CACHE_DIR", str(tmp_path / "cache"))
+    return Shell(tmp_path, monkeypatch, capsys)
+
+
+def test_a_sound_installation_passes(shell: Shell) -> None:
+    code, out, _ = shell("doctor")
+    assert code == 0
+    for words in ("numpy 2", "HDF5", "side by side", "programs", "right: largest difference", "ns a step"):
+        assert words in " ".join(out.split())
+    assert max(map(len, out.splitlines())) <= 100
+    data = json.loads(shell("doctor", "--json")[1])
+    assert data["self_test"]["right"] is True
+    assert data["self_test"]["error"] < 1e-10
+    assert data["cache"]["entries"] >= 1
+    assert data["cache"]["bytes"] > 0
+    assert data["extras"]["pandas"] is None
+
+
+def test_the_cache_is_emptied(shell: Shell) -> None:
+    (shell.folder / "cache").mkdir(mode=0o700)
+    (shell.folder / "cache" / "old.o").write_bytes(bytes(2**21))
+    (shell.folder / "cache" / "mine.txt").write_text("not a program")
+    out = shell("doctor", "--prune")[1]
+    assert "2.0 MiB were freed" in out
+    assert not (shell.folder / "cache" / "old.o").exists()
+    assert (shell.folder / "cache" / "mine.txt").exists()
+
+
+def test_wrong_numbers_are_found(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An engine whose states are off by 1e-6 at one point."""
+
+    def wrong(run: PreparedRun) -> Result:
+        result = simulate_prepared(run)
+        result.observers["SHGO"].xhat[1000, 1] += 1e-6
+        return result
+
+    monkeypatch.setattr(doctor_module, "simulate_prepared", wrong)
+    code, _, err = shell("doctor")
+    assert (code, "the self-test is off by 1.0e-06" in err) == (1, True)
+
+
+def test_what_is_amiss_changes_the_exit_code_only_with_strict(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(doctor_module, "self_test", lambda: SelfTest(1e-12, 1e-6))
+    monkeypatch.setattr(doctor_module, "EXTRAS", {"none": ("no-such-package-of-ours",)})
+    (shell.folder / "cache").write_text("a file in the place of the folder")
+    code, out, _ = shell("doctor")
+    assert (code, "! a step takes" in out, "! compiled code is not kept" in out) == (0, True, True)
+    assert "not there: pip install no-such-package-of-ours" in out
+    assert shell("doctor", "--strict")[0] == 3
+
+
+def test_extras_are_those_of_the_package() -> None:
+    declared = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
+    for extra, names in EXTRAS.items():
+        assert [requirement.split(">")[0] for requirement in declared[extra]] == list(names)
+
+
+def test_the_solutions_in_closed_form_are_solutions() -> None:
+    """The self-test's own error is that of the method: it falls with the fourth power of the step."""
+    assert 0 < self_test().error < 1e-10
+    assert np.isfinite(self_test().seconds)
