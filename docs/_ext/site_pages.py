@@ -9,6 +9,7 @@ import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
+import site_notebooks
 from site_blocks import reference_page
 from site_example import Example, of_observer, of_plant
 from site_markdown import keys_table, plain, table, without_errata
@@ -213,7 +214,9 @@ def write(docs: Path) -> None:
 
 
 def _before(app: Sphinx) -> None:
-    write(Path(app.srcdir))
+    docs = Path(app.srcdir)
+    write(docs)
+    site_notebooks.write(docs / "tutorials", docs / "generated" / "notebooks")
 
 
 def setup(app: Sphinx) -> dict[str, bool]:

@@ -10,13 +10,14 @@ from hgorun.analysis.report import analysis_of
 from hgorun.analysis.subject import Context
 from hgorun.commands.inputs import configuration
 from hgorun.commands.options import Analyze
-from hgorun.commands.outputs import RESULTS, refuse_other_kinds
+from hgorun.commands.outputs import RESULTS, refuse_other_kinds, written
 from hgorun.commands.run import run_with_progress, warn
 from hgorun.errors import ConfigError
 from hgorun.figures.page import Page
 from hgorun.simulation.simulate import prepare
 from hgorun.study.loading import load
 from hgorun.tables import analysis as table
+from hgorun.tables.advice import advice
 
 _FIGURES = {".png", ".pdf"}
 
@@ -32,20 +33,21 @@ def analyze(options: Analyze) -> int:
     result = run_with_progress(run, show=options.text)
     warn(result)
     analysis = analysis_of(run, result, search=options.search)
-    written: list[Path] = []
+    drawn: list[Path] = []
     if options.plots and analysis.transients:
         from hgorun.figures.files import save
         from hgorun.figures.peaking import peaking
 
-        written = save(peaking(result, analysis.transients, page), target)
+        drawn = save(peaking(result, analysis.transients, page), target)
     if options.plots:
-        written += _bode(analysis.context, page, target.with_name(target.name.removesuffix("-analysis") + "-bode"))
+        drawn += _bode(analysis.context, page, target.with_name(target.name.removesuffix("-analysis") + "-bode"))
     if options.json:
         print(json_text.dumps(analysis.as_json(str(options.config)), indent=2, allow_nan=False))
     elif not options.quiet:
-        print(table.text(analysis))
-        for png, pdf in zip(written[::2], written[1::2], strict=True):
-            print(f"written: {png}, {pdf}")
+        print("\n".join(advice(analysis)))
+        print(f"\n{table.text(analysis)}" if options.verbose else "every number, and why others are missing: -v")
+        for png, pdf in zip(drawn[::2], drawn[1::2], strict=True):
+            print(written([png, pdf]))
     return 0
 
 

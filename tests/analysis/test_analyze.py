@@ -67,7 +67,7 @@ def analysis(tmp_path_factory: pytest.TempPathFactory) -> Analysis:
 
 @pytest.mark.slow
 def test_table_and_figure(shell: Shell) -> None:
-    code, out, err = shell("analyze", "vdp.yaml")
+    code, out, err = shell("analyze", "vdp.yaml", "-v")
     assert (code, err) == (0, "")
     assert "theta_bound" in out
     assert "-1 (2)" in out

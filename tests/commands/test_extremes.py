@@ -213,9 +213,8 @@ def test_a_plant_that_diverges_is_named(
         (("analyze", "c.yaml", "-o", "out.json"), "--output"),
         (("figures", "c.yaml", "-o", "out.pdf"), "--output: expected a folder"),
         (("claims", "c.yaml", "-o", "c.yaml"), "--output: expected a folder"),
-        (("simulate", "contois_te025"), "`hgorun init contois_te025` copies"),
         (("simulate", "contois_te025.yaml"), "`hgorun init contois_te025` copies"),
-        (("analyze", "contois_te025"), "`hgorun init contois_te025` copies"),
+        (("analyze", "contois_te025.yml"), "`hgorun init contois_te025` copies"),
         (("show", "qwerty"), "nothing is called 'qwerty'. See hgorun list"),
     ],
 )

@@ -1,0 +1,181 @@
+"""What can be done with an analysis: limits and margins, which observer, which gain to change; in sentences."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from hgorun.analysis.reasons import NoValue
+from hgorun.analysis.report import Analysis, Findings
+from hgorun.analysis.stability.critical import Timing, timing_of
+from hgorun.observers.capabilities import FilterOrder
+from hgorun.observers.kalman import KalmanFilter
+from hgorun.tables.layout import number, wrapped
+from hgorun.tables.typeset import printable
+
+_NEAR = 2.0  # times what there is: a limit that is nearer leaves little room
+_MOST = 0.5  # of the mean square of an error: then noise is most of it
+_PROVED = "bounds of a theorem hold for"
+_UNPROVED = (
+    "no theorem bounds the error of this run: proofs usually ask for 1e2 to 1e6 times more than is needed; the limits "
+    "above are those of the linear error"
+)
+
+
+def advice(analysis: Analysis) -> list[str]:
+    """Lines for a terminal: an observer after the other, then all of them side by side."""
+    result = analysis.result
+    unit = printable(result.units.get("time", ""))
+    lines = wrapped(": ".join(part for part in (printable(analysis.name), printable(result.title)) if part))
+    if not analysis.observers:
+        return [*lines, "", "no observers"]
+    try:
+        timing = timing_of(analysis.context.run)
+    except NoValue:
+        timing = None
+    for label, found in analysis.observers.items():
+        lines += ["", printable(label)]
+        for words in _of_observer(analysis, label, found, timing, unit):
+            lines += wrapped(words, "  ", then="      ")
+    lines.append("")
+    for words in (*_compared(analysis), *_proved(analysis.observers)):
+        lines += wrapped(words)
+    return lines
+
+
+def _of_observer(analysis: Analysis, label: str, found: Findings, timing: Timing | None, unit: str) -> Iterator[str]:
+    """Sentences about one observer."""
+    observer = analysis.result.observers[label]
+    if observer.status != "ok":
+        yield f"its estimate is {observer.verdict.text(unit)}; what follows is of an observer that is not lost"
+    rate = _rate(found)
+    if rate is not None:
+        decays = f"without nonlinearity its error decays like exp(-{number(rate)} t), t in {unit}" if rate > 0 else ""
+        yield decays or "without nonlinearity its error grows: choose poles with negative real parts"
+    if timing is not None:
+        yield from _limits(found, timing, unit)
+    yield from _errors(analysis, label, found)
+    yield from _change(analysis, label, found, timing)
+
+
+def _rate(found: Findings) -> float | None:
+    """The decay rate of the slowest pole, at the theta that is configured."""
+    poles, theta = found.values.get("poles"), found.values.get("theta")
+    if not isinstance(poles, np.ndarray) or not poles.size:
+        return None
+    return float(-np.max(poles.real)) * (float(theta) if isinstance(theta, (int, float)) else 1.0)
+
+
+def _limits(found: Findings, timing: Timing, unit: str) -> Iterator[str]:
+    """How long period and delay may become, beside what they are."""
+    period = "no sampling" if timing.period is None else f"period {_time(timing.period, unit)}"
+    yield f"{period}: {_limit(found, 'period_critical', timing.period, unit)}"
+    delay = f"delay {_time(timing.delay, unit)}" if timing.delay else "no delay"
+    yield f"{delay}: {_limit(found, 'delay_critical', timing.delay, unit)}"
+
+
+def _time(value: float, unit: str) -> str:
+    return f"{number(value)} {unit}".rstrip()
+
+
+def _limit(found: Findings, key: str, now: float | None, unit: str) -> str:
+    limit = found.values.get(key)
+    if isinstance(limit, (int, float)):
+        there = f"the linear error loses stability at {_time(float(limit), unit)}"
+        if not now:
+            return there
+        return f"too long: {there}" if limit <= now else f"{there}, {number(limit / now)} times as long"
+    chain = found.values.get(f"{key}_chain")
+    also = f"; on a chain without nonlinearity up to {_time(chain, unit)}" if isinstance(chain, float) else ""
+    return f"{found.reasons.get(key, 'no limit is known')}{also}"
+
+
+def _errors(analysis: Analysis, label: str, found: Findings) -> Iterator[str]:
+    """What noise does to the estimates, and what part of the error that is."""
+    noise = found.values.get("noise_rms_measured")
+    if not isinstance(noise, Mapping) or not noise or not any(noise.values()):
+        return
+    shares = _shares(analysis, label, noise)
+    cells = [f"{state} {number(float(noise[state]))} ({100 * share:.0f} %)" for state, share in shares.items()]
+    if cells:
+        yield f"noise in the estimates, rms, and its part of the mean square error: {', '.join(cells)}"
+
+
+def _shares(analysis: Analysis, label: str, noise: Mapping[str, Any]) -> dict[str, float]:
+    """The part of the mean square error that noise is, by state."""
+    rmse = analysis.result.metrics()[label].get("rmse", {})
+    return {
+        state: min(float(noise[state]) ** 2 / value**2, 1.0)
+        for state, value in rmse.items()
+        if state in noise and np.isfinite(value) and value > 0
+    }
+
+
+def _change(analysis: Analysis, label: str, found: Findings, timing: Timing | None) -> Iterator[str]:
+    """Which gain to change, and how far it can go."""
+    theta = found.values.get("theta")
+    noise = found.values.get("noise_rms_measured")
+    subject = analysis.context.subjects[label]
+    if isinstance(subject.observer, KalmanFilter):
+        yield "to change: Q against R, larger for a faster estimate, smaller for less noise"
+    if not isinstance(theta, (int, float)):
+        return
+    if _unstable(found, timing):
+        yield "to change: measure more often and sooner, or a smaller theta: the error grows as it is"
+        return
+    shares = _shares(analysis, label, noise) if isinstance(noise, Mapping) else {}
+    filtered = "; a larger r may" if isinstance(subject.observer, FilterOrder) else ""
+    if shares and min(shares.values()) >= _MOST:
+        yield f"to change: most of its error is noise: a smaller theta lowers it{filtered}"
+    elif shares and max(shares.values()) < _MOST:
+        yield "to change: little of its error is noise: a larger theta lowers what is left"
+    else:
+        yield "to change: theta, larger for a faster decay, smaller for less noise"
+    room = _room(found, timing)
+    if room is not None:
+        narrow = ": that is near" if room < _NEAR else ""
+        yield f"theta = {number(theta)} may grow to about {number(theta * room)} on a chain measured like this{narrow}"
+
+
+def _unstable(found: Findings, timing: Timing | None) -> bool:
+    """Whether the period or the delay is beyond the limit of the linear error."""
+    if timing is None:
+        return False
+    pairs = ((found.values.get("period_critical"), timing.period), (found.values.get("delay_critical"), timing.delay))
+    return any(isinstance(limit, (int, float)) and now is not None and limit <= now for limit, now in pairs)
+
+
+def _room(found: Findings, timing: Timing | None) -> float | None:
+    """How many times theta may grow: the limits of chains are proportional to 1/theta."""
+    if timing is None:
+        return None
+    pairs = ((timing.period, "period_critical_chain"), (timing.delay, "delay_critical_chain"))
+    limits = ((now, found.values.get(key)) for now, key in pairs)
+    rooms = [limit / now for now, limit in limits if now and isinstance(limit, (int, float))]
+    return min(rooms, default=None)
+
+
+def _compared(analysis: Analysis) -> Iterator[str]:
+    """Which observer is best, by state, where there are several that keep their estimates."""
+    metrics = {
+        label: of for label, of in analysis.result.metrics().items() if analysis.result.observers[label].status == "ok"
+    }
+    if len(metrics) < 2:
+        return
+    for name, words in (("rmse", "least error in the steady window"), ("peak", "lowest peak in the transient window")):
+        best = []
+        for state in analysis.result.states:
+            values = {label: of[name][state] for label, of in metrics.items() if state in of.get(name, {})}
+            if len(set(map(number, values.values()))) > 1:
+                label = min(values, key=lambda one, own=values: own[one])  # type: ignore[misc]  # the loop's values, now
+                best.append(f"{state} {printable(label)} ({number(values[label])})")
+        if best:
+            yield f"{words}: {', '.join(best)}"
+
+
+def _proved(observers: Mapping[str, Findings]) -> Iterator[str]:
+    """Whose error a theorem bounds."""
+    held: Sequence[str] = [label for label, found in observers.items() if found.values.get("peaking_bound")]
+    yield f"{_PROVED} {', '.join(map(printable, held))}" if held else _UNPROVED

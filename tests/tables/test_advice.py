@@ -1,0 +1,80 @@
+"""What ``analyze`` says first follows from its numbers, and from what is known of the error in closed form."""
+
+from __future__ import annotations
+
+import hgorun
+from hgorun import Experiment
+from hgorun.analysis.report import Analysis
+from hgorun.tables.advice import advice
+from hgorun.tables.layout import number
+
+
+def said(
+    period: float | None, *, theta: float = 2.0, noise: float = 0.01, delay: float = 0.0, end: float = 30.0
+) -> tuple[str, Analysis]:
+    """Of a chain of two integrators, whose limits are known."""
+    measurement: dict[str, object] = {"noise": [{"type": "gaussian", "std": noise, "hold": period or 0.01}]}
+    if period is not None:
+        measurement |= {"sampling": {"period": period}, "delay": delay}
+    analysis = hgorun.analyze(
+        Experiment(
+            {
+                "time": {"end": end, "output_step": 0.01},
+                "plant": {"type": "integrator_chain", "n": 2, "phi": "0", "initial": {"x1": 1, "x2": 1}},
+                "measurement": measurement,
+                "observers": {
+                    "SHGO": {"type": "shgo", "theta": theta},
+                    "EKF": {"type": "kalman_bucy", "Q": {"x1": 1, "x2": 1}, "R": 1},
+                },
+                "solver": {"method": "rk4", "step": 0.01},
+            },
+            name="chain",
+        )
+    )
+    return "\n".join(advice(analysis)), analysis
+
+
+def test_decay_limits_and_the_gain_to_change() -> None:
+    text, analysis = said(0.1)
+    together = " ".join(text.split())
+    assert "decays like exp(-2.000 t), t in s" in together  # poles -1 at theta = 1
+    found = analysis.observers["SHGO"].values
+    limit = found["period_critical_chain"]
+    assert isinstance(limit, float)
+    assert f"theta = 2.000 may grow to about {2 * limit / 0.1:.4g}" in together
+    assert "period 0.1000 s: " in together
+    assert "most of its error is noise: a smaller theta lowers it" in together
+    assert "to change: Q against R" in together
+    assert "least error in the steady window: x1" in together
+    assert "no theorem bounds the error of this run" in together
+
+
+def test_a_period_beyond_the_limit_is_told_to_be_too_long() -> None:
+    """Samples of two integrators at theta = 2: the held innovation is unstable from a period of 2.5 on."""
+    text, analysis = said(3.0, end=120.0)
+    limit = analysis.observers["SHGO"].values["period_critical"]
+    assert isinstance(limit, float)
+    assert abs(limit - 2.5) < 1e-3  # 5/theta
+    together = " ".join(text.split())
+    assert f"period 3.000 s: too long: the linear error loses stability at {number(limit)} s" in together
+    assert "to change: measure more often and sooner, or a smaller theta" in together
+
+
+def test_a_continuous_output_has_no_period() -> None:
+    together = " ".join(said(None)[0].split())
+    assert "no sampling: " in together
+    assert "no delay: the linear error loses stability at" in together
+
+
+def test_no_observers_have_no_advice() -> None:
+    analysis = hgorun.analyze(
+        Experiment(
+            {
+                "time": {"end": 1, "output_step": 0.1},
+                "plant": {"type": "van_der_pol", "initial": {"x1": 1, "x2": 0}},
+                "observers": {},
+            },
+            name="empty",
+        )
+    )
+    assert advice(analysis)[-1] == "no observers"
