@@ -129,6 +129,6 @@ def test_a_file_a_mapping_and_an_experiment_are_the_same(result: hgorun.Result, 
         (CONFIG | {"extends": "other.yaml"}, {}, "only a file can extend"),
     ],
 )
-def test_what_is_no_experiment_is_refused(given: Any, more: dict[str, str], words: str) -> None:
+def test_what_is_no_experiment_is_refused(given: Any, more: dict[str, Any], words: str) -> None:
     with pytest.raises(ConfigError, match=words):
         hgorun.simulate(given, **more)
