@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from examples import VAN_DER_POL, chain, experiment
@@ -77,7 +79,7 @@ def test_members_can_be_sliced() -> None:
 
 def test_a_key_of_all_observers_leaves_out_blocks_that_exclude_it() -> None:
     """A Kalman filter whose noise is given as Q has no theta, others have one."""
-    filters = {
+    filters: dict[str, dict[str, Any]] = {
         "Q": {"type": "ekf", "Q": {"x2": 1}},
         "theta": {"type": "ekf", "theta": 2},
         "S": {"type": "shgo", "theta": 2},
