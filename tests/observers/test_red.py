@@ -55,8 +55,10 @@ def recursion(y: np.ndarray, h: float, a: np.ndarray, drift: np.ndarray) -> np.n
     return z
 
 
-def test_contract() -> None:
-    check_observer(RobustExactDifferentiator)
+@pytest.mark.slow
+@pytest.mark.parametrize("discretisation", ["proper", "explicit"])
+def test_contract_of_what_is_not_the_default(discretisation: str) -> None:
+    check_observer(RobustExactDifferentiator, {"L": 1.0, "discretisation": discretisation})
 
 
 @pytest.fixture(scope="module")
