@@ -20,7 +20,7 @@ from hgorun.symbolic.states import Symmetric
 from hgorun.symbolic.symbols import Symbols
 
 LAMBDA = (1.1, 1.5, 2.0, 3.0, 5.0, 7.0, 10.0, 12.0, 14.0, 17.0, 20.0, 26.0, 32.0)
-_NEWTON_STEPS = 8  # 6 are enough for every order and any numbers
+_NEWTON_STEPS = 6  # after which the root is exact to rounding, at every order and whatever the numbers
 Explicit = Literal["proper", "explicit"]
 Discretisation = Literal["implicit"] | Explicit
 
