@@ -12,8 +12,9 @@ from typing import Any
 
 from pydantic import TypeAdapter
 
+from hgorun.benchmark.contestants import absent, check_types, contestant_in, contestants
 from hgorun.benchmark.scan import Floats
-from hgorun.benchmark.trial import Score, Trial, contestant_in, swing
+from hgorun.benchmark.trial import Score, Trial, swing
 from hgorun.code import ENSEMBLE, RUN, code, code_of
 from hgorun.config.benchmark import BenchmarkFile, Contestant
 from hgorun.config.reading import read_source
@@ -26,8 +27,8 @@ from hgorun.simulation.preparation import prepare
 from hgorun.study.loading import load
 from hgorun.version import __version__
 
-_SCORE = TypeAdapter(Score)
-_OWN = ("benchmark/scan.py", "benchmark/trial.py")
+_KEPT = TypeAdapter(Score | str)
+_OWN = ("benchmark/contestants.py", "benchmark/scan.py", "benchmark/trial.py")
 
 
 @dataclass(frozen=True)
@@ -65,7 +66,17 @@ class Benchmark:
     @property
     def size(self) -> int:
         """How many entries there are."""
-        return len(self.bases) * len(self.blocks.observers)
+        return len(self.bases) * len(self.contestants)
+
+    @cached_property
+    def contestants(self) -> dict[str, Contestant]:
+        """Those of the file, and the others that take part."""
+        return contestants(self.blocks)
+
+    @property
+    def absent(self) -> dict[str, str]:
+        """Types of observers that do not take part, and why."""
+        return absent(self.blocks)
 
     def entries(self, folder: Path, threads: int = 1, told: Callable[[int], None] = lambda _: None) -> list[Entry]:
         """All entries; those that are in the folder are read, the others are carried out and written there.
@@ -87,7 +98,7 @@ class Benchmark:
         found = []
         for (plant, scenario), base in self.bases.items():
             cell = _Cell(base, plant, scenario, self.blocks.plants[plant].rate, self.blocks)
-            for label, contestant in self.blocks.observers.items():
+            for label, contestant in self.contestants.items():
                 found.append(cell.entry(label, contestant, folder, threads))
                 told(len(found))
         return found
@@ -111,6 +122,8 @@ class _Cell:
     def entry(self, label: str, one: Contestant, folder: Path, threads: int) -> Entry:
         """An entry, from its file where there is one that says how it has come about."""
         entry = Entry(self.plant, self.scenario, label, one.group)
+        if one.scenarios and self.scenario not in one.scenarios:
+            return replace(entry, refused=f"made for {', '.join(one.scenarios)} only")
         try:
             experiment = contestant_in(self.base, label, one, self.rate)
             prepare(experiment)
@@ -118,15 +131,20 @@ class _Cell:
             return replace(entry, refused=error.message)
         made_of = self._ingredients(experiment, one)
         path = folder / f"{_digest(made_of)}.json"
-        if (kept := _read(path)) is not None:
-            return replace(entry, score=kept)
+        found = _read(path)
+        if found is None:
+            found = self._scored(label, one, experiment, threads)
+            kept = found if isinstance(found, str) else asdict(found)
+            write_text(path, json.dumps(json_value({"of": made_of, "found": kept}), indent=1))
+        return replace(entry, refused=found) if isinstance(found, str) else replace(entry, score=found)
+
+    def _scored(self, label: str, one: Contestant, experiment: Experiment, threads: int) -> Score | str:
+        """The score, or why there is none."""
         try:
             trial = Trial(experiment, label, one, self.scale, self.rate)
-            score = trial.score(self.blocks.seeds, self.blocks.tries, threads)
+            return trial.score(self.blocks.seeds, self.blocks.tries, threads)
         except HgorunError as error:
-            return replace(entry, refused=f"failed: {error}")
-        write_text(path, json.dumps(json_value({"of": made_of, "score": asdict(score)}), indent=1))
-        return replace(entry, score=score)
+            return f"failed: {error}"
 
     def _ingredients(self, experiment: Experiment, one: Contestant) -> dict[str, Any]:
         """All that the score follows from."""
@@ -149,10 +167,10 @@ def _digest(made_of: Mapping[str, Any]) -> str:
     return hashlib.sha256(json.dumps(made_of, sort_keys=True).encode()).hexdigest()[:32]
 
 
-def _read(path: Path) -> Score | None:
-    """The score in a file; None where there is none that can be read: it is made again."""
+def _read(path: Path) -> Score | str | None:
+    """The score in a file, or why there is none; None where the file cannot be read: it is made again."""
     try:
-        return _SCORE.validate_python(json.loads(path.read_text(encoding="utf-8"))["score"])
+        return _KEPT.validate_python(json.loads(path.read_text(encoding="utf-8"))["found"])
     except (OSError, ValueError, KeyError, TypeError):
         return None
 
@@ -168,6 +186,8 @@ def load_benchmark(path: str | Path) -> Benchmark:
     path = Path(path)
     _, source = read_source(path)
     blocks = validate(BenchmarkFile, source.data, source, ())
+    with source.located():
+        check_types(blocks)
     bases: dict[tuple[str, str], Experiment] = {}
     for name, venue in blocks.plants.items():
         for scenario in blocks.scenarios:

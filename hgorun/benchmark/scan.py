@@ -1,7 +1,14 @@
-"""What has been tried of a knob, and what is tried next."""
+"""What is tried of a knob: values all over its range, then a search around the best of them.
+
+The search is a compass search. It stands on a value, with a distance that is at first half of that between two values
+of the range. A distance to either side is tried; it goes on to the better of the two where that beats the value it
+stands on, and halves the distance where neither does. It ends after a given number of values. All are compared on the
+same seeds, so that which one is better does not depend on luck between them.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -11,55 +18,90 @@ from hgorun.config.benchmark import Knob
 
 Floats = NDArray[np.float64]
 
+_FINEST = 1 / 64  # of the distance between two values all over the range: nothing closer is tried
 
-@dataclass(eq=False)
+
+@dataclass(frozen=True)
 class Scan:
-    """Values of a knob with the mean errors that belong to them.
+    """The range of a knob on a plant, on which places run from 0 to 1.
 
     Attributes
     ----------
     knob : Knob
     rate : float
         Of the plant, 1/time.
-    values, errors : ndarray, shape (N,)
-        What has been tried; an error is infinite where an estimate was lost with any seed.
     """
 
     knob: Knob
     rate: float = 1.0
-    values: Floats = field(default_factory=lambda: np.empty(0))
-    errors: Floats = field(default_factory=lambda: np.empty(0))
-
-    def coarse(self, count: int) -> Floats:
-        """Values all over the range."""
-        low, high = np.array(self.knob.range.ends) * (self.rate if self.knob.rate else 1.0)
-        return self._between(low, high, count)
-
-    def around_best(self, count: int) -> Floats:
-        """The best value so far and others between its neighbours."""
-        order = np.argsort(self.values)
-        at = int(np.flatnonzero(order == np.argmin(self.errors))[0])
-        low, high = (self.values[order[np.clip(at + d, 0, order.size - 1)]] for d in (-1, 1))
-        return np.union1d(self._between(low, high, count), self.best)
-
-    def _between(self, low: float, high: float, count: int) -> Floats:
-        values = np.geomspace(low, high, count) if self.knob.range.log else np.linspace(low, high, count)
-        return np.unique(np.round(values)) if self.knob.whole else np.unique(values)
-
-    def add(self, values: Floats, errors: Floats) -> None:
-        """Mean errors at values."""
-        self.values, self.errors = np.append(self.values, values), np.append(self.errors, errors)
-
-    def begin_again(self) -> Scan:
-        """Nothing tried: means over other seeds are not compared with those of before."""
-        return Scan(self.knob, self.rate)
 
     @property
-    def best(self) -> float:
-        """The value with the smallest error."""
-        return float(self.values[np.argmin(self.errors)])
+    def ends(self) -> tuple[float, float]:
+        """The least and the largest value."""
+        low, high = np.array(self.knob.range.ends) * (self.rate if self.knob.rate else 1.0)
+        return float(low), float(high)
+
+    def at(self, places: Floats) -> Floats:
+        """The values at some places, whole numbers where it is one."""
+        low, high = self.ends
+        values = low * (high / low) ** places if self.knob.range.log else low + (high - low) * places
+        values = np.where(places == 1.0, high, values)
+        return np.asarray(np.round(values) if self.knob.whole else values)
+
+    def coarse(self, count: int) -> Floats:
+        """So many places all over the range, without those whose values are there already."""
+        places = np.linspace(0.0, 1.0, count)
+        _, first = np.unique(self.at(places), return_index=True)
+        return np.asarray(places[np.sort(first)])
 
     def is_end(self, value: float) -> bool:
         """Whether a value is an end of the range, beyond which better ones may lie."""
-        ends = self.coarse(2)
-        return bool(np.any(np.isclose(value, ends, rtol=1e-9)))
+        return bool(np.any(np.isclose(value, self.at(np.array([0.0, 1.0])), rtol=1e-9)))
+
+
+@dataclass(eq=False)
+class Search:
+    """A compass search on a range.
+
+    Attributes
+    ----------
+    scan : Scan
+    errors_of : callable
+        The errors of N values with every seed, shape (N, seeds); infinite where the estimate was lost.
+    tried : dict of float to ndarray, shape (seeds,)
+        Values and their errors.
+    """
+
+    scan: Scan
+    errors_of: Callable[[Floats], Floats]
+    tried: dict[float, Floats] = field(default_factory=dict)
+
+    def around(self, place: float, spacing: float, count: int) -> float:
+        """The best of so many values, beginning at a place, with a distance of half the spacing.
+
+        A value tried has no better neighbour at the last distance, unless the search ends before it is found.
+        """
+        distance = spacing / 2
+        self._try(np.array([place, place - distance, place + distance]), count)
+        while len(self.tried) < count and distance >= _FINEST * spacing:
+            here = self._error(place)
+            sides = np.clip([place - distance, place + distance], 0.0, 1.0)
+            errors = [self._error(side) for side in sides]
+            if min(errors) < here:
+                place = float(sides[int(np.argmin(errors))])
+            else:
+                distance /= 2
+            self._try(np.array([place - distance, place + distance]), count)
+        return min(self.tried, key=lambda value: float(self.tried[value].mean()))
+
+    def _error(self, place: float) -> float:
+        """The mean over the seeds at a place; infinite where it has not been tried."""
+        errors = self.tried.get(float(self.scan.at(np.array([place]))[0]))
+        return np.inf if errors is None else float(errors.mean())
+
+    def _try(self, places: Floats, count: int) -> None:
+        """Those of some places that are new, as many as may still be tried."""
+        values = self.scan.at(np.clip(places, 0.0, 1.0)).tolist()
+        new = [value for value in dict.fromkeys(values) if value not in self.tried][: count - len(self.tried)]
+        if new:
+            self.tried.update(zip(new, self.errors_of(np.array(new)), strict=True))

@@ -2,8 +2,12 @@
 
 In a cell, one plant in one scenario, a contestant's ratio is its mean error over the seeds divided by the smallest
 such mean. Over the plants that it takes, ratios are averaged geometrically: 1 is the best everywhere, 2 has twice the
-error of the best on average. The interval comes from drawing the seeds anew with repetition, the same for all
-contestants, since they have met the same noise.
+error of the best on average.
+
+The interval says where 95 % of the tables lie that are made anew with other seeds. Seeds are drawn anew with
+repetition, the same ones for all contestants, since they have met the same noise: those of scoring, and those of
+tuning, among which another value of the knob may be the best. Two such tables, one in the place of this one and one in
+that of the other, differ as this one and another do.
 """
 
 from __future__ import annotations
@@ -15,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hgorun.benchmark.benchmark import Entry, of_cells
+from hgorun.benchmark.trial import Score
 
 Floats = NDArray[np.float64]
 _RESAMPLED, _SEED = 2000, 20_240_229
@@ -31,7 +36,7 @@ class Standing:
     ratio : float
         Its error in units of that of the best, averaged over plants; NaN where it takes none.
     low, high : float
-        Its 95 % interval.
+        Where it lies in 95 % of the tables that are made with other seeds.
     plants : int
         How many it takes without losing the estimate with more than half of the seeds.
     lost : int
@@ -57,16 +62,32 @@ def standings(entries: Sequence[Entry]) -> dict[tuple[str, str], Standing]:
         kept = {label: total for label, total in totals.items() if np.mean(np.isinf(total)) <= _MOST_LOST}
         if not kept:
             continue
-        means = np.stack([_resampled(total) for total in kept.values()])
+        means = np.stack([_resampled(total) * _chosen_anew(scored[label]) for label, total in kept.items()])
         best = means.min(axis=0)
         for label, mean in zip(kept, means, strict=True):
             logs.setdefault((scenario, label), []).append(np.log(mean / best))
     found = {}
     for key in dict.fromkeys((entry.scenario, entry.label) for entry in entries):
         ratios = np.exp(np.mean(logs[key], axis=0)) if key in logs else np.full(1 + _RESAMPLED, np.nan)
-        low, high = np.quantile(ratios[1:], _QUANTILES)
+        low, high = ratios[0] * np.quantile(ratios[1:] / ratios[:0:-1], _QUANTILES)
         found[key] = Standing(float(ratios[0]), float(low), float(high), len(logs.get(key, [])), lost.get(key, 0))
     return found
+
+
+def _chosen_anew(score: Score) -> Floats:
+    """By what factor the error grows where the knob is chosen with other seeds, over resamplings; first 1, for these.
+
+    Shape (1 + resamplings,). Of values that were tried around the best, as they are with all seeds of tuning.
+    """
+    errors = np.array([found for _, found in score.tried])
+    errors = errors[np.isfinite(errors).all(axis=1)]
+    if not len(errors):
+        return np.ones(1 + _RESAMPLED)
+    seeds, random = errors.shape[1], np.random.default_rng(_SEED + 1)
+    chosen = np.vstack([np.arange(seeds), random.integers(0, seeds, (_RESAMPLED, seeds))])
+    means = errors.mean(axis=1)
+    best = np.argmin(errors[:, chosen].mean(axis=2), axis=0)
+    return np.asarray(means[best] / means.min())
 
 
 def _resampled(total: Floats) -> Floats:

@@ -12,6 +12,7 @@ import numpy as np
 from hgorun.benchmark.benchmark import Entry
 from hgorun.benchmark.standing import Standing
 from hgorun.tables.layout import packed
+from hgorun.version import __version__
 
 COLUMNS = (
     "plant",
@@ -40,13 +41,17 @@ def text(found: Mapping[tuple[str, str], Standing], scenarios: Sequence[str]) ->
     return "\n\n".join("\n".join(block) for block in lines)
 
 
-def markdown(found: Mapping[tuple[str, str], Standing], scenarios: Sequence[str]) -> str:
-    """The same with intervals, for a page."""
+def markdown(
+    found: Mapping[tuple[str, str], Standing], scenarios: Sequence[str], absent: Mapping[str, str] | None = None
+) -> str:
+    """The same with intervals, for a page; and why others do not take part."""
     lines = ["| observer | " + " | ".join(scenarios) + " |", "|---" * (1 + len(scenarios)) + "|"]
     for label in _labels(found):
         cells = [_with_interval(found[name, label]) for name in scenarios]
         lines.append(f"| {label} | " + " | ".join(cells) + " |")
-    return "\n".join(lines) + "\n"
+    if absent:
+        lines += ["", "Not in it:", "", *(f"- `{name}`: {why}" for name, why in absent.items())]
+    return "\n".join([*lines, "", f"hgorun {__version__}", ""])
 
 
 def table(entries: Sequence[Entry]) -> str:

@@ -9,16 +9,17 @@ so that speed and noise both count: a low gain forgets its first error late, a h
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hgorun.benchmark.scan import Floats, Scan
+from hgorun.benchmark.contestants import with_knob
+from hgorun.benchmark.scan import Floats, Scan, Search
 from hgorun.config.benchmark import Contestant, Seeds, Tries
-from hgorun.ensemble.block import compute
+from hgorun.ensemble.block import Block, compute
 from hgorun.ensemble.members import Members
 from hgorun.errors import HgorunError
 from hgorun.simulation.experiment import Experiment
@@ -27,8 +28,8 @@ from hgorun.simulation.simulate import simulate
 
 TRANSIENT = 3  # one part in so many of a run; the rest is steady
 _FEW = 4  # one seed in so many is enough to try values all over a range
+_STEADY = 20  # seeds whose steady error is looked at
 _FOLLOWED = 5  # seeds whose trajectories are looked at
-_EVALUATIONS = 5e6  # of the equations: a run that takes more is taken for lost
 _LEVEL = 2.0  # times its steady size an error is, when it has converged
 
 
@@ -43,8 +44,8 @@ class Score:
     at_end : bool
         Whether it is at an end of its range, beyond which better values may lie.
     total, steady : tuple of float
-        For each seed the error relative to the swing: over the whole run, and without its first third. Infinite where
-        the estimate was lost.
+        For each seed the error relative to the swing: over the whole run; and, for the first of them, without its
+        first third. Infinite where the estimate was lost.
     peak : float
         The largest error of any state relative to its swing; median over the seeds.
     converged : float
@@ -52,8 +53,8 @@ class Score:
         half of what it was.
     operations, at_samples : int
         Of the observer's equations: of its right-hand side, and of what it does at a sample.
-    tried : tuple of (float, float)
-        Values of the knob, and the mean error of each over the seeds of tuning.
+    tried : tuple of (float, tuple of float)
+        Values of the knob around the best, and the error of each with every seed of tuning.
     """
 
     value: float
@@ -64,7 +65,7 @@ class Score:
     converged: float
     operations: int
     at_samples: int
-    tried: tuple[tuple[float, float], ...]
+    tried: tuple[tuple[float, tuple[float, ...]], ...]
 
     @property
     def lost(self) -> int:
@@ -100,7 +101,7 @@ class Trial:
         Raises
         ------
         HgorunError
-            When a run cannot be carried out.
+            When no value of the knob keeps the estimate.
         """
         tuning, scoring = np.split(seeds.first + np.arange(seeds.tuning + seeds.scoring), [seeds.tuning])
         start, end = self.experiment.blocks.time.start, self.experiment.blocks.time.end
@@ -109,53 +110,50 @@ class Trial:
 
         scan = Scan(self.contestant.knob, self.rate)
         few = tuning[: max(len(tuning) // _FEW, 1)]
-        scan.add(values := scan.coarse(tries.coarse), self._errors(whole, values, few, threads).mean(axis=1))
-        fine = scan.begin_again()
-        fine.add(values := scan.around_best(tries.fine), self._errors(whole, values, tuning, threads).mean(axis=1))
-        best = np.array([fine.best])
-        total, peak = self._runs(whole, best, scoring, threads, ("rmse", "peak"))
+        places = scan.coarse(tries.coarse)
+        rough = self._errors(whole, scan.at(places), few, threads).mean(axis=1)
+        if not np.isfinite(rough).any():
+            low, high = scan.ends
+            where = f"of {self.contestant.knob.key} between {low:.3g} and {high:.3g}"
+            raise HgorunError(f"loses the estimate with each of {rough.size} values {where}")
+        search = Search(scan, lambda values: self._errors(whole, values, tuning, threads))
+        value = search.around(float(places[np.argmin(rough)]), 1 / (tries.coarse - 1), tries.fine)
+        best = np.array([value])
+        found = self._runs(whole, best, scoring, threads, ("rmse", "peak")).metrics
         return Score(
-            value=fine.best,
-            at_end=fine.is_end(fine.best),
-            total=_listed(self._size(total)),
-            steady=_listed(self._errors(steady, best, scoring, threads)[0]),
-            peak=float(np.median(np.max(peak / self.scale, axis=-1))),
-            converged=self._converged(fine.best, scoring[:_FOLLOWED].tolist()),
+            value=value,
+            at_end=scan.is_end(value),
+            total=_listed(self._size(found["rmse"][:, 0])),
+            steady=_listed(self._errors(steady, best, scoring[:_STEADY], threads)[0]),
+            peak=float(np.median(np.max(found["peak"][:, 0] / self.scale, axis=-1))),
+            converged=self._converged(value, scoring[:_FOLLOWED].tolist()),
             **_cost(self.experiment, self.label),
-            tried=tuple(zip(_listed(fine.values), _listed(fine.errors), strict=True)),
+            tried=tuple((tried, _listed(errors)) for tried, errors in search.tried.items()),
         )
-
-    @property
-    def path(self) -> str:
-        """Of the knob, as after ``--set``."""
-        return f"observers.{self.label}.{self.contestant.knob.key}"
 
     def _errors(self, base: Experiment, values: Floats, seeds: NDArray[np.int64], threads: int) -> Floats:
         """The error relative to the swing, shape (values, seeds)."""
-        (rmse,) = self._runs(base, values, seeds, threads, ("rmse",))
-        return self._size(rmse).reshape(values.size, seeds.size)
+        found = self._runs(base, values, seeds, threads, ("rmse",))
+        return self._size(found.metrics["rmse"][:, 0]).reshape(values.size, seeds.size)
 
     def _runs(
         self, base: Experiment, values: Floats, seeds: NDArray[np.int64], threads: int, metrics: Sequence[str]
-    ) -> list[Floats]:
-        """Metrics (values x seeds, states) of runs."""
-        knob = self.contestant.knob
+    ) -> Block:
+        """Runs with each value and each seed; what cannot be carried out is no more than a lost estimate."""
         columns: dict[str, Any] = {
-            self.path: np.repeat(values.astype(int) if knob.whole else values, seeds.size),
-            "seed": np.tile(seeds, values.size),
+            f"observers.{self.label}.{key}": np.repeat(given, seeds.size)
+            for key, given in with_knob(self.contestant.knob, values).items()
         }
-        found = compute(base, Members.of(columns), metrics=metrics, threads=threads)
-        if all(found.error):  # of single members it is no more than a lost estimate
-            raise HgorunError(f"{base.name}: {self.label}: {found.error[0]}")
-        return [found.metrics[name][:, 0] for name in metrics]
+        columns["seed"] = np.tile(seeds, values.size)
+        return compute(base, Members.of(columns), metrics=metrics, threads=threads)
 
     def _size(self, rmse: Floats) -> Floats:
         """Errors of all states together, relative to their swings."""
         return np.asarray(np.sqrt(np.mean((rmse / self.scale) ** 2, axis=-1)))
 
     def _converged(self, value: float, seeds: Sequence[int]) -> float:
-        knob = self.contestant.knob
-        tuned = self.experiment.varied({self.path: round(value) if knob.whole else value})
+        given = with_knob(self.contestant.knob, np.array([value]))
+        tuned = self.experiment.varied({f"observers.{self.label}.{key}": one[0].item() for key, one in given.items()})
         squares = []
         for seed in seeds:
             run = simulate(tuned.varied({}, seed=seed))
@@ -192,24 +190,3 @@ def swing(base: Experiment) -> Floats:
 
 def _listed(values: Floats) -> tuple[float, ...]:
     return tuple(float(value) for value in values)
-
-
-def contestant_in(base: Experiment, label: str, one: Contestant, rate: float) -> Experiment:
-    """The plant and scenario of a base with a contestant in place of its observer, whose initial estimate it gets.
-
-    Raises
-    ------
-    ConfigError
-        When the observer does not take the plant, or what is measured of it.
-    """
-    (reference,) = base.observers
-    middle = Scan(one.knob, rate).coarse(3)[1]
-    block: Mapping[str, Any] = {
-        **one.block,
-        "initial": dict(base.observers[reference].initial),
-        one.knob.key: round(middle) if one.knob.whole else float(middle),
-    }
-    changes: dict[str, Any] = {"observers": {label: block}}
-    if one.steps == "auto":
-        changes["solver"] = {"method": "auto", "max_evaluations": _EVALUATIONS}
-    return base.varied(changes)

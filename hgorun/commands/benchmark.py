@@ -7,15 +7,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 
-import numpy as np
-
 from hgorun.benchmark import tables
-from hgorun.benchmark.benchmark import Benchmark, Entry, load_benchmark, of_cells
+from hgorun.benchmark.benchmark import Benchmark, Entry, load_benchmark
+from hgorun.benchmark.contenders import contenders
 from hgorun.benchmark.standing import Standing, standings
 from hgorun.commands.ensemble_options import Bench
 from hgorun.commands.inputs import configuration
 from hgorun.commands.outputs import RESULTS, refuse_other_kinds
-from hgorun.figures.benchmark import Contender
 from hgorun.files import json_value, write_text
 from hgorun.process import processors
 from hgorun.progress import shown
@@ -56,7 +54,7 @@ def _write(
     plots: bool,
 ) -> list[Path]:
     files = [folder / "standings.md", folder / "entries.csv"]
-    write_text(files[0], tables.markdown(found, asked.blocks.scenarios))
+    write_text(files[0], tables.markdown(found, asked.blocks.scenarios, asked.absent))
     write_text(files[1], tables.table(entries))
     if plots:
         from hgorun.figures.benchmark import benchmark as draw
@@ -64,31 +62,6 @@ def _write(
 
         files += save(draw(contenders(entries, asked.blocks.scenarios)), folder / "fronts")
     return files
-
-
-def contenders(entries: Sequence[Entry], scenarios: Sequence[str]) -> dict[str, list[Contender]]:
-    """The points of the figure: geometric means over the plants, each in units of the smallest there."""
-    logs: dict[tuple[str, str], list[tuple[float, float]]] = {}
-    groups = {entry.label: entry.group for entry in entries}
-    for (_, scenario), cell in of_cells(list(entries)):
-        scores = {e.label: e.score for e in cell if e.score is not None and not e.score.lost}
-        if not scores:
-            continue
-        sizes = {
-            label: (max(s.converged, np.finfo(float).tiny), float(np.mean(s.steady))) for label, s in scores.items()
-        }
-        best = np.min(list(sizes.values()), axis=0)
-        for label, size in sizes.items():
-            speed, steady = np.log(np.array(size) / best)
-            logs.setdefault((scenario, label), []).append((float(speed), float(steady)))
-    return {
-        name: [
-            Contender(label, groups[label], *map(float, np.exp(np.mean(logs[name, label], axis=0))))
-            for label in groups
-            if (name, label) in logs
-        ]
-        for name in scenarios
-    }
 
 
 def _as_json(

@@ -8,6 +8,7 @@ from pydantic import Field, model_validator
 
 from hgorun.config.tuning import Range
 from hgorun.config.types import Block, NonEmpty, Positive
+from hgorun.errors import Problem
 
 Count = Annotated[int, Field(ge=2, le=1000, strict=True)]
 
@@ -28,6 +29,9 @@ class Knob(Block):
     range: Range = Field(default_factory=lambda: Range(log=(0.5, 200)), description="where it is sought")
     rate: bool = Field(default=True, description="whether the range is in multiples of the plant's rate")
     whole: bool = Field(default=False, description="whether it is a whole number")
+    follow: dict[str, Positive] = Field(
+        default_factory=dict, description="other keys of the block that are so many times the knob"
+    )
 
 
 class Contestant(Block):
@@ -35,20 +39,30 @@ class Contestant(Block):
 
     group: str = Field(description="which kind it is: a colour of the figure")
     knob: Knob = Field(default_factory=Knob, description="the number that is tuned")
-    steps: Literal["auto", "plant"] = Field(
-        default="auto", description="of integration: found by error control, or those of the plant's file"
+    steps: Literal["plant", "auto"] = Field(
+        default="plant", description="of integration: those of the plant's file, or found by error control"
     )
+    scenarios: tuple[str, ...] = Field(default=(), description="the only ones that it is made for; all by default")
     block: dict[str, Any] = Field(description="the observer's block without its knob and its initial estimate")
 
     @model_validator(mode="after")
     def _free(self) -> Contestant:
         if "type" not in self.block:
             raise ValueError("block: the key type is missing")
-        for key in (self.knob.key, "initial"):
+        for key in (self.knob.key, *self.knob.follow, "initial"):
             if key in self.block:
                 why = "it is that of the plant's file" if key == "initial" else "it is tuned"
                 raise ValueError(f"block: {key} is not given here: {why}")
         return self
+
+
+class Others(Block):
+    """Observers of the program, and of other packages, that the file does not name."""
+
+    group: str = Field(default="others", description="their group; that of differentiators is differentiator")
+    knobs: Annotated[tuple[Knob, ...], NonEmpty] = Field(
+        description="the first of these that an observer has among its keys is tuned"
+    )
 
 
 class Seeds(Block):
@@ -62,8 +76,8 @@ class Seeds(Block):
 class Tries(Block):
     """How many values of each knob are tried: all over its range, then around the best one."""
 
-    coarse: Count = Field(default=15, description="all over its range, with a quarter of the seeds")
-    fine: Count = Field(default=9, description="around the best of these, with all seeds")
+    coarse: Count = Field(default=9, description="all over its range, with a quarter of the seeds")
+    fine: Count = Field(default=7, description="around the best of these, with all seeds")
 
 
 class BenchmarkFile(Block):
@@ -73,5 +87,16 @@ class BenchmarkFile(Block):
     plants: Annotated[dict[str, Venue], NonEmpty] = Field(description="name: plant")
     scenarios: Annotated[tuple[str, ...], NonEmpty] = Field(description="the runs that every plant's file has")
     observers: Annotated[dict[str, Contestant], NonEmpty] = Field(description="label: contestant")
+    others: Others | None = Field(default=None, description="how observers take part that are not named here")
+    without: dict[str, str] = Field(default_factory=dict, description="type: why it does not take part")
+
+    @model_validator(mode="after")
+    def _known(self) -> BenchmarkFile:
+        for label, one in self.observers.items():
+            for name in one.scenarios:
+                if name not in self.scenarios:
+                    raise Problem(("observers", label, "scenarios"), f"no scenario is called {name!r}")
+        return self
+
     seeds: Seeds = Field(default_factory=Seeds, description="whose runs are averaged")
     tries: Tries = Field(default_factory=Tries, description="how many values of each knob are tried")

@@ -150,7 +150,8 @@ def delay_range(stretch: Stretch) -> tuple[float, float]:
     """
     expression = parse(stretch.delay, names=("t",))
     if not expression.names:
-        return expression.number(), expression.number()
+        (delay,) = stretch.valid_delay_at(np.array([stretch.start]))
+        return float(delay), float(delay)
     found = _extremes(stretch.delay, stretch.origin).between(np.zeros(0), stretch.start, stretch.end).times
     beside = found + 4 * np.spacing(found) * np.array([[-1.0], [0.0], [1.0]])
     inside = np.clip(beside, stretch.start, stretch.end).ravel()

@@ -81,6 +81,11 @@ class AlgebraicDifferentiator(Differentiator, SteppedObserver[DerivativeForm, De
         still = {name: ca.SX.zeros(value.shape) for name, value in vars(s).items() if name in ("xhat", "y", "there")}
         return Flow(still | {"age": s.there}, correction=ca.SX.zeros(1))
 
+    def _ends(self, i: int, tau: ca.SX, k: Symbols) -> ca.SX:
+        """tau^kappa (1-tau)^mu."""
+        first = power(tau, i) if self.kappa is None else tau ** k.kappa[i]
+        return first * (power(1 - tau, i) if self.mu is None else (1 - tau) ** k.mu[i])
+
     def correct(self, plant: DerivativeCopy, s: Symbols, arrival: Arrival, k: Symbols) -> Mapping[str, ca.SX]:
         again = ca.logic_and(s.there[0] > 0, s.age[0] <= 0)  # in place of the newest one
         y, age, there = (
@@ -93,7 +98,8 @@ class AlgebraicDifferentiator(Differentiator, SteppedObserver[DerivativeForm, De
         powers = projections([there * (-tau) ** j for j in range(s.xhat.numel())], there * y)
         for i, part in enumerate(powers):
             exact = factorial(i) * part.size / part.slopes[0]  # i! times the highest coefficient of the fit
-            z.append((exact + ca.dot(weights * kernel(i, tau, k), part.left)) / T**i)
+            w = weights * self._ends(i, tau, k) * kernel(i, tau, k.factors[i, :])
+            z.append((exact + ca.dot(w, part.left)) / T**i)
             determined = part.independent
         return {"xhat": ca.if_else(determined, ca.vertcat(*z), s.xhat), "y": y, "age": age, "there": there}
 
@@ -110,12 +116,18 @@ def falling(a: float, count: int) -> float:
     return prod(a - j for j in range(count))
 
 
-def kernel(i: int, tau: ca.SX, k: Symbols) -> ca.SX:
-    """K_i at every sample."""
-    total = ca.SX.zeros(tau.shape)
-    for j in range(i + 1):
-        total += k.factors[i, j] * tau ** (i - j) * (1 - tau) ** j
-    return tau ** k.kappa[i] * (1 - tau) ** k.mu[i] * total
+def kernel(i: int, tau: ca.SX, c: ca.SX) -> ca.SX:
+    """sum_j c_j tau^(i-j) (1-tau)^j at every sample."""
+    terms = [c[j] * power(tau, i - j) * power(1 - tau, j) for j in range(i + 1)]
+    return sum(terms[1:], terms[0])
+
+
+def power(base: ca.SX, exponent: int) -> ca.SX:
+    """By multiplication, which is faster."""
+    found = ca.SX.ones(base.shape)
+    for _ in range(exponent):
+        found = found * base
+    return found
 
 
 def trapezoid(tau: ca.SX, there: ca.SX) -> ca.SX:

@@ -54,14 +54,14 @@ class SuperTwistingObserver(SlidingMode, Switching, Punctual, ContinuousObserver
         if any(length != 2 for length in form.chains):
             found = ", ".join(f"{length}" for length in form.chains)
             raise Problem(("type",), f"it is for chains of two states; found {found}. For more take red or homogeneous")
-        if not isinstance(self.f, dict):
-            return {"f": np.full(len(form.chains), self.f)}
         outputs = form.plant.outputs
-        if set(self.f) != set(outputs):
+        f = self.f if isinstance(self.f, dict) else dict.fromkeys(outputs, self.f)
+        if set(f) != set(outputs):
             raise Problem(("f",), f"expected a number for each output: {', '.join(outputs)}")
-        return {"f": np.array([self.f[output] for output in outputs])}
+        bounds = np.array([f[output] for output in outputs])
+        return {"first": 1.5 * np.sqrt(bounds), "second": 1.1 * bounds}
 
     def equations(self, plant: PlantCopy, s: Symbols, e: ca.SX, k: Symbols) -> Flow:
-        first, second = 1.5 * ca.sqrt(k.f * ca.fabs(e)) * ca.sign(e), 1.1 * k.f * ca.sign(e)
+        first, second = k.first * ca.sqrt(ca.fabs(e)) * ca.sign(e), k.second * ca.sign(e)
         kappa = ca.vertcat(*[ca.vertcat(a, b) for a, b in zip(ca.vertsplit(first), ca.vertsplit(second), strict=True)])
         return Flow({"xhat": plant.copy(s.xhat) - plant.lift(s.xhat, kappa)}, correction=plant.felt(s.xhat, kappa))

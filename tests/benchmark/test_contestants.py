@@ -3,10 +3,17 @@
 from __future__ import annotations
 
 from hgorun.benchmark.benchmark import load_benchmark
-from hgorun.benchmark.trial import contestant_in
+from hgorun.benchmark.contestants import absent, contestant_in
 from hgorun.errors import ConfigError
+from hgorun.observers.base import OBSERVERS
 from hgorun.reproduce.shipped import folder
 from hgorun.simulation.preparation import prepare
+
+
+def test_every_observer_takes_part_or_has_a_reason() -> None:
+    asked = load_benchmark(folder() / "benchmark" / "benchmark.yaml")
+    taking = {one.block["type"] for one in asked.contestants.values()}
+    assert taking | absent(asked.blocks).keys() == set(OBSERVERS.names())
 
 
 def test_every_contestant_takes_a_plant() -> None:

@@ -13,7 +13,7 @@ from hgorun.benchmark.tables import markdown, table, text
 from hgorun.benchmark.trial import Score
 
 
-def score(total: Any) -> Score:
+def score(total: Any, tried: Any = ((3.0, (1.0, 1.0)),)) -> Score:
     values = tuple(map(float, total))
     return Score(
         value=3.0,
@@ -24,7 +24,7 @@ def score(total: Any) -> Score:
         converged=0.5,
         operations=10,
         at_samples=0,
-        tried=((3.0, 1.0),),
+        tried=tried,
     )
 
 
@@ -50,13 +50,28 @@ def test_ratios_are_to_the_best_of_each_plant_and_averaged_geometrically() -> No
     assert (one.plants, one.lost) == (2, 0)
 
 
-def test_an_interval_is_that_of_the_mean() -> None:
+def test_an_interval_is_that_of_a_table_made_anew() -> None:
     random = np.random.default_rng(0)
     first, second = 1 + 0.3 * random.standard_normal((2, 400))
     found = standings([entry("p", "A", 3 * first), entry("p", "B", second)])["calm", "A"]
-    half = 1.96 * 3 * 0.3 * np.sqrt(2 / 400)  # of the quotient of two independent means of about 1
+    half = 1.96 * 3 * 0.3 * np.sqrt(2 * 2 / 400)  # of two quotients of two independent means of about 1
     assert found.high - found.low == pytest.approx(2 * half, rel=0.15)
     assert found.low < 3 < found.high
+
+
+def test_a_knob_that_luck_has_chosen_widens_the_interval() -> None:
+    even, odd = np.tile([1.0, 1.2], 10), np.tile([1.2, 1.0], 10)  # as good as each other, on 20 seeds
+    certain, doubtful = (2.0, tuple(even)), (4.0, tuple(1.05 * odd))
+    apart = (4.0, tuple(2 * odd))
+
+    def found(tried: Any) -> Any:
+        entries = [Entry("p", "calm", "A", "group", score(SPREAD, tried)), entry("p", "B", SPREAD / 2)]
+        return standings(entries)["calm", "A"]
+
+    assert found((certain, apart)).high == pytest.approx(2)
+    assert 2 < found((certain, doubtful)).high <= 2.1 + 1e-9
+    assert found((certain, doubtful)).low == pytest.approx(4 / found((certain, doubtful)).high)
+    assert found((certain, (8.0, (np.inf, *even[1:])))).high == pytest.approx(2)  # who loses the estimate is no choice
 
 
 def test_who_loses_most_runs_is_out_and_who_is_refused_has_no_ratio() -> None:
@@ -80,6 +95,7 @@ def test_tables_say_all_of_it() -> None:
     assert "2.00 (1)" in text(found, ["calm"])
     assert "| A | 2.00 [2.00, 2.00] (1) |" in markdown(found, ["calm"])
     assert "| C | - |" in markdown(found, ["calm"])
+    assert "- `deadbeat`: no knob" in markdown(found, ["calm"], {"deadbeat": "no knob"})
     lines = table(entries).splitlines()
     assert lines[0].startswith("plant,scenario,observer,group,knob")
     assert lines[3].endswith('"too, bad"')

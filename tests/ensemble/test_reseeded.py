@@ -10,6 +10,7 @@ from examples import VAN_DER_POL, experiment
 
 from hgorun import Experiment
 from hgorun.ensemble import reseeded
+from hgorun.ensemble.lot import times_of
 from hgorun.ensemble.members import Members
 from hgorun.ensemble.reseeded import reseeded_members
 from hgorun.measurement.chance import OfSeed, OfSeeds
@@ -90,3 +91,12 @@ def test_draws_made_together_are_those_of_each_seed() -> None:
         np.testing.assert_array_equal(together.of(i).uniform(count, "a", 1), alone.uniform(count, "a", 1))
         drawn = together.of(i).draws(item, count, "b"), alone.draws(item, count, "b")
         np.testing.assert_array_equal(*drawn)
+
+
+def test_members_of_one_seed_are_known_to_have_the_same_times() -> None:
+    """Though each group makes its samples anew: else every member makes a lot of its own."""
+    members = Members.of({"seed": np.tile(SEEDS, 2), "observers.H.theta": np.repeat([2.0, 2.1], SEEDS.size)})
+    found = reseeded_members(base("late"), members, np.arange(len(members)))
+    times = [times_of(found[i]) for i in range(len(members))]
+    assert times[: SEEDS.size] == times[SEEDS.size :]
+    assert len(set(times)) == SEEDS.size

@@ -140,6 +140,50 @@ def test_with_two_states_a_lyapunov_function_does_not_grow() -> None:
     assert V[-1] < 1e-9 * V[0]
 
 
+@pytest.mark.parametrize(
+    ("n", "block", "factors"),
+    [
+        (2, {"type": "shgo"}, (1, np.exp(-1))),
+        (3, {"type": "shgo"}, (1, 0.79951, 0.23058)),
+        (4, {"type": "shgo"}, (1, 1.25431, 0.72488, 0.16818)),
+        (3, {"type": "fhgo2", "r": 1}, (1, 0.62886, 0.13060)),
+        (3, {"type": "fhgo2", "r": 2}, (1, 0.55060, 0.09022)),
+        (3, {"type": "low_power"}, (1, 0.62886, 0.13060)),
+    ],
+)
+def test_peaks_of_a_chain_are_powers_of_theta_times_a_number(n: int, block: Block, factors: tuple[float, ...]) -> None:
+    """p_i theta^(i-1), exactly, from the error (1, 0, ..., 0), at any theta: filters lower p_i, not the power."""
+    thetas = (4, 8)
+    blocks = {str(theta): {**block, "theta": theta, "initial": {"x1": 1}} for theta in thetas}
+    found = simulated(chain(n, start=0), blocks, end=3, output_step=1e-3, step=2e-3).observers
+    for theta in thetas:
+        peak = np.abs(found[str(theta)].xhat).max(axis=0)
+        np.testing.assert_allclose(peak / theta ** np.arange(n), factors, rtol=1e-4)
+
+
+def test_small_errors_decay_like_those_of_the_linear_observer() -> None:
+    """With |v_i| < M_i all the time: the same correction, of the same noise; rounded differently."""
+    start = {"x1": 1.003, "x2": 0.002}
+    blocks: dict[str, Block] = {
+        "linear": {"type": "shgo", "theta": 10, "initial": start},
+        "nested": {"type": "shgo", "theta": 10, "nested": {"M": [2, 2]}, "initial": start},
+    }
+    found = simulated(JERK, blocks, end=5, step=2e-3, measurement={"noise": sinusoid(0.005, 40)}).observers
+    np.testing.assert_allclose(found["nested"].xhat, found["linear"].xhat, rtol=0, atol=1e-12)
+
+
+def test_a_saturated_correction_is_slow() -> None:
+    """e_2 changes by theta (g_2/g_1) M per time while theta g_1 |e_1| > M."""
+    theta, M = 5.0, 0.8
+    block = {"type": "shgo", "theta": theta, "nested": {"M": [M]}, "initial": {"x1": 20, "x2": 3}}
+    result = simulated(chain(2, start=0), {"N": block}, end=4, output_step=0.01, step=2e-3)
+    xhat = result.observers["N"].xhat
+    saturated = theta * 2 * xhat[:, 0] > M
+    end = int(np.argmin(saturated))
+    assert 20 < end < result.time.size
+    np.testing.assert_allclose(np.diff(xhat[:end, 1]) / 0.01, -theta / 2 * M, rtol=1e-9)
+
+
 def test_the_missing_model_leaves_the_error_of_the_formula() -> None:
     """-(alpha_1/alpha_2 + sum 1/alpha_j) x_i'/theta where x_i' is constant: x_3 = 0.6 t here."""
     plant = inline({"x1": "x2", "x2": "x3", "x3": "0.6"}, "x1", 0.0)

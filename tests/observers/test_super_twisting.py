@@ -65,4 +65,4 @@ def test_what_does_not_fit_is_refused() -> None:
     with pytest.raises(ConfigError, match="a number for each output: a, c"):
         prepare(experiment(two, {"S": {"type": "super_twisting", "f": {"a": 1}}}, solver=EULER))
     run = prepare(experiment(two, {"S": {"type": "super_twisting", "f": {"c": 1, "a": 2}}}, solver=EULER))
-    assert run.observers[0].design["f"].tolist() == [2, 1]
+    assert run.observers[0].design["second"].tolist() == [2.2, 1.1]
