@@ -136,3 +136,14 @@ def test_what_does_not_fit_is_refused(block: Block, measurement: Block, message:
 def test_one_number_for_one_input() -> None:
     with pytest.raises(ConfigError, match=r"one number is for one input: give \{input: number\}; the plant has: none"):
         prepare(experiment(chain(2), {"E": {"type": "eso", "omega_o": 4, "b_0": 2}}))
+
+
+def test_one_state_and_its_disturbance() -> None:
+    blocks: dict[str, Block] = {
+        "L": {"type": "eso", "omega_o": 5},
+        "N": {"type": "neso", "beta": [10, 25], "alpha": [1, 1], "delta": 0.1},
+    }
+    run = simulated(chain(1, "0.3 + 0*t", 0), blocks, end=8, step=0.01)
+    for found in run.observers.values():
+        np.testing.assert_allclose(found.xhat[-1], run.x[-1], atol=1e-9)
+        np.testing.assert_allclose(found.internal["sigma"][-1], 0.3, rtol=1e-9)
