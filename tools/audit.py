@@ -19,7 +19,7 @@ def told(report: dict[str, Any]) -> tuple[list[str], int]:
     packages = report["dependencies"]
     asked = [package for package in packages if "skip_reason" not in package]
     lines = [
-        f"{package['name']} {package['version']}: {advisory['id']}, mended in {', '.join(advisory['fix_versions']) or '-'}"
+        f"{package['name']} {package['version']}: {advisory['id']}, mended in {', '.join(advisory['fix_versions'])}"
         for package in asked
         for advisory in package["vulns"]
     ]
