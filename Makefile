@@ -11,19 +11,22 @@ endif
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
 LOWEST := .venv-lowest
+SMOKE := tests/test_code.py tests/test_packaging.py tests/config tests/native tests/result tests/commands/test_cli.py tests/simulation/test_naive.py
 LOWEST_PYTHON ?= $(or $(shell command -v python3.11),$(PYTHON))
 
-.PHONY: help figures benchmark test test-lowest coverage bench lint docs wheel clean
+.PHONY: help figures benchmark test test-lowest test-newer newer coverage bench lint docs dist wheel clean
 
 help:
 	@echo "make figures   every figure and claim of the publications, and results/REPORT.md"
 	@echo "make benchmark compare observers on several plants, in results/benchmark/: minutes; continues where it was"
 	@echo "make test      run the tests; the fast ones: make test ARGS='-m \"not slow\"'"
 	@echo "make test-lowest  the fast tests with the lowest versions that pyproject.toml permits"
+	@echo "make test-newer  a part of the tests with each newer Python that pyproject.toml names and this machine has"
 	@echo "make coverage  run the tests, list the lines and branches of each file that they leave out"
 	@echo "make bench     measure the speed beside its bars"
 	@echo "make lint      ruff and mypy"
 	@echo "make docs      the documentation as a site, in build/docs; what is not right stops it"
+	@echo "make dist      build source distribution and wheel into dist/, the same bytes each time"
 	@echo "make wheel     build the wheel into dist/"
 	@echo "make clean     remove .venv and everything built; results/ stays"
 
@@ -39,6 +42,18 @@ test: $(VENV)/.installed-dev
 test-lowest: $(LOWEST)/.installed
 	$(subst $(VENV),$(LOWEST),$(BIN))/python -m pytest -m "not slow" $(ARGS)
 
+test-newer: newer
+	for python in .venv-3.*/bin/python; do \
+	  [ ! -x $$python ] || { $$python --version && $$python -m pytest --one-case -m "not slow" $(SMOKE) $(ARGS); } || exit 1; \
+	done
+
+newer: pyproject.toml
+	$(PYTHON) tools/pythons.py | while read -r version python; do \
+	  [ .venv-$$version/.installed -nt pyproject.toml ] || { rm -rf .venv-$$version && $$python -m venv .venv-$$version \
+	    && .venv-$$version/bin/python -m pip install --quiet --disable-pip-version-check -e ".[test]" \
+	    && touch .venv-$$version/.installed; } || exit 1; \
+	done
+
 coverage: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest --cov --cov-report=json $(ARGS)
 	$(BIN)/python tools/coverage_floor.py coverage.json $(FLOORS)
@@ -53,12 +68,18 @@ lint: $(VENV)/.installed-dev
 
 docs: $(VENV)/.installed-dev
 	$(BIN)/python -m sphinx -W --keep-going -q -b html -d build/doctrees docs build/docs
+	$(BIN)/python tools/follow_links.py build/docs
 
-wheel: $(VENV)/.installed-dev
-	$(BIN)/python -m build --wheel
+# The time in the archives is that of the last commit; where there is none, the fixed one of the build tool.
+dist: export SOURCE_DATE_EPOCH ?= $(shell git log -1 --format=%ct 2>/dev/null)
+dist: $(VENV)/.installed-dev
+	[ -n "$$SOURCE_DATE_EPOCH" ] || unset SOURCE_DATE_EPOCH; $(BIN)/python -m build $(ARGS)
+
+wheel:
+	$(MAKE) dist ARGS="--wheel $(ARGS)"
 
 clean:
-	rm -rf $(VENV) $(LOWEST) build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis .coverage coverage.json
+	rm -rf $(VENV) $(LOWEST) .venv-3.* build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis .coverage coverage.json
 	find hgorun tests tools -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # The stamps are written last, so an interrupted installation is made again. What is installed is the checkout

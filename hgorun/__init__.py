@@ -2,7 +2,7 @@
 
 >>> import hgorun
 >>> experiment = hgorun.load("config.yaml")
->>> result = hgorun.simulate(experiment)
+>>> result = hgorun.simulate(experiment)  # or the file itself, or a mapping with the same keys
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from hgorun.result.reading import read
     from hgorun.result.result import Result
     from hgorun.simulation.experiment import Experiment
-    from hgorun.simulation.simulate import simulate
     from hgorun.study.loading import load, load_study
+    from hgorun.study.python import simulate
 
 __all__ = [
     "ConfigError",
@@ -53,7 +53,7 @@ _LAZY = {
     "load_study": "hgorun.study.loading",
     "read": "hgorun.result.reading",
     "read_sweep": "hgorun.ensemble.growing",
-    "simulate": "hgorun.simulation.simulate",
+    "simulate": "hgorun.study.python",
     "sweep": "hgorun.ensemble.call",
 }
 

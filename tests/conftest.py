@@ -1,7 +1,10 @@
 """What holds for all tests: drawn examples are the same each time, and a busy machine makes none of them fail."""
 
+import gc
 import os
 import signal
+
+import pytest
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the command does; NumPy reads it when it is imported
 
@@ -17,3 +20,23 @@ measure_forks()
 # what is started in the background of a shell ignores Ctrl-C, and so would all that the tests start and interrupt
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--one-case", action="store_true", help="of each test that has several cases, the last one only")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Other versions of Python or of libraries are found out by calls, of which every case of a test makes the same."""
+    if config.getoption("--one-case"):
+        last = {item.nodeid.partition("[")[0]: item for item in items}
+        kept = list(last.values())
+        config.hook.pytest_deselected(items=[item for item in items if last[item.nodeid.partition("[")[0]] is not item])
+        items[:] = kept
+
+
+def pytest_collection_finish() -> None:
+    """Take what is imported and collected out of each search for garbage, of which there are fewer."""
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(20_000, 20, 20)

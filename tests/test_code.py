@@ -79,6 +79,7 @@ WITHOUT_NUMBERS = {
     "hgorun.code",
     "hgorun.errors",
     "hgorun.files",
+    "hgorun.markup",
     "hgorun.process",
     "hgorun.registry",
     "hgorun.version",

@@ -7,10 +7,13 @@ from html import unescape
 from xml.etree import ElementTree
 
 from docutils import nodes
+from docutils.utils.math import MathError
 from docutils.utils.math.latex2mathml import tex2mathml
 from sphinx.application import Sphinx
+from sphinx.util import logging
 from sphinx.writers.html5 import HTML5Translator
 
+_LOGGER = logging.getLogger(__name__)
 _NAMESPACE = "http://www.w3.org/1998/Math/MathML"
 _NAMED = re.compile(r"&(?!(?:amp|lt|gt|quot|apos);)[A-Za-z]\w*;")  # characters that HTML has names for, and XML not
 _ACCENTS = frozenset("\N{DOT ABOVE}^~\N{MACRON}\N{CIRCUMFLEX ACCENT}\N{MODIFIER LETTER CIRCUMFLEX ACCENT}")
@@ -31,13 +34,21 @@ def mathml(text: str, *, block: bool = False) -> str:
 
 
 def _inline(self: HTML5Translator, node: nodes.math) -> None:
-    self.body.append(mathml(node.astext()))
+    self.body.append(_told(node))
     raise nodes.SkipNode
 
 
 def _block(self: HTML5Translator, node: nodes.math_block) -> None:
-    self.body.append(f'<div class="math">{mathml(node.astext(), block=True)}</div>\n')
+    self.body.append(f'<div class="math">{_told(node, block=True)}</div>\n')
     raise nodes.SkipNode
+
+
+def _told(node: nodes.Element, *, block: bool = False) -> str:
+    try:
+        return mathml(node.astext(), block=block)
+    except MathError as error:
+        _LOGGER.warning("formula: %s", error, location=node)
+        return ""
 
 
 def setup(app: Sphinx) -> dict[str, bool]:

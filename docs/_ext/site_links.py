@@ -6,7 +6,7 @@ import re
 
 from sphinx.application import Sphinx
 
-_LINK = re.compile(r"\[([^\]]+)\]\(\.\./[^)]*\)")
+_LINK = re.compile(r"(?<!!)\[([^\]]+)\]\(\.\./[^)]*\)")
 
 
 def without_links(text: str) -> str:

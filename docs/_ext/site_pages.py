@@ -201,12 +201,17 @@ def read_choice(text: str) -> dict[str, tuple[str, str]]:
     return {name: (take.strip(), other.strip()) for name, take, other in rows}
 
 
-def write(docs: Path) -> None:
+def report_page(file: Path) -> str:
+    """The reproduction report, with its figures where they are."""
+    return file.read_text(encoding="utf-8").replace("](report/", "](../../results/report/")
+
+
+def write(docs: Path, more: Mapping[str, str] | None = None) -> None:
     """Write all pages; one that is the same is left alone, so that Sphinx does not read it again."""
     choosing = docs / "choosing.md"
     choice = read_choice(choosing.read_text(encoding="utf-8")) if choosing.is_file() else {}
     folder = docs / "generated"
-    written = {folder / path: text for path, text in pages(choice)}
+    written = {folder / path: text for path, text in (*pages(choice), *(more or {}).items())}
     for old in set(folder.rglob("*.md")) - set(written):
         old.unlink()
     for path, text in written.items():
@@ -217,7 +222,7 @@ def write(docs: Path) -> None:
 
 def _before(app: Sphinx) -> None:
     docs = Path(app.srcdir)
-    write(docs)
+    write(docs, {"report.md": report_page(docs.parent / "results" / "REPORT.md")})
     site_notebooks.write(docs / "tutorials", docs / "generated" / "notebooks")
 
 

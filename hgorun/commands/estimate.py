@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from hgorun.commands.exported_samples import export_samples
 from hgorun.commands.inputs import configuration
 from hgorun.commands.mqtt_address import is_address
 from hgorun.commands.options import Estimate
@@ -93,6 +94,9 @@ def estimate(options: Estimate) -> int:
             "hgorun estimate CONFIG -, or hgorun estimate CONFIG mqtt://HOST/TOPIC"
         )
     log = log_of(source, options.config, tuple(map(Path, options.data)))
+    if options.export_samples is not None:
+        with source.located():
+            return export_samples(log.read(), log.all_files, options.export_samples, quiet=not options.text)
     target = _target(options, name)
     _refuse_to_overwrite(options, log, target)
     with source.located():

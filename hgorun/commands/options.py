@@ -149,6 +149,14 @@ class Estimate(Configured, Drawing):
     export_csv: Annotated[
         Path | None, typer.Option("--export-csv", metavar="FILE", help="Also write the estimates as CSV.")
     ] = None
+    export_samples: Annotated[
+        Path | None,
+        typer.Option(
+            "--export-samples",
+            metavar="FILE",
+            help="Write the samples as lines of a stream, in the model's units, and estimate nothing; - is the output.",
+        ),
+    ] = None
     sensitivity: Annotated[
         bool, typer.Option("--sensitivity/--no-sensitivity", help="Report how the scores depend on each gain.")
     ] = True

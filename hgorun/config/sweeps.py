@@ -253,7 +253,7 @@ class SweepBlocks(Block):
     """What an ensemble is beside its base: axes, and what is kept."""
 
     axes: Annotated[dict[str, Axis], AfterValidator(_some)] = Field(
-        description="path: values, with a path as after --set; observers.*.theta means every observer with such a key"
+        description="path: values, with a path as after --set; observers.*.theta means every observer that can have it"
     )
     combine: Combine = Field(
         default="product",

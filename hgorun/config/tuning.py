@@ -108,7 +108,7 @@ class Tune(Block):
     model_config = _CUT
 
     gains: dict[str, Range] = Field(
-        description="path: range, with a path as after --set; observers.*.theta: of every observer that has such a key"
+        description="path: range, with a path as after --set; observers.*.theta: of every observer that can have it"
     )
     minimise: Annotated[
         tuple[str, ...], BeforeValidator(_texts), NonEmpty, Field(max_length=2), WithJsonSchema(_TEXTS_SCHEMA)

@@ -30,7 +30,7 @@ class ArrayColumn:
     unit : str
         As the file states it; empty where it does not.
     sample : str
-        Its first value; a date in ISO 8601.
+        Its first value that is not missing; a date in ISO 8601.
     """
 
     rows: int

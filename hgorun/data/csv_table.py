@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from itertools import chain
+from itertools import chain, islice
 from pathlib import Path
 
 import numpy as np
@@ -11,12 +11,13 @@ import numpy as np
 from hgorun.config.data import Csv
 from hgorun.data.bulk import Bulk
 from hgorun.data.cells import Cells
-from hgorun.data.dialect import Dialect, dialect_of
+from hgorun.data.dialect import Dialect, cells, dialect_of
 from hgorun.data.rows import Rows
 from hgorun.data.table import Columns, Table
 from hgorun.data.text import Block, blocks
 from hgorun.errors import ConfigError
 
+_SEARCHED = 1_000_000  # rows in which the first value of a column is looked for
 _MANY = 10_000  # lines that are read one by one before plain ones are tried again
 
 
@@ -43,9 +44,11 @@ class CsvFile:
         return self.dialect.names
 
     def sample(self, column: str) -> str:
-        """The first value of a column."""
+        """The first value of a column that is not missing; empty where there is none among the first million rows."""
         place = self.dialect.names.index(column)
-        return self.dialect.sample[place] if place < len(self.dialect.sample) else ""
+        rows = _cells_of(_from_line(blocks(self._path, self._told.encoding), self.dialect.first), self.dialect)
+        found = (row[place] for row in islice(chain([self.dialect.sample], rows), _SEARCHED) if place < len(row))
+        return next((text for text in found if text.strip().lower() not in self.dialect.missing), "")
 
     def unit(self, column: str) -> str:
         """What the row of units says of a column; empty without one."""
@@ -102,6 +105,15 @@ class _Reading:
     def _one_by_one(self, parts: Iterator[Block]) -> None:
         for lines, values in self._rows.arrays(parts):
             self._columns.add(lines, values)
+
+
+def _cells_of(parts: Iterator[Block], dialect: Dialect) -> Iterator[Sequence[str]]:
+    """The cells of every row, as far as quotes do not hold ends of lines."""
+    for block in parts:
+        for raw in block.text.split(b"\n"):
+            line = raw.decode("utf-8", "replace")
+            if line.strip() and not line.lstrip().startswith(dialect.comment):
+                yield cells(line, dialect.separator)
 
 
 def _behind(text: bytes, start: int, lines: int) -> int:

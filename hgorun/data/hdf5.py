@@ -9,6 +9,7 @@ import h5py
 import numpy as np
 
 from hgorun.data.arrays import ArrayColumn
+from hgorun.data.cells import MISSING
 from hgorun.errors import ConfigError, printable
 
 _DEEP = 5  # groups inside each other
@@ -68,10 +69,12 @@ def _parts(data: h5py.Dataset) -> Iterator[tuple[str, int | None]]:
 
 def _described(data: h5py.Dataset, place: int | None) -> ArrayColumn:
     unit = data.attrs.get("units", "")
+    if place is not None and isinstance(unit, str) and unit.count(";") == data.shape[1] - 1:
+        unit = unit.split(";")[place].strip()  # those of several columns, as in results
     if place is not None and isinstance(unit, np.ndarray) and unit.shape == data.shape[1:]:
         unit = unit[place]
-    first = _values(data, place, 1)
-    sample = printable(str(first[0]))[:100] if first.size else ""
+    texts = (str(value) for value in _values(data, place, 1 if data.dtype.kind in "fiub" else _MANY))
+    sample = printable(next((text for text in texts if text.strip().lower() not in MISSING), ""))[:100]
     return ArrayColumn(int(data.shape[0]), unit if isinstance(unit, str) else "", sample)
 
 

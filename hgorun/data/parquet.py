@@ -16,6 +16,9 @@ from hgorun.errors import HgorunError, printable
 if TYPE_CHECKING:
     import pyarrow
 
+_FIRST = 1_000  # rows in which the first value of a column is looked for
+_NO_DATE = "1970-01-01"  # stands for a column of dates that begins with missing ones
+
 
 class Parquet:
     """Dates stay what they are there: in UTC where the column has a time zone.
@@ -36,7 +39,7 @@ class Parquet:
 
         with ParquetFile(path) as file:
             rows = file.metadata.num_rows
-            batch = next(file.iter_batches(batch_size=1, use_threads=False), None)
+            batch = next(file.iter_batches(batch_size=_FIRST, use_threads=False), None)
             return {
                 field.name: ArrayColumn(rows, "", "" if batch is None else _sample(batch.column(place)))
                 for place, field in enumerate(file.schema_arrow)
@@ -57,7 +60,12 @@ class Parquet:
 
 
 def _sample(values: pyarrow.Array) -> str:
-    first = values[0].as_py() if len(values) else None
+    from pyarrow import types
+
+    there = values.drop_null()
+    if not len(there):
+        return _NO_DATE if types.is_timestamp(values.type) or types.is_date(values.type) else ""
+    first = there[0].as_py()
     return printable(first.isoformat() if isinstance(first, date) else str(first))[:100]
 
 

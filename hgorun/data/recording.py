@@ -188,11 +188,27 @@ class Recording:
     @property
     def median_gap(self) -> float:
         """The median of the steps between samples, of the output that has the shortest."""
-        medians = [median_step(signal.taken) for signal in self.outputs.values()]
+        medians = [even_step(signal.taken) for signal in self.outputs.values()]
         return min((median for median in medians if not np.isnan(median)), default=float("nan"))
 
 
-_STEPS: Memo[float] = Memo(2)  # the outputs of a file share their times
+# the outputs of a file share their times
+_STEPS: Memo[float] = Memo(2)
+_EVEN_STEPS: Memo[float] = Memo(2)
+
+
+def even_step(times: np.ndarray) -> float:
+    """The step of times that are evenly spaced, with hardly any of their rounding; of others the median."""
+    return _EVEN_STEPS.get(same(times), lambda: _even_step(times))
+
+
+def _even_step(times: np.ndarray) -> float:
+    if times.size > 2:
+        steps = np.diff(times)
+        slack = 4 * np.spacing(max(abs(float(times[0])), abs(float(times[-1]))))
+        if steps.max() - steps.min() <= slack:
+            return float(times[-1] - times[0]) / (times.size - 1)
+    return median_step(times)
 
 
 def median_step(times: np.ndarray) -> float:

@@ -28,6 +28,12 @@ _FLAGS = {"flag_values": np.arange(len(STATUSES), dtype=np.int8), "flag_meanings
 class Sweep(Collected):
     """The members of an ensemble: the arrays of :class:`~hgorun.ensemble.collected.Collected`, with conveniences."""
 
+    def _repr_html_(self) -> str:
+        """In a notebook: the axes, and medians of the observers' metrics."""
+        from hgorun.ensemble.notebook import as_html
+
+        return as_html(self)
+
     def to_xarray(self) -> xarray.Dataset:
         """Metrics and statuses with labelled coordinates; needs the package xarray.
 

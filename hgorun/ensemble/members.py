@@ -24,8 +24,8 @@ class Members:
     Attributes
     ----------
     columns : mapping of str to ndarray, shape (size,)
-        By path, as after ``--set``; ``observers.*.theta`` means every observer that has such a key. Where two paths
-        lead to one place, the later one holds.
+        By path, as after ``--set``; ``observers.*.theta`` means every observer that can have it. Where two paths lead
+        to one place, the later one holds.
     size : int
         How many members there are.
 
@@ -97,7 +97,20 @@ def written_out(base: Experiment, path: str) -> list[str]:
     if not labels:
         known = dict.fromkeys(name for observer in base.observers.values() for name in type(observer).model_fields)
         raise ConfigError(f"no observer has the key {key!r}.{nearest(key, known)}".removesuffix("."), key=path)
-    return [".".join(("observers", label, *keys[2:])) for label in labels]
+    free = [label for label in labels if not _excluded(base, label, keys[2:])]
+    return [".".join(("observers", label, *keys[2:])) for label in free or labels]
+
+
+def _excluded(base: Experiment, label: str, keys: Sequence[str]) -> bool:
+    """Whether what a block says otherwise leaves no room for a key, as ``Q`` of a Kalman filter does for ``theta``."""
+    block = base.observers[label]
+    if len(keys) > 1 or keys[0] in block.model_fields_set or type(block).model_fields[keys[0]].default is not None:
+        return False
+    try:
+        base.varied({f"observers.{label}.{keys[0]}": 1.0})
+    except ConfigError:
+        return True
+    return False
 
 
 def _column(values: Sequence[Any] | Column) -> Column:

@@ -76,7 +76,7 @@ def errors(cases: Sequence[Case], goal: Goal, gains: Mapping[str, float], *, rep
             evaluated = evaluate_run(prepared, case.samples.report if report else case.samples.search, {})
         except HgorunError:
             return None
-        of_outputs = _errors(prepared, evaluated, goal)
+        of_outputs = _errors(prepared, evaluated, goal, report)
         parts = [one / np.sqrt(one.size * len(of_outputs) * len(cases)) for one in of_outputs if one.size]
         lost = np.isfinite(evaluated.carried.raw.diverged[0, 0]) or not parts
         if lost or not all(np.all(np.isfinite(one)) for one in parts):
@@ -85,11 +85,15 @@ def errors(cases: Sequence[Case], goal: Goal, gains: Mapping[str, float], *, rep
     return np.concatenate(found)
 
 
-def _errors(prepared: PreparedEstimate, found: Evaluated, goal: Goal) -> list[Floats]:
-    """What counts as errors of a run with one observer: of an output or state, or of every output."""
+def _errors(prepared: PreparedEstimate, found: Evaluated, goal: Goal, report: bool) -> list[Floats]:
+    """What counts as errors of a run with one observer: of an output or state, or of every output.
+
+    Innovations are of samples that the observer gets and that the search has seen. A report on them is of what is
+    predicted of samples that it does not get.
+    """
     noise = stated(prepared.experiment)
     size = noise if goal.name == ALL else {}
-    if goal.score != "innovation_rms":
+    if report or goal.score != "innovation_rms":
         return [one.residuals[0] / size.get(name, 1.0) for name, one in found.held_out.items()]
     chosen = [i for i, one in enumerate(prepared.samples) if goal.name in (ALL, one.output)]
     used = [found.carried.used[prepared.slots[i], 0] for i in chosen]

@@ -104,10 +104,12 @@ def _insets(ax: Axes) -> list[Axes]:
 def _legend(figure: Figure, axes: Sequence[Axes], title: str | None) -> Legend:
     """One legend above all panels, in as many columns as fit; the figure's title is its title."""
     handles: dict[tuple[str, Any], Any] = {}
+    titles = [ax.get_title(loc="left") for ax in axes]
     for ax in axes:
         for line in ax.lines:
             text = str(line.get_label())
-            if not text.startswith("_"):  # matplotlib's own names for what has none
+            named = text == ax.get_title(loc="left") and titles.count(text) == 1  # by its panel's title
+            if not text.startswith("_") and not named:  # matplotlib's own names for what has none
                 handles.setdefault((text, line.get_color()), line)
     entries = sorted(handles, key=lambda entry: _rank(entry[0]))
     texts = [text for text, _ in entries]

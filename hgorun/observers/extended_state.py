@@ -53,5 +53,5 @@ class ExtendedState(Punctual, Differentiator, ContinuousObserver[DerivativeForm,
     def flow(self, plant: DerivativeCopy, s: Symbols, corrections: ca.SX, k: Symbols) -> Flow:
         """The chain with b_0 u and sigma at its end, less the corrections of its n + 1 equations."""
         driven = s.sigma + (ca.dot(k.b_0, plant.lower.u) if k.b_0.numel() else 0)
-        rates = ca.vertcat(s.xhat[1:], driven) - corrections[:-1]
+        rates = ca.vertcat(*ca.vertsplit(s.xhat)[1:], driven) - corrections[:-1]
         return Flow({"xhat": rates, "sigma": -corrections[-1]}, correction=corrections[0])

@@ -20,7 +20,7 @@ from hgorun.symbolic.states import Symmetric
 from hgorun.symbolic.symbols import Symbols
 
 LAMBDA = (1.1, 1.5, 2.0, 3.0, 5.0, 7.0, 10.0, 12.0, 14.0, 17.0, 20.0, 26.0, 32.0)
-_NEWTON_STEPS = 6  # after which the root is exact to rounding, at every order and whatever the numbers
+_NEWTON_STEPS = 5, 6  # up to two derivatives and beyond: after them the root is right to rounding, whatever the numbers
 Explicit = Literal["proper", "explicit"]
 Discretisation = Literal["implicit"] | Explicit
 
@@ -101,7 +101,7 @@ class RobustExactDifferentiator(SlidingMode, Switching, SteppedDifferentiator):
 
     def _step(self, z: ca.SX, y: ca.SX, h: ca.SX, a: ca.SX) -> ca.SX:
         if self.implicit:
-            return implicit_step(z, y, h, [a[j] for j in range(z.numel())], _NEWTON_STEPS)
+            return implicit_step(z, y, h, [a[j] for j in range(z.numel())], _NEWTON_STEPS[z.numel() > 3])
         return drift(self.discretisation, z, h) - h * (a * powers(z[0] - y, z.numel()))
 
 

@@ -15,6 +15,12 @@ if TYPE_CHECKING:
 class Result(ResultData):
     """A finished run: the arrays of :class:`~hgorun.result.data.ResultData`, with conveniences."""
 
+    def _repr_html_(self) -> str:
+        """In a notebook: the observers with their metrics."""
+        from hgorun.result.notebook import as_html
+
+        return as_html(self)
+
     def save(self, path: str | Path) -> Path:
         """Write the HDF5 file, whole or not at all."""
         from hgorun.result.writing import save

@@ -59,7 +59,20 @@ class Experiment(Configured):
     ------
     ConfigError
         For the first thing wrong in it.
+
+    Examples
+    --------
+    >>> plant = {"type": "van_der_pol", "initial": {"x1": 1, "x2": 0}}
+    >>> experiment = Experiment({"time": {"end": 5}, "plant": plant, "observers": {"a": {"type": "shgo", "theta": 5}}})
+    >>> list(experiment.observers)
+    ['a']
     """
+
+    def _repr_html_(self) -> str:
+        """In a notebook: the plant, and the observers with their keys."""
+        from hgorun.simulation.notebook import as_html
+
+        return as_html(self)
 
     def varied(self, changes: Mapping[str, Any], *, seed: int | None = None, name: str | None = None) -> Experiment:
         """The same experiment, but for some values.

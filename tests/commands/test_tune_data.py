@@ -85,6 +85,11 @@ def test_innovations_of_all_outputs(shell: Shell) -> None:
     code, out, _ = shell("tune", "tuned.yaml")
     assert code == 0
     assert "innovation_rms *: search" in out
+    code, out, _ = shell("tune", "tuned.yaml", "--json")
+    (found,) = json.loads(out)["observers"].values()
+    (search,), (report,) = found["tuned"].values(), found["held_out"].values()
+    assert report != search  # of samples that the search has not seen
+    assert report == pytest.approx(search, rel=0.5)
 
 
 @pytest.mark.parametrize(

@@ -147,3 +147,16 @@ def test_files_that_are_not_read_say_what_they_are(tmp_path: Path, begin: bytes)
     (tmp_path / "log.csv").write_bytes(begin + bytes(100))
     with pytest.raises(ConfigError, match="this is"):
         recorded(tmp_path / "log.csv", "")
+
+
+@pytest.mark.parametrize(("write", "prefix", "name"), WRITTEN)
+def test_dates_of_a_column_that_begins_with_missing_ones(tmp_path: Path, write: Any, prefix: str, name: str) -> None:
+    known: Any = STAMPS + np.timedelta64(1, "s")
+    known[:5] = np.datetime64("NaT")
+    texts = ["" if np.isnat(one) else str(one) for one in known]
+    stamps = [str(one) for one in STAMPS]
+    write(tmp_path / name, t=stamps, glucose=VALUES, known=texts if write is hdf5 else known)
+    block = {"S": {"column": f"{prefix}glucose", "available": f"{prefix}known"}}
+    signal = recorded(tmp_path / name, prefix, outputs=block).outputs["S"]
+    np.testing.assert_allclose(signal.available - signal.taken, 1, atol=1e-6)
+    assert signal.taken.size == STAMPS.size - 5

@@ -129,3 +129,27 @@ def test_signals_of_one_file_share_their_clock(tmp_path: Path) -> None:
     outputs = recorded(tmp_path, content, {"outputs": {"S": "glucose", "E": "ethanol"}}).outputs
     assert outputs["S"].taken is outputs["E"].taken
     assert outputs["S"].lines is outputs["E"].lines
+
+
+@pytest.mark.parametrize("empty", [1, 300])
+def test_dates_of_a_column_that_begins_with_empty_cells(tmp_path: Path, empty: int) -> None:
+    """When a sample was known is often not said of the first ones."""
+    moments = [START + timedelta(seconds=k) for k in range(empty + 20)]
+    rows = [
+        f"{at.isoformat()},{k % 7}.5,{'' if k < empty else (at + timedelta(seconds=0.5)).isoformat()}"
+        for k, at in enumerate(moments)
+    ]
+    content = "t,glucose,known\n" + "\n".join(rows) + "\n"
+    changes = {"outputs": {"S": {"column": "glucose", "available": "known"}}}
+    signal = recorded(tmp_path, content, changes).outputs["S"]
+    assert signal.taken.size == 20
+    np.testing.assert_allclose(signal.available - signal.taken, 0.5, atol=1e-9)
+
+
+def test_the_step_of_an_even_log_is_free_of_the_rounding_of_its_times(tmp_path: Path) -> None:
+    """Every two seconds, in minutes: the step is 1/30, and not what is left of a difference of two times."""
+    stamps = [(START + timedelta(seconds=2 * k)).isoformat() for k in range(700)]
+    content = "t,glucose\n" + "".join(f"{stamp},{k % 5}.25\n" for k, stamp in enumerate(stamps))
+    recording = recorded(tmp_path, content, time_unit="min")
+    assert recording.median_gap == pytest.approx(1 / 30, rel=2e-16)
+    assert recorded(tmp_path, "t,glucose\n0,1\n1,2\n3,1\n4,3\n", {}).median_gap == 1

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
-from examples import VAN_DER_POL, experiment
+from examples import VAN_DER_POL, chain, experiment
 
 from hgorun import Experiment, simulate
 from hgorun.ensemble.block import Block, compute
-from hgorun.ensemble.members import Members
+from hgorun.ensemble.members import Members, written_out
 from hgorun.errors import ConfigError
 from hgorun.result.status import STATUSES
 
@@ -73,3 +75,16 @@ def test_members_can_be_sliced() -> None:
     assert len(members[::2]) == 2
     with pytest.raises(ValueError, match="different lengths"):
         Members.of({"a": [1, 2], "b": [1]})
+
+
+def test_a_key_of_all_observers_leaves_out_blocks_that_exclude_it() -> None:
+    """A Kalman filter whose noise is given as Q has no theta, others have one."""
+    filters: dict[str, dict[str, Any]] = {
+        "Q": {"type": "ekf", "Q": {"x2": 1}},
+        "theta": {"type": "ekf", "theta": 2},
+        "S": {"type": "shgo", "theta": 2},
+    }
+    sampled = {"sampling": {"period": 0.1}, "noise": [{"type": "gaussian", "std": 0.1}]}
+    base = experiment(chain(2, "-x1"), filters, measurement=sampled)
+    assert written_out(base, "observers.*.theta") == ["observers.theta.theta", "observers.S.theta"]
+    assert written_out(base, "observers.*.Q") == ["observers.Q.Q"]

@@ -211,3 +211,15 @@ def test_times_between_samples_may_change() -> None:
         y = np.sin(begin) + 0.5 * np.cos(0.5 * begin)
         x = x + (end - begin) * np.array([x[1], fhan(x[0] - y, x[1], 5, 0.3)])
         np.testing.assert_allclose(run.observers["D"].xhat[round(end / 0.05)], x, rtol=1e-7)
+
+
+def test_phases_of_continuous_and_of_sampled_outputs() -> None:
+    """The step is the solver's while the output is continuous, and the period while it is sampled."""
+    phases = {"phases": [{"until": 1}, {"until": 2, "sampling": {"period": 0.05}}, {"until": 3}]}
+    blocks: dict[str, Block] = {"F": {"type": "filtering", "L": 1.2, "n_f": 0}, "T": {"type": "tracking", "r": 5}}
+    run = simulated(TWO, blocks, end=3, output_step=0.01, step=0.01, measurement=phases)
+    for found in run.observers.values():
+        moved = np.abs(np.diff(found.xhat, axis=0)).max(axis=1) > 0
+        assert np.all(moved[20:99])
+        assert 18 <= np.count_nonzero(moved[102:200]) <= 21
+        assert np.all(moved[202:299])

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from examples import Block, chain, experiment, inline, simulated
+from examples import Block, chain, experiment, findings, inline, said, simulated
 from scipy.integrate import solve_ivp
 
+from hgorun.analysis.report import analyze
 from hgorun.errors import ConfigError
 from hgorun.observers.eso import LinearExtendedStateObserver
 from hgorun.observers.neso import NonlinearExtendedStateObserver
@@ -52,6 +53,20 @@ def test_error_of_a_growing_disturbance() -> None:
     found = run.observers["L"]
     np.testing.assert_allclose((found.xhat - run.x)[-1], [-0.0056, -0.084], rtol=1e-7)
     np.testing.assert_allclose(found.internal["sigma"][-1, 0] - 0.7 * 20, -0.42, rtol=1e-7)
+
+
+def test_linear_theory_is_that_of_the_chain_with_one_state_more() -> None:
+    """poles -omega_o, noise norms of the same transfer functions as those of the extended observer."""
+    blocks: dict[str, Block] = {
+        "L": {"type": "eso", "omega_o": 4, "b_0": 1.5, "poles": [-1, -2, -3]},
+        "X": {"type": "extended", "theta": 4, "poles": [-1, -2, -3]},
+    }
+    wanted = [one for one in findings("decay", "noise") if one.name in ("poles", "beta", "chi", "h2")]
+    found = analyze(experiment(DRIVEN, blocks, end=2, step=0.01), wanted).observers
+    linear, extended = (said(found[label]) for label in ("L", "X"))
+    np.testing.assert_allclose(linear["poles"], extended["poles"], atol=1e-12)
+    for key in ("beta", "chi", "h2"):
+        assert linear[key] == pytest.approx(extended[key], rel=1e-6)
 
 
 def fal(e: float, alpha: float, delta: float) -> float:
@@ -121,3 +136,14 @@ def test_what_does_not_fit_is_refused(block: Block, measurement: Block, message:
 def test_one_number_for_one_input() -> None:
     with pytest.raises(ConfigError, match=r"one number is for one input: give \{input: number\}; the plant has: none"):
         prepare(experiment(chain(2), {"E": {"type": "eso", "omega_o": 4, "b_0": 2}}))
+
+
+def test_one_state_and_its_disturbance() -> None:
+    blocks: dict[str, Block] = {
+        "L": {"type": "eso", "omega_o": 5},
+        "N": {"type": "neso", "beta": [10, 25], "alpha": [1, 1], "delta": 0.1},
+    }
+    run = simulated(chain(1, "0.3 + 0*t", 0), blocks, end=8, step=0.01)
+    for found in run.observers.values():
+        np.testing.assert_allclose(found.xhat[-1], run.x[-1], atol=1e-9)
+        np.testing.assert_allclose(found.internal["sigma"][-1], 0.3, rtol=1e-9)

@@ -102,7 +102,9 @@ def test_coefficients() -> None:
 def test_the_implicit_step_has_the_root_that_bisection_finds(n: int) -> None:
     a = red_gains(n, 3.0)
     z_, h_ = ca.SX.sym("z", n + 1), ca.SX.sym("h")
-    step = ca.Function("step", [z_, h_], [implicit_step(z_, ca.SX(0), h_, [ca.SX(one) for one in a], 6)])
+    step = ca.Function(
+        "step", [z_, h_], [implicit_step(z_, ca.SX(0), h_, [ca.SX(one) for one in a], 5 if n < 3 else 6)]
+    )
     generator, resting = np.random.default_rng(n), 0
     for h in (1e-3, 0.1, 2.0):
         for scale in (0.1, 1.0, 1e4):

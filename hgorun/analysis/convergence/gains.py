@@ -22,6 +22,7 @@ from hgorun.errors import Problem
 from hgorun.observers.base import AnyObserver, ContinuousObserver, CorrectedObserver
 from hgorun.observers.capabilities import HighGain, NotLinear, SettlingGain
 from hgorun.observers.constant_gain import PlacedGain
+from hgorun.observers.eso import LinearExtendedStateObserver
 from hgorun.observers.forward_differences import ForwardDifferences
 from hgorun.observers.recalling import LAGS, RecallingObserver
 from hgorun.observers.riccati import RiccatiGain
@@ -148,6 +149,8 @@ def error_dynamics(observer: AnyObserver, form: Form) -> ErrorDynamics:
     """
     if isinstance(observer, NotLinear) and observer.not_linear is not None:
         raise NoValue(observer.not_linear)
+    if isinstance(observer, LinearExtendedStateObserver):
+        return _extended(observer, form)
     chains = _chains(observer, form)
     if isinstance(observer, ForwardDifferences):
         return _differences(observer, form)
@@ -210,6 +213,14 @@ def _differences(observer: ForwardDifferences, form: Form) -> ErrorDynamics:
     first = np.eye(n)[:1]
     A_0 = np.eye(n, k=1) - np.outer(H_0, first)
     return ErrorDynamics(A_0, H_0[:, None], np.eye(n, k=1)[:1], np.arange(n), n, _asked_for(observer, A_0))
+
+
+def _extended(observer: LinearExtendedStateObserver, form: Form) -> ErrorDynamics:
+    """The chain of n + 1 that the linear extended-state observer takes every plant for, at omega_o = 1."""
+    n = form.plant.n
+    G = observer.gain(n + 1)
+    A = np.eye(n + 1, k=1) - np.outer(G, np.eye(n + 1)[0])
+    return ErrorDynamics(A, G[:, None], np.eye(n + 1, k=1)[:1], np.arange(n + 1), n, _asked_for(observer, A))
 
 
 def _chain_model(chains: tuple[int, ...]) -> PlantModel:

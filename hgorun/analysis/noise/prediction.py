@@ -13,7 +13,15 @@ from hgorun.analysis.noise.continuous import continuous_power
 from hgorun.analysis.noise.jumps import noise_of_jumps
 from hgorun.analysis.noise.sampled import SampledLoop
 from hgorun.analysis.noise.terms import NoiseTerms
-from hgorun.analysis.reasons import CORRECTED, NO_SLOPES, NoValue, first_of, require_estimate, require_innovation
+from hgorun.analysis.reasons import (
+    CORRECTED,
+    NO_SLOPES,
+    SLIDING,
+    NoValue,
+    first_of,
+    require_estimate,
+    require_innovation,
+)
 from hgorun.measurement.blocks import noise_blocks
 from hgorun.observers.base import CorrectedObserver, SampledObserver
 from hgorun.observers.capabilities import SlidingMode
@@ -47,7 +55,7 @@ def predicted_noise(run: PreparedRun, label: str, noise_free: Result, result: Re
     """
     observer = run.experiment.observers[label]
     if isinstance(observer, CorrectedObserver):
-        raise NoValue(CORRECTED)
+        raise NoValue(SLIDING if isinstance(observer, SlidingMode) else CORRECTED)
     require_innovation(run, label)
     steady = partial(_power, run, noise_free, label)
     if result is None or noise_free.observers[label].lost or isinstance(observer, SlidingMode):

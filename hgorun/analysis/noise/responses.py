@@ -10,9 +10,10 @@ from hgorun.analysis.linear.linear import Linear, Linearisation
 from hgorun.analysis.linear.sinusoids import with_theta
 from hgorun.analysis.linear.transfer import response, restricted, steady_part
 from hgorun.analysis.noise.terms import NoiseTerms
-from hgorun.analysis.reasons import CORRECTED, JUMPS, NoValue, outcomes, require_estimate
+from hgorun.analysis.reasons import CORRECTED, JUMPS, SLIDING, NoValue, outcomes, require_estimate
 from hgorun.analysis.subject import Context, Subject, once
 from hgorun.observers.base import CorrectedObserver, SampledObserver
+from hgorun.observers.capabilities import SlidingMode
 from hgorun.result.observer import ObserverResult
 from hgorun.result.theory import Bode
 from hgorun.simulation.simulate import prepare, simulate_prepared
@@ -36,7 +37,7 @@ def linear_at_end(observer: Subject) -> Linear:
     if isinstance(observer.observer, SampledObserver):
         raise NoValue(JUMPS)
     if isinstance(observer.observer, CorrectedObserver):
-        raise NoValue(CORRECTED)
+        raise NoValue(SLIDING if isinstance(observer.observer, SlidingMode) else CORRECTED)
     require_estimate(observer.found)
     return _at_end(Linearisation(observer.run, observer.label), observer.result.time, observer.found)
 

@@ -1,0 +1,56 @@
+"""A recording as lines of a stream: what ``hgorun estimate CONFIG -`` reads."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from hgorun.data.recording import Recording
+from hgorun.errors import ConfigError
+from hgorun.files import write_text
+
+_OUTPUT = Path("-")
+
+
+def export_samples(recording: Recording, read_from: Sequence[Path], target: Path, *, quiet: bool = False) -> int:
+    """Write the samples.
+
+    Raises
+    ------
+    ConfigError
+        Where the file is one of those that are read.
+    """
+    if target == _OUTPUT:
+        for line in lines(recording):
+            sys.stdout.write(line)
+        return 0
+    if target.resolve() in {path.resolve() for path in read_from}:
+        raise ConfigError(f"--export-samples: {target} is read: name another file")
+    write_text(target, "".join(lines(recording)))
+    if not quiet:
+        print(f"written: {target}")
+    return 0
+
+
+def lines(recording: Recording) -> Iterator[str]:
+    """``t,signal,y``, and ``available`` where samples come late, in the order in which they are known.
+
+    Times count from the origin of the recording, values are in the units of the model. At one time inputs
+    stand before outputs.
+    """
+    rows: list[tuple[float, int, float, str, float]] = []
+    late = any(signal.late for signal in recording.outputs.values())
+    for number, given in enumerate(recording.inputs.values()):
+        rows += [
+            (t, number, t, given.name, y) for t, y in zip(given.times.tolist(), given.values.tolist(), strict=True)
+        ]
+    for number, signal in enumerate(recording.outputs.values(), start=len(recording.inputs)):
+        times = np.column_stack([signal.available, signal.taken, signal.values]).tolist()
+        rows += [(known, number, t, signal.name, y) for known, t, y in times]
+    rows.sort(key=lambda row: row[:3])
+    yield "t,signal,y,available\n" if late else "t,signal,y\n"
+    for known, _, t, name, y in rows:
+        yield f"{t!r},{name},{y!r},{known!r}\n" if late else f"{t!r},{name},{y!r}\n"
