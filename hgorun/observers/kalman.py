@@ -171,9 +171,13 @@ class KalmanFilter(NoiseInformed, ContinuousObserver[Form, ModelCopy]):
             for name in self.Q:
                 if name not in states:
                     raise Problem(("Q", name), f"unknown state {name!r}; known here: {', '.join(states)}")
-            return {"Q": np.diag([self.Q.get(name, 0.0) for name in states])}
-        assert self.Q is not None
-        return {"Q": require_covariance(self.Q, len(states), "state: number")}
+            Q = np.diag([self.Q.get(name, 0.0) for name in states])
+        else:
+            assert self.Q is not None
+            Q = require_covariance(self.Q, len(states), "state: number")
+        if not np.any(Q):
+            raise Problem(("Q",), "a filter without process noise ceases to listen: expected a number above 0")
+        return {"Q": Q}
 
     def density(self, plant: ModelCopy, xhat: ca.SX, k: Symbols) -> ca.SX:
         """Q at the estimate, shape (n, n)."""
