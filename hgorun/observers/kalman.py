@@ -72,6 +72,8 @@ def mean_intervals(given: float | None, sensors: Sequence[Sensor], form: Form, k
     """
     found = []
     for name, sensor in zip(form.plant.outputs, sensors or (_UNKNOWN,) * len(form.plant.outputs), strict=True):
+        if sensor.continuous:
+            raise Problem((), f"this needs sampled outputs, but {name} is continuous")
         interval = sensor.interval if given is None else given
         if interval is None:
             raise Problem((key,), f"the mean time between samples of {name} is not known, or changes: give {key}")
