@@ -83,6 +83,7 @@ WITHOUT_NUMBERS = {
     "hgorun.process",
     "hgorun.registry",
     "hgorun.version",
+    "hgorun.config.nearest",
 }
 
 
