@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 import typer
 
 from hgorun.commands import catalogue_options, ensemble_options, options
+from hgorun.commands.mistaken import refuse_what_is_no_command
 from hgorun.errors import HgorunError, PluginError, PluginWarning, printable
 from hgorun.process import CLOSED_PIPE, INTERRUPTED, INTERRUPTION_SAID, TERMINATED, TERMINATION_SAID, say, silence
 
@@ -223,6 +224,7 @@ def main() -> None:
     os.environ["MPLBACKEND"] = "agg"  # figures are files; a notebook's setting may name what is not installed here
     os.environ["PYDANTIC_DISABLE_PLUGINS"] = "__all__"  # looking for them takes longer than checking a configuration
     try:
+        refuse_what_is_no_command(sys.argv[1:])
         app()
     except HgorunError as error:
         say(f"hgorun: {error}")

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from shell import Shell
 from typed import assert_strictly_typed
 
 import hgorun
@@ -38,6 +39,37 @@ def test_the_example_prints_what_the_readme_says(
     assert shown is not None
     expected = [line.strip() for line in shown[1].splitlines()]
     assert [line.strip() for line in capsys.readouterr().out.strip().splitlines()] == expected
+
+
+def test_the_example_with_a_recording_prints_what_the_readme_says(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shell = Shell(tmp_path, monkeypatch, capsys)
+    assert "    hgorun init fermentation\n" in README
+    assert shell("init", "fermentation")[0] == 0
+    written = yaml.safe_load((tmp_path / "fermentation" / "fermentation.yaml").read_text())
+    shown = yaml.safe_load(block("yaml", "file: online.csv"))
+    assert shown["data"].items() <= written["data"].items()
+    found = re.search(r"\$ hgorun (estimate fermentation/.*?)\n(.*?)\n\n`holdout", README, re.DOTALL)
+    assert found is not None
+    code, out, _ = shell(*found[1].split(), "--no-plots")
+    assert code == 0
+    *numbers, files = [line.strip() for line in found[2].strip().splitlines()]
+    assert [line.strip() for line in out.strip().splitlines()] == [*numbers, files.split(",")[0]]
+
+
+@pytest.mark.slow
+def test_the_way_to_a_figure_of_your_own_plant(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The commands after the installation, each as it stands there."""
+    shell = Shell(tmp_path, monkeypatch, capsys)
+    lines = [line.split("#")[0].split() for line in block("sh", "git clone").splitlines() if line.startswith("hgorun")]
+    assert [line[1] for line in lines] == ["init", "compare", "analyze"]
+    for line in lines:
+        code, _, err = shell(*line[1:])
+        assert code == 0, err
+    assert (tmp_path / "results" / "mine-comparison.png").exists()
 
 
 def test_the_python_example_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,7 +11,8 @@ from hgorun.analysis.subject import Context
 from hgorun.commands.inputs import configuration
 from hgorun.commands.options import Analyze
 from hgorun.commands.outputs import RESULTS, refuse_other_kinds, written
-from hgorun.commands.run import run_with_progress, warn
+from hgorun.commands.remarks import warn
+from hgorun.commands.run import run_with_progress
 from hgorun.errors import ConfigError
 from hgorun.figures.page import Page
 from hgorun.simulation.simulate import prepare

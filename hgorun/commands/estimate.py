@@ -13,7 +13,7 @@ from hgorun.commands.inputs import configuration
 from hgorun.commands.mqtt_address import is_address
 from hgorun.commands.options import Estimate
 from hgorun.commands.outputs import NOT_OK, RESULT_SUFFIXES, RESULTS, refuse_other_kinds, there, written
-from hgorun.commands.run import warn
+from hgorun.commands.remarks import warn
 from hgorun.config.data import Data, Measured
 from hgorun.config.models import Time
 from hgorun.config.reading import read_source

@@ -8,7 +8,8 @@ from pathlib import Path
 
 from hgorun.commands.options import Rerun
 from hgorun.commands.outputs import RESULT_SUFFIXES, refuse_other_kinds
-from hgorun.commands.run import run_with_progress, warn
+from hgorun.commands.remarks import warn
+from hgorun.commands.run import run_with_progress
 from hgorun.config.yaml_source import parse
 from hgorun.errors import ConfigError
 from hgorun.files import remove_leftovers

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import json as json_text
-import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -20,12 +19,11 @@ from hgorun.commands.outputs import (
     there,
     written,
 )
-from hgorun.engine.methods import METHODS
+from hgorun.commands.remarks import warn
 from hgorun.errors import ConfigError
 from hgorun.files import remove_leftovers, write_text
 from hgorun.process import say
 from hgorun.progress import shown
-from hgorun.result.data import PLANT, Integration
 from hgorun.result.result import Result
 from hgorun.result.run_names import numbered
 from hgorun.simulation.experiment import Experiment
@@ -39,8 +37,6 @@ if TYPE_CHECKING:
     from hgorun.figures.page import Page
     from hgorun.study.study import Run
     from hgorun.tables.metrics import Predicted
-
-_COARSE, _FINE = 1e-2, 1e-3  # errors of given steps that are told, and that would do
 
 # What else somebody may have meant by --output of simulate.
 _INSTEAD = {
@@ -71,7 +67,7 @@ def simulate(options: Simulate) -> int:
             result = simulate_into(prepared, target, check_step=options.check_step, progress=heard)
         files.append(str(target))
         results.append(result)
-        warn(result)
+        warn(result, prepared.experiment)
         if options.text:
             from hgorun.tables.metrics import text  # only where it is printed: a run has to be quick
 
@@ -249,35 +245,6 @@ def run_with_progress(run: PreparedRun, *, show: bool) -> Result:
     """Run, with progress if it is to be shown."""
     with shown(1.0, run.experiment.name, show=show) as progress:
         return simulate_prepared(run, progress=progress.update if show else None)
-
-
-def warn(result: Result) -> None:
-    """Remarks and whatever is not ok are reported on stderr; they are not errors."""
-    for remark in result.remarks:
-        print(f"hgorun: {result.name}: {remark}", file=sys.stderr)
-    for words in [*result.troubles(), *coarse(result)]:
-        print(f"hgorun: {result.name}: {words}", file=sys.stderr)
-
-
-def coarse(result: Result) -> Iterator[str]:
-    """What is said of numbers that a given step or given tolerances make wrong."""
-    how, errors = result.integration, result.integration_error or {}
-    if how is None or how.method is None:
-        return
-    told = {PLANT: result.verdict} | {label: o.verdict for label, o in result.observers.items()}
-    for label, error in errors.items():
-        if error > _COARSE and told[label].status == "ok":
-            who = label if label == PLANT else f"observer {label}"
-            size = f"about {error:.1g}" if error < 1 else "as large as the numbers"
-            yield f"{who}: the integration error is {size}; {_better(how, error)}, or leave it out"
-
-
-def _better(how: Integration, error: float) -> str:
-    """What would make the error a thousandth, as far as can be told."""
-    if how.step is None:
-        return f"give smaller tolerances than rtol {how.rtol:g}"
-    shorter = min(max((error / _FINE) ** (1 / METHODS[how.method or "rk4"].order), 2.0), 100.0)
-    return f"give a step of {how.step / shorter:.1g}"
 
 
 def _predicted(sources: Sequence[PreparedRun | Result], results: Sequence[Result]) -> list[Predicted]:

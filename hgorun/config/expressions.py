@@ -21,11 +21,11 @@ from hgorun.config.grammar import (
     Reader,
     check_name,
     finite,
-    nearest,
     short,
     syntax_tree,
     tokens,
 )
+from hgorun.config.nearest import nearest
 
 if TYPE_CHECKING:
     import casadi

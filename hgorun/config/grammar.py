@@ -10,12 +10,13 @@ import ast
 import math
 import re
 import unicodedata
-from collections.abc import Collection, Iterable
+from collections.abc import Collection
 from dataclasses import dataclass
-from itertools import islice, pairwise
+from itertools import pairwise
 from keyword import iskeyword
 from typing import SupportsFloat, TypeAlias
 
+from hgorun.config.nearest import nearest
 from hgorun.errors import printable
 
 MAX_LENGTH = 2_000
@@ -63,14 +64,14 @@ _LOOKALIKES = {"−": "-", "–": "-", "×": "*", "·": "*", "÷": "/", "²": "*
 _HINTS = {
     "^": "a power is `**`",
     "//": "write floor(a/b)",
-    "%": "a remainder is a - b*floor(a/b)",
+    "%": "a percentage is a fraction, 0.05 for five of a hundred, and a remainder a - b*floor(a/b)",
     "&": "write `and`",
     "|": "write `or`",
     "!": "write `not`",
     "=": "a comparison is `==`; arguments have no keywords",
     ".": "a `.` belongs to a number; there are no attributes",
     "[": "there are no lists and no subscripts, so write x1 for x[1]",
-    "'": "there is no text in an expression",
+    "'": "there is no text in an expression, and digits are not grouped",
     '"': "there is no text in an expression",
     "#": "a comment stands outside the expression",
 }
@@ -118,6 +119,10 @@ def check_name(name: str) -> None:
     """Raise an `ExpressionError` if ``name`` cannot stand for a quantity in expressions."""
     if name.isdigit():
         why = DECIMAL_POINT
+    elif ":" in name:
+        why = f"a space belongs behind the colon, as in {name.replace(':', ': ', 1)}"
+    elif re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*'", name):
+        why = f"the right-hand side of {name} stands under {name[:-1]}"
     elif not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", name):
         why = "names are ASCII letters, digits and `_`, and begin with no digit"
     elif iskeyword(name):
@@ -129,15 +134,6 @@ def check_name(name: str) -> None:
     else:
         return
     raise ExpressionError(f"`{short(name)}` cannot be a name: {why}")
-
-
-def nearest(name: str, candidates: Iterable[str]) -> str:
-    """Return " Did you mean `x`?" with the candidate most like ``name``, or "" if none is."""
-    import difflib
-
-    known = {candidate.lower(): candidate for candidate in islice(candidates, 1_000) if len(candidate) < 100}
-    close = difflib.get_close_matches(name[:100].lower(), known, n=1, cutoff=0.5 if len(name) < 4 else 0.6)
-    return f" Did you mean `{known[close[0]]}`?" if close else ""
 
 
 def short(text: str) -> str:
@@ -199,6 +195,11 @@ def _check_neighbours(left: re.Match[str], right: re.Match[str]) -> None:
     begins = right.lastgroup in ("number", "name") or b == "("
     if left.lastgroup == "number" and b in _UNITS:
         raise ExpressionError(f"a number has no unit here, so `{short(b)}` is too much: times are in time.unit")
+    if left.lastgroup == right.lastgroup == "number":
+        raise ExpressionError(
+            f"two numbers, `{short(a)}` and `{short(b)}`, stand side by side: digits are not grouped, and a number has "
+            "no unit here"
+        )
     if ends and begins:
         a, b = short(a), short(b)
         raise ExpressionError(f"an operator is missing between `{a}` and `{b}`: write a product as `{a}*{b}`")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from hgorun.config.expressions import nearest
+from hgorun.config.models import File
 from hgorun.config.paths import at, dotted, entries, walk
 from hgorun.config.yaml_source import MAX_DEPTH, Source, parse
 from hgorun.errors import ConfigError, KeyPath
@@ -30,6 +31,8 @@ def set_path(source: Source, assignment: str) -> Source:
     above = at(source.data, old)
     if new and above is not None and not isinstance(above, dict):
         raise ConfigError(_no_way(source.data, old, new[0]), file=file, line=1)
+    if not old and len(new) == 1 and new[0] not in File.model_fields:
+        _refuse_part_of_a_path(source.data, new[0], file)
     path = (*old, *new)
     value = parse(text, file).data if text.strip() else None
     data = _replaced(source.data, path, value)
@@ -38,6 +41,19 @@ def set_path(source: Source, assignment: str) -> Source:
     if max(map(len, places)) > MAX_DEPTH:
         raise ConfigError(f"lists and mappings nested more than {MAX_DEPTH} deep", file=file, line=1)
     return Source(data, places | created)
+
+
+def _refuse_part_of_a_path(data: Any, name: str, file: str) -> None:
+    """Where only the last key of a path is given, name the whole paths.
+
+    Raises
+    ------
+    ConfigError
+    """
+    found = [dotted(path) for path, _ in walk(data) if len(path) > 1 and path[-1] == name]
+    if found:
+        message = f"{name!r} is no key of the top of the file. Did you mean `{sorted(map(str, found))[0]}`?"
+        raise ConfigError(message, file=file, line=1, key=name)
 
 
 def replaced(source: Source, path: str, value: Any) -> tuple[Source, KeyPath]:

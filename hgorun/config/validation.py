@@ -106,9 +106,9 @@ def _meaning(item: ErrorDetails, model: type[BaseModel]) -> str:
 
 
 def _hint(kind: str, found: object) -> str:
-    if kind == "dict_type" and isinstance(found, list):
+    if kind == "dict_type" and not isinstance(found, dict):
         return "; write lines `name: value`"
-    if kind in ("list_type", "tuple_type") and isinstance(found, str) and "," in found:
+    if kind in ("list_type", "tuple_type"):
         return "; a list has brackets: [a, b]"
     return ""
 

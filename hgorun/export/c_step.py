@@ -103,7 +103,7 @@ class Steps(Part):
             first = "start + margin"
         if self.functions.timed:
             yield f"    {real.name} tau[{len(observer.equations.clocked)}];"
-        arrays = ["z", *(["stage"] if observer.method.stages else []), *names]
+        arrays = ["z", *(["stage"] if self._reads_stages else []), *names]
         yield from (f"    {real.name} {name}[{observer.size}];" for name in arrays)
         yield "    uint32_t k;"
         yield ""
@@ -119,6 +119,11 @@ class Steps(Part):
         yield "    s->t = t;"
         yield from ("}", "")
 
+    @property
+    def _reads_stages(self) -> bool:
+        """Whether the slope depends on the state: that of an observer that holds still between samples may not."""
+        return len(self.observer.method.c) > 1 and "stage" in "".join(self._slope_at("from", "stage", "k2"))
+
     def _step(self, names: list[str], last: str) -> Iterator[str]:
         """The step from time ``from``; functions of time are evaluated at ``last`` at the end of the last step."""
         observer, method, p, timed = self.observer, self.observer.method, self.prefix, self.functions.timed
@@ -131,7 +136,8 @@ class Steps(Part):
             body += self._slope_at("from", "z", "k1")
         ticked = 0.0
         for c, row, name in zip(method.c[1:], method.stages, names[1:], strict=True):
-            body += self._combined(row, "stage", names)
+            if self._reads_stages:
+                body += self._combined(row, "stage", names)
             time = end if c == 1.0 else f"from + (h * {Real().number(c)})"
             if timed and c != ticked:
                 body.append(f"        {p}clock({time}, tau);")

@@ -146,6 +146,10 @@ class BySampling(Block):
         """The block, as an observer of samples."""
 
 
+class RecallsInputs(Block):
+    """Equations that ask what the inputs have been at times before: these have to be functions of time."""
+
+
 class NotExported(Block):
     """Equations that are not written as code of their own."""
 

@@ -70,7 +70,9 @@ class InlinePlant(Plant):
             raise ValueError("states: duplicate name")
         missing = [s for s in self.states if s not in self.dynamics]
         if missing:
-            raise ValueError(f"dynamics: the right-hand side of {', '.join(missing)} is missing")
+            others = [name for name in self.dynamics if name not in self.states]
+            instead = f"; {others[0]} is no state: the key is the name of the state itself" if others else ""
+            raise ValueError(f"dynamics: the right-hand side of {', '.join(missing)} is missing{instead}")
         return self
 
     @property

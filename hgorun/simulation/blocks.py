@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -27,6 +27,7 @@ from hgorun.symbolic.observability import CanonicalForms
 T = TypeVar("T")
 
 _LONGEST_LABEL = 100
+_MANY = 12  # names, of which a message does not list more
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -214,16 +215,42 @@ def observer_of(label: str, block: dict[str, Any], source: Source) -> AnyObserve
         message = "no observer can be called plant: results and tables call the plant itself so"
         raise ConfigError(message, file=file, line=line, key=f"observers.{label}")
     if "type" not in block:
-        known = ", ".join(OBSERVERS.names())
         others = [name for name in source.data["observers"] if name != label]
         raise ConfigError(
-            f"type is missing.{nearest(label, others)} It is one of {known}",
+            f"type is missing.{nearest(label, others)} It is a name from hgorun list observers, such as shgo or ekf",
             file=file,
             line=line,
             key=f"observers.{label}",
         )
     cls = _find(OBSERVERS, block["type"], source, (*path, "type"))
+    for key in block:
+        if key not in cls.model_fields:
+            _refuse_key_of_others(key, cls, source, path)
     return validate(cls, block, source, path)
+
+
+def _refuse_key_of_others(key: str, cls: type[AnyObserver], source: Source, path: tuple[str, ...]) -> None:
+    """Where a key is not of this observer and like none of its own, say whose it is.
+
+    Raises
+    ------
+    ConfigError
+    """
+    owners = [name for name, other in OBSERVERS.all().items() if key in other.model_fields]
+    if owners and not nearest(key, cls.model_fields):
+        file, line = source.where((*path, key))
+        which = ", ".join(owners[:_MANY])
+        raise ConfigError(
+            f"unknown key {key!r}: it is one of {which}. Known here: {', '.join(cls.model_fields)}",
+            file=file,
+            line=line,
+            key=".".join((*path, key)),
+        )
+
+
+def _known(kind: str, names: Sequence[str]) -> str:
+    """Which names there are, where a line has room for them."""
+    return f"Known: {', '.join(names)}" if len(names) <= _MANY else f"See hgorun list {kind}s"
 
 
 def _find(registry: Registry[T], name: Any, source: Source, path: tuple[str, ...]) -> T:
@@ -233,7 +260,7 @@ def _find(registry: Registry[T], name: Any, source: Source, path: tuple[str, ...
         file, line = source.where(path)
         known = registry.names()
         raise ConfigError(
-            f"no {registry.kind} is called {describe(name)}.{nearest(str(name), known)} Known: {', '.join(known)}",
+            f"no {registry.kind} is called {describe(name)}.{nearest(str(name), known)} {_known(registry.kind, known)}",
             file=file,
             line=line,
             key=".".join(path),

@@ -16,6 +16,7 @@ from hgorun.errors import Problem
 from hgorun.measurement.signals import Signal
 from hgorun.measurement.variants import DELAYED, HELD, Variant, is_delayed
 from hgorun.observers.base import CorrectedObserver
+from hgorun.observers.capabilities import RecallsInputs
 from hgorun.observers.recalling import RecallingObserver
 from hgorun.simulation.groups import Group, Part, SystemSymbols
 from hgorun.simulation.truth import PlantNumbers, SameTruth, SimulatedPlant
@@ -128,6 +129,12 @@ def _recalled(groups: Sequence[Group], first: int) -> list[list[range]]:
             own.append(range(first, first + b.recalled))
             first += b.recalled
             truth = group.truth.truth if isinstance(group.truth, SameTruth) else group.truth
+            driven = isinstance(b.observer, RecallsInputs) and b.form.plant.driven
+            if driven and not isinstance(truth, SimulatedPlant):
+                message = (
+                    "it asks for the inputs of times before, which have to be functions of time, not data or a law"
+                )
+                raise Problem(("observers", b.label, "type"), message)
             if isinstance(b.observer, RecallingObserver) and not isinstance(truth, SimulatedPlant):
                 message = "it looks back at its own past, which is kept in simulations alone, not of data or a stream"
                 raise Problem(("observers", b.label, "type"), message)

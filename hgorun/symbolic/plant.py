@@ -59,6 +59,11 @@ class PlantModel:
         """Whether an input appears in the equations."""
         return bool(ca.depends_on(ca.vertcat(self.dynamics, self.output), self.u[number]))
 
+    @property
+    def driven(self) -> bool:
+        """Whether any input appears in the equations."""
+        return any(self.depends_on_input(i) for i in range(len(self.inputs)))
+
     @cached_property
     def measured(self) -> tuple[int | None, ...]:
         """For each output the state that it is, its number; None where it is no state."""

@@ -10,7 +10,7 @@ import pytest
 from shell import Shell
 
 import hgorun
-from hgorun.commands.run import warn
+from hgorun.commands.remarks import warn
 from hgorun.errors import HgorunError
 from hgorun.version import __version__
 

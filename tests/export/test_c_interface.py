@@ -216,9 +216,13 @@ def test_compilers(compiler: str, options: tuple[str, ...], tmp_path: Path) -> N
 
 
 def test_what_an_observer_does_without_is_not_there(tmp_path: Path) -> None:
-    """No warning of functions that nothing calls: differentiators read no inputs, for example."""
+    """No warning of what nothing reads: differentiators read no inputs, and the slope of some not even the state."""
     files: dict[str, str] = {}
-    blocks: list[Block] = [{"type": "levant", "G": 3}, {"type": "savgol", "window": 3, "degree": 1}]
+    blocks: list[Block] = [
+        {"type": "levant", "G": 3},
+        {"type": "savgol", "window": 3, "degree": 1},
+        {"type": "red", "L": 3},
+    ]
     for block in blocks:
         run = run_of(DRIVEN, block, {"sampling": {"period": 0.1}})
         (observer,) = exported(run, Wanted(inputs_given=True, late=0.3))

@@ -9,16 +9,10 @@ from numpy.polynomial import Polynomial
 from scipy.special import beta
 
 from hgorun.errors import ConfigError
-from hgorun.observers.algebraic import AlgebraicDifferentiator
 from hgorun.simulation.simulate import prepare
-from hgorun.testing import check_observer
 
 PLANT = chain(3, "-x1 - 0.5*x2 + sin(3*t)", [1, 0, 0])
 NOISE: Block = {"noise": [{"type": "gaussian", "std": 0.1}]}
-
-
-def test_contract() -> None:
-    check_observer(AlgebraicDifferentiator)
 
 
 def weights(ages: np.ndarray, i: int, kappa: int, mu: int) -> np.ndarray:

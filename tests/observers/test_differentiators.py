@@ -10,23 +10,15 @@ import pytest
 from examples import Block, chain, experiment, simulated
 
 from hgorun.errors import ConfigError
-from hgorun.observers.filtering import FilteringDifferentiator, filtering_gains
-from hgorun.observers.hybrid_red import MU, HybridDifferentiator, hybrid_corrections, hybrid_gains
+from hgorun.observers.filtering import filtering_gains
+from hgorun.observers.hybrid_red import MU, hybrid_corrections, hybrid_gains
 from hgorun.observers.red import powers, red_gains
-from hgorun.observers.tracking import TrackingDifferentiator
 from hgorun.simulation.simulate import prepare
-from hgorun.testing import check_observer
 
-FAMILIES = (HybridDifferentiator, FilteringDifferentiator, TrackingDifferentiator)
 SIGNAL = chain(3, "-cos(t) + 0.0625*sin(0.5*t)", [0.5, 1, -0.125])  # sin t + 0.5 cos 0.5 t
 TWO = chain(2, "-sin(t) - 0.125*cos(0.5*t)", [0.5, 1])  # the same with one derivative
 NOISE = [{"type": "expression", "value": "0.01*sqrt(2)*sin(12.9898*(k + 1)**1.5 + k + 1)"}]
 SAMPLED: Block = {"sampling": {"period": 0.01, "offset": 0.01}, "noise": NOISE}
-
-
-@pytest.mark.parametrize("family", FAMILIES)
-def test_contract(family: type) -> None:
-    check_observer(family)
 
 
 def samples(count: int) -> np.ndarray:

@@ -9,17 +9,9 @@ from scipy.integrate import solve_ivp
 
 from hgorun.analysis.report import analyze
 from hgorun.errors import ConfigError
-from hgorun.observers.eso import LinearExtendedStateObserver
-from hgorun.observers.neso import NonlinearExtendedStateObserver
 from hgorun.simulation.simulate import prepare
-from hgorun.testing import check_observer
 
 DRIVEN = inline({"x1": "x2", "x2": "1.5*u"}, "x1", initial={"x1": 1, "x2": -0.5}, inputs={"u": "sin(2*t)"})
-
-
-@pytest.mark.parametrize("family", [LinearExtendedStateObserver, NonlinearExtendedStateObserver])
-def test_contract(family: type) -> None:
-    check_observer(family)
 
 
 @pytest.mark.parametrize("measurement", [{}, {"sampling": {"period": 0.05}}])

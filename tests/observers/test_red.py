@@ -13,6 +13,7 @@ from scipy.optimize import brentq
 
 import hgorun
 from hgorun.errors import ConfigError
+from hgorun.export.prepared import exported
 from hgorun.observers.levant import implicit_step
 from hgorun.observers.red import RobustExactDifferentiator, nonrecursive, quotients_to_derivatives, red_gains
 from hgorun.simulation.prepared import PreparedRun
@@ -55,8 +56,10 @@ def recursion(y: np.ndarray, h: float, a: np.ndarray, drift: np.ndarray) -> np.n
     return z
 
 
-def test_contract() -> None:
-    check_observer(RobustExactDifferentiator)
+@pytest.mark.slow
+@pytest.mark.parametrize("discretisation", ["proper", "explicit"])
+def test_contract_of_what_is_not_the_default(discretisation: str) -> None:
+    check_observer(RobustExactDifferentiator, {"L": 1.0, "discretisation": discretisation})
 
 
 @pytest.fixture(scope="module")
@@ -207,6 +210,13 @@ def test_substeps_take_the_same_sample_several_times() -> None:
     h, y = 0.05, np.repeat(signal(0.1 * np.arange(10), 0), 2)
     expected = recursion(y, h, red_gains(2, 1.2), np.eye(3) + h * np.eye(3, k=1))
     np.testing.assert_allclose(run.observers["D"].xhat, expected[::2], rtol=1e-7, atol=1e-9)
+
+
+def test_exported_code_steps_from_sample_to_sample_alone() -> None:
+    (observer,) = exported(prepared({}, measurement={"sampling": {"period": 0.1}}, step=0.01))
+    assert observer.jump is not None
+    with pytest.raises(ConfigError, match="there is no place in it for decisions"):
+        exported(prepared({}, step=0.01))
 
 
 def prepared(block: Block, **more: object) -> PreparedRun:

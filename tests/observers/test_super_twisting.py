@@ -7,17 +7,11 @@ import pytest
 from examples import Block, chain, experiment, inline, simulated
 
 from hgorun.errors import ConfigError
-from hgorun.observers.super_twisting import SuperTwistingObserver
 from hgorun.simulation.simulate import prepare
-from hgorun.testing import check_observer
 
 PLANT = inline({"x1": "x2", "x2": "-x1 - 0.5*x2 + d"}, "x1", initial={"x1": 1, "x2": 0},
                inputs={"d": "0"}, disturbance={"x2": "0.4*sin(2*t)"})  # fmt: skip
 EULER: Block = {"method": "euler", "step": 1e-3}
-
-
-def test_contract() -> None:
-    check_observer(SuperTwistingObserver)
 
 
 @pytest.mark.parametrize("sampled", [False, True])

@@ -10,6 +10,7 @@ from hgorun.analysis.reasons import NoValue, require_estimate
 from hgorun.analysis.stability.critical import timing_of
 from hgorun.analysis.subject import Subject, once
 from hgorun.observers.kalman import KalmanFilter
+from hgorun.observers.mhe import MovingHorizonEstimator
 
 
 def _is_filter(observer: Subject) -> bool:
@@ -21,6 +22,8 @@ def _at_rest(observer: Subject) -> Stationary:
     """The filter's equations at rest, linearised at the estimate at the end of the run."""
     filter_ = observer.observer
     assert isinstance(filter_, KalmanFilter)
+    if isinstance(filter_, MovingHorizonEstimator):
+        raise NoValue("its noise from sample to sample is Qd and not the integral of Q: on linear plants ask ekf")
     require_estimate(observer.found)
     model = linear_model(observer.run, observer.block, float(observer.result.time[-1]), observer.found.xhat[-1])
     if not filter_.of_samples:

@@ -1,0 +1,41 @@
+"""What may stand in the place of a command by mistake."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+
+from hgorun.errors import ConfigError, printable
+
+# What commands are called elsewhere.
+_CALLED_ELSEWHERE = {
+    **dict.fromkeys(("run", "sim", "solve", "start"), "simulate"),
+    **dict.fromkeys(("plot", "draw", "figure", "show-plot"), "compare"),
+    **dict.fromkeys(("analyse", "theory", "stability"), "analyze"),
+    **dict.fromkeys(("optimize", "optimise", "tuning"), "tune"),
+    **dict.fromkeys(("ensemble", "montecarlo", "monte-carlo", "vary"), "sweep"),
+    **dict.fromkeys(("new", "create", "template", "example", "examples"), "init"),
+    **dict.fromkeys(("info", "describe", "explain"), "show"),
+    **dict.fromkeys(("check", "test", "selftest", "version"), "doctor"),
+    **dict.fromkeys(("cite-bibtex", "bibtex", "citation"), "cite"),
+    **dict.fromkeys(("plants", "observers", "noise", "metrics", "findings", "experiments"), "list"),
+    **dict.fromkeys(("help",), "-h"),
+}
+
+
+def refuse_what_is_no_command(words: Sequence[str]) -> None:
+    """Where a file or another program's word stands in the place of a command, say what would be right.
+
+    Raises
+    ------
+    ConfigError
+    """
+    first = words[0] if words else ""
+    if first in _CALLED_ELSEWHERE:
+        more = f" {first}" if _CALLED_ELSEWHERE[first] == "list" else ""
+        raise ConfigError(f"there is no command {first!r}. Did you mean `hgorun {_CALLED_ELSEWHERE[first]}{more}`?")
+    suffix = os.path.splitext(first)[1].lower()
+    if suffix in (".yaml", ".yml"):
+        raise ConfigError(f"a command comes first: hgorun simulate {printable(first)}")
+    if suffix in (".h5", ".nc", ".hdf5"):
+        raise ConfigError(f"a command comes first: hgorun compare {printable(first)}")

@@ -1,0 +1,59 @@
+"""What is said on stderr of a result: remarks, what is not ok, and numbers that are not as exact as they look."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+
+from hgorun.engine.methods import METHODS
+from hgorun.result.data import PLANT, Integration
+from hgorun.result.result import Result
+from hgorun.simulation.experiment import Experiment
+
+_COARSE, _FINE = 1e-2, 1e-3  # errors of given steps that are told, and that would do
+
+
+def warn(result: Result, experiment: Experiment | None = None) -> None:
+    """Remarks and whatever is not ok are reported on stderr; they are not errors.
+
+    Parameters
+    ----------
+    result : Result
+    experiment : Experiment, optional
+        What was simulated, where that is known: a step that was given may be what an observer diverges with.
+    """
+    for remark in result.remarks:
+        print(f"hgorun: {result.name}: {remark}", file=sys.stderr)
+    for words in [*result.troubles(), *_with_a_given_step(result, experiment), *coarse(result)]:
+        print(f"hgorun: {result.name}: {words}", file=sys.stderr)
+
+
+def coarse(result: Result) -> Iterator[str]:
+    """What is said of numbers that a given step or given tolerances make wrong."""
+    how, errors = result.integration, result.integration_error or {}
+    if how is None or how.method is None:
+        return
+    told = {PLANT: result.verdict} | {label: o.verdict for label, o in result.observers.items()}
+    for label, error in errors.items():
+        if error > _COARSE and told[label].status == "ok":
+            who = label if label == PLANT else f"observer {label}"
+            size = f"about {error:.1g}" if error < 1 else "as large as the numbers"
+            yield f"{who}: the integration error is {size}; {_better(how, error)}, or leave it out"
+
+
+def _better(how: Integration, error: float) -> str:
+    """What would make the error a thousandth, as far as can be told."""
+    if how.step is None:
+        return f"give smaller tolerances than rtol {how.rtol:g}"
+    shorter = min(max((error / _FINE) ** (1 / METHODS[how.method or "rk4"].order), 2.0), 100.0)
+    return f"give a step of {how.step / shorter:.1g}"
+
+
+def _with_a_given_step(result: Result, experiment: Experiment | None) -> Iterator[str]:
+    """Who may have diverged with the step alone, which has been given."""
+    how = result.integration
+    if experiment is None or experiment.blocks.solver.controlled or how is None or how.step is None:
+        return
+    lost = [label for label, o in result.observers.items() if o.verdict.status == "diverged"]
+    if lost:
+        yield f"{', '.join(lost)}: a step of {how.step:g} was given; a shorter one, or none, tells whether that is why"

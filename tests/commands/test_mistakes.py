@@ -1,0 +1,104 @@
+"""Mistakes of people who see hgorun for the first time, and the words by which each finds what is right."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from shell import Shell
+
+CONFIG = """\
+time: {end: 1, output_step: 0.1}
+plant:
+  states: [x1, x2]
+  dynamics:
+    x1: x2
+    x2: -k*x1 + u
+  output: x1
+  parameters: {k: 4.5}
+  inputs: {u: 0.5}
+  initial: {x1: 1, x2: 0}
+measurement:
+  sampling: {period: 0.1}
+  noise: [{type: gaussian, std: 0.1}]
+observers:
+  SHGO: {type: shgo, theta: 2}
+solver: {method: rk4, step: 0.01}
+"""
+
+
+@pytest.fixture
+def shell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Shell:
+    return Shell(tmp_path, monkeypatch, capsys)
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong", "words"),
+    [
+        ("period: 0.1", "period: 0.1 h", "a number has no unit here, so `h` is too much"),
+        ("k: 4.5", "k: 4.5 1/h", "a number has no unit here"),
+        ("k: 4.5", "k: 4 500", "digits are not grouped"),
+        ("k: 4.5", "k: 4'500", "digits are not grouped"),
+        ("std: 0.1", "std: 5%", "a percentage is a fraction, 0.05"),
+        ("k: 4.5", "k: 4,5", "a decimal number is written with a point"),
+        ("initial: {x1: 1, x2: 0}", "initial: {x1:1, x2:0}", "a space belongs behind the colon, as in x1: 1"),
+        ("output: x1", "output:x1", "with a space behind the colon"),
+        ("plant:", "// my plant\nplant:", "a comment begins with #"),
+        ("    x1: x2", "    x1': x2", "the right-hand side of x1' stands under x1"),
+        ("    x1: x2", "    dx1: x2", "dx1 is no state: the key is the name of the state itself"),
+        ("inputs: {u: 0.5}", "inputs: 0.5", "write lines `name: value`"),
+        ("noise: [{type: gaussian, std: 0.1}]", "noise: gaussian", "a list has brackets"),
+        ("theta: 2", "theta: 2, r: 1", "unknown key 'r': it is one of fhgo2"),
+        ("type: shgo", "type: SHGO", "Did you mean `shgo`? See hgorun list observers"),
+        ("{type: shgo, theta: 2}", "{theta: 2}", "type is missing. It is a name from hgorun list observers"),
+        ("output_step: 0.1", "dt: 0.1", "Did you mean `output_step`?"),
+        ("end: 1", "tf: 1", "Did you mean `end`?"),
+        ("  initial:", "  x0:", "Did you mean `initial`?"),
+        ("  dynamics:", "  ode:", "Did you mean `dynamics`?"),
+        ("std: 0.1", "sigma: 0.1", "Did you mean `std`?"),
+        ("theta: 2", "gain: 2", "Did you mean `theta`?"),
+    ],
+)
+def test_what_is_written_wrong(shell: Shell, right: str, wrong: str, words: str) -> None:
+    assert right in CONFIG
+    (shell.folder / "c.yaml").write_text(CONFIG.replace(right, wrong))
+    code, out, err = shell("simulate", "c.yaml")
+    assert (code, out, words in err) == (2, "", True), err
+    assert "c.yaml:" in err
+    assert len(err.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("run", "c.yaml"), "there is no command 'run'. Did you mean `hgorun simulate`?"),
+        (("plot", "c.yaml"), "Did you mean `hgorun compare`?"),
+        (("observers",), "Did you mean `hgorun list observers`?"),
+        (("help",), "Did you mean `hgorun -h`?"),
+        (("c.yaml",), "a command comes first: hgorun simulate c.yaml"),
+        (("c.h5",), "a command comes first: hgorun compare c.h5"),
+        (("simulate", "log.csv"), "this is a log, not a configuration: hgorun estimate CONFIG log.csv"),
+        (("simulate", "c.yaml", "--set", "theta=2"), "Did you mean `observers.SHGO.theta`?"),
+        (("simulate", "c.yaml", "--set", "observers.shgo.theta=2"), "Did you mean `SHGO`?"),
+    ],
+)
+def test_what_is_typed_wrong(shell: Shell, arguments: tuple[str, ...], words: str) -> None:
+    (shell.folder / "c.yaml").write_text(CONFIG)
+    (shell.folder / "log.csv").write_text("t,y\n0,1\n")
+    code, out, err = shell(*arguments)
+    assert (code, out, words in err) == (2, "", True), err
+
+
+def test_a_step_that_was_given_may_be_why_an_observer_diverges(shell: Shell) -> None:
+    (shell.folder / "c.yaml").write_text(CONFIG.replace("theta: 2", "theta: 1e5"))
+    code, _, err = shell("simulate", "c.yaml")
+    assert (code, "SHGO: a step of 0.01 was given; a shorter one, or none" in err) == (0, True), err
+    (shell.folder / "c.yaml").write_text(CONFIG)
+    assert shell("simulate", "c.yaml")[2] == ""
+
+
+@pytest.mark.parametrize("command", ["simulate", "estimate", "list", "cite", "doctor", "init", "claims", "analyze"])
+def test_each_command_says_what_it_takes_and_its_exit_codes(shell: Shell, command: str) -> None:
+    code, out, _ = shell(command, "-h")
+    assert (code, "Exit codes: 0 done" in out) == (0, True)
+    assert out == shell(command, "--help")[1]
