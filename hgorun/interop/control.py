@@ -21,12 +21,12 @@ import numpy as np
 from hgorun.config.types import describe
 from hgorun.errors import ConfigError, HgorunError
 from hgorun.export.equations import compares, outputs_of, symbolic
+from hgorun.interop.text import texts
 from hgorun.observers.base import DecidedObserver
 from hgorun.observers.capabilities import NotExported
 from hgorun.observers.recalling import RecallingObserver
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.simulate import prepare
-from hgorun.symbolic.text import texts
 
 if TYPE_CHECKING:
     from control import NonlinearIOSystem
