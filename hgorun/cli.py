@@ -134,6 +134,13 @@ def _report(chosen: ensemble_options.Report) -> int:
     return report(chosen)
 
 
+@_command("explore", options.Explore)
+def _explore(chosen: options.Explore) -> int:
+    from hgorun.commands.explore import explore
+
+    return explore(chosen)
+
+
 @_command("tune", ensemble_options.Tune)
 def _tune(chosen: ensemble_options.Tune) -> int:
     from hgorun.commands.tune import tune

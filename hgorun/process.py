@@ -153,6 +153,27 @@ def uninterrupted() -> Iterator[None]:
         _stop(waiting[0])
 
 
+@contextmanager
+def until_interrupted(stop: Callable[[], None]) -> Iterator[None]:
+    """Where Ctrl-C is the way to end what is done: it calls ``stop``, from the main thread, and is no interruption.
+
+    Parameters
+    ----------
+    stop : callable
+        What is done here has to come to its end soon after.
+    """
+    if threading.current_thread() is not threading.main_thread() or signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        yield  # signals are heard by the main thread alone
+        return
+    told = signal.set_wakeup_fd(-1)
+    before = signal.signal(signal.SIGINT, lambda *_: stop())
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+        signal.set_wakeup_fd(told, warn_on_full_buffer=False)
+
+
 def serve() -> None:
     """In a process that works for another one: Ctrl-C is the other's business, its end is ours, killed or not.
 

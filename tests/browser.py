@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import base64
 import json
 import shutil
 import subprocess
@@ -72,9 +73,59 @@ class Page:
             await asyncio.sleep(0.2)
         raise AssertionError(f"never true: {expression}")
 
+    async def middle(self, selector: str) -> tuple[float, float]:
+        """Where the middle of an element is, once it is in view."""
+        script = f"""(() => {{ const one = document.querySelector({json.dumps(selector)});
+          one.scrollIntoView({{block: 'center'}});
+          const box = one.getBoundingClientRect(); return [box.x + box.width / 2, box.y + box.height / 2]; }})()"""
+        x, y = await self.value(script)
+        return float(x), float(y)
 
-def opened(path: Path, look: Callable[[Page], Awaitable[None]]) -> Page:
-    """Open a file in Chromium, look at it, and close it."""
+    async def drag(self, start: tuple[float, float], *way: tuple[float, float]) -> None:
+        """Press the mouse at a point, move it along a way, and let go."""
+        await self._mouse("mousePressed", start)
+        for point in way:
+            await self._mouse("mouseMoved", point)
+        await self._mouse("mouseReleased", way[-1] if way else start)
+
+    async def click(self, selector: str) -> None:
+        """Click the middle of an element."""
+        await self.drag(await self.middle(selector))
+
+    async def _mouse(self, kind: str, at: tuple[float, float]) -> None:
+        held = 0 if kind == "mouseReleased" else 1
+        where = {"x": at[0], "y": at[1], "button": "left", "buttons": held, "clickCount": 1}
+        await self.call("Input.dispatchMouseEvent", type=kind, **where)
+
+    async def press(self, key: str, *, control: bool = False) -> None:
+        """Press a key: ``ArrowRight``, ``Tab``, ``z``."""
+        code, text = _KEYS.get(key, (ord(key[0].upper()), "" if control else key))
+        named = {"key": key, "windowsVirtualKeyCode": code, "modifiers": 2 if control else 0}
+        named |= {"text": text} if text else {}
+        await self.call("Input.dispatchKeyEvent", type="keyDown" if text else "rawKeyDown", **named)
+        await self.call("Input.dispatchKeyEvent", type="keyUp", **named)
+
+    async def resize(self, width: int, height: int) -> None:
+        """Give the page a size; at 400 % zoom a window of 1280 is 320 wide."""
+        await self.call(
+            "Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False
+        )
+
+    async def picture(self, path: Path, *, whole: bool = False) -> None:
+        """What is seen of the page, or all of it, as a PNG."""
+        found = await self.call("Page.captureScreenshot", format="png", captureBeyondViewport=whole)
+        path.write_bytes(base64.b64decode(found["data"]))
+
+
+# keys without a character of their own: their codes, and what they type
+_KEYS = {
+    "ArrowLeft": (37, ""), "ArrowUp": (38, ""), "ArrowRight": (39, ""), "ArrowDown": (40, ""), "Home": (36, ""),
+    "End": (35, ""), "PageUp": (33, ""), "PageDown": (34, ""), "Tab": (9, ""), "Enter": (13, "\r"), " ": (32, " "),
+}  # fmt: skip
+
+
+def opened(address: Path | str, look: Callable[[Page], Awaitable[None]]) -> Page:
+    """Open a file or an address in Chromium, look at it, and close it."""
     assert CHROMIUM is not None
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
         command = [
@@ -84,13 +135,13 @@ def opened(path: Path, look: Callable[[Page], Awaitable[None]]) -> Page:
         ]  # fmt: skip
         process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         try:
-            return asyncio.run(_look(Path(profile), path, look))
+            return asyncio.run(_look(Path(profile), address, look))
         finally:
             process.terminate()
             process.wait(30)
 
 
-async def _look(profile: Path, path: Path, look: Callable[[Page], Awaitable[None]]) -> Page:
+async def _look(profile: Path, address: Path | str, look: Callable[[Page], Awaitable[None]]) -> Page:
     from tornado.httpclient import AsyncHTTPClient
 
     ready = profile / "DevToolsActivePort"
@@ -104,7 +155,7 @@ async def _look(profile: Path, path: Path, look: Callable[[Page], Awaitable[None
     page = Page(await websocket_connect(target["webSocketDebuggerUrl"], max_message_size=2**26))
     for domain in ("Network", "Runtime", "Log", "Page"):
         await page.call(f"{domain}.enable")
-    await page.call("Page.navigate", url=path.resolve().as_uri())
+    await page.call("Page.navigate", url=address if isinstance(address, str) else address.resolve().as_uri())
     try:
         await look(page)
     finally:

@@ -177,6 +177,49 @@ class Rerun(Printing):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Explore:
+    """Open a configuration as a page in the browser, with a slider for each value.
+
+    Curves, errors, metrics and the bounds of the theory follow the sliders. The page is served on this machine alone,
+    until Ctrl-C; chosen values are written as a new configuration. Needs hgorun[explore].
+    """
+
+    config: Annotated[
+        Path,
+        typer.Argument(
+            metavar="CONFIG",
+            help="A YAML configuration, or the name of a built-in experiment.",
+            autocompletion=completion.configurations,
+        ),
+    ]
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", help="Folder, or YAML file, that values are written to (default: results)."),
+    ] = None
+    overrides: Annotated[
+        list[str],
+        typer.Option(
+            "--set",
+            metavar="PATH=VALUE",
+            help="Change a key, e.g. observers.SHGO.theta=2; repeatable.",
+            autocompletion=completion.keys,
+        ),
+    ] = field(default_factory=list)
+    seed: Annotated[int | None, typer.Option("--seed", min=0, help="Override the seed in the file.")] = None
+    run: Annotated[
+        str | None,
+        typer.Option("--run", help="Which run of the file, where it has several.", autocompletion=completion.runs),
+    ] = None
+    port: Annotated[
+        int, typer.Option("--port", min=0, max=65535, help="Port on this machine (default: any that is free).")
+    ] = 0
+    browser: Annotated[
+        bool, typer.Option("--browser/--no-browser", help="Open the page in the browser; else only say where it is.")
+    ] = True
+    quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Print nothing but the address and errors.")] = False
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Export(Configured):
     """Write the observers of a configuration in another language, to results/NAME/.
 

@@ -14,6 +14,7 @@ from hgorun.commands.ensemble_options import Tune
 from hgorun.commands.inputs import configuration
 from hgorun.commands.outputs import RESULTS, refuse_other_kinds, there, written
 from hgorun.config.reading import read_source
+from hgorun.config.written import rounded, with_values
 from hgorun.errors import ConfigError, HgorunError
 from hgorun.files import write_text
 from hgorun.observers.capabilities import FilterOrder
@@ -28,7 +29,6 @@ from hgorun.tuning.search import admissible, search
 from hgorun.tuning.storing import save
 from hgorun.tuning.task import Task, is_plain
 from hgorun.tuning.trials import Trials
-from hgorun.tuning.written import with_numbers
 
 _END = 0.01  # of a range: what is nearer to an end of it is at the end
 
@@ -102,9 +102,9 @@ def _at_an_end(one: Evidence) -> Iterator[str]:
 
 def _write(found: Sequence[Evidence], asked: Asked, options: Tune) -> list[str]:
     folder = options.output or RESULTS
-    numbers = {path: value for one in found for path, value in one.tuned.items()}
+    numbers = {path: rounded(value) for one in found for path, value in one.tuned.items()}
     config = folder / f"{asked.name}.tuned.yaml"
-    write_text(config, with_numbers(asked.config, numbers, config, run=asked.run))
+    write_text(config, with_values(asked.config, numbers, config, run=asked.run))
     files = [config, save(found, folder / f"{asked.name}.tune.h5", name=asked.name, config=asked.text)]
     if options.plots:
         files += _draw(found, folder / f"{asked.name}.tune")

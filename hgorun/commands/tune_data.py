@@ -12,6 +12,7 @@ from hgorun.commands.estimate import Log, log_of
 from hgorun.commands.outputs import RESULTS, there, written
 from hgorun.config.tuning import Range, Tune, require_few
 from hgorun.config.validation import validate
+from hgorun.config.written import rounded, with_values
 from hgorun.config.yaml_source import Source
 from hgorun.ensemble.members import written_out
 from hgorun.errors import ConfigError, Problem
@@ -25,7 +26,6 @@ from hgorun.files import json_value, write_text
 from hgorun.process import say
 from hgorun.simulation.experiment import Experiment
 from hgorun.tables.layout import number, packed
-from hgorun.tuning.written import with_numbers
 
 _OF_PLANT = "plant.parameters."
 _END = 1e-3  # of a range: what is nearer to an end of it is at the end
@@ -63,9 +63,9 @@ def tune_data(options: Options, text: str, source: Source) -> int:
     target = folder / f"{options.config.stem}.tuned.yaml"
     for one in found:
         _warn(one, options.config.stem, block)
-    numbers = {path: value for one in found for path, value in one.gains.items()}
+    numbers = {path: rounded(value) for one in found for path, value in one.gains.items()}
     before = there([target])
-    write_text(target, with_numbers(options.config, numbers, target))
+    write_text(target, with_values(options.config, numbers, target))
     if options.json:
         print(json_text.dumps(json_value(_as_json(found, options.config.stem, target)), indent=2, allow_nan=False))
     elif options.text:

@@ -144,7 +144,7 @@ def trade_off(cast: Cast, metrics: tuple[str, str], state: str) -> Plot:
             own = pairs[level == one]
             best = own[non_dominated(own)]
             best = best[np.argsort(best[:, 0], kind="stable")]
-            plot.line(*best.T, color=look.colour, line_dash=_dash(look.dashes), legend_label=label)
+            plot.line(*best.T, color=look.colour, line_dash=dash(look.dashes), legend_label=label)
         source = ColumnDataSource(
             {"x": pairs[:, 0], "y": pairs[:, 1], "where": texts, "observer": [label] * len(texts)}
         )
@@ -211,7 +211,7 @@ def _band(plot: Plot, cast: Cast, label: str, at: Any, rows: Floats, *, marked: 
     data = {"x": at, **dict(zip(QUANTILES, rows, strict=True)), "observer": [label] * len(rows[2])}
     source = ColumnDataSource(data)
     line = plot.line("x", "median", source=source, color=look.colour, line_width=1.6,
-                     line_dash=_dash(look.dashes), legend_label=label)  # fmt: skip
+                     line_dash=dash(look.dashes), legend_label=label)  # fmt: skip
     if marked:
         line = plot.scatter("x", "median", source=source, color=look.colour, marker=_MARKERS[look.marker], size=6,
                             legend_label=label)  # fmt: skip
@@ -265,6 +265,6 @@ def _scale(*values: Sequence[float] | Floats) -> str:
     return "log" if found.size and found.min() > 0 and found.max() > _LOGARITHMIC * found.min() else "linear"
 
 
-def _dash(style: Any) -> Any:
+def dash(style: Any) -> Any:
     """A line style of matplotlib for bokeh: whole numbers of pixels."""
     return "solid" if style == "solid" else [max(round(1.4 * part), 1) for part in style[1]]

@@ -116,6 +116,11 @@ class Structure:
             places & set(one.jac_sparsity(0, 3).get_col()) for one in functions if one.size1_in(3) and one.numel_out(0)
         )
 
+    @property
+    def compiled(self) -> bool:
+        """Whether there is native code of it already."""
+        return bool(self._programs)
+
     def program(self, method: str, *, adaptive: bool = False, lanes: int = 1) -> Program:
         """Native code for a method of integration, compiled when first asked for."""
         key = method, adaptive, lanes

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
 
+from hgorun.symbolic.instructions import Instruction, read
 from hgorun.symbolic.intervals import Bounds, enclose
 
 
@@ -22,9 +24,16 @@ class Enclosure:
 
     function: ca.Function
 
+    @cached_property
+    def _instructions(self) -> list[Instruction]:
+        """Read once for all boxes."""
+        return read(self.function)
+
     def each(self, low: np.ndarray, high: np.ndarray) -> Bounds:
         """Bounds (M, m) of the m values on M boxes with corners low and high, shapes (M, d)."""
-        (found,) = enclose(self.function, lambda _, column: (low[:, column], high[:, column]))
+        (found,) = enclose(
+            self.function, lambda _, column: (low[:, column], high[:, column]), instructions=self._instructions
+        )
         sides = tuple(np.zeros((low.shape[0], len(found))) for _ in range(2))
         for column, bounds in enumerate(found):
             for side, value in zip(sides, bounds, strict=True):

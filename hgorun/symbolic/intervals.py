@@ -8,13 +8,13 @@ that the bounds, and the events that are found with them, are the same on every 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import casadi as ca
 import numpy as np
 
 from hgorun.native.elementary import apply
-from hgorun.symbolic.instructions import read
+from hgorun.symbolic.instructions import Instruction, read
 
 Bounds = tuple[np.ndarray, np.ndarray]
 Operation = Callable[..., Bounds]
@@ -27,7 +27,7 @@ def _outward(low: np.ndarray, high: np.ndarray, units: int = 1) -> Bounds:
     lost = np.isnan(low) | np.isnan(high)
     for _ in range(units):
         low, high = np.nextafter(low, -np.inf), np.nextafter(high, np.inf)
-    return np.where(lost, -np.inf, low), np.where(lost, np.inf, high)
+    return (np.where(lost, -np.inf, low), np.where(lost, np.inf, high)) if lost.any() else (low, high)
 
 
 def _add(a: Bounds, b: Bounds) -> Bounds:
@@ -39,9 +39,15 @@ def _negative(a: Bounds) -> Bounds:
 
 
 def _products(a: Bounds, b: Bounds) -> Bounds:
-    # a bound of zero times an infinite one is zero: infinity is a bound here, not a value
-    parts = [np.where((p == 0) | (q == 0), 0.0, p * q) for p in a for q in b]
+    parts = [_product(p, q) for p in a for q in b]
     return _outward(np.minimum.reduce(parts), np.maximum.reduce(parts))
+
+
+def _product(p: np.ndarray, q: np.ndarray) -> np.ndarray:
+    found = np.asarray(p * q)
+    if np.isnan(found).any():  # a bound of zero times an infinite one is zero: infinity is a bound here, not a value
+        found = np.where((p == 0) | (q == 0), 0.0, found)
+    return found
 
 
 def _inverse(a: Bounds) -> Bounds:
@@ -222,7 +228,12 @@ _LIBRARY: dict[int, Operation] = {
 _WHOLE_LINE = np.array(-np.inf), np.array(np.inf)
 
 
-def enclose(function: ca.Function, argument: Callable[[int, int], Bounds]) -> list[list[Bounds]]:
+def enclose(
+    function: ca.Function,
+    argument: Callable[[int, int], Bounds],
+    *,
+    instructions: Sequence[Instruction] | None = None,
+) -> list[list[Bounds]]:
     """Bounds of all entries of all outputs of a function of dense vectors.
 
     Parameters
@@ -232,12 +243,14 @@ def enclose(function: ca.Function, argument: Callable[[int, int], Bounds]) -> li
     argument : callable
         Bounds of an entry of an argument, from the numbers of both. Their shapes are broadcast: what is the same
         in all boxes can be a single number.
+    instructions : sequence of Instruction, optional
+        Those of the function, where they have been read before.
     """
     values: dict[int, Bounds] = {}
     zero = np.array(0.0)
     found: list[list[Bounds]] = [[(zero, zero)] * function.numel_out(i) for i in range(function.n_out())]
     with np.errstate(all="ignore"):
-        for i in read(function):
+        for i in read(function) if instructions is None else instructions:
             if i.op == ca.OP_OUTPUT:
                 found[i.place[0]][i.place[1]] = values[i.arguments[0]]
             elif i.op == ca.OP_INPUT:

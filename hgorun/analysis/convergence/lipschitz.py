@@ -162,7 +162,10 @@ def _met(run: PreparedRun, chart: Chart, result: Result, label: str) -> np.ndarr
 
 
 def _over_box(run: PreparedRun, chart: Chart, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Bounds on the slopes over a box of coordinates and everything that inputs and time do, and slopes met."""
+    """Bounds on the slopes over a box of coordinates and everything that inputs and time do, and slopes met.
+
+    The first slope without a bound ends it: the box is of no use then.
+    """
     below, above = input_range(run)
     start, end = run.time.start, run.time.end
     low, high = np.concatenate([low, below, [start]]), np.concatenate([high, above, [end]])
@@ -177,6 +180,8 @@ def _over_box(run: PreparedRun, chart: Chart, low: np.ndarray, high: np.ndarray)
                 continue
             extent = largest(ca.Function("m", [arguments], [ca.cse(ca.densify(entry))]), low, high)
             bounds[i, j], met[i, j] = extent.bound, extent.reached
+            if not np.isfinite(extent.bound):
+                return bounds, met
     return bounds, met
 
 

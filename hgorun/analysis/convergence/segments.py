@@ -36,14 +36,14 @@ def along(run: PreparedRun, chart: Chart, result: Result, label: str) -> np.ndar
     starts = np.arange(0, count - 1, -(-(count - 1) // _PIECES))
     ends = [_pieces(values[:count], starts) for values in (x, xhat)]
     edges = np.append(result.time[starts], result.time[count - 1])[:, None]
-    inputs = _enclosed(run, chart, run.plant.inputs, chart.t, (edges[:-1], edges[1:]))
+    inputs = _enclosure(run, chart, run.plant.inputs, chart.t).each(edges[:-1], edges[1:])
     matrices = ca.vertcat(ca.vec(chart.raw), ca.vec(chart.directions))
-    arguments = ca.vertcat(chart.variables, chart.u, chart.t)
+    enclosure = _enclosure(run, chart, matrices, ca.vertcat(chart.variables, chart.u, chart.t))
     total: list[np.ndarray] = [np.zeros(()), np.zeros(())]
     for k in range(_PARTS):  # the mean over a segment is the mean of those over its parts
         part = _part(ends[0], ends[1], k / _PARTS, (k + 1) / _PARTS)
         box = tuple(np.column_stack(sides) for sides in zip(part, inputs, (edges[:-1], edges[1:]), strict=True))
-        bounds = _enclosed(run, chart, matrices, arguments, (box[0], box[1]))
+        bounds = enclosure.each(box[0], box[1])
         total = [so_far + side / _PARTS for so_far, side in zip(total, bounds, strict=True)]
     n = len(chart.names)
     A, B = (
@@ -88,7 +88,7 @@ def _part(first: Box, second: Box, start: float, end: float) -> Box:
     return np.minimum(*sides[0]), np.maximum(*sides[1])
 
 
-def _enclosed(run: PreparedRun, chart: Chart, column: ca.SX, arguments: ca.SX, box: Box) -> Box:
-    """Bounds (M, m) on the entries of a column in every box."""
+def _enclosure(run: PreparedRun, chart: Chart, column: ca.SX, arguments: ca.SX) -> Enclosure:
+    """What encloses the entries of a column in boxes."""
     values = ca.substitute(ca.densify(column), chart.p, ca.DM(run.plant.parameters))
-    return Enclosure(ca.Function("m", [arguments], [ca.cse(values)])).each(*box)
+    return Enclosure(ca.Function("m", [arguments], [ca.cse(values)]))

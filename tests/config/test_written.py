@@ -8,8 +8,8 @@ import pytest
 import yaml
 
 from hgorun import load
+from hgorun.config.written import with_values
 from hgorun.study.loading import load_study
-from hgorun.tuning.written import with_numbers
 
 PLAIN = """\
 time: {end: 1, output_step: 0.1}
@@ -28,7 +28,7 @@ def theta(path: Path, label: str = "F", run: str | None = None) -> float:
 def test_numbers_take_the_place_of_others(tmp_path: Path) -> None:
     path = tmp_path / "a.yaml"
     path.write_text(PLAIN)
-    found = with_numbers(path, {"observers.F.theta": 5.25, "observers.F.poles.1": -3.0}, tmp_path / "b.yaml")
+    found = with_values(path, {"observers.F.theta": 5.25, "observers.F.poles.1": -3.0}, tmp_path / "b.yaml")
     assert found == PLAIN.replace('"2*2"', "5.25").replace("-2]", "-3]")
 
 
@@ -38,10 +38,10 @@ def test_a_file_that_is_extended_is_found_from_elsewhere(tmp_path: Path) -> None
     own.write_text("extends: base.yaml  # the base\nobservers: {F: {theta: 7}}\n")
     target = tmp_path / "results" / "own.tuned.yaml"
     target.parent.mkdir()
-    target.write_text(with_numbers(own, {"observers.F.theta": 8.5}, target))
+    target.write_text(with_values(own, {"observers.F.theta": 8.5}, target))
     assert target.read_text() == "extends: '../base.yaml'  # the base\nobservers: {F: {theta: 8.5}}\n"
     assert theta(target) == 8.5
-    target.write_text(with_numbers(own, {"observers.G.theta": 1.5}, target))  # which stands in the base
+    target.write_text(with_values(own, {"observers.G.theta": 1.5}, target))  # which stands in the base
     assert target.read_text().startswith("extends: ../own.yaml\n")
     assert (theta(target), theta(target, "G")) == (7.0, 1.5)
 
@@ -50,7 +50,7 @@ def test_a_number_that_stands_for_several_is_not_touched(tmp_path: Path) -> None
     path = tmp_path / "a.yaml"
     path.write_text(PLAIN.replace('"2*2"', "&t 4").replace("theta: 3", "theta: *t"))
     target = tmp_path / "b.yaml"
-    target.write_text(with_numbers(path, {"observers.F.theta": 5.0}, target))
+    target.write_text(with_values(path, {"observers.F.theta": 5.0}, target))
     assert (theta(target), theta(target, "G")) == (5.0, 4.0)
 
 
@@ -60,7 +60,7 @@ def test_a_run_has_numbers_of_its_own(tmp_path: Path, inside: bool) -> None:
     own = "observers: {F: {theta: 6}}" if inside else "seed: 3"
     path.write_text(f"{PLAIN}runs:\n  one: {{{own}}}\n  two: {{}}\n")
     target = tmp_path / "b.yaml"
-    target.write_text(with_numbers(path, {"observers.F.theta": 5.5}, target, run="one"))
+    target.write_text(with_values(path, {"observers.F.theta": 5.5}, target, run="one"))
     assert theta(target, run="one") == 5.5
     assert list(load_study(target).runs) == ["one", "two"]
     if inside:
@@ -86,7 +86,7 @@ def test_files_with_data_are_found_from_elsewhere(tmp_path: Path, files: str) ->
     target = tmp_path / "results" / "tuned.yaml"
     target.parent.mkdir()
     for path, number in ((own, "theta"), (own, "eta"), (tmp_path / "over.yaml", "theta")):
-        target.write_text(with_numbers(path, {f"observers.F.{number}": 5.0}, target))
+        target.write_text(with_values(path, {f"observers.F.{number}": 5.0}, target))
         found = yaml.safe_load(target.read_text())
         names = found["data"]["file"] if files[0] == "[" else [found["data"]["file"]]
         named = [(target.parent / name).resolve().relative_to(tmp_path.resolve()).name for name in names]
@@ -94,5 +94,23 @@ def test_files_with_data_are_found_from_elsewhere(tmp_path: Path, files: str) ->
         assert (target.parent / found["data"]["outputs"]["a"]["file"]).resolve() == (tmp_path / "sub/a.csv").resolve()
         assert found["data"]["reference"]["a"]["file"] == "/lab/b.csv"
         assert found["observers"]["F"][number] == 5.0
-    beside = with_numbers(own, {"observers.F.theta": 5.0}, tmp_path / "b.yaml")
+    beside = with_values(own, {"observers.F.theta": 5.0}, tmp_path / "b.yaml")
     assert beside == own.read_text().replace("theta: 3", "theta: 5")
+
+
+def test_numbers_have_all_their_digits(tmp_path: Path) -> None:
+    path, target = tmp_path / "a.yaml", tmp_path / "b.yaml"
+    path.write_text(PLAIN)
+    for value in (0.1 + 0.2, 1e-7 / 3, 12345678.0, 5e22):
+        target.write_text(with_values(path, {"observers.F.theta": value}, target))
+        assert theta(target) == value
+
+
+def test_a_list_on_top_of_another_is_whole(tmp_path: Path) -> None:
+    """One of its values would otherwise be a mapping in the place of the list."""
+    (tmp_path / "base.yaml").write_text(PLAIN)
+    own, target = tmp_path / "own.yaml", tmp_path / "b.yaml"
+    own.write_text("extends: base.yaml\n")
+    target.write_text(with_values(own, {"observers.F.poles.1": -3.5, "observers.F.theta": 2.0}, target))
+    found = load(target).observers["F"]
+    assert (found.poles, found.theta) == ((-1, -3.5), 2.0)  # type: ignore[attr-defined]  # of this family

@@ -1,39 +1,44 @@
-"""A configuration with other numbers in it: the file's own text where they stand in it, comments and all."""
+"""A configuration with other values in it: the file's own text where they stand in it, comments and all."""
 
 from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import yaml
 
 from hgorun.config.overrides import replaced
+from hgorun.config.paths import at
 from hgorun.config.reading import read_source
 from hgorun.config.yaml_source import Source
 from hgorun.errors import KeyPath
 
+Value: TypeAlias = bool | int | float | str | list[Any]
+
 _COLUMNS = ("outputs", "inputs", "reference")
+_DIGITS = 6
 
 
-def with_numbers(path: Path, numbers: Mapping[str, float], target: Path, *, run: str | None = None) -> str:
-    """The text of a configuration with numbers in place of its own.
+def with_values(path: Path, values: Mapping[str, Value], target: Path, *, run: str | None = None) -> str:
+    """The text of a configuration with values in place of its own; numbers have all their digits.
 
-    Where all of them stand in the file, its text is kept but for them, and for the names of the files that it extends
-    and that hold its data, which are written as seen from the target. Otherwise the text is a file that extends it.
+    Where all of them stand in the file as single values, its text is kept but for them, and for the names of the files
+    that it extends and that hold its data, which are written as seen from the target. Otherwise the text is a file
+    that extends it.
 
     Parameters
     ----------
     path : Path
         The configuration.
-    numbers : mapping of str to float
+    values : mapping of str to value
         By path, as after ``--set``.
     target : Path
         Where the text will stand.
     run : str, optional
-        Whose numbers they are, where the file has several runs.
+        Whose values they are, where the file has several runs.
     """
     text, source = read_source(path)
     beside = Path(os.path.relpath(path.parent.resolve(), target.parent.resolve()))
@@ -41,12 +46,12 @@ def with_numbers(path: Path, numbers: Mapping[str, float], target: Path, *, run:
     edits: list[tuple[yaml.ScalarNode, str]] = []
     moved = {place: str(beside / name) for place, name in _files(source)} if beside != Path() else {}
     if any(place not in scalars for place in moved):
-        return _on_top(beside / path.name, numbers, source, run, moved)
-    for name, value in numbers.items():
+        return _on_top(beside / path.name, values, source, run, moved)
+    for name, value in values.items():
         node = next((scalars[place] for place in _places(source, name, value, run) if place in scalars), None)
-        if node is None:
-            return _on_top(beside / path.name, numbers, source, run, moved)
-        edits.append((node, f"{value:.6g}"))
+        if node is None or isinstance(value, list):
+            return _on_top(beside / path.name, values, source, run, moved)
+        edits.append((node, _written(value)))
     extended = scalars.get(("extends",))
     if extended is not None:
         edits.append((extended, _quoted(str(beside / str(extended.value)))))
@@ -56,8 +61,22 @@ def with_numbers(path: Path, numbers: Mapping[str, float], target: Path, *, run:
     return text
 
 
-def _places(source: Source, name: str, value: float, run: str | None) -> list[KeyPath]:
-    """Where a number may stand: in the run, else in what all runs share."""
+def rounded(number: float) -> float:
+    """A number with as many digits as a person reads."""
+    return float(f"{number:.{_DIGITS}g}")
+
+
+def _written(value: bool | int | float | str) -> str:
+    """A single value in YAML, a number as short as it can be."""
+    if isinstance(value, str):
+        return _quoted(value)
+    if isinstance(value, bool):
+        return str(value).lower()
+    return f"{value:.{_DIGITS}g}" if rounded(value) == value else repr(value)
+
+
+def _places(source: Source, name: str, value: Value, run: str | None) -> list[KeyPath]:
+    """Where a value may stand: in the run, else in what all runs share."""
     shared = replaced(source, name, value)[1]
     return [shared] if run is None else [("runs", run, *replaced(source.below(("runs", run)), name, value)[1]), shared]
 
@@ -78,26 +97,43 @@ def _files(source: Source) -> Iterator[tuple[KeyPath, str]]:
 
 
 def _on_top(
-    base: Path, numbers: Mapping[str, float], source: Source, run: str | None, files: Mapping[KeyPath, str]
+    base: Path, values: Mapping[str, Value], source: Source, run: str | None, files: Mapping[KeyPath, str]
 ) -> str:
-    """A file that extends another one and has the numbers, and the names of files, of its own."""
+    """A file that extends another one and has the values, and the names of files, of its own.
+
+    Where a value stands in a list, that list: one on top of another replaces it as a whole.
+    """
     data: dict[str, Any] = {"extends": str(base)}
-    for name, value in numbers.items():
-        place = replaced(source, name, value)[1]
-        holder = data
-        for key in (("runs", run, *place) if run is not None else place)[:-1]:
-            holder = holder.setdefault(str(key), {})
-        holder[str(place[-1])] = float(f"{value:.6g}")
+    places: list[KeyPath] = []
+    for name, value in values.items():
+        source, place = replaced(source, name, value)
+        places.append(place)
+    for place in dict.fromkeys(map(_outside_lists, places)):
+        _put(data, place if run is None else ("runs", run, *place), at(source.data, place))
     for place, file in files.items():
-        *above, last = map(str, place if not isinstance(place[-1], int) else place[:-1])
-        holder = data
-        for key in above:
-            holder = holder.setdefault(key, {})
-        if isinstance(place[-1], int):  # a list is replaced as a whole
-            holder.setdefault(last, []).append(file)
+        if isinstance(place[-1], int):
+            *above, last = place[:-1]
+            _holder(data, above).setdefault(str(last), []).append(file)
         else:
-            holder[last] = file
+            _put(data, place, file)
     return str(yaml.safe_dump(data, sort_keys=False, allow_unicode=True))
+
+
+def _outside_lists(place: KeyPath) -> KeyPath:
+    """A place, or that of the outermost list around it."""
+    index = next((i for i, key in enumerate(place) if isinstance(key, int)), len(place))
+    return place[:index]
+
+
+def _put(data: dict[str, Any], place: KeyPath, value: object) -> None:
+    _holder(data, place[:-1])[str(place[-1])] = value
+
+
+def _holder(data: dict[str, Any], above: Iterable[str | int]) -> dict[str, Any]:
+    """The mapping at a place, made where there is none."""
+    for key in above:
+        data = data.setdefault(str(key), {})
+    return data
 
 
 def _scalars(root: yaml.Node | None) -> dict[KeyPath, yaml.ScalarNode]:

@@ -1,0 +1,164 @@
+"""The chosen values as a file: a configuration that gives the page's numbers, in one folder and nowhere else."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from hgorun.config.paths import entries
+from hgorun.config.reading import read_source
+from hgorun.config.written import with_values
+from hgorun.errors import ConfigError, KeyPath, Problem
+from hgorun.explore.bench import Bench
+from hgorun.explore.state import State
+from hgorun.files import written_whole
+from hgorun.simulation.blocks import as_yaml
+from hgorun.simulation.experiment import Experiment
+
+_NAME = re.compile(r"[^\W.][\w .=+-]{0,99}\.ya?ml", re.ASCII)
+_SUFFIX = ".yaml"
+
+
+class _Gone(Exception):
+    """Something of the file is not in the configuration."""
+
+
+@dataclass(frozen=True, eq=False)
+class Keeper:
+    """Writes configurations of a bench.
+
+    Attributes
+    ----------
+    bench : Bench
+    folder : Path
+        Nothing is written elsewhere.
+    first : str
+        What the first file is called unless the page says otherwise.
+    """
+
+    bench: Bench
+    folder: Path
+    first: str
+
+    def next_name(self) -> str:
+        """A name that is still free."""
+        stem, number, name = self.first.removesuffix(_SUFFIX), 1, self.first
+        while self._taken(self.folder / name):
+            number += 1
+            name = f"{stem}-{number}{_SUFFIX}"
+        return name
+
+    def write(self, experiment: Experiment, name: str) -> Path:
+        """Write a configuration as a new file, whole or not at all.
+
+        It is read again before it takes its name: what it says has to be the experiment.
+
+        Raises
+        ------
+        ConfigError
+            When the name is not that of a new YAML file in the folder, or the file says something else.
+        HgorunError
+            When it cannot be written.
+        """
+        if _NAME.fullmatch(name) is None:
+            raise ConfigError(
+                f"expected the name of a YAML file, such as {self.first}, without a folder; found {name[:60]!r}"
+            )
+        target = self.folder / name
+        if self._taken(target):
+            raise ConfigError(f"{target} exists already, and nothing is overwritten: choose another name")
+        text = self.text(experiment, target)
+        with written_whole(target) as part:
+            part.write_text(text, encoding="utf-8")
+            self._compare(experiment, part)
+        return target
+
+    def text(self, experiment: Experiment, target: Path) -> str:
+        """The configuration of a file at some place.
+
+        The file's own text where that is possible, else one that extends it; where an observer is left out, or one
+        run of several is meant, everything that decides the numbers.
+        """
+        try:
+            if self.bench.run_name is not None:
+                raise _Gone
+            before = read_source(self.bench.path)[1].data
+            values = {".".join(map(str, place)): value for place, value in _different(before, experiment.source.data)}
+        except _Gone:
+            said = {key: part for key in ("title", "reference") if (part := experiment.source.data.get(key))}
+            return as_yaml(said | experiment.resolved())
+        return with_values(self.bench.path, values, target)
+
+    @staticmethod
+    def _taken(path: Path) -> bool:
+        return path.is_symlink() or path.exists()
+
+    def _compare(self, experiment: Experiment, part: Path) -> None:
+        """Refuse a text that says something else.
+
+        Raises
+        ------
+        ConfigError
+        """
+        _, source = read_source(part)
+        try:
+            found = Experiment(source).resolved()
+        except Problem as problem:
+            raise ConfigError(problem.message) from problem
+        if found != experiment.resolved():
+            raise ConfigError("what was to be written does not say the same, so nothing is: please report this")
+
+
+def _different(before: Any, after: Any, place: KeyPath = ()) -> Iterator[tuple[KeyPath, Any]]:
+    """What has another value, or is new, and where: as deep as it can be said.
+
+    Raises
+    ------
+    _Gone
+        Where something is no longer there.
+    """
+    if before == after and type(before) is type(after):
+        return
+    if isinstance(before, dict) and isinstance(after, dict):
+        if before.keys() - after.keys():
+            raise _Gone
+        for key, part in after.items():
+            if key in before:
+                yield from _different(before[key], part, (*place, key))
+            else:
+                yield from _leaves(part, (*place, key))
+    elif isinstance(before, list) and isinstance(after, list) and len(before) == len(after):
+        for i, (one, other) in enumerate(zip(before, after, strict=True)):
+            yield from _different(one, other, (*place, i))
+    else:
+        yield place, after
+
+
+def _leaves(part: Any, place: KeyPath) -> Iterator[tuple[KeyPath, Any]]:
+    """The values of what is new: those inside a mapping each."""
+    if isinstance(part, dict) and part:
+        for key, inner in entries(part):
+            yield from _leaves(inner, (*place, key))
+    else:
+        yield place, part
+
+
+def command(bench: Bench, state: State) -> str:
+    """What opens the same page with these values in the file's place; observers are left out on the page."""
+    words = ["hgorun", "explore", str(bench.path)]
+    if bench.run_name is not None:
+        words += ["--run", bench.run_name]
+    changes = State(state.values).changes(bench.knobs)
+    words += [part for path, value in changes.items() for part in ("--set", f"{path}={_as_set(value)}")]
+    return shlex.join(words)
+
+
+def _as_set(value: Any) -> str:
+    """A value as ``--set`` reads it."""
+    if isinstance(value, list):
+        return "[" + ", ".join(map(_as_set, value)) + "]"
+    return "'" + value.replace("'", "''") + "'" if isinstance(value, str) else repr(value)

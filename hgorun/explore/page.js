@@ -1,0 +1,215 @@
+"use strict";
+(() => {
+  const known = JSON.parse(document.getElementById("known").textContent);
+  const byId = (id) => document.getElementById(id);
+  const knobs = known.knobs;
+  const waiting = [];
+  const theory = {};
+  const times = [];           // ms from an event to what it has drawn, the newest last
+  let channel = null, asked = null, number = 0, shown = { values: {} }, slow = 0;
+  window.hgorun = { times, get idle() { return channel !== null && asked === null && waiting.length === 0; } };
+
+  // ---- sliders: places of a slider and values
+
+  const logarithmic = (knob) => knob.scale === "log";
+  const sign = (knob) => Math.sign(knob.low) || 1;
+  function valueAt(knob, place) {
+    if (place === placeOf(knob, knob.start)) return knob.start;
+    if (knob.scale === "integer") return place;
+    const part = place / known.places;
+    const value = logarithmic(knob)
+      ? sign(knob) * Math.exp((1 - part) * Math.log(Math.abs(knob.low)) + part * Math.log(Math.abs(knob.high)))
+      : knob.low + part * (knob.high - knob.low);
+    return Number(value.toPrecision(4));
+  }
+  function placeOf(knob, value) {
+    if (knob.scale === "integer") return Math.round(value);
+    const size = (v) => logarithmic(knob) ? Math.log(Math.max(sign(knob) * v, 1e-300)) : v;
+    const part = (size(value) - size(knob.low)) / (size(knob.high) - size(knob.low) || 1);
+    return Math.round(known.places * Math.min(Math.max(part, 0), 1));
+  }
+  const slider = (i) => document.querySelector(`[data-knob="${i}"]`);
+  const field = (i) => document.querySelector(`[data-number="${i}"]`);
+  const text = (value) => String(value);
+  function show(i, value) {
+    const one = slider(i), unit = knobs[i].unit ? " " + knobs[i].unit : "";
+    one.value = placeOf(knobs[i], value);
+    one.setAttribute("aria-valuetext", text(Number(value.toPrecision(4))) + unit);
+    if (document.activeElement !== field(i)) field(i).value = text(value);
+  }
+
+  // ---- questions: one at a time; while a slider moves only the newest of its values waits
+
+  function ask(question) {
+    question.at = performance.now();
+    const last = waiting[waiting.length - 1];
+    if (last && last.do === "set" && question.do === "set" && last.name === question.name && !last.final) waiting.pop();
+    waiting.push(question);
+    send();
+  }
+  function send() {
+    if (channel === null || asked !== null || waiting.length === 0) return;
+    asked = waiting.shift();
+    asked.number = ++number;
+    channel.asked = JSON.stringify(asked);
+    clearTimeout(slow);
+    slow = setTimeout(() => say("computing", "busy"), 200);
+  }
+  function say(words, kind = "") {
+    const said = byId("said");
+    said.textContent = words;
+    said.dataset.kind = kind;
+  }
+
+  // ---- answers
+
+  // What is told is written down after the curves are drawn: they read styles, which every change here makes stale.
+  const heard = () => { const told = JSON.parse(channel.told); settled(() => take(told)); };
+  const settled = (then) => requestAnimationFrame(() => setTimeout(then, 0));
+  function take(told) {
+    if (told.number < number && !told.theory) return;
+    if (told.busy) { clearTimeout(slow); say(told.busy, "busy"); return; }
+    if (told.theory) { if (told.number === number) { draw_theory(told.theory); redrawn(); } return; }
+    clearTimeout(slow);
+    const question = asked;
+    asked = null;
+    shown = told;
+    const held = waiting.length > 0;
+    knobs.forEach((knob, i) => { if (!held || document.activeElement !== slider(i)) show(i, told.values[knob.name]); });
+    const fault = Boolean(told.error);
+    knobs.forEach((knob, i) => field(i).setAttribute("aria-invalid", String(fault && question?.name === knob.name)));
+    if (fault && question?.name !== undefined) {
+      const i = knobs.findIndex((knob) => knob.name === question.name);
+      field(i).value = text(told.values[question.name]);
+    }
+    for (const box of document.querySelectorAll("[data-observer]")) {
+      const off = told.off.includes(box.dataset.observer);
+      box.checked = !off;
+      for (const one of box.closest("fieldset").querySelectorAll(".knob input")) one.disabled = off;
+    }
+    byId("undo").disabled = !told.undo;
+    byId("redo").disabled = !told.redo;
+    byId("command").textContent = told.command;
+    const query = told.query ? "?" + told.query : "";
+    history.replaceState(null, "", location.pathname + query);
+    for (const kind of ["png", "pdf"]) byId(kind).href = `figure.${kind}${query}`;
+    if (told.file) byId("file").value = told.file;
+    if (told.picture) draw_metrics(told.picture);
+    if (told.error) say(told.error, "error");
+    else if (told.written) say(`written: ${told.written}`);
+    else say(summary);
+    if (question) redrawn(question.at);
+    send();
+  }
+  let summary = "", since = 0;
+  function redrawn(at) {
+    if (at !== undefined) since = at;
+    const begun = since;
+    settled(() => times.push([at === undefined ? "theory" : "curves", performance.now() - begun]));
+  }
+
+  const element = (kind, words, more = {}) => Object.assign(document.createElement(kind), { textContent: words }, more);
+  function cell([words, digits]) {
+    const one = element("td", words);
+    one.dataset.value = digits;
+    one.title = digits;
+    return one;
+  }
+  function table(id, columns, rows, meanings) {
+    const head = document.createElement("tr");
+    ["observer", ...columns].forEach((words, i) => head.append(element("th", words, { scope: "col", title: i ? meanings[i - 1] : "" })));
+    const body = document.createElement("tbody");
+    for (const [label, cells] of rows) {
+      const line = document.createElement("tr");
+      line.dataset.label = label;
+      line.append(element("th", label, { scope: "row" }), ...cells);
+      body.append(line);
+    }
+    const top = document.createElement("thead");
+    top.append(head);
+    byId(id).replaceChildren(top, body);
+  }
+  function draw_metrics(picture) {
+    table("metrics", [...picture.columns, "status"], picture.rows.map((row) =>
+      [row.label, [...row.cells.map(cell), element("td", row.status, { title: row.reason })]]), [...picture.meanings, ""]);
+    byId("metrics").dataset.columns = JSON.stringify(picture.columns);
+    summary = picture.said.length ? picture.said.join("; ") : picture.status;
+    for (const label of Object.keys(theory)) if (!picture.rows.some((row) => row.label === label)) delete theory[label];
+    draw_theories();
+  }
+  function draw_theory(one) {
+    const old = theory[one.label];
+    theory[one.label] = one.reason === undefined && old
+      ? { ...old, cells: { ...old.cells, ...one.cells }, reasons: { ...old.reasons, ...one.reasons } } : one;
+    draw_theories();
+  }
+  function draw_theories() {
+    const labels = known.labels.filter((label) => label in theory);
+    const columns = [];
+    for (const [name, title, meaning] of known.findings) {
+      const states = [...new Set(labels.flatMap((label) => Object.keys(theory[label].cells[name] ?? {})))];
+      for (const state of states) columns.push([name, state, state ? `${title} ${state}` : title, meaning]);
+    }
+    const others = Math.max(0, ...labels.map((label) => theory[label].others?.length ?? 0));
+    for (let i = 0; byId(`other${i}`); ++i) byId(`other${i}`).hidden = i >= others;
+    const dash = ["-", ""];
+    table("theory", columns.map((one) => one[2]), labels.map((label) =>
+      [label, columns.map(([name, state]) => cell(theory[label].cells[name]?.[state] ?? dash))]), columns.map((one) => one[3]));
+    const reasons = new Map();
+    for (const label of labels) {
+      const own = theory[label], all = Object.entries(own.reasons);
+      if (own.reason) all.push(["bound along time", own.reason]);
+      for (const [name, reason] of all) {
+        const whose = reasons.get(reason) ?? { names: new Set(), labels: new Set() };
+        whose.names.add(name); whose.labels.add(label);
+        reasons.set(reason, whose);
+      }
+    }
+    byId("reasons").replaceChildren(...[...reasons].map(([reason, { names, labels }]) =>
+      element("li", `no ${[...names].join(", ")} of ${[...labels].join(", ")}: ${reason}`)));
+  }
+
+  // ---- what a person does
+
+  knobs.forEach((knob, i) => {
+    const moved = (final) => () => {
+      const value = valueAt(knob, Number(slider(i).value));
+      slider(i).setAttribute("aria-valuetext", text(value) + (knob.unit ? " " + knob.unit : ""));
+      field(i).value = text(value);
+      ask({ do: "set", name: knob.name, value, final });
+    };
+    slider(i).addEventListener("input", moved(false));
+    slider(i).addEventListener("change", moved(true));
+    const typed = () => ask({ do: "set", name: knob.name, value: field(i).value.trim(), final: true });
+    field(i).addEventListener("change", typed);
+  });
+  for (const box of document.querySelectorAll("[data-observer]"))
+    box.addEventListener("change", () => ask({ do: "observer", label: box.dataset.observer, on: box.checked }));
+  for (const one of ["undo", "redo", "reset"]) byId(one).addEventListener("click", () => ask({ do: one }));
+  byId("write").addEventListener("submit", (event) => {
+    event.preventDefault();
+    ask({ do: "write", file: byId("file").value });
+  });
+  byId("copy").addEventListener("click", async () => {
+    try { await navigator.clipboard.writeText(location.href); say("the address is copied: it holds as long as the command runs"); }
+    catch { say("the address cannot be copied here; it is in the browser's bar"); }
+  });
+  document.addEventListener("keydown", (event) => {
+    if (!(event.ctrlKey || event.metaKey) || event.altKey || event.target.matches?.("input[type=text]")) return;
+    const key = event.key.toLowerCase();
+    const what = key === "z" && !event.shiftKey ? "undo" : key === "y" || key === "z" ? "redo" : null;
+    if (what) { event.preventDefault(); ask({ do: what }); }
+  });
+
+  // ---- the connection
+
+  function begin() {
+    const found = window.Bokeh?.documents?.[0]?.get_model_by_name("channel");
+    if (!found) { setTimeout(begin, 20); return; }
+    channel = found;
+    found.properties.told.change.connect(heard);
+    waiting.unshift({ do: "begin" });
+    send();
+  }
+  begin();
+})();

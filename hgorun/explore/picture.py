@@ -1,0 +1,254 @@
+"""What a page draws and tabulates of a run: few points, axes that wild estimates do not stretch, numbers as text."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from hgorun.explore.bench import Shown
+from hgorun.explore.promises import Promise
+from hgorun.figures.actors import cast, texts
+from hgorun.figures.data import Curve, finite, magnitude_limits, moving_maximum, state_limits, thinned
+from hgorun.figures.looks import Look, looks
+from hgorun.figures.panels import moving_window
+from hgorun.result.metrics.base import all_metrics
+from hgorun.result.result import Result
+from hgorun.tables.layout import number
+from hgorun.tables.rows import metrics_of, rows_of
+from hgorun.tables.typeset import printable
+
+_POINTS = 800  # of a curve: two for every pixel of its figure, about
+_SAMPLES = 600
+
+Limits = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One state, its estimates and their errors.
+
+    Attributes
+    ----------
+    truth : Curve
+    measured : Curve
+        Samples of the outputs that are this state, when they arrived.
+    estimates, errors, own_truths : mapping of str to Curve
+        By observer; errors are the largest in a moving window. In a closed loop each observer has a truth of its own.
+    limits, error_limits : (low, high)
+        Of the axes.
+    beyond : tuple of str
+        What leaves the axes, in words.
+    """
+
+    name: str
+    unit: str
+    truth: Curve
+    measured: Curve
+    estimates: Mapping[str, Curve]
+    errors: Mapping[str, Curve]
+    own_truths: Mapping[str, Curve]
+    limits: Limits
+    error_limits: Limits
+    beyond: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A number as it is shown, and all its digits."""
+
+    text: str
+    digits: str
+
+
+@dataclass(frozen=True)
+class Row:
+    """A line of the table: an observer, what has become of it, its metrics."""
+
+    label: str
+    status: str
+    reason: str
+    cells: tuple[Cell, ...]
+
+
+@dataclass(frozen=True)
+class Table:
+    """Metrics of all observers: a column for every metric of every state."""
+
+    columns: tuple[str, ...] = ()
+    meanings: tuple[str, ...] = ()
+    rows: tuple[Row, ...] = ()
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A run as a page shows it."""
+
+    panels: tuple[Panel, ...]
+    table: Table
+    time_unit: str
+    status: str
+    said: tuple[str, ...] = field(default=())
+
+
+def styles_of(result: Result) -> dict[str, Look]:
+    """The look of every observer, the same as in figures of the file."""
+    actors = cast([result])
+    found = looks([actors], texts(actors, {}))
+    return {actor.label: found[actor.order] for actor in actors}
+
+
+def picture_of(shown: Shown) -> Picture:
+    """Everything that is shown of a run at once; what the theory says of it comes after."""
+    result = shown.result
+    said = [*result.troubles(), *result.remarks]
+    return Picture(
+        panels=tuple(_panel(result, i) for i in range(len(result.states))),
+        table=_table(result),
+        time_unit=result.units.get("time", ""),
+        status=result.status,
+        said=tuple(map(printable, said)),
+    )
+
+
+def _panel(result: Result, i: int) -> Panel:
+    name = result.states[i]
+    truth = finite(result.time, result.x[:, i])
+    estimates: dict[str, Curve] = {}
+    errors: dict[str, Curve] = {}
+    own: dict[str, Curve] = {}
+    sound: list[np.ndarray] = []
+    lost: list[np.ndarray] = []
+    sizes: list[np.ndarray] = []
+    for label, observer in result.observers.items():
+        if name in observer.unestimated:
+            continue
+        estimate = finite(result.time, observer.xhat[:, i])
+        with np.errstate(over="ignore"):
+            error = finite(result.time, np.abs(observer.xhat[:, i] - result.truth_of(label)[:, i]))
+        largest = moving_maximum(error, _window(result))
+        (lost if observer.lost else sound).append(estimate.v)
+        if not observer.lost:
+            sizes.append(largest.v)
+        estimates[label], errors[label] = thinned(estimate, _POINTS), _positive(thinned(largest, _POINTS))
+        if result.closed_loop:
+            own[label] = thinned(finite(result.time, result.truth_of(label)[:, i]), _POINTS)
+    truths = [truth.v, *(curve.v for curve in own.values())]
+    limits = state_limits(truths, sound, lost) or (0.0, 1.0)
+    beyond = [_beyond(label, name, curve, limits) for label, curve in estimates.items() if _leaves(curve, limits)]
+    return Panel(
+        name=name,
+        unit=result.units.get(name, ""),
+        truth=thinned(truth, _POINTS),
+        measured=_measured(result, name),
+        estimates=estimates,
+        errors=errors,
+        own_truths=own,
+        limits=limits,
+        error_limits=magnitude_limits(sizes, [c.v for c in errors.values()]) or (1e-3, 1.0),
+        beyond=tuple(beyond),
+    )
+
+
+def _window(result: Result) -> int:
+    """Points of the moving window of errors."""
+    if len(result.time) < 2:
+        return 1
+    return round(moving_window(result) / float(result.time[1] - result.time[0]))
+
+
+def _positive(curve: Curve) -> Curve:
+    """What a logarithmic axis can show; the rest is a gap."""
+    return Curve(curve.t, np.where(curve.v > 0, curve.v, np.nan))
+
+
+def _measured(result: Result, name: str) -> Curve:
+    columns = [result.outputs.index(output) for output in result.outputs_of(name)]
+    if not columns:
+        return Curve(np.zeros(0), np.zeros(0))
+    y = result.measurements.y[:, columns[0]]
+    known = np.isfinite(y)
+    return thinned(Curve(result.measurements.time[known], y[known]), _SAMPLES)
+
+
+def _leaves(curve: Curve, limits: Limits) -> bool:
+    return bool(curve.v.size) and bool(curve.v.min() < limits[0] or curve.v.max() > limits[1])
+
+
+def _beyond(label: str, name: str, curve: Curve, limits: Limits) -> str:
+    """That a peak is outside the axes, and how large it is."""
+    far = np.maximum(limits[0] - curve.v, curve.v - limits[1])
+    k = int(np.argmax(far))
+    return f"{printable(label)}: {name} reaches {curve.v[k]:.4g} at t = {curve.t[k]:.4g}, beyond the axis"
+
+
+def _table(result: Result) -> Table:
+    rows = rows_of([result])
+    known = all_metrics(closed=True)
+    columns = [(metric, state) for metric in metrics_of(rows) for state in result.states]
+    return Table(
+        columns=tuple(f"{metric} {state}" for metric, state in columns),
+        meanings=tuple(known[metric].meaning if metric in known else "" for metric, _ in columns),
+        rows=tuple(
+            Row(
+                label=row.label,
+                status=row.status,
+                reason=row.observer.reason or "",
+                cells=tuple(_cell(row.value(metric, state)) for metric, state in columns),
+            )
+            for row in rows
+        ),
+    )
+
+
+def _cell(value: float | None) -> Cell:
+    return Cell(number(value), "" if value is None else repr(value))
+
+
+@dataclass(frozen=True)
+class Bound:
+    """What a theorem draws beside an error: the bound where it holds, else the decay that it asks for."""
+
+    name: str
+    label: str
+    error: Curve
+    bound: Curve
+    holds: bool
+
+    @property
+    def limits(self) -> Limits | None:
+        """Between which an axis shows the error."""
+        known = self.error.v[np.isfinite(self.error.v)]
+        return magnitude_limits([known], [])
+
+
+def bounds_of(label: str, promise: Promise, result: Result) -> list[Bound]:
+    """A bound for every coordinate of an observer's theory; none where there is nothing to draw.
+
+    As of errors, the largest in a moving window.
+    """
+    transient = promise.transient
+    if transient is None:
+        return []
+    values = transient.bound if transient.holds else transient.nominal
+    if values is None:
+        return []
+    points, found = _window(result), []
+    for i, name in enumerate(transient.names):
+        curves = [finite(transient.time, one[:, i]) for one in (transient.error, values)]
+        error, bound = (_positive(thinned(moving_maximum(curve, points), _POINTS)) for curve in curves)
+        found.append(Bound(name, label, error, bound, transient.holds))
+    return found
+
+
+def promised_cells(promises: Mapping[str, Promise], names: Sequence[str]) -> dict[str, dict[str, dict[str, Cell]]]:
+    """Numbers of the theory by observer, finding and state."""
+    return {
+        label: {
+            name: {state: _cell(value) for state, value in promise.numbers[name].items()}
+            for name in names
+            if name in promise.numbers
+        }
+        for label, promise in promises.items()
+    }

@@ -1,0 +1,160 @@
+"""The figures of a live page. This module imports bokeh."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from bokeh.models import ColumnDataSource, CustomJSTickFormatter, Range1d
+from bokeh.plotting import figure as new_figure
+
+from hgorun.explore.drawing import dash
+from hgorun.explore.picture import Bound, Panel
+from hgorun.figures.data import Curve
+from hgorun.figures.looks import Look
+
+Plot = Any  # bokeh publishes types, but not of what figure() returns
+
+_TOOLS = "pan,box_zoom,wheel_zoom,reset"
+_HEIGHT = 270
+_BLACK, _GREY, _SAMPLES = "#000000", "#3c3c3c", "#6e6e6e"
+_BOUND, _DECAY = [6, 4], [2, 4]
+_NOTHING = Curve(np.zeros(0), np.zeros(0))
+_NO_POINTS: dict[str, Any] = {"t": [], "v": []}
+
+
+def columns(curve: Curve) -> dict[str, np.ndarray]:
+    """A curve as the columns of a source, as they are sent."""
+    return {"t": np.ascontiguousarray(curve.t, dtype=float), "v": np.ascontiguousarray(curve.v, dtype=float)}
+
+
+def empty_plot(name: str, time: str, value: str, span: tuple[float, float], *, logarithmic: bool = False) -> Plot:
+    """Axes without curves, as wide as the page lets them be."""
+    plot = new_figure(
+        name=name,
+        height=_HEIGHT,
+        sizing_mode="stretch_width",
+        min_width=200,
+        tools=_TOOLS,
+        x_axis_label=time,
+        y_axis_label=value,
+        x_range=Range1d(*span),
+        y_range=Range1d(1e-3, 1.0) if logarithmic else Range1d(0.0, 1.0),
+        y_axis_type="log" if logarithmic else "linear",
+        output_backend="canvas",
+    )
+    plot.toolbar.logo = None
+    for axis in (plot.xaxis, plot.yaxis):
+        axis.axis_label_text_font_style = "normal"
+        axis.axis_label_text_color = axis.major_label_text_color = _GREY
+    if logarithmic:
+        plot.yaxis.ticker.desired_num_ticks = 4
+        plot.yaxis.formatter = CustomJSTickFormatter(code="return String(Number(tick.toPrecision(4)))")
+    return plot
+
+
+class Lines:
+    """The lines of one set of axes, a source each, by their names."""
+
+    def __init__(self, plot: Plot, *, logarithmic: bool) -> None:
+        self.plot = plot
+        self._logarithmic = logarithmic
+        self._sources: dict[str, Any] = {}
+        self._renderers: dict[str, Any] = {}
+        self._shown: dict[str, Curve] = {}
+        self._limits: tuple[float, float] | None = None
+
+    def add(self, name: str, colour: str, width: float, dashes: Any = "solid") -> None:
+        """A line that has no points yet."""
+        self._sources[name] = source = ColumnDataSource(dict(_NO_POINTS))
+        self._renderers[name] = self.plot.line(
+            "t", "v", source=source, color=colour, line_width=width, line_dash=dashes
+        )
+
+    def add_dots(self, name: str) -> None:
+        """Points that are not joined."""
+        self._sources[name] = source = ColumnDataSource(dict(_NO_POINTS))
+        self.plot.scatter("t", "v", source=source, color=_SAMPLES, size=3)
+
+    def set(self, name: str, curve: Curve | None) -> None:
+        """Give a line its points, or none; one that stays as it is costs nothing."""
+        shown = self._shown.get(name, _NOTHING)
+        curve = _NOTHING if curve is None else curve
+        if not all(np.array_equal(one, other, equal_nan=True) for one, other in zip(shown, curve, strict=True)):
+            self._shown[name] = curve
+            self._sources[name].data = columns(curve)
+
+    def set_dashes(self, name: str, dashes: list[int]) -> None:
+        """Give a line another style."""
+        glyph = self._renderers[name].glyph
+        if glyph.line_dash != dashes:
+            glyph.line_dash = dashes
+
+    def set_limits(self, low: float, high: float) -> None:
+        """Between which the axis of values goes: about, so that it need not be drawn again for every small change."""
+        low, high = (_logarithmic if self._logarithmic else _round_about)(low, high)
+        if (low, high) != self._limits:
+            self._limits = low, high
+            self.plot.y_range.update(start=low, end=high, reset_start=low, reset_end=high)
+
+
+def _round_about(low: float, high: float) -> tuple[float, float]:
+    """Limits moved outwards to whole parts of what lies between them."""
+    step = 10.0 ** math.floor(math.log10(max(high - low, 1e-300))) / 4
+    return math.floor(low / step) * step, math.ceil(high / step) * step
+
+
+def _logarithmic(low: float, high: float) -> tuple[float, float]:
+    """The same in decades: a third each."""
+    ends = math.floor(3 * math.log10(low)) / 3, math.ceil(3 * math.log10(high)) / 3
+    return 10.0 ** ends[0], 10.0 ** ends[1]
+
+
+def estimates_of(plot: Plot, looks: Mapping[str, Look], *, closed: bool) -> Lines:
+    """Lines for a state: samples, estimates, and the truth above them."""
+    lines = Lines(plot, logarithmic=False)
+    lines.add_dots("measured")
+    for label, look in looks.items():
+        lines.add(f"estimate {label}", look.colour, 1.6, dash(look.dashes))
+        if closed:
+            lines.add(f"own {label}", look.colour, 0.9, [3, 3])
+    lines.add("truth", _BLACK, 1.2, [6, 3])
+    return lines
+
+
+def errors_of(plot: Plot, looks: Mapping[str, Look]) -> Lines:
+    """Lines for errors and what bounds them."""
+    lines = Lines(plot, logarithmic=True)
+    for label, look in looks.items():
+        lines.add(f"error {label}", look.colour, 1.6, dash(look.dashes))
+        lines.add(f"bound {label}", look.colour, 1.0, _BOUND)
+    return lines
+
+
+def draw_estimates(lines: Lines, panel: Panel, labels: tuple[str, ...], *, closed: bool) -> None:
+    """Show a state of a run."""
+    lines.set("truth", panel.truth)
+    lines.set("measured", panel.measured)
+    for label in labels:
+        lines.set(f"estimate {label}", panel.estimates.get(label))
+        if closed:
+            lines.set(f"own {label}", panel.own_truths.get(label))
+    lines.set_limits(*panel.limits)
+
+
+def draw_errors(lines: Lines, panel: Panel, labels: tuple[str, ...]) -> None:
+    """Show the errors of a run."""
+    for label in labels:
+        lines.set(f"error {label}", panel.errors.get(label))
+    lines.set_limits(*panel.error_limits)
+
+
+def draw_bound(lines: Lines, label: str, bound: Bound | None, *, with_error: bool) -> None:
+    """Show what bounds an error, and the error where that is not of a state."""
+    lines.set(f"bound {label}", None if bound is None else bound.bound)
+    if bound is not None:
+        lines.set_dashes(f"bound {label}", _BOUND if bound.holds else _DECAY)
+    if with_error:
+        lines.set(f"error {label}", None if bound is None else bound.error)

@@ -1,0 +1,245 @@
+"""One open page: what it asks for, what is computed of that, and what it is told."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+from hgorun.config.expressions import nearest
+from hgorun.errors import ConfigError, HgorunError, printable
+from hgorun.explore.bench import Bench, Shown
+from hgorun.explore.keeping import Keeper, command
+from hgorun.explore.picture import Bound, Picture, bounds_of, picture_of, promised_cells
+from hgorun.explore.promises import AT_ONCE as QUICK
+from hgorun.explore.promises import LATER as SLOW
+from hgorun.explore.promises import Promise, numbers_of
+from hgorun.explore.state import History, State
+from hgorun.explore.worker import AT_ONCE, LATER, SOON, Job, Worker
+
+Told = dict[str, Any]  # what goes to the page, as JSON
+
+
+class Page(Protocol):
+    """What is drawn on. All of it is called by the server's own thread."""
+
+    def draw(self, picture: Picture) -> None:
+        """Show a run."""
+
+    def draw_bounds(self, label: str, bounds: list[Bound]) -> None:
+        """Show what the theory bounds of an observer; an empty list: nothing."""
+
+    def tell(self, told: str) -> None:
+        """Give numbers and messages to the page, as JSON."""
+
+
+@dataclass(eq=False)
+class Session:
+    """One open page.
+
+    Parameters
+    ----------
+    bench : Bench
+    keeper : Keeper
+    worker : Worker
+    post : callable
+        Has a function called by the server's thread.
+    page : Page
+    query : str
+        Of the address that it was opened with.
+    """
+
+    bench: Bench
+    keeper: Keeper
+    worker: Worker
+    post: Callable[[Job], None]
+    page: Page
+    query: str = ""
+    history: History = field(default_factory=lambda: History(State()))
+    closed: bool = False
+    _shown: Shown | None = None
+    _latest: int = 0  # of the questions
+
+    def close(self) -> None:
+        """The page is gone: what is still asked for is not computed."""
+        self.closed = True
+
+    def _begin(self, number: int) -> None:
+        """Show what an address stands for; what is wrong with it is told, and the file as it is shown."""
+        error = ""
+        try:
+            self.history = History(self.bench.state_of(self.query))
+        except ConfigError as problem:
+            error = f"{problem}: the file's own values are shown"
+        self._compute(self.history, number, error)
+
+    def ask(self, text: str) -> None:
+        """Answer a question of the page."""
+        question = json.loads(text)
+        self._latest = number = int(question["number"])
+        try:
+            if question["do"] == "begin":
+                self._begin(number)
+                return
+            if question["do"] == "write":
+                self._write(number, str(question["file"]))
+                return
+            history = self._after(question)
+        except HgorunError as error:
+            self._tell(number, error=str(error))
+            return
+        if self._shown is not None and history.shown == self._shown.state:
+            self.history = history
+            self._tell(number)
+        else:
+            self._compute(history, number)
+
+    def _after(self, question: Mapping[str, Any]) -> History:
+        """The history once a question has been answered.
+
+        Raises
+        ------
+        ConfigError
+        """
+        history, shown = self.history, self.history.shown
+        match question["do"]:
+            case "set":
+                knob = self.bench.knobs.get(str(question["name"]))
+                if knob is None:
+                    raise ConfigError("there is no such value", key=str(question["name"])[:80])
+                state = shown.with_value(knob, question["value"])
+                return history.stepped(state) if question["final"] else history.previewed(state)
+            case "observer":
+                label = str(question["label"])
+                if label not in self.bench.labels:
+                    raise ConfigError(f"no observer is called {label[:40]!r}.{nearest(label, self.bench.labels)}")
+                return history.stepped(shown.with_observer(label, on=bool(question["on"])))
+            case "undo":
+                return history.undone()
+            case "redo":
+                return history.redone()
+            case "reset":
+                return history.stepped(State())
+        raise ConfigError(f"there is no question {str(question['do'])[:40]!r}")
+
+    def _compute(self, history: History, number: int, error: str = "") -> None:
+        """Have a state simulated; the page keeps what it has where that fails."""
+
+        def job() -> None:
+            if self.closed:
+                return
+            try:
+                run = self.bench.prepared(history.shown)
+                if not run.structure.compiled:
+                    self.post(lambda: self._tell(number, busy="compiling new equations"))
+                shown = self.bench.simulated(history.shown, run)
+                picture = picture_of(shown)
+            except HgorunError as problem:
+                words = f"{problem}" + ("" if self._shown is None else ": the values before are shown")
+                self.post(lambda: self._failed(number, words))
+                return
+            self.post(lambda: self._arrived(history, number, shown, picture, error))
+
+        self.worker.submit(job, AT_ONCE)
+
+    def _failed(self, number: int, words: str) -> None:
+        self._tell(number, error=words)
+
+    def _arrived(self, history: History, number: int, shown: Shown, picture: Picture, error: str) -> None:
+        self.history, self._shown = history, shown
+        self.page.draw(picture)
+        self._tell(number, error=error, picture=_as_json(picture))
+        for label in self.bench.labels:
+            if label not in shown.result.observers:
+                self.page.draw_bounds(label, [])
+            else:
+                self.worker.submit(lambda label=label: self._promise(number, shown, label), SOON)  # type: ignore[misc]  # label is bound early
+                self.worker.submit(lambda label=label: self._limits(number, shown, label), LATER)  # type: ignore[misc]  # as above
+
+    def _promise(self, number: int, shown: Shown, label: str) -> None:
+        """The bounds of an observer, unless something newer has been asked for."""
+        if self._stale(shown, number):
+            return
+        promise = self.bench.promise(shown, label)
+        bounds = bounds_of(label, promise, shown.result)
+        self.post(lambda: self._promised(number, shown, label, promise, bounds))
+
+    def _promised(self, number: int, shown: Shown, label: str, promise: Promise, bounds: list[Bound]) -> None:
+        if self._shown is not shown:
+            return
+        self.page.draw_bounds(label, bounds)
+        self._tell(number, theory=_theory(label, promise, bounds, shown.result.states))
+
+    def _limits(self, number: int, shown: Shown, label: str) -> None:
+        """What takes longer: while a slider is held there is no end to what is asked, and it waits."""
+        if self._stale(shown, number) or self.history.preview is not None or shown.experiment.closed:
+            return
+        numbers, reasons = numbers_of(shown.context.subjects[label], SLOW)
+        self.post(lambda: self._limited(number, shown, label, Promise(numbers=numbers, reasons=reasons)))
+
+    def _limited(self, number: int, shown: Shown, label: str, promise: Promise) -> None:
+        if self._shown is shown:
+            self._tell(number, theory=_theory(label, promise))
+
+    def _stale(self, shown: Shown, number: int) -> bool:
+        return self.closed or self._shown is not shown or self._latest > number
+
+    def _write(self, number: int, file: str) -> None:
+        """Write the chosen values; nothing is written where the file does not come to the same."""
+        if self._shown is None:
+            raise ConfigError("there is nothing to write yet")
+        written = self.keeper.write(self._shown.experiment, file)
+        self._tell(number, written=str(written), file=self.keeper.next_name())
+
+    def _tell(self, number: int, **more: object) -> None:
+        """Where the page is, and what is new."""
+        history, state = self.history, self.history.shown
+        values = {name: state.values.get(name, knob.start) for name, knob in self.bench.knobs.items()}
+        told: Told = {
+            "number": number,
+            "values": values,
+            "off": sorted(state.off),
+            "undo": bool(history.past),
+            "redo": bool(history.future),
+            "query": state.query(),
+            "command": command(self.bench, state),
+            **more,
+        }
+        self.page.tell(json.dumps(told, allow_nan=False))
+
+
+def _as_json(picture: Picture) -> Told:
+    table = picture.table
+    beyond = [words for panel in picture.panels for words in panel.beyond]
+    return {
+        "status": picture.status,
+        "said": [*picture.said, *beyond],
+        "columns": table.columns,
+        "meanings": table.meanings,
+        "rows": [
+            {
+                "label": row.label,
+                "status": row.status,
+                "reason": row.reason,
+                "cells": [[cell.text, cell.digits] for cell in row.cells],
+            }
+            for row in table.rows
+        ],
+    }
+
+
+def _theory(label: str, promise: Promise, bounds: list[Bound] | None = None, states: tuple[str, ...] = ()) -> Told:
+    """What is told of an observer's theory; ``bounds`` are None where they have been told before."""
+    cells = promised_cells({label: promise}, (*QUICK, *SLOW))[label]
+    found: Told = {
+        "label": label,
+        "cells": {name: {state: [cell.text, cell.digits] for state, cell in of.items()} for name, of in cells.items()},
+        "reasons": {name: printable(reason) for name, reason in promise.reasons.items()},
+    }
+    if bounds is not None:
+        names = tuple(bound.name for bound in bounds)
+        kind = "" if not bounds else "bound" if bounds[0].holds else "decay"
+        others = [] if names == tuple(states) else names  # coordinates that have figures of their own
+        found |= {"drawn": kind, "reason": printable(promise.reason), "others": others}
+    return found

@@ -1,0 +1,213 @@
+"""The live page: its document, its text, and what is drawn on it. This module imports bokeh."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from importlib.resources import files
+from typing import Any
+
+from bokeh.core.properties import String
+from bokeh.document import Document
+from bokeh.model import DataModel
+from jinja2 import Template
+
+from hgorun.analysis.finding import FINDINGS
+from hgorun.explore import plots
+from hgorun.explore.bench import Bench, Shown
+from hgorun.explore.keeping import Keeper
+from hgorun.explore.knobs import Knob
+from hgorun.explore.picture import Bound, Limits, Picture, styles_of
+from hgorun.explore.plots import Lines
+from hgorun.explore.promises import AT_ONCE, LATER
+
+_PLACES = 200  # of a slider: a step is a two-hundredth of its range
+_TOGETHER = {"measurement": "Measurement", "run": "Run"}
+
+
+class Channel(DataModel):  # type: ignore[misc]  # bokeh's models are made at run time
+    """What the page asks and is told, as JSON."""
+
+    asked = String(default="")
+    told = String(default="")
+
+
+@dataclass(frozen=True)
+class _Named:
+    """A figure of the page."""
+
+    name: str
+    title: str
+    said: str
+    plot: Any
+    hidden: bool = False
+
+
+class View:
+    """The figures of one page, and the channel that it asks by.
+
+    Parameters
+    ----------
+    document : bokeh.document.Document
+        Of the page.
+    bench : Bench
+    keeper : Keeper
+    base : Shown
+        The file as it is: how many states there are, and how observers look.
+    """
+
+    def __init__(self, document: Document, bench: Bench, keeper: Keeper, base: Shown) -> None:
+        self._document, self._labels = document, bench.labels
+        self._closed = base.experiment.closed
+        self._states = tuple(base.result.states)
+        self.channel = Channel(name="channel")
+        looks = styles_of(base.result)
+        self._estimates: list[Lines] = []
+        self._errors: list[Lines] = []
+        self._others: list[Lines] = []
+        self._limits: list[dict[str, Limits]] = [{} for _ in self._states]
+        named = list(self._figures(base, looks))
+        for one in named:
+            document.add_root(one.plot)
+        document.add_root(self.channel)
+        document.title = f"{bench.name} - hgorun explore"
+        document.template = Template(_read("page.html"))
+        document.template_variables.update(_words(bench, keeper, base, looks, named))
+
+    def _figures(self, base: Shown, looks: Any) -> Iterator[_Named]:
+        result = base.result
+        units = result.units
+        span = float(result.time[0]), float(result.time[-1])
+        time = f"time{_in_brackets(units.get('time', ''))}"
+        for i, state in enumerate(self._states):
+            unit = _in_brackets(units.get(state, ""))
+            plot = plots.empty_plot(f"estimate{i}", time, f"{state}{unit}", span)
+            self._estimates.append(plots.estimates_of(plot, looks, closed=self._closed))
+            yield _Named(f"estimate{i}", f"{state} and its estimates", f"{state} and its estimates over time", plot)
+            plot = plots.empty_plot(f"error{i}", time, f"|error of {state}|{unit}", span, logarithmic=True)
+            self._errors.append(plots.errors_of(plot, looks))
+            yield _Named(f"error{i}", f"Errors of {state}", f"size of the errors of {state} over time", plot)
+        if not self._closed:
+            for i in range(len(self._states)):  # of theories in other coordinates, where there are some
+                plot = plots.empty_plot(f"other{i}", time, f"|error of z{i + 1}|", span, logarithmic=True)
+                self._others.append(plots.errors_of(plot, looks))
+                title = f"Errors of z{i + 1}, a coordinate of the theory"
+                yield _Named(f"other{i}", title, title, plot, hidden=True)
+
+    def draw(self, picture: Picture) -> None:
+        """Show a run."""
+        self._document.hold("combine")
+        for panel, estimates, errors in zip(picture.panels, self._estimates, self._errors, strict=True):
+            plots.draw_estimates(estimates, panel, self._labels, closed=self._closed)
+            plots.draw_errors(errors, panel, self._labels)
+        self._document.unhold()
+
+    def draw_bounds(self, label: str, bounds: list[Bound]) -> None:
+        """Show what the theory bounds of an observer."""
+        self._document.hold("combine")
+        of_states = tuple(bound.name for bound in bounds) == self._states
+        for i in range(len(self._states)):
+            own = bounds[i] if i < len(bounds) else None
+            plots.draw_bound(self._errors[i], label, own if of_states else None, with_error=False)
+            if self._others:
+                other = None if of_states else own
+                plots.draw_bound(self._others[i], label, other, with_error=True)
+                self._fit(i, label, other)
+        self._document.unhold()
+
+    def _fit(self, i: int, label: str, bound: Bound | None) -> None:
+        """Have a coordinate's axis hold the errors of all observers."""
+        known = self._limits[i]
+        known.pop(label, None)
+        limits = None if bound is None else bound.limits
+        if limits is not None:
+            known[label] = limits
+        if known:
+            self._others[i].set_limits(min(low for low, _ in known.values()), max(high for _, high in known.values()))
+
+    def tell(self, told: str) -> None:
+        """Give numbers and messages to the page."""
+        self.channel.told = told
+
+
+def _words(bench: Bench, keeper: Keeper, base: Shown, looks: Any, named: Sequence[_Named]) -> dict[str, Any]:
+    """What the template shows; Jinja does not escape, so all of it is."""
+    knobs = list(bench.knobs.values())
+    names = dict.fromkeys([*bench.labels, *(knob.group for knob in knobs)])
+    groups = []
+    for name in names:
+        look = looks.get(name) if name in bench.labels else None
+        groups.append(
+            {
+                "name": _safe(name if look else _TOGETHER.get(name, name)),
+                "observer": look is not None,
+                "colour": look.colour if look else "",
+                "dashes": _dashes(look.dashes) if look else "",
+                "knobs": [_knob(i, knob) for i, knob in enumerate(knobs) if knob.group == name],
+            }
+        )
+    known = {
+        "places": _PLACES,
+        "labels": bench.labels,
+        "knobs": [
+            {"name": k.name, "scale": k.scale, "low": k.low, "high": k.high, "start": k.start, "unit": k.unit}
+            for k in knobs
+        ],
+        "findings": [[name, *_said(name)] for name in (*AT_ONCE, *LATER)],
+    }
+    return {
+        "style": _read("page.css"),
+        "script": _read("page.js"),
+        "known": json.dumps(known).replace("<", "\\u003c"),
+        "heading": _safe(base.result.title or bench.name),
+        "file": _safe(str(bench.path) + (f", run {bench.run_name}" if bench.run_name else "")),
+        "name": _safe(bench.name),
+        "time_unit": _safe(base.result.units.get("time", "")),
+        "closed": base.experiment.closed,
+        "groups": groups,
+        "plots": [{"name": n.name, "title": _safe(n.title), "said": _safe(n.said), "hidden": n.hidden} for n in named],
+        "folder": _safe(str(keeper.folder)),
+        "file_name": _safe(keeper.next_name()),
+    }
+
+
+def _knob(number: int, knob: Knob) -> dict[str, Any]:
+    whole = knob.scale == "integer"
+    whose = "" if knob.group in _TOGETHER else f" of {knob.group}"
+    return {
+        "number": number,
+        "label": _safe(knob.label),
+        "said": _safe(f"{knob.label}{whose}"),
+        "unit": _safe(knob.unit),
+        "bottom": round(knob.low) if whole else 0,
+        "top": round(knob.high) if whole else _PLACES,
+    }
+
+
+def _said(name: str) -> tuple[str, str]:
+    """A finding's title and meaning."""
+    finding = FINDINGS.find(name)
+    return finding.title, finding.meaning.replace("`", "")
+
+
+def _dashes(style: Any) -> str:
+    """A line style of matplotlib for SVG."""
+    from hgorun.explore.drawing import dash
+
+    found = dash(style)
+    return "" if found == "solid" else " ".join(str(2 * part) for part in found)
+
+
+def _in_brackets(unit: str) -> str:
+    return f" [{unit}]" if unit else ""
+
+
+def _safe(words: str) -> str:
+    from html import escape
+
+    return escape(words, quote=True)
+
+
+def _read(name: str) -> str:
+    return (files("hgorun.explore") / name).read_text(encoding="utf-8")

@@ -1,0 +1,195 @@
+"""A live page in a real browser: sliders by mouse and by keyboard, numbers, requests, labels, contrast, zoom."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+import pytest
+from live import OSCILLATOR
+from test_server import started
+
+pytest.importorskip("bokeh", reason="needs hgorun[explore]")
+
+import signal
+
+import browser
+
+from hgorun import load, simulate
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(browser.CHROMIUM is None, reason="there is no Chromium"),
+]
+
+IDLE = "window.hgorun && hgorun.idle"
+SEEN = """(() => {
+  const rows = [...document.querySelectorAll('#metrics tbody tr')];
+  return JSON.stringify(Object.fromEntries(rows.map(row =>
+    [row.dataset.label, [...row.querySelectorAll('td[data-value]')].map(cell => cell.dataset.value)])));
+})()"""
+CURVE = """JSON.stringify(Bokeh.documents[0].get_model_by_name('estimate1').renderers.map(
+  one => Array.from(one.data_source.data.v)))"""
+SAID = "document.getElementById('said').textContent"
+
+
+def shown(tmp_path: Path, look: Callable[[browser.Page], Awaitable[None]], text: str = OSCILLATOR) -> browser.Page:
+    """Serve a configuration, and look at it."""
+    path = tmp_path / "a.yaml"
+    path.write_text(text)
+    process, address = started(path, "-o", "out")
+
+    async def begun(page: browser.Page) -> None:
+        await page.resize(1300, 1000)
+        await page.until(f"{IDLE} && document.querySelectorAll('#theory tbody tr').length == 2")
+        await look(page)
+
+    try:
+        page = browser.opened(address, begun)
+    finally:
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate(timeout=30)
+    assert "Traceback" not in err
+    assert page.complaints == []
+    hosts = {urlsplit(one).netloc for one in page.requests}
+    assert hosts == {urlsplit(address).netloc}  # nobody else is asked for anything
+    return page
+
+
+async def numbers(page: browser.Page) -> dict[str, list[str]]:
+    await page.until(IDLE)
+    await asyncio.sleep(0.3)
+    return dict(json.loads(await page.value(SEEN)))
+
+
+def simulated(path: Path) -> dict[str, list[str]]:
+    """All digits of the metrics that ``hgorun simulate`` has."""
+    result = simulate(load(path))
+    return {
+        label: sorted(repr(float(v)) for values in o.metrics.values() for v in values)
+        for label, o in result.observers.items()
+    }
+
+
+def test_sliders_by_mouse_and_by_keyboard(tmp_path: Path) -> None:
+    """They move the curve and the numbers, which are those of the file that is written."""
+    found: list[dict[str, list[str]]] = []
+
+    async def look(page: browser.Page) -> None:
+        found.append(await numbers(page))
+        before = await page.value(CURVE)
+        x, y = await page.middle('[data-knob="0"]')
+        await page.drag((x, y), (x + 10, y), (x + 25, y))
+        found.append(await numbers(page))
+        moved = await page.value(CURVE)
+        assert moved != before
+        theta = float(await page.value("document.querySelector('[data-number=\"0\"]').value"))
+        assert theta > 2
+        for _ in range(3):
+            await page.press("ArrowRight")
+        found.append(await numbers(page))
+        assert await page.value(CURVE) != moved
+        assert float(await page.value("document.querySelector('[data-number=\"0\"]').value")) > theta
+        await page.press("z", control=True)
+        await page.press("z", control=True)
+        await page.press("z", control=True)
+        assert await numbers(page) == found[1]
+        await page.press("y", control=True)
+        await page.press("y", control=True)
+        await page.press("y", control=True)
+        assert await numbers(page) == found[2]
+        address = await page.value("location.href")
+        assert "observers.F.theta=" in address
+        await page.click("#write button")
+        await page.until(f"{SAID}.startsWith('written')")
+        await page.call("Page.navigate", url=address)
+        await page.until(f"{IDLE} && {SAID} == 'ok'")
+        assert await numbers(page) == found[2]
+        await page.click('[data-observer="S"]')
+        assert list(await numbers(page)) == ["F"]
+        await page.click("#reset")
+        assert await numbers(page) == found[0]
+
+    shown(tmp_path, look)
+    written = tmp_path / "out" / "a.explored.yaml"
+    assert {label: sorted(digits) for label, digits in found[2].items()} == simulated(written)
+    assert {label: sorted(digits) for label, digits in found[0].items()} == simulated(tmp_path / "a.yaml")
+
+
+def test_what_is_typed(tmp_path: Path) -> None:
+    """A number that does not fit is a message; what was there stays."""
+
+    async def look(page: browser.Page) -> None:
+        before = await numbers(page)
+        await page.click('[data-number="0"]')
+        await page.value("document.querySelector('[data-number=\"0\"]').select()")
+        for key in "-3":
+            await page.press(key)
+        await page.press("Enter")
+        await page.until(f"{SAID}.includes('expected a number above 0')")
+        assert await numbers(page) == before
+        assert await page.value("document.querySelector('[data-number=\"0\"]').getAttribute('aria-invalid')") == "true"
+        assert await page.value("document.querySelector('[data-number=\"0\"]').value") == "2"
+        await page.value("document.getElementById('file').value = '../b.yaml'")
+        await page.click("#write button")
+        await page.until(f"{SAID}.includes('without a folder')")
+        image = "fetch(document.getElementById('png').href).then(one => one.headers.get('content-type'))"
+        assert await page.value(image) == "image/png"
+
+    shown(tmp_path, look)
+
+
+# names that a screen reader says, and contrast of what is written, against (4.5 for text, 3 for what can be used)
+LOOKED_AT = """(() => {
+  const light = (text) => { const [r, g, b] = text.match(/[\\d.]+/g).slice(0, 3).map(v => v / 255)
+    .map(v => v <= 0.03928 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4); return 0.2126 * r + 0.7152 * g + 0.0722 * b; };
+  const behind = (one) => { for (; one; one = one.parentElement) { const c = getComputedStyle(one).backgroundColor;
+    if (!/, 0\\)$/.test(c) && c != 'transparent') return c; } return 'rgb(255, 255, 255)'; };
+  const ratio = (a, b) => { const [x, y] = [light(a), light(b)].sort((p, q) => q - p);
+    return (x + 0.05) / (y + 0.05); };
+  const texts = [...document.querySelectorAll(
+    'h1, h2, p, label, legend, button:enabled, a, th, td, li, figcaption, input[type=text]')];
+  const used = [...document.querySelectorAll('input, button, a[href], select, [tabindex="0"]')];
+  const named = (one) => one.getAttribute('aria-label') || one.labels?.[0]?.textContent.trim()
+    || one.textContent.trim();
+  return JSON.stringify({
+    faint: texts.filter(one => one.textContent.trim() || one.value)
+      .filter(one => ratio(getComputedStyle(one).color, behind(one)) < 4.5).map(one => one.outerHTML.slice(0, 100)),
+    nameless: used.filter(one => !named(one)).map(one => one.outerHTML.slice(0, 100)),
+    figures: [...document.querySelectorAll('figure')].filter(one => !one.getAttribute('aria-label')).length,
+    status: document.getElementById('said').getAttribute('role'),
+    language: document.documentElement.lang,
+  });
+})()"""
+
+
+def test_labels_contrast_and_zoom(tmp_path: Path) -> None:
+    seen: dict[str, Any] = {}
+
+    async def look(page: browser.Page) -> None:
+        seen.update(json.loads(await page.value(LOOKED_AT)))
+        await page.value("document.querySelector('#undo').focus()")
+        reached = []
+        for _ in range(12):
+            await page.press("Tab")
+            reached.append(await page.value("document.activeElement.getAttribute('data-knob')"))
+        seen["reached"] = [one for one in reached if one is not None]
+        await page.resize(320, 800)  # 1280 at 400 %
+        await asyncio.sleep(1)
+        seen["width"] = await page.value("document.documentElement.scrollWidth")
+        lefts = (
+            "[...document.querySelectorAll('figure:not([hidden])')].map(f => Math.round(f.getBoundingClientRect().x))"
+        )
+        seen["columns"] = len(set(await page.value(lefts)))
+
+    shown(tmp_path, look)
+    assert seen["faint"] == []
+    assert seen["nameless"] == []
+    assert (seen["figures"], seen["status"], seen["language"]) == (0, "status", "en")
+    assert seen["reached"][:3] == ["0", "1", "2"]
+    assert seen["width"] <= 320
+    assert seen["columns"] == 1

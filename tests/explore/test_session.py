@@ -1,0 +1,282 @@
+"""What a live page is told, and what it writes: the numbers of ``hgorun simulate``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from live import CLOSED, OSCILLATOR, Live
+
+from hgorun import load, simulate
+from hgorun.analysis.finding import FINDINGS
+from hgorun.analysis.report import analyze
+from hgorun.errors import ConfigError, HgorunError
+from hgorun.explore.keeping import Keeper
+from hgorun.explore.promises import AT_ONCE, LATER
+from hgorun.result.result import Result
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    path = tmp_path / "a.yaml"
+    path.write_text(OSCILLATOR)
+    return path
+
+
+def numbers(result: Result) -> dict[str, list[str]]:
+    """All digits of all metrics, in the order of tables."""
+    return {
+        label: [repr(float(v)) for values in o.metrics.values() for v in values]
+        for label, o in result.observers.items()
+    }
+
+
+def sorted_digits(found: dict[str, list[str]]) -> dict[str, list[str]]:
+    return {label: sorted(digits) for label, digits in found.items()}
+
+
+def written(live: Live, name: str = "b.yaml") -> Path:
+    told = live.ask("write", file=name)
+    assert "error" not in told or not told["error"], told
+    return Path(told["written"])
+
+
+def test_a_page_begins_with_the_file(file: Path) -> None:
+    live = Live(file)
+    assert sorted_digits(live.digits) == sorted_digits(numbers(simulate(load(file))))
+    assert live.begun["picture"]["status"] == "ok"
+    assert (live.begun["query"], live.begun["off"], live.begun["undo"]) == ("", [], False)
+    picture = live.paper.pictures[-1]
+    assert [panel.name for panel in picture.panels] == ["x1", "x2"]
+    assert picture.panels[0].measured.v.size == 41
+    assert picture.panels[1].measured.v.size == 0
+
+
+def test_the_text_of_the_file_is_kept(file: Path) -> None:
+    live = Live(file)
+    before = live.digits
+    live.set("observers.F.theta", 2.0 + 1e-15)
+    live.set("observers.S.poles.1", -2.25)
+    path = written(live)
+    text = OSCILLATOR.replace("theta: 2,", f"theta: {2.0 + 1e-15!r},").replace("-2]", "-2.25]")
+    assert path.read_text() == text
+    assert sorted_digits(numbers(simulate(load(path)))) == sorted_digits(live.digits)
+    assert live.digits["S"] != before["S"]
+
+
+def test_a_file_that_extends_another_is_extended(file: Path, tmp_path: Path) -> None:
+    over = tmp_path / "over.yaml"
+    over.write_text("extends: a.yaml\n")
+    live = Live(over, folder=tmp_path / "x" / "y")
+    for name, value in {"measurement.noise.0.std": 0.03, "observers.F.initial error": 0.5, "seed": 3}.items():
+        live.set(name, value)
+    path = written(live)
+    assert yaml.safe_load(path.read_text())["extends"] == "../../over.yaml"
+    assert sorted_digits(numbers(simulate(load(path)))) == sorted_digits(live.digits)
+
+
+def test_observers_that_are_off_are_left_out(file: Path) -> None:
+    live = Live(file)
+    live.set("observers.S.theta", 4.0)
+    live.ask("observer", label="F", on=False)
+    assert list(live.digits) == ["S"]
+    assert live.paper.bounds["F"] == []
+    path = written(live)
+    result = simulate(load(path))
+    assert sorted_digits(numbers(result)) == sorted_digits(live.digits)
+    live.ask("observer", label="F", on=True)
+    assert list(live.digits) == ["F", "S"]
+    live.ask("observer", label="F", on=False)
+    live.ask("observer", label="S", on=False)
+    assert live.digits == {}
+
+
+def test_one_run_of_several(file: Path) -> None:
+    file.write_text(OSCILLATOR + "runs:\n  fast: {observers: {F: {theta: 5}}}\n  slow: {}\n")
+    live = Live(file, run="fast")
+    assert live.begun["values"]["observers.F.theta"] == 5
+    live.set("observers.F.theta", 6.5)
+    path = written(live)
+    assert sorted_digits(numbers(simulate(load(path)))) == sorted_digits(live.digits)
+    assert live.begun["command"] == f"hgorun explore {file} --run fast"
+
+
+def test_nothing_is_written_elsewhere_or_twice(file: Path) -> None:
+    live = Live(file)
+    folder = live.keeper.folder
+    for name in (
+        "../b.yaml",
+        "/tmp/b.yaml",
+        "b",
+        ".yaml",
+        ".b.yaml",
+        "b.yaml/",
+        "a/b.yaml",
+        "b.yaml\n",
+        "",
+        "b.h5",
+        "a\\b.yaml",
+    ):
+        assert "expected the name of a YAML file" in live.ask("write", file=name)["error"]
+    assert not folder.exists()
+    assert written(live) == folder / "b.yaml"
+    assert "exists already" in live.ask("write", file="b.yaml")["error"]
+    (folder / "away.yaml").symlink_to(file.parent / "outside.yaml")
+    assert "exists already" in live.ask("write", file="away.yaml")["error"]
+    assert sorted(path.name for path in folder.iterdir()) == ["away.yaml", "b.yaml"]
+    assert live.ask("write", file="a.explored.yaml")["file"] == "a.explored-2.yaml"
+    assert file.read_text() == OSCILLATOR
+
+
+def test_a_file_that_says_something_else_is_not_written(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    live = Live(file)
+    live.set("observers.F.theta", 3.0)
+    monkeypatch.setattr(Keeper, "text", lambda *_: OSCILLATOR)
+    assert "does not say the same" in live.ask("write", file="b.yaml")["error"]
+    assert list(live.keeper.folder.iterdir()) == []
+
+
+def test_steps_are_undone(file: Path) -> None:
+    live = Live(file)
+    start = live.digits
+    for value in (2.2, 2.4):
+        live.set("observers.F.theta", value, final=False)
+    told = live.set("observers.F.theta", 2.5)
+    moved = live.digits
+    assert told["query"] == "observers.F.theta=2.5"
+    assert told["undo"]
+    assert moved["F"] != start["F"]
+    assert moved["S"] == start["S"]
+    told = live.ask("undo")
+    assert (told["undo"], told["redo"], live.digits == start) == (False, True, True)
+    assert live.ask("redo")["values"]["observers.F.theta"] == 2.5
+    assert live.digits == moved
+    live.ask("reset")
+    assert live.digits == start
+    live.ask("undo")
+    assert live.digits == moved
+
+
+def test_an_address_restores(file: Path) -> None:
+    live = Live(file)
+    live.set("measurement.sampling.period", 0.2)
+    told = live.ask("observer", label="S", on=False)
+    again = Live(file, query=told["query"])
+    assert again.digits == live.digits
+    assert again.begun["values"] == told["values"]
+    wrong = Live(file, query="observers.F.thata=2")
+    assert "the file's own values are shown" in wrong.begun["error"]
+    assert wrong.begun["picture"]["status"] == "ok"
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "said"),
+    [
+        ("observers.F.theta", -1, "a.yaml:7: observers.F.theta: expected a number above 0, found -1.0"),
+        ("observers.F.theta", "", "expected a number"),
+        ("observers.F.r", 2.5, "expected a whole number"),
+        ("measurement.sampling.period", 0, "expected a number above 0"),
+        ("nothing", 1, "there is no such value"),
+        ("observers.F.poles", 1, "poles must have a negative real part"),
+        ("seed", -1, "seed"),
+    ],
+)
+def test_what_does_not_fit_is_told_and_changes_nothing(file: Path, name: str, value: object, said: str) -> None:
+    live = Live(file)
+    before = live.digits
+    told = live.set(name, value)
+    assert said in told["error"]
+    assert "Traceback" not in told["error"]
+    assert (told["values"], told["query"]) == (live.begun["values"], "")
+    assert live.digits == before
+    assert len(live.paper.pictures) == 1
+    assert not live.set("observers.F.theta", 2.5).get("error")
+
+
+def test_a_gain_that_is_lost_is_told(file: Path) -> None:
+    """Axes stay where the others are."""
+    file.write_text(OSCILLATOR.replace("theta: 3,", "theta: 3, hold: {shrink: 0},"))
+    live = Live(file)
+    told = live.set("observers.S.theta", 60.0)
+    row = next(row for row in told["picture"]["rows"] if row["label"] == "S")
+    assert row["status"].startswith("diverged")
+    assert told["picture"]["status"] == "diverged"
+    assert any("observer S diverged" in words for words in told["picture"]["said"])
+    assert {digits for _, digits in row["cells"]} == {"inf"}
+    low, high = live.paper.pictures[-1].panels[0].limits
+    assert -10 < low < high < 10
+
+
+def test_peaks_beyond_the_axes_are_told(file: Path) -> None:
+    file.write_text(OSCILLATOR.replace("theta: 3, poles: [-1, -2]", "theta: 20, poles: -2, initial: {x1: 3}"))
+    live = Live(file)
+    panel = live.paper.pictures[-1].panels[1]
+    largest = simulate(load(file)).observers["S"].xhat[:, 1]
+    far = largest[np.argmax(np.abs(largest))]
+    assert not panel.limits[0] < far < panel.limits[1]
+    assert f"S: x2 reaches {far:.4g}" in panel.beyond[0]
+    assert panel.beyond[0] in live.begun["picture"]["said"]
+
+
+def test_the_theory_follows(file: Path) -> None:
+    """Its numbers are those of ``hgorun analyze``; what has not changed is not computed again."""
+    file.write_text(OSCILLATOR.replace("  sampling: {period: 0.1}\n", "").replace("std: 0.01", "std: 0.01, hold: 0.1"))
+    live = Live(file)
+    live.set("observers.S.theta", 3.5)
+    live.worker.finish()
+    names = (*AT_ONCE, *LATER)
+    analysis = analyze(load(file, ["observers.S.theta=3.5"]), [FINDINGS.find(name) for name in names])
+    assert live.theory().keys() == {"F", "S"}
+    for label, own in live.theory().items():
+        for name in names:
+            value = analysis.observers[label].values.get(name)
+            shown = own["cells"].get(name)
+            if value is None:
+                assert shown is None
+                assert own["reasons"][name] == analysis.observers[label].reasons[name]
+            elif isinstance(value, dict):
+                assert {state: float(digits) for state, (_, digits) in shown.items()} == value
+            else:
+                assert float(shown[""][1]) == value
+    bound = live.paper.bounds["S"][0]
+    transient = analysis.transients["S"]
+    assert bound.holds == transient.holds
+    assert [one.name for one in live.paper.bounds["S"]] == list(transient.names)
+    drawn = transient.bound if transient.holds else transient.nominal
+    assert drawn is not None
+    assert np.nanmax(bound.bound.v) == pytest.approx(float(drawn[:, 0].max()))
+
+
+def test_what_is_out_of_date_is_not_computed(file: Path) -> None:
+    live = Live(file)
+    live.set("observers.S.theta", 3.5)
+    live.session.close()
+    told = len(live.paper.told)
+    live.worker.finish()
+    live.session.ask('{"do": "set", "number": 9, "name": "observers.F.theta", "value": 4, "final": true}')
+    assert len(live.paper.told) == told
+
+
+def test_a_closed_loop(tmp_path: Path) -> None:
+    """Every observer beside the plant that it drives; the theorems are not about that, and the page says so."""
+    path = tmp_path / "c.yaml"
+    path.write_text(CLOSED)
+    live = Live(path)
+    live.set("observers.S.theta", 6.0)
+    live.worker.finish()
+    panel = live.paper.pictures[-1].panels[0]
+    assert set(panel.own_truths) == {"S"}
+    assert "in a closed loop" in live.theory()["S"]["reason"]
+    result = simulate(load(written(live)))
+    assert sorted_digits(numbers(result)) == sorted_digits(live.digits)
+
+
+def test_a_run_that_cannot_be_made_is_told(file: Path) -> None:
+    file.write_text(OSCILLATOR.replace("x1: 1, x2: 0}}", "x1: 1, x2: 0}, parameters: {mu: 1}}"))
+    live = Live(file)
+    with pytest.raises(ConfigError):
+        live.bench.state_of("observers.F.theta=-")
+    with pytest.raises(HgorunError):
+        live.bench.simulated(live.bench.state_of("observers.F.theta=-1"))
