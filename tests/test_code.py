@@ -84,6 +84,7 @@ WITHOUT_NUMBERS = {
     "hgorun.process",
     "hgorun.registry",
     "hgorun.version",
+    "hgorun.config.nearest",
 }
 
 
