@@ -84,7 +84,6 @@ WITHOUT_NUMBERS = {
     "hgorun.process",
     "hgorun.registry",
     "hgorun.version",
-    "hgorun.config.nearest",
 }
 
 

@@ -99,9 +99,7 @@ class Doctor:
     """
 
     prune: Annotated[bool, typer.Option("--prune", help="Empty the cache of compiled code.")] = False
-    strict: Annotated[bool, typer.Option("--strict", help="Exit with code 3 if anything is not as it should be.")] = (
-        False
-    )
+    strict: Annotated[bool, typer.Option("--strict", help="Exit with code 3 if something is wrong.")] = False
     json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False
 
 
