@@ -14,7 +14,7 @@ LOWEST := .venv-lowest
 SMOKE := tests/test_code.py tests/test_packaging.py tests/config tests/native tests/result tests/commands/test_cli.py tests/simulation/test_naive.py
 LOWEST_PYTHON ?= $(or $(shell command -v python3.11),$(PYTHON))
 
-.PHONY: help figures benchmark test test-lowest test-newer newer coverage bench lint docs dist wheel clean
+.PHONY: help figures benchmark test test-lowest test-newer newer coverage bench lint docs dist sbom wheel clean
 
 help:
 	@echo "make figures   every figure and claim of the publications, and results/REPORT.md"
@@ -27,6 +27,7 @@ help:
 	@echo "make lint      ruff and mypy"
 	@echo "make docs      the documentation as a site, in build/docs; what is not right stops it"
 	@echo "make dist      build source distribution and wheel into dist/, the same bytes each time"
+	@echo "make sbom      what an installation consists of (CycloneDX) into dist/, and whether advisories about it are known"
 	@echo "make wheel     build the wheel into dist/"
 	@echo "make clean     remove .venv and everything built; results/ stays"
 
@@ -74,6 +75,17 @@ docs: $(VENV)/.installed-dev
 dist: export SOURCE_DATE_EPOCH ?= $(shell git log -1 --format=%ct 2>/dev/null)
 dist: $(VENV)/.installed-dev
 	[ -n "$$SOURCE_DATE_EPOCH" ] || unset SOURCE_DATE_EPOCH; $(BIN)/python -m build $(ARGS)
+
+# Of a clean environment with nothing but hgorun in it; the tools have one of their own.
+sbom: wheel
+	rm -rf build/sbom
+	$(PYTHON) -m venv build/sbom/hgorun
+	build/sbom/hgorun/bin/python -m pip install --quiet dist/hgorun-*.whl
+	$(PYTHON) -m venv build/sbom/tools
+	sed -n 's/^release = \[\(.*\)\]/\1/p' pyproject.toml | tr -d ',' | xargs build/sbom/tools/bin/python -m pip install --quiet
+	build/sbom/tools/bin/cyclonedx-py environment --pyproject pyproject.toml --output-reproducible --validate --of JSON \
+	  --output-file dist/hgorun.cdx.json build/sbom/hgorun/bin/python
+	$(PYTHON) tools/audit.py build/sbom/tools/bin/pip-audit build/sbom/hgorun
 
 wheel:
 	$(MAKE) dist ARGS="--wheel $(ARGS)"

@@ -211,7 +211,7 @@ def _schema(chosen: catalogue_options.Schema) -> int:
     return schema(chosen)
 
 
-@_command("doctor", catalogue_options.Doctor, "something is amiss, with --strict")
+@_command("doctor", catalogue_options.Doctor, "something is wrong, with --strict")
 def _doctor(chosen: catalogue_options.Doctor) -> int:
     from hgorun.commands.doctor import doctor
 

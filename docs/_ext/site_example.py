@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -156,8 +156,14 @@ def _of_model(block: Plant) -> str:
         for state, formula in zip(model.states, found.formulas["o0"], strict=True)
     ]
     lines += [
-        f"{symbol(name) if name not in model.states else 'y'} &= {formula.text} \\\\"
-        for name, formula in zip(model.outputs, found.formulas["o1"], strict=True)
+        f"{name} &= {formula.text} \\\\"
+        for name, formula in zip(_outputs(model.outputs, model.states), found.formulas["o1"], strict=True)
     ]
     lines += [f"{name} &= {formula.text} \\\\" for name, formula in found.abbreviations]
     return displayed("\n".join(lines).removesuffix(r" \\"))
+
+
+def _outputs(names: Sequence[str], states: Sequence[str]) -> list[str]:
+    """Symbols of outputs: those that are called like states are y, with a number where there are several."""
+    own = [f"y_{{{i + 1}}}" if len(names) > 1 else "y" for i in range(len(names))]
+    return [letter if name in states else symbol(name) for name, letter in zip(names, own, strict=True)]

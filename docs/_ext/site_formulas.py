@@ -16,7 +16,6 @@ from sphinx.writers.html5 import HTML5Translator
 _LOGGER = logging.getLogger(__name__)
 _NAMESPACE = "http://www.w3.org/1998/Math/MathML"
 _NAMED = re.compile(r"&(?!(?:amp|lt|gt|quot|apos);)[A-Za-z]\w*;")  # characters that HTML has names for, and XML not
-_ACCENTS = frozenset("\N{DOT ABOVE}^~\N{MACRON}\N{CIRCUMFLEX ACCENT}\N{MODIFIER LETTER CIRCUMFLEX ACCENT}")
 
 
 def mathml(text: str, *, block: bool = False) -> str:
@@ -25,7 +24,7 @@ def mathml(text: str, *, block: bool = False) -> str:
     root = ElementTree.fromstring(_NAMED.sub(lambda found: unescape(found[0]), tex2mathml(text, as_block=block)))
     for element in root.iter(f"{{{_NAMESPACE}}}munderover"):
         base, index, accent = element
-        if (accent.text or "").strip() in _ACCENTS:
+        if accent.get("stretchy") == "false" and not base.tag.endswith("}mo"):  # no sum with its limits
             letter = ElementTree.Element(f"{{{_NAMESPACE}}}mover", accent="true")
             letter.extend([base, accent])
             element.tag = f"{{{_NAMESPACE}}}msub"

@@ -27,7 +27,7 @@ from hgorun.simulation.preparation import prepare
 from hgorun.simulation.simulate import simulate
 
 TRANSIENT = 3  # one part in so many of a run; the rest is steady
-_FEW = 4  # one seed in so many is enough to try values all over a range
+_FEW, _LEAST = 4, 3  # one seed in so many, or so many, are enough to try values all over a range
 _STEADY = 20  # seeds whose steady error is looked at
 _FOLLOWED = 5  # seeds whose trajectories are looked at
 _LEVEL = 2.0  # times its steady size an error is, when it has converged
@@ -109,7 +109,7 @@ class Trial:
         steady = self.experiment.varied({"metrics.window": [start + (end - start) / TRANSIENT, end]})
 
         scan = Scan(self.contestant.knob, self.rate)
-        few = tuning[: max(len(tuning) // _FEW, 1)]
+        few = tuning[: max(len(tuning) // _FEW, _LEAST)]
         places = scan.coarse(tries.coarse)
         rough = self._errors(whole, scan.at(places), few, threads).mean(axis=1)
         if not np.isfinite(rough).any():

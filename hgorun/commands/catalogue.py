@@ -1,4 +1,4 @@
-"""``list``, ``show``, ``init``: what there is and how to start."""
+"""``list``, ``show``: what there is."""
 
 from __future__ import annotations
 

@@ -99,7 +99,7 @@ class Doctor:
     """
 
     prune: Annotated[bool, typer.Option("--prune", help="Empty the cache of compiled code.")] = False
-    strict: Annotated[bool, typer.Option("--strict", help="Exit with code 3 if anything is amiss.")] = False
+    strict: Annotated[bool, typer.Option("--strict", help="Exit with code 3 if something is wrong.")] = False
     json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False
 
 

@@ -9,6 +9,7 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from hgorun.config.expressions import nearest, parse
 from hgorun.config.types import Block, ExpressionText, Interval, Name, Number, Positive, expression, number
+from hgorun.errors import Problem
 
 DRIVEN = "controller"
 """What stands in ``plant.inputs`` for an input that the controller drives."""
@@ -60,10 +61,10 @@ class Controller(Block):
     @model_validator(mode="after")
     def _fitting(self) -> Controller:
         if not self.law:
-            raise ValueError("law: expected input: expression, found nothing")
+            raise Problem(("law",), "expected input: expression, found nothing")
         for name in self.saturation:
             if name not in self.law:
-                raise ValueError(f"saturation: {name!r} has no law.{nearest(name, self.law)}")
+                raise Problem(("saturation", name), f"input {name!r} has no law.{nearest(name, self.law)}")
         return self
 
     @property

@@ -10,7 +10,7 @@ from pydantic_core import ErrorDetails
 from hgorun.config.paths import entries
 from hgorun.config.types import Block, describe
 from hgorun.config.yaml_source import Source
-from hgorun.errors import ConfigError, KeyPath
+from hgorun.errors import ConfigError, KeyPath, Problem
 
 _B = TypeVar("_B", bound=Block)
 
@@ -49,6 +49,8 @@ def _explained(error: ValidationError, source: Source, path: KeyPath, model: typ
         where = _known_path(source, path, item["loc"])
         if item["type"] in ("unknown_key", "no_value", "unknown_type"):
             where = (*where, item["ctx"]["key"])
+        if item["type"] == "value_error" and isinstance(problem := item["ctx"]["error"], Problem):
+            where = (*where, *problem.path)  # of a model's own check, from that model on
         file, line = source.where(where)
         candidates.append((line, where, file, _sentence(item) + _meaning(item, model)))
     line, where, file, message = min(candidates, key=lambda c: c[0])

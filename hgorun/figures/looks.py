@@ -58,6 +58,11 @@ _FAMILIES: Mapping[str, tuple[str, int]] = {
     "impulsive_riccati": (BRICK, SOLID),
     "piecewise": (BRICK, DENSE),
     "switched": (OLIVE, SOLID),
+    "red": (PINK, DENSE),
+    "hybrid_red": (WINE, DENSE),
+    "filtering": (VERMILLION, DASH_DOT_DOT),
+    "neso": (PINK, DASH_DOT_DOT),
+    "eso": (SKY, DASH_DOT_DOT),
 }
 # By filter order; without a filter these are the standard observer.
 _FILTERED: Mapping[str, tuple[tuple[str, int], ...]] = {

@@ -43,15 +43,19 @@ def _sensor(stretches: Sequence[Stretch]) -> Sensor:
         if len({one.power for one in strengths}) > 1 or len({s.multiplicative for s in stretches}) > 1:
             raise _Unknown("the noise changes from one phase to the next")
     except _Unknown as unknown:
-        return Sensor(None, None, interval, why=str(unknown), amplitude=amplitude, delay=delay)
+        why, continuous = str(unknown), any(s.continuous for s in stretches)
+        return Sensor(None, None, interval, why=why, amplitude=amplitude, delay=delay, continuous=continuous)
     first = strengths[0]
     power = None if stretches[0].multiplicative else first.power
-    variance = first.power if not any(s.continuous for s in stretches) else None
+    continuous = any(s.continuous for s in stretches)
+    variance = None if continuous else first.power
     density = first.density if len({one.density for one in strengths}) == 1 else None
     why = "the output is continuous: it has no samples" if variance is None else ""
     if density is None:
         why = why or "the mean time between its samples is not known, or changes"
-    return Sensor(variance, density, interval, stretches[0].multiplicative, why, amplitude, delay, power)
+    return Sensor(
+        variance, density, interval, stretches[0].multiplicative, why, amplitude, delay, power, continuous=continuous
+    )
 
 
 def _amplitude(stretches: Sequence[Stretch]) -> float | None:

@@ -72,6 +72,8 @@ def mean_intervals(given: float | None, sensors: Sequence[Sensor], form: Form, k
     """
     found = []
     for name, sensor in zip(form.plant.outputs, sensors or (_UNKNOWN,) * len(form.plant.outputs), strict=True):
+        if sensor.continuous:
+            raise Problem((), f"this needs sampled outputs, but {name} is continuous")
         interval = sensor.interval if given is None else given
         if interval is None:
             raise Problem((key,), f"the mean time between samples of {name} is not known, or changes: give {key}")
@@ -169,9 +171,13 @@ class KalmanFilter(NoiseInformed, ContinuousObserver[Form, ModelCopy]):
             for name in self.Q:
                 if name not in states:
                     raise Problem(("Q", name), f"unknown state {name!r}; known here: {', '.join(states)}")
-            return {"Q": np.diag([self.Q.get(name, 0.0) for name in states])}
-        assert self.Q is not None
-        return {"Q": require_covariance(self.Q, len(states), "state: number")}
+            Q = np.diag([self.Q.get(name, 0.0) for name in states])
+        else:
+            assert self.Q is not None
+            Q = require_covariance(self.Q, len(states), "state: number")
+        if not np.any(Q):
+            raise Problem(("Q",), "a filter without process noise ceases to listen: expected a number above 0")
+        return {"Q": Q}
 
     def density(self, plant: ModelCopy, xhat: ca.SX, k: Symbols) -> ca.SX:
         """Q at the estimate, shape (n, n)."""

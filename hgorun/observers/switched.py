@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from hgorun.config.types import Name, NonNegative, Positive
+from hgorun.errors import Problem
 from hgorun.observers.base import DecidedObserver, Flow, Role, observer
 from hgorun.observers.capabilities import LocallyLinear
 from hgorun.observers.constant_gain import PlacedGain
@@ -63,6 +64,9 @@ class SwitchedObserver(NoiseThreshold, LocallyLinear, PlacedGain, Extendable, De
 
     def design(self, form: CanonicalForm) -> dict[str, np.ndarray]:
         thetas = falling(self.theta_1, self.theta_2)
+        start = self.internal.get("mode", 1)
+        if start not in (1, 2):
+            raise Problem(("internal", "mode"), f"expected 1, the fast gain, or 2, the slow one; found {start}")
         _, G = self.chain_gains(form)
         return {
             **thetas,

@@ -107,6 +107,8 @@ class ControlTexts:
         plain = [*plant.state_names, *(name for name in plant.input_names if name not in driven), *parameters, "t"]
         _check_names(controller, {*plain, *driven})
         seen = [*plain, *controller.integral, *controller.truth]
+        if isinstance(controller.cost, dict):  # of a name that is not known, its own place is told
+            signals_of(("controller", "cost"), {name: name for name in controller.cost}, [*plain, *driven])
         cost = {} if controller.cost_text is None else {_COST: controller.cost_text}
         return cls(
             law=signals_of(("controller", "law"), {name: controller.law[name] for name in driven}, seen),

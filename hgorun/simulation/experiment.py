@@ -63,9 +63,9 @@ class Experiment(Configured):
     Examples
     --------
     >>> plant = {"type": "van_der_pol", "initial": {"x1": 1, "x2": 0}}
-    >>> experiment = Experiment({"time": {"end": 5}, "plant": plant, "observers": {"a": {"type": "shgo", "theta": 5}}})
-    >>> list(experiment.observers)
-    ['a']
+    >>> time, observers = {"end": 5, "output_step": 0.1}, {"SHGO": {"type": "shgo", "theta": 5}}
+    >>> list(Experiment({"time": time, "plant": plant, "observers": observers}).observers)
+    ['SHGO']
     """
 
     def _repr_html_(self) -> str:

@@ -29,6 +29,8 @@ class Sensor:
         By how much it is late; None where that changes.
     power : float or None
         Mean square of the noise, in y^2, of continuous outputs too; None where it is not known, or relative to h.
+    continuous : bool
+        Whether it is so in any phase.
     """
 
     variance: float | None
@@ -39,3 +41,4 @@ class Sensor:
     amplitude: float | None = None
     delay: float | None = 0.0
     power: float | None = None
+    continuous: bool = False

@@ -202,10 +202,11 @@ def _leads_back(subject: Subject, both: ca.SX, what: str) -> None:
 
 def _declared(subject: Subject) -> None:
     cls, model = subject.cls, subject.built.model
-    known = {*model.states, *model.outputs}
+    known = {*model.inputs, *model.states, *model.outputs}
     for name in units_of(cls):
         if name not in known:
-            raise Broken(f"a unit of {name!r}", f"units of states and outputs alone: {', '.join(sorted(known))}")
+            expected = f"units of inputs, states and outputs alone: {', '.join(sorted(known))}"
+            raise Broken(f"a unit of {name!r}", expected)
     everything = ca.vertcat(model.dynamics, model.output)
     for i, name in enumerate(model.parameters):
         if name in cls.known_parameters and not ca.depends_on(everything, model.p[i]):

@@ -36,11 +36,12 @@ def test_examples_of_docstrings_run(
     (tmp_path / "config.yaml").write_text(CONFIG)
     tests = [one for one in doctest.DocTestFinder(recurse=True).find(getattr(hgorun, name), name) if one.examples]
     assert tests
-    short = {"experiment": names["experiment"].varied({"time.end": 0.2}), "Estimator": hgorun.Estimator}
+    short = {"experiment": names["experiment"].varied({"time.end": 0.2, "solver.step": 0.01})}
+    offered = {name: getattr(hgorun, name) for name in hgorun.__all__}
     for one in tests:
         for example in one.examples:
             example.source = example.source.replace("[2, 20, 10]", "[2, 20, 2]").replace('"count": 20', '"count": 2')
-        one.globs = names | short
+        one.globs = names | offered | short
         assert doctest.DocTestRunner(verbose=False).run(one).failed == 0
 
 

@@ -102,6 +102,8 @@ def test_the_index_of_a_letter_with_a_dot_stands_beside_it() -> None:
     (index,) = root.iter(f"{MATHML}msub")
     assert [part.tag for part in index] == [f"{MATHML}mover", f"{MATHML}mn"]
     assert not list(root.iter(f"{MATHML}munderover"))
+    sum_of = ElementTree.fromstring(mathml(r"\sum_{i=1}^n \bar{z}_i", block=True))
+    assert len(list(sum_of.iter(f"{MATHML}munderover"))) == 1
 
 
 def test_the_sign_of_a_number_is_a_function() -> None:

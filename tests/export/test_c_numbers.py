@@ -18,7 +18,14 @@ from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import prepare
 from hgorun.testing.cases import Subject
 
-REFUSED = {"aekf", "kkl", "mhe", "predictor_chain", "switched"}  # no formula of the samples, or decisions between
+REFUSED = {
+    "aekf",
+    "bank",
+    "kkl",
+    "mhe",
+    "predictor_chain",
+    "switched",
+}  # no formula of the samples, or decisions between
 NOISE = [{"type": "gaussian", "std": 0.02}]
 
 
@@ -27,7 +34,7 @@ def run_of(name: str) -> PreparedRun:
     cls = OBSERVERS.find(name)
     case = Subject(cls, name, {}, None).cases[0]
     measurement: Block = {"sampling": {"period": 0.1, "jitter": 0.02}, "noise": NOISE}
-    if issubclass(cls, SampledObserver) or name == "luenberger_exact":  # whose gain is for one period
+    if issubclass(cls, SampledObserver) or name in ("luenberger_exact", "kkl"):  # whose gains are for one period
         measurement = {"sampling": {"period": 0.1}, "noise": NOISE}
     experiment: Experiment = case.experiment({name: {"initial": case.aside}}, measurement=measurement, end=3.0)
     return prepare(experiment)

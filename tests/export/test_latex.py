@@ -110,7 +110,7 @@ def test_every_line_can_be_typeset(name: str) -> None:
 
 @pytest.mark.slow
 def test_every_family_can_be_typeset(tmp_path: Path) -> None:
-    for name in set(OBSERVERS.names()) - {"aekf", "predictor_chain", "switched"}:  # which decide or look back
+    for name in set(OBSERVERS.names()) - {"aekf", "bank", "kkl", "mhe", "predictor_chain", "switched"}:  # not exported
         cls = OBSERVERS.find(name)
         case = Subject(cls, name, {}, None).cases[0]
         sampled = SAMPLED if issubclass(cls, SampledObserver) else None

@@ -157,7 +157,7 @@ SAMPLED: Block = {"sampling": {"period": 0.1}}
         ({"window": -1}, {}, "above 0"),
         ({"interval": 0.1}, {}, "interval is no key of update: flow"),
         ({"update": "jump", "window": 1}, SAMPLED, "window is no key of update: jump; d = N T"),
-        ({"update": "jump"}, {}, "mean time between samples of x1 is not known"),
+        ({"update": "jump"}, {}, "needs sampled outputs"),
         ({"update": "jump"}, {"sampling": {"times": [0.1, 0.2, 0.35]}}, "together and at one period"),
         ({"coordinates": "canonical"}, {}, "in the plant's coordinates"),
         ({"internal": {"theta": 7}}, {}, "from 1 to 2 theta_1 = 6"),

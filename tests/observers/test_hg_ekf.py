@@ -125,8 +125,8 @@ def test_linear_theory() -> None:
         ({"theta": 2, "Q": -1}, {}, "above 0"),
         ({"theta": 2, "internal": {"P": -1}}, {}, "must be positive definite"),
         ({"theta": 2, "interval": 1}, {}, "interval is a key of update: jump"),
-        ({"theta": 2, "update": "jump"}, {}, "the mean time between samples of x1 is not known"),
         ({"theta": 2, "update": "jump", "interval": 0.1}, {}, "needs sampled outputs"),
+        ({"theta": 2, "update": "jump"}, {}, "needs sampled outputs"),
         ({"theta": 2, "update": "jump", "late": "innovation"}, SAMPLED, "is corrected by samples"),
     ],
 )

@@ -259,7 +259,7 @@ UNEVEN: Block = {"sampling": {"times": [0.1, 0.2, 0.35]}}
         ({"type": "luenberger_exact", "poles": 1}, chain(2), SAMPLED, "negative real part"),
         ({"type": "luenberger_exact", "poles": [-1, -2, -3]}, chain(2), SAMPLED, "expected 2 numbers, or one"),
         ({"type": "luenberger_exact", "poles": -1}, chain(2), UNEVEN, "samples of x1 are 0.1 to 0.15 apart"),
-        ({"type": "luenberger_exact", "poles": -1}, chain(2), {}, "the mean time between samples of x1 is not known"),
+        ({"type": "luenberger_exact", "poles": -1}, chain(2), {}, "needs sampled outputs"),
         ({"type": "luenberger_exact", "poles": -1}, inline({"a": "0", "b": "-b"}, "a"), SAMPLED, "cannot be observed"),
     ],
 )  # fmt: skip

@@ -281,6 +281,8 @@ GAUSSIAN: Block = {"sampling": {"period": 0.1}, "noise": [{"type": "gaussian", "
         ({"Q": 3}, GAUSSIAN, "expected a list, found 3"),
         ({"Q": {"x2": 1}, "R": {"z": 1}}, GAUSSIAN, "unknown output 'z'"),
         ({"Q": {"x2": 1}, "R": 0}, GAUSSIAN, "a number above 0"),
+        ({"Q": {"x2": 0}}, GAUSSIAN, "ceases to listen"),
+        ({"Q": [[0, 0], [0, 0]]}, GAUSSIAN, "ceases to listen"),
         ({"Q": {"x2": 1}, "R": {"x1": -1}}, GAUSSIAN, "observers.K.R.x1: expected a number above 0"),
         ({"Q": {"x2": 1}, "internal": {"P": -1}}, GAUSSIAN, "must be positive definite"),
         ({"Q": {"x2": 1}, "R": 1}, {}, "this needs sampled outputs, but x1 is continuous"),

@@ -127,6 +127,8 @@ def test_a_gain_that_never_switches_is_the_standard_observer() -> None:
 def test_steps_that_are_too_long_for_decisions_are_refused_or_not_taken() -> None:
     with pytest.raises(ConfigError, match=r"decides at the ends of steps, which must not be longer than 0\.01"):
         prepare(experiment(VAN_DER_POL, {"S": SWITCHED}, step=0.02))
+    with pytest.raises(ConfigError, match=r"internal\.mode: expected 1, the fast gain, or 2, the slow one; found 3"):
+        prepare(experiment(VAN_DER_POL, {"S": {**SWITCHED, "internal": {"mode": 3}}}))
     with pytest.raises(ConfigError, match="must be above theta_2"):
         prepare(experiment(VAN_DER_POL, {"S": {**SWITCHED, "theta_1": 2}}))
     run = prepare(experiment(VAN_DER_POL, {"S": {**SWITCHED, "theta_1": 0.2, "theta_2": 0.1}}, end=5))

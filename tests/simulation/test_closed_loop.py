@@ -328,7 +328,12 @@ def test_a_state_that_is_not_estimated_drives_nothing() -> None:
     [
         ({"controller": {"law": {"v": "-x1"}}}, "law: the law of input u is missing"),
         ({"controller": {"law": {"u": "-x1 - z"}}}, "z"),
-        ({"controller": {"law": {"u": "-x1"}, "saturation": {"v": [0, 1]}}}, "'v' has no law"),
+        (
+            {"controller": {"law": {"u": "-x1"}, "saturation": {"v": [0, 1]}}},
+            r"controller\.saturation\.v: input 'v' has",
+        ),
+        ({"controller": {"law": {}}}, r"controller\.law: expected input"),
+        ({"controller": {"law": {"u": "-x1"}, "cost": {"x1": 1, "z": 1}}}, r"controller\.cost\.z: .* is not known"),
         ({"controller": {"law": {"u": "-x1"}, "saturation": {"u": [1, 0]}}}, "low < high"),
         ({"controller": {"law": {"u": "-x1"}, "integral": {"x1": "x2"}}}, "a name of the plant"),
         ({"controller": {"law": {"u": "-x1"}, "period": 0}}, "a number above 0"),
