@@ -19,7 +19,8 @@ from hgorun.version import __version__
 _PAID = ("hf", "settling")
 _MOST_STATES, _MOST_ROWS = 8, 20_000
 _STYLE = """
-main { overflow-wrap: anywhere; box-sizing: border-box; font: 15px/1.5 system-ui, sans-serif; color: #222; max-width: 1300px; margin: 0 auto; padding: 1em 1.5em; }
+main { overflow-wrap: anywhere; box-sizing: border-box; }
+main { font: 15px/1.5 system-ui, sans-serif; color: #222; max-width: 1300px; margin: 0 auto; padding: 1em 1.5em; }
 h1 { font-size: 1.6em; margin-bottom: 0.2em; } h2 { font-size: 1.15em; margin: 1.6em 0 0.4em; }
 p.note { color: #555; font-size: 0.9em; }
 .part { overflow-x: auto; max-width: 100%; } :focus-visible { outline: 3px solid #00517f; outline-offset: 2px; }
