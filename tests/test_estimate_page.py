@@ -29,9 +29,14 @@ def test_the_commands_and_the_code_of_the_page_run(
     monkeypatch.setattr(sys, "stdin", io.StringIO("t,signal,y\n0.1,angle,0.9\n"))
     shell = Shell(tmp_path, monkeypatch, capsys)
     commands = [one for one in re.findall(r"^    hgorun (.*)$", PAGE, re.MULTILINE) if "mqtt:" not in one]
-    assert len(commands) == 2
+    assert len(commands) == 3
     for command in commands:
-        code, out, _ = shell(*shlex.split(command))
+        first, *then = command.split(" | hgorun ")
+        code, out, _ = shell(*shlex.split(first))
+        for piped in then:
+            monkeypatch.setattr(sys, "stdin", io.StringIO(out))
+            code, out, _ = shell(*shlex.split(piped))
+            assert out.count("\n") == 2 * len(rows) + 1
         assert code == 0
         assert "holdout_rmse" in out or out.startswith("t,observer,angle,speed,status")
     (code_block,) = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
