@@ -30,7 +30,7 @@ FLOORS: list[set[str]] = [
     {"analysis", "ensemble", "estimate", "testing"},
     {"tables"},
     {"export", "figures"},
-    {"explore", "study"},
+    {"explore", "interop", "study"},
     {"benchmark", "reproduce", "tuning"},
     {"hgorun"},  # __init__.py, what `import hgorun` offers
     {"commands"},

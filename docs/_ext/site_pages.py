@@ -56,7 +56,7 @@ REMARKS: tuple[tuple[type, str], ...] = (
     (Switching, "It needs a given `solver.step`, which is a part of its definition."),
     (Averaged, "It follows the mean of the plant's field over points around the estimate."),
     (NotLinear, "Linear theory may not apply, however small the error is."),
-    (Punctual, "Outputs have to come without delay."),
+    (Punctual, "What is late is refused, or replayed where the text above says so."),
     (NoiseInformed, "Its design takes the noise from the block `measurement`, if its own keys do not say it."),
 )
 
@@ -109,7 +109,7 @@ def observer_page(name: str, cls: type[AnyObserver], choice: tuple[str, str] | N
     parts = [*_head(name, found), "## Measurements", f"It takes {_measurements(cls)}."]
     parts += [sentence for kind, sentence in REMARKS if issubclass(cls, kind)]
     if choice:
-        parts += ["## When to take it", choice[0], f"Take another one: {choice[1]}" if choice[1] else ""]
+        parts += ["## When to take it", f"Take it when: {choice[0]}.", f"Another one when: {choice[1]}."]
     parts += ["## Keys", keys_table(own) if own else "It has no keys of its own."]
     parts.append("All observers also have [the common keys](../../configuration.md#observers).")
     parts += _shown(of_observer(name, cls), "keys of an example, which are not tuned")
@@ -117,7 +117,10 @@ def observer_page(name: str, cls: type[AnyObserver], choice: tuple[str, str] | N
 
 
 def _measurements(cls: type[AnyObserver]) -> str:
-    return next(words for kind, words in MEASUREMENTS if issubclass(cls, kind))
+    found = next(words for kind, words in MEASUREMENTS if issubclass(cls, kind))
+    return (
+        found.replace("continuous, sampled and late", "continuous and sampled") if issubclass(cls, Punctual) else found
+    )
 
 
 def plant_page(name: str, cls: type[Plant]) -> str:

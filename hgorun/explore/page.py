@@ -19,26 +19,50 @@ from hgorun.version import __version__
 _PAID = ("hf", "settling")
 _MOST_STATES, _MOST_ROWS = 8, 20_000
 _STYLE = """
+main { overflow-wrap: anywhere; box-sizing: border-box; }
 main { font: 15px/1.5 system-ui, sans-serif; color: #222; max-width: 1300px; margin: 0 auto; padding: 1em 1.5em; }
 h1 { font-size: 1.6em; margin-bottom: 0.2em; } h2 { font-size: 1.15em; margin: 1.6em 0 0.4em; }
-p.note { color: #666; font-size: 0.9em; }
+p.note { color: #555; font-size: 0.9em; }
+.part { overflow-x: auto; max-width: 100%; } :focus-visible { outline: 3px solid #00517f; outline-offset: 2px; }
 """
+# Tabs and heads of columns are reached with Tab and answer to Enter and the space bar; both are drawn as one scrolls.
+_KEYBOARD = """{
+const deep = (what, root = document) => [...root.querySelectorAll(what)].concat(
+  ...[...root.querySelectorAll('*')].filter(one => one.shadowRoot).map(one => deep(what, one.shadowRoot)));
+const reach = () => {
+  for (const one of deep('.bk-tab, .slick-header-column')) {
+    if (one.dataset.reached) continue;
+    one.dataset.reached = 'yes';
+    one.tabIndex = 0;
+    one.setAttribute('role', one.classList.contains('bk-tab') ? 'tab' : 'button');
+    one.addEventListener('keydown', (event) => {
+      if (event.key !== 'Enter' && event.key !== ' ') return;
+      event.preventDefault();
+      one.click();
+      setTimeout(reach, 300);
+    });
+  }
+};
+setInterval(reach, 1000);
+}"""
 # Four significant digits, as tables in a terminal have them; a column is sorted by the numbers themselves.
 _NUMBER = """<%- value == null || isNaN(value) ? "-" : !isFinite(value) ? (value > 0 ? "inf" : "-inf")
   : value == 0 ? "0" : Math.abs(value) < 1e-4 || Math.abs(value) >= 1e5 ? value.toExponential(3)
   : Math.abs(value) >= 1e4 ? value.toFixed(0) : value.toPrecision(4) %>"""
 _TEMPLATE = """
-{% block preamble %}<style>{{ style }}</style>{% endblock %}
+{% block preamble %}<meta name="viewport" content="width=device-width, initial-scale=1">
+<style>{{ style }}</style>{% endblock %}
 {% block contents %}
 <main>
 <h1>{{ title }}</h1>
 {% for line in lines %}<div>{{ line }}</div>{% endfor %}
 {% for heading, note in sections %}
 <h2>{{ heading }}</h2>{% if note %}<p class="note">{{ note }}</p>{% endif %}
-{{ embed(roots[loop.index0]) }}
+<div class="part" role="region" tabindex="0" aria-label="{{ heading }}">{{ embed(roots[loop.index0]) }}</div>
 {% endfor %}
 <p class="note">hgorun {{ version }}</p>
 </main>
+<script>{{ keyboard }}</script>
 {% endblock %}
 """
 
@@ -67,6 +91,7 @@ def write_page(found: Compared, path: Path) -> Path:
     lines = summary(found)
     values = {
         "style": _STYLE,
+        "keyboard": _KEYBOARD,
         "lines": [escape(line) for line in lines[1:]],
         "sections": [(escape(heading), escape(note)) for heading, note, _ in sections],
         "version": __version__,

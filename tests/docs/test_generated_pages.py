@@ -31,7 +31,7 @@ def rows(page: str) -> list[list[str]]:
 
 @pytest.fixture(scope="module")
 def fhgo2() -> str:
-    return observer_page("fhgo2", OBSERVERS.find("fhgo2"), ("noise is fast.", ""))
+    return observer_page("fhgo2", OBSERVERS.find("fhgo2"), ("the noise is fast", "it is slow: `shgo`"))
 
 
 def test_the_page_of_an_observer_has_its_keys_source_errata_and_choice(fhgo2: str) -> None:
@@ -39,10 +39,17 @@ def test_the_page_of_an_observer_has_its_keys_source_errata_and_choice(fhgo2: st
     assert "Robles Magdaleno 2023, (3.33)" in fhgo2
     assert "- (3.74)-(3.75) of the thesis print a second theta" in fhgo2
     assert fhgo2.count("second theta") == 1
-    assert "noise is fast." in fhgo2
+    assert "Take it when: the noise is fast." in fhgo2
+    assert "continuous, sampled and late outputs" in fhgo2
     assert "<svg" in fhgo2
     assert r"\begin{aligned}" in fhgo2
     assert all(len(row) == 4 for row in rows(fhgo2))
+
+
+def test_the_page_of_an_observer_that_refuses_late_outputs_says_so() -> None:
+    page = observer_page("super_twisting", OBSERVERS.find("super_twisting"), None)
+    assert "continuous and sampled outputs" in page
+    assert "What is late is refused" in page
 
 
 def test_the_example_of_a_page_is_a_configuration_that_runs(fhgo2: str) -> None:

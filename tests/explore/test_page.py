@@ -110,6 +110,13 @@ def test_in_a_real_browser(shell: Shell) -> None:
         await page.value(head)
         await page.until(f"({column}) != {seen['before']!r}")
         seen["after"] = await page.value(column)
+        metric = "deep('.slick-header-column').find(head => head.textContent.trim() == 'metric')"
+        await page.until(f"{metric}.tabIndex == 0 && deep('.bk-tab').every(tab => tab.tabIndex == 0)")
+        await page.value(f"{metric}.focus()")
+        await page.press("Enter")
+        await page.until("deep('.slick-cell.r4').slice(0, 8).every(cell => cell.textContent.trim() == 'hf')")
+        await page.resize(320, 800)  # 1280 at 400 %
+        await page.until("document.documentElement.scrollWidth <= 320")
 
     page = browser.opened(path, look)
     assert page.complaints == []

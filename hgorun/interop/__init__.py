@@ -1,0 +1,1 @@
+"""Plants and observers from and for other packages of control engineers."""

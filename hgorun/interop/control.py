@@ -1,0 +1,307 @@
+"""To and from python-control: its systems as plants, observers as its systems. Needs the extra ``control``.
+
+>>> pendulum = control.nlsys(lambda t, x, u, p: [x[1], -np.sin(x[0]) + u[0]], None, inputs=1, outputs=2, states=2)
+>>> plant(pendulum, inputs={"u0": "0"}, initial={"x0": 1, "x1": 0})["dynamics"]
+{'x0': 'x1', 'x1': '(-sin(x0)) + u0'}
+"""
+
+from __future__ import annotations
+
+import re
+import traceback
+import warnings
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from hgorun.config.types import describe
+from hgorun.errors import ConfigError, HgorunError
+from hgorun.export.equations import compares, outputs_of, symbolic
+from hgorun.interop.text import texts
+from hgorun.observers.base import DecidedObserver
+from hgorun.observers.capabilities import NotExported
+from hgorun.observers.recalling import RecallingObserver
+from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.simulate import prepare
+
+if TYPE_CHECKING:
+    from control import NonlinearIOSystem
+
+_TRIES = 20  # places at which what was traced is compared with the function itself
+_RTOL = 1e-9
+
+
+class ObserverSystem(NamedTuple):
+    """An observer as a system of python-control, and where it starts.
+
+    Attributes
+    ----------
+    system : control.NonlinearIOSystem
+        Inputs: the plant's outputs, then its inputs, by their names; outputs: ``x1_hat``, ... of every state.
+    start : ndarray, shape (states,)
+    """
+
+    system: NonlinearIOSystem
+    start: np.ndarray
+
+
+def plant(
+    system: NonlinearIOSystem,
+    *,
+    inputs: Mapping[str, str | float] | None = None,
+    initial: Mapping[str, float] | None = None,
+    states: Sequence[str] | None = None,
+    outputs: Sequence[str] | None = None,
+) -> dict[str, Any]:
+    """A continuous system as the block ``plant`` of an experiment, with its equations written out.
+
+    A ``StateSpace`` is taken by its matrices. Of another ``NonlinearIOSystem`` the functions are called once with
+    symbols: they may be of arithmetic and functions of numpy. What was found so is compared with the functions at
+    random places. Numbers among its parameters stay parameters.
+
+    Parameters
+    ----------
+    system : control.StateSpace or control.NonlinearIOSystem
+    inputs : mapping of str to str or float, optional
+        Name: expression of t, for every input.
+    initial : mapping of str to float, optional
+        The initial value of every state (default: 0).
+    states, outputs : sequence of str, optional
+        Their names; by default those of the system, with ``x0`` for ``x[0]``.
+
+    Raises
+    ------
+    ConfigError
+        When it is no such system, is discrete, or its functions cannot be followed by symbols; the message says why.
+
+    Examples
+    --------
+    >>> block = plant(control.ss([[0, 1], [-1, -2]], [[0], [1]], [[1, 0]], 0), inputs={"u0": "sin(t)"})
+    >>> experiment = hgorun.Experiment({"plant": block, "time": ..., "observers": ...})
+    """
+    package = _package()
+    if not isinstance(system, package.NonlinearIOSystem):
+        raise ConfigError(f"expected a StateSpace or NonlinearIOSystem of python-control, found {describe(system)}")
+    if system.dt:
+        raise ConfigError(
+            f"{system.name} is discrete (dt = {system.dt}); plants are continuous here, and sampling belongs to the "
+            "measurement"
+        )
+    if not system.nstates or not system.noutputs:
+        raise ConfigError(f"{system.name} has no states or no outputs")
+    names_of = {
+        "states": list(states or map(_name, system.state_labels)),
+        "outputs": list(outputs or map(_name, system.output_labels)),
+        "inputs": list(map(_name, system.input_labels)),
+    }
+    for what, count in (("states", system.nstates), ("outputs", system.noutputs)):
+        if len(names_of[what]) != count:
+            raise ConfigError(f"{what}: {system.name} has {count} of them, found {len(names_of[what])} names")
+    parameters = {key: float(value) for key, value in system.params.items() if _is_number(value)}
+    x, u = ca.SX.sym("x", system.nstates), ca.SX.sym("u", system.ninputs)
+    t, p = ca.SX.sym("t"), ca.SX.sym("p", len(parameters))
+    try:
+        dynamics, output = _traced(package, system, t, x, u, p, parameters)
+    except _NotTraced:
+        if not parameters:
+            raise
+        parameters, p = {}, ca.SX.sym("p", 0)  # a parameter may decide how many terms there are
+        dynamics, output = _traced(package, system, t, x, u, p, parameters)
+    order = [t, x, u, p]
+    names = [["t"], names_of["states"], names_of["inputs"], list(parameters)]
+    try:
+        right = texts(ca.Function("f", order, [dynamics]), names)
+        measured = texts(ca.Function("h", order, [output]), names)
+    except ValueError as error:
+        raise ConfigError(f"{system.name}: {error}") from None
+    block: dict[str, Any] = {
+        "states": names_of["states"],
+        "dynamics": dict(zip(names_of["states"], right, strict=True)),
+        "output": dict(zip(names_of["outputs"], measured, strict=True)),
+        "initial": dict.fromkeys(names_of["states"], 0.0) | dict(initial or {}),
+    }
+    if system.ninputs:
+        block["inputs"] = dict(inputs or {})
+    elif inputs:
+        raise ConfigError(f"{system.name} has no inputs")
+    used = {name for text in (*right, *measured) for name in re.findall(r"[A-Za-z_]\w*", text)}
+    if kept := {name: value for name, value in parameters.items() if name in used}:
+        block["parameters"] = kept
+    return block
+
+
+class _NotTraced(ConfigError):
+    """A function that symbols cannot follow."""
+
+
+def _traced(
+    package: ModuleType,
+    system: NonlinearIOSystem,
+    t: ca.SX,
+    x: ca.SX,
+    u: ca.SX,
+    p: ca.SX,
+    parameters: Mapping[str, float],
+) -> tuple[ca.SX, ca.SX]:
+    """Right-hand sides and outputs as expressions."""
+    if isinstance(system, package.StateSpace):
+        A, B, C, D = (ca.DM(np.atleast_2d(part)) for part in (system.A, system.B, system.C, system.D))
+        return A @ x + B @ u, C @ x + D @ u
+    symbols = dict(system.params) | dict(zip(parameters, ca.vertsplit(p), strict=True))
+    columns = [np.array(ca.vertsplit(part), dtype=object) if part.numel() else np.zeros(0) for part in (x, u)]
+    found = []
+    for what, function, count in (
+        ("update", system.updfcn, system.nstates),
+        ("output", system.outfcn, system.noutputs),
+    ):
+        if function is None:
+            found.append(x)
+            continue
+        try:
+            with warnings.catch_warnings():  # of CasADi, that functions of numpy give its own kind
+                warnings.simplefilter("ignore")
+                value = _column(function(t, *columns, symbols))
+        except Exception as error:
+            raise _NotTraced(f"{system.name}: {_why(what, function, error)}") from error
+        if value.numel() != count:
+            raise _NotTraced(f"{system.name}: the {what} function gives {value.numel()} numbers for {count}")
+        _compare(system, what, function, ca.Function("traced", [t, x, u, p], [value]), parameters)
+        found.append(value)
+    return found[0], found[1]
+
+
+def _column(value: object) -> ca.SX:
+    """What a function returns, as a column."""
+    if isinstance(value, ca.SX):
+        return ca.vec(value)
+    return ca.vertcat(*[ca.SX(part) for part in np.atleast_1d(np.array(value, dtype=object)).ravel()])
+
+
+def _why(what: str, function: object, error: Exception) -> str:
+    """Why a function could not be called with symbols, and where in it."""
+    code = getattr(function, "__code__", None)
+    frames = traceback.extract_tb(error.__traceback__)
+    own = [frame for frame in frames if code is not None and frame.filename == code.co_filename]
+    where = f" in line {own[-1].lineno} of {Path(own[-1].filename).name}" if own else ""
+    reason = str(error).strip().splitlines()[0][:200] if str(error).strip() else type(error).__name__
+    return (
+        f"the {what} function cannot be followed by symbols{where}: {type(error).__name__}: {reason}. It has to "
+        "be made of arithmetic and functions of numpy: no if, no comparison that decides, no math.sin, no tables"
+    )
+
+
+def _compare(
+    system: NonlinearIOSystem, what: str, function: Any, traced: ca.Function, parameters: Mapping[str, float]
+) -> None:
+    """Refuse what gives other numbers than the function itself: it does something that symbols do not see."""
+    random = np.random.default_rng(0)
+    for _ in range(_TRIES):
+        t, x, u = random.uniform(0, 2), random.uniform(0.1, 2, system.nstates), random.uniform(0.1, 2, system.ninputs)
+        expected = np.asarray(function(t, x, u, dict(system.params)), dtype=float).ravel()
+        found = np.asarray(traced(t, x, u, list(parameters.values()))).ravel()
+        known = np.isfinite(expected)
+        if np.any(known & np.isnan(found)):
+            raise _NotTraced(
+                f"{system.name}: the {what} function turns symbols into numbers, as math.sin and float do: functions "
+                "of numpy take symbols"
+            )
+        if not np.allclose(found[known], expected[known], rtol=_RTOL, atol=1e-12):
+            raise _NotTraced(
+                f"{system.name}: the {what} function gives other numbers than its symbols: it decides by numbers, or "
+                "by something else than t, x, u and its parameters"
+            )
+
+
+def _name(label: str) -> str:
+    """A label of python-control as a name: ``x0`` of ``x[0]``."""
+    return re.sub(r"\W+", "", label.replace("[", "").replace("]", ""))
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, (int, float, np.floating, np.integer)) and not isinstance(value, bool)
+
+
+def observer(experiment: Experiment, label: str) -> ObserverSystem:
+    """An observer of an experiment as a system of python-control.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        Its outputs are continuous and not late: noise and the plant are of no account here.
+    label : str
+        Of the observer.
+
+    Raises
+    ------
+    ConfigError
+        Where there is no such observer, or it is no differential equation between outputs and estimates: when it jumps
+        at samples, decides at the ends of steps, or looks back.
+
+    Examples
+    --------
+    >>> system, start = observer(hgorun.load("pendulum.yaml"), "SHGO")
+    >>> xhat = control.input_output_response(system, time, y, start).outputs
+    """
+    package = _package()
+    if label not in experiment.observers:
+        raise ConfigError(f"no observer is called {label!r}; known: {', '.join(experiment.observers)}")
+    run = prepare(experiment)
+    design, model = experiment.designs[label], run.plant.model
+    outputs = outputs_of(experiment.stretches, run.plant, [False] * len(model.outputs))
+    block = design.observer
+    if not compares(block) or isinstance(block, (DecidedObserver, RecallingObserver, NotExported)):
+        raise ConfigError(
+            f"{block.type} is no differential equation alone: it jumps at samples, decides at the ends of steps or "
+            "looks back, which a continuous system of python-control does not",
+            key=f"observers.{label}",
+        )
+    if any(output.sampled or output.delay is not None for output in outputs):
+        raise ConfigError(
+            "the observer's outputs are sampled or late; a system of python-control has continuous ones: leave "
+            "sampling and delay out",
+            key="measurement",
+        )
+    m, q = len(model.inputs), len(model.outputs)
+    found = symbolic(design, run.plant, outputs, run.origin, told=tuple(range(m)))
+    t, p, z, w = found.arguments
+    y, u = ca.SX.sym("y", q), ca.SX.sym("u", m)
+    innovation = found.outputs["guess"] - y  # as observers are written: estimated minus measured
+    if model.periods:
+        innovation = ca.vertcat(*[model.wrapped(i, innovation[i]) for i in range(q)])
+    told = ca.vertcat(u, ca.SX.zeros(m), innovation, ca.SX.zeros(z.numel()))
+    results = [found.outputs["rate"], found.outputs["estimate"]]
+    # the guess holds inputs itself: they are replaced after it
+    results = [ca.substitute(one, w, told) for one in results]
+    results = [ca.substitute(one, w[:m], u) for one in results] if m else results
+    function = ca.Function("observer", [t, z, y, u, p], results)
+    values, origin = found.values, run.origin
+
+    def rate(time: float, state: np.ndarray, given: np.ndarray, _: object) -> np.ndarray:
+        return np.asarray(function(time - origin, state, given[:q], given[q:], values)[0]).ravel()
+
+    def estimate(time: float, state: np.ndarray, given: np.ndarray, _: object) -> np.ndarray:
+        return np.asarray(function(time - origin, state, given[:q], given[q:], values)[1]).ravel()
+
+    names = [f"z[{k}]" for k in range(z.numel())]
+    system = package.NonlinearIOSystem(
+        rate,
+        estimate,
+        inputs=[*model.outputs, *model.inputs],
+        outputs=[f"{state}_hat" for state in model.states],
+        states=names,
+        name=label,
+    )
+    return ObserverSystem(system, design.initial(run.plant.parameters, has_alpha="alpha" in found.block.states))
+
+
+def _package() -> ModuleType:
+    try:
+        import control
+    except ImportError as error:
+        raise HgorunError("this needs the package python-control: pip install 'hgorun[control]'") from error
+    found: ModuleType = control
+    return found
