@@ -9,7 +9,7 @@ import socket
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from http.client import HTTPConnection
 from pathlib import Path
 from urllib.parse import urlsplit
@@ -149,8 +149,13 @@ observers: {F: {type: shgo, theta: 3, poles: -1}}
 """
 
 
-def test_what_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    shell = Shell(tmp_path, monkeypatch, capsys)
+@pytest.fixture
+def shell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Shell:
+    return Shell(tmp_path, monkeypatch, capsys)
+
+
+def test_what_is_refused(shell: Shell) -> None:
+    tmp_path = shell.folder
     (tmp_path / "a.yaml").write_text(OSCILLATOR)
     (tmp_path / "log.yaml").write_text(RECORDED)
     (tmp_path / "runs.yaml").write_text(OSCILLATOR + "runs: {one: {}, two: {}}\n")
@@ -167,6 +172,46 @@ def test_what_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys
         assert (code, out) == (2, "")
         assert said in err
         assert "Traceback" not in err
+
+
+@pytest.mark.parametrize("opens", [True, False])
+def test_the_browser_is_told_by_a_private_file(shell: Shell, monkeypatch: pytest.MonkeyPatch, opens: bool) -> None:
+    """The command line of a browser is seen by all users of a machine: the address is not in it."""
+    made: list[Bench | Keeper | int] = []
+    opened: list[str] = []
+
+    class Page:
+        address = "http://127.0.0.1:1/secret/"
+
+        def __init__(self, bench: Bench, keeper: Keeper, port: int, **_: object) -> None:
+            made.extend((bench, keeper, port))
+
+        def serve(self, ready: Callable[[], None]) -> None:
+            ready()
+
+        def stop(self) -> None: ...
+
+    def open_it(address: str) -> bool:
+        file = Path(urlsplit(address).path)
+        assert file.stat().st_mode & 0o077 == 0
+        assert "secret" not in address
+        assert f"url={Page.address}" in file.read_text()
+        opened.append(address)
+        return opens
+
+    monkeypatch.setattr("hgorun.explore.server.LivePage", Page)
+    monkeypatch.setattr("webbrowser.open", open_it)
+    (shell.folder / "a.yaml").write_text(OSCILLATOR)
+    code, out, err = shell("explore", "a.yaml", "-o", "out/b.yaml", "--port", "7")
+    assert (code, out) == (0, f"{Page.address}\n")
+    assert ("no browser could be opened" in err) is not opens
+    assert err.endswith("hgorun: the page is closed\n")
+    assert not Path(urlsplit(opened[0]).path).exists()
+    _, keeper, port = made
+    assert isinstance(keeper, Keeper)
+    assert (str(keeper.folder), keeper.first, port) == ("out", "b.yaml", 7)
+    code, out, err = shell("explore", "a.yaml", "--no-browser", "-q")
+    assert (code, out, err, len(opened)) == (0, f"{Page.address}\n", "", 1)
 
 
 def started(path: Path, *more: str) -> tuple[subprocess.Popen[str], str]:
