@@ -31,6 +31,7 @@ TRIED = {
     "docs/export.md": "tests/export/test_command.py",
     "docs/extending.md": "tests/testing/test_extending.py",
     "docs/fermentation.md": "tests/test_fermentation.py",
+    "docs/interop.md": "tests/interop/test_interop_page.py",
     "docs/recordings.md": "tests/data/test_recordings_page.py",
     "docs/sweeps.md": "tests/test_sweeps_page.py",
     "docs/tuning.md": "tests/test_tuning_page.py",
