@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
 
 from hgorun.config.overrides import replaced
 from hgorun.config.yaml_source import Source
-from hgorun.data.recording import Recording, median_step
+from hgorun.data.recording import Recording, Signal, median_step
 from hgorun.errors import ConfigError, Problem
 from hgorun.estimate.prepared import prepare_estimate
 from hgorun.plants.base import units_of
@@ -205,11 +205,28 @@ def _check_names(experiment: Experiment, recording: Recording) -> None:
 
 def first_values(experiment: Experiment, recording: Recording) -> dict[str, float]:
     """By state the first sample of an output that measures it, not before the start of the run."""
-    found = {}
+    return {state: float(signal.values[k]) for state, (signal, k) in _first_samples(experiment, recording).items()}
+
+
+def known_later(experiment: Experiment, recording: Recording) -> Iterator[str]:
+    """Where an estimate starts from a sample that became known after it was taken: who estimates live lacks it."""
+    for state, (signal, k) in _first_samples(experiment, recording).items():
+        value, taken, known = (float(numbers[k]) for numbers in (signal.values, signal.taken, signal.available))
+        labels = [label for label, one in experiment.observers.items() if one.initial.get(state) == value]
+        if known > taken and labels:
+            yield (
+                f"{', '.join(labels)}: {state} starts from the first sample, taken at {taken:g} and known at {known:g} "
+                "only: give observers.*.initial where the time before counts"
+            )
+
+
+def _first_samples(experiment: Experiment, recording: Recording) -> dict[str, tuple[Signal, int]]:
+    """By state the signal that measures it, and which of its samples is the first of the run."""
+    found: dict[str, tuple[Signal, int]] = {}
     start = experiment.blocks.time.start
     for output, state in experiment.plant.model.measures.items():
         signal = recording.outputs[output]
         inside = np.flatnonzero(signal.taken >= start)
         if inside.size and state not in found:
-            found[state] = float(signal.values[inside[0]])
+            found[state] = signal, int(inside[0])
     return found
