@@ -29,6 +29,8 @@ myst_enable_extensions = ["deflist", "dollarmath"]
 myst_heading_anchors = 3
 # A pipe in a cell, a command in a console and a file of several languages have no lexer that takes all of them.
 highlight_language = "none"
+# Who copies an option or a message from a page, or searches for one, needs its characters: -- is no dash, ' no quote.
+smartquotes = False
 
 autodoc_member_order = "bysource"
 autodoc_typehints = "signature"

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+
+from site_symbols import aligned, symbols
 
 from hgorun.commands.described import Key
 
@@ -19,6 +21,11 @@ def plain(text: str) -> str:
     )
 
 
+def readable(text: str) -> str:
+    """A text about formulas, with their symbols, as Markdown."""
+    return plain(symbols(text))
+
+
 def paragraphs(docstring: str) -> list[str]:
     """The paragraphs of a docstring; those that are indented are equations, and stay as they are."""
     blocks = re.split(r"\n[ \t]*\n", docstring.strip("\n"))
@@ -30,13 +37,13 @@ def without_errata(docstring: str) -> tuple[str, list[str]]:
     shown, errata = [], []
     for block in paragraphs(docstring):
         if block.startswith("    "):
-            shown.append(f"```text\n{_unindented(block)}\n```")
+            shown.append(f"```{{code-block}} text\n:class: formula\n\n{aligned(_unindented(block))}\n```")
             continue
         sentences = re.split(r"(?<=[.:]) (?=[A-Z(])", block)
         wrong = [one for one in sentences if _PRINTED.search(one)]
         right = [one for one in sentences if not _PRINTED.search(one)]
-        errata += [plain(one) for one in wrong]
-        shown += [plain(" ".join(right))] if right else []
+        errata += [readable(one) for one in wrong]
+        shown += [readable(" ".join(right))] if right else []
     return "\n\n".join(shown), errata
 
 
@@ -53,7 +60,7 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     return "\n".join(lines)
 
 
-def keys_table(keys: Sequence[Key], *, without: Collection[str] = ()) -> str:
+def keys_table(keys: Sequence[Key], *, without: Collection[str] = (), words: Callable[[str], str] = plain) -> str:
     """Keys with default, range and meaning; those of mappings in them with a dot.
 
     Parameters
@@ -61,14 +68,18 @@ def keys_table(keys: Sequence[Key], *, without: Collection[str] = ()) -> str:
     keys : sequence of Key
     without : collection of str
         Keys whose own keys are left out.
+    words : function of str
+        Makes Markdown of what a key means: ``plain`` or ``readable``.
     """
-    return table(("key", "default", "range", "meaning"), _rows(keys, "", without))
+    return table(("key", "default", "range", "meaning"), _rows(keys, "", without, words))
 
 
-def _rows(keys: Sequence[Key], above: str, without: Collection[str] = ()) -> Iterator[tuple[str, str, str, str]]:
+def _rows(
+    keys: Sequence[Key], above: str, without: Collection[str], words: Callable[[str], str]
+) -> Iterator[tuple[str, str, str, str]]:
     for key in keys:
         name = f"`{above}{key['key']}`"
         default = "required" if key["required"] else "" if key["default"] in (None, "", ()) else f"`{key['default']}`"
-        yield name, default, plain(key["range"]), plain(key["description"])
+        yield name, default, plain(key["range"]), words(key["description"])
         if key["key"] not in without:
-            yield from _rows(key["keys"], f"{above}{key['key']}.")
+            yield from _rows(key["keys"], f"{above}{key['key']}.", (), words)

@@ -12,8 +12,9 @@ from pathlib import Path
 import site_notebooks
 from site_blocks import reference_page
 from site_example import Example, of_observer, of_plant
-from site_markdown import keys_table, plain, table, without_errata
+from site_markdown import keys_table, plain, readable, table, without_errata
 from site_messages import messages_page
+from site_symbols import symbols
 from sphinx.application import Sphinx
 
 from hgorun.analysis.finding import all_findings
@@ -93,7 +94,7 @@ _OWN = (
 
 
 def _list(title: str, folder: str, described: Mapping[str, str], text: str) -> str:
-    rows = [(f"[`{name}`]({folder}/{name}.md)", plain(_first(doc))) for name, doc in described.items()]
+    rows = [(f"[`{name}`]({folder}/{name}.md)", readable(_first(doc))) for name, doc in described.items()]
     tree = "\n".join(["```{toctree}", ":hidden:", "", *(f"{folder}/{name}" for name in described), "```"])
     return f"# {title}\n\n{text}\n\n{table(('name', 'what it is'), rows)}\n\n{tree}\n"
 
@@ -109,8 +110,12 @@ def observer_page(name: str, cls: type[AnyObserver], choice: tuple[str, str] | N
     parts = [*_head(name, found), "## Measurements", f"It takes {_measurements(cls)}."]
     parts += [sentence for kind, sentence in REMARKS if issubclass(cls, kind)]
     if choice:
-        parts += ["## When to take it", f"Take it when: {choice[0]}.", f"Another one when: {choice[1]}."]
-    parts += ["## Keys", keys_table(own) if own else "It has no keys of its own."]
+        parts += [
+            "## When to take it",
+            f"Take it when: {symbols(choice[0])}.",
+            f"Another one when: {symbols(choice[1])}.",
+        ]
+    parts += ["## Keys", keys_table(own, words=readable) if own else "It has no keys of its own."]
     parts.append("All observers also have [the common keys](../../configuration.md#observers).")
     parts += _shown(of_observer(name, cls), "keys of an example, which are not tuned")
     return "\n\n".join(part for part in parts if part) + "\n"
@@ -127,7 +132,7 @@ def plant_page(name: str, cls: type[Plant]) -> str:
     """Its equations, parameters and a run of it alone."""
     found = of_class(name, "plant", cls)
     example = of_plant(name, cls)
-    parts = [*_head(name, found), "## Equations", example.equations, f"Valid: {plain(found['valid'])}."]
+    parts = [*_head(name, found), "## Equations", example.equations, f"Valid: {readable(found['valid'])}."]
     units = found["units"]
     if found["states"]:
         names = [(f"`{state}`", plain(units.get(state, ""))) for state in found["states"]]
@@ -136,12 +141,12 @@ def plant_page(name: str, cls: type[Plant]) -> str:
     for title, quantities in (("Parameters", found["parameters"]), ("Inputs", found["inputs"])):
         if quantities:
             rows = [
-                (f"`{key}`", _default(q), plain(q.get("unit", "")), plain(q.get("meaning", "")))
+                (f"`{key}`", _default(q), plain(q.get("unit", "")), readable(q.get("meaning", "")))
                 for key, q in quantities.items()
             ]
             parts += [f"## {title}", table(("name", "default", "unit", "meaning"), rows)]
     own = [key for key in found["keys"] if key["key"] not in Plant.model_fields]
-    parts += ["## Keys of its own", keys_table(own)] if own else []
+    parts += ["## Keys of its own", keys_table(own, words=readable)] if own else []
     parts.append("All plants also have [the common keys](../../configuration.md#plant).")
     parts += _shown(Example(example.config, example.drawing, ""), "every start between 0.5 and 1, inputs of 0.1")
     return "\n\n".join(part for part in parts if part) + "\n"
@@ -175,7 +180,7 @@ def noise_page() -> str:
     parts = ["# Noise", "Kinds of noise for [the block measurement](../configuration.md#measurement)."]
     for name, cls in NOISE.all().items():
         found = of_class(name, "noise", cls)
-        parts += [f"## {name}", without_errata(found["description"])[0], keys_table(found["keys"])]
+        parts += [f"## {name}", without_errata(found["description"])[0], keys_table(found["keys"], words=readable)]
     return "\n\n".join(parts) + "\n"
 
 

@@ -20,6 +20,7 @@ from hgorun.config.types import (
     describe,
     number,
 )
+from hgorun.errors import Problem
 
 GIB = 2.0**30
 
@@ -38,7 +39,7 @@ class Time(Block):
     @model_validator(mode="after")
     def _order(self) -> Time:
         if not self.end > self.start:
-            raise ValueError(f"end must be after start, found end {self.end:g}, start {self.start:g}")
+            raise Problem(("end",), f"end must be after start, found end {self.end:g}, start {self.start:g}")
         return self
 
     @property
@@ -106,9 +107,9 @@ class Solver(Block):
     @model_validator(mode="after")
     def _adaptive_needs_an_estimate(self) -> Solver:
         if self.adaptive and self.method not in ("dopri5", "rodas5p"):
-            raise ValueError(f"rtol and atol need method dopri5 or rodas5p, found {self.method}")
+            raise Problem(("method",), f"rtol and atol need method dopri5 or rodas5p, found {self.method}")
         if self.max_step is not None and not self.adaptive:
-            raise ValueError("max_step needs rtol and atol; a fixed step is set with step")
+            raise Problem(("max_step",), "max_step needs rtol and atol; a fixed step is set with step")
         return self
 
 
@@ -128,7 +129,7 @@ class Metrics(Block):
         for name in ("window", "transient"):
             window = getattr(self, name)
             if window is not None and not window[0] < window[1]:
-                raise ValueError(f"{name} must be [from, to] with from < to, found [{window[0]:g}, {window[1]:g}]")
+                raise Problem((name,), f"it must be [from, to] with from < to, found [{window[0]:g}, {window[1]:g}]")
         return self
 
 

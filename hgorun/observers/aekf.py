@@ -62,7 +62,7 @@ class AdaptiveFilter(NoiseInformed, ScaledFilter):
         jumps = found.update == "jump"
         unused = "window" if jumps else "interval"
         if getattr(found, unused) is not None:
-            raise ValueError(f"{unused} is no key of update: {found.update}" + ("; d = N T" if jumps else ""))
+            raise Problem((unused,), f"{unused} is no key of update: {found.update}" + ("; d = N T" if jumps else ""))
         if not jumps or isinstance(found, CorrectedObserver):
             return found
         return SampledAdaptiveFilter.model_construct(found.model_fields_set, **dict(found))

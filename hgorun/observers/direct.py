@@ -49,7 +49,7 @@ class DirectObserver(HighGain, Switching, OutputInjection):
     @model_validator(mode="after")
     def _keys_of_the_reconstruction(self) -> DirectObserver:
         if self.mu > 0 and (self.phi is None or self.G is None):
-            raise ValueError("with mu > 0 the reconstruction needs phi and G")
+            raise Problem(("mu",), "with mu > 0 the reconstruction needs phi and G")
         return self
 
     @property

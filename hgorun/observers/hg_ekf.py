@@ -10,6 +10,7 @@ import numpy as np
 from pydantic import Field, ModelWrapValidatorHandler, model_validator
 
 from hgorun.config.types import Positive
+from hgorun.errors import Problem
 from hgorun.observers.base import Arrival, CorrectedObserver, Flow, observer
 from hgorun.observers.capabilities import HighGain, NoiseInformed, SettlingGain
 from hgorun.observers.gaussian import linear_update
@@ -44,7 +45,7 @@ class HighGainFilter(HighGain, SettlingGain, ScaledFilter):
         """A block with ``update: jump`` is an observer of another kind."""
         found = check(data)
         if found.update == "flow" and found.interval is not None:
-            raise ValueError("interval is a key of update: jump")
+            raise Problem(("interval",), "interval is a key of update: jump")
         if found.update == "flow" or isinstance(found, CorrectedObserver):
             return found
         return SampledHighGainFilter.model_construct(found.model_fields_set, **dict(found))

@@ -65,7 +65,7 @@ class NonlinearExtendedStateObserver(NoiseThreshold, LocallyLinear, ExtendedStat
         if (self.omega_o is None) == (self.beta is None):
             raise ValueError("give either omega_o or beta")
         if self.alpha is not None and max(self.alpha, default=0.0) > 1:
-            raise ValueError(f"alpha: expected powers in (0, 1], found {max(self.alpha):g}")
+            raise Problem(("alpha",), f"expected powers in (0, 1], found {max(self.alpha):g}")
         return self
 
     @classmethod
@@ -75,6 +75,8 @@ class NonlinearExtendedStateObserver(NoiseThreshold, LocallyLinear, ExtendedStat
     def design(self, form: DerivativeForm) -> dict[str, np.ndarray]:
         (delta,) = self.threshold(form, "delta", self.delta)
         beta, alpha = self._gains(form)
+        if np.all(np.isfinite(beta)) and not np.all(np.isfinite(beta * float(delta) ** (alpha - 1))):
+            raise Problem(("delta",), f"{float(delta):g} is too small: the slopes beta delta^(alpha-1) overflow")
         return {"beta": beta, "alpha": alpha, "delta": np.array(delta), "b_0": self.of_inputs(form)}
 
     def remarks(self, form: DerivativeForm) -> tuple[str, ...]:

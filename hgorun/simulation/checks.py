@@ -14,6 +14,7 @@ from hgorun.observers.capabilities import Punctual
 from hgorun.observers.hold import Shrinking
 from hgorun.observers.stepped import SteppedObserver
 from hgorun.observers.treatment import treatment_of
+from hgorun.simulation.overflow import moderate, overflow
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.steps import counted_steps, steps_between
 from hgorun.symbolic.evaluate import roughly_at
@@ -274,11 +275,17 @@ def _held_at_start(run: PreparedRun) -> np.ndarray:
     return held
 
 
+def _rates(run: PreparedRun, parameters: np.ndarray, z: np.ndarray) -> np.ndarray:
+    """The right-hand sides at the start."""
+    flow = run.structure.system.regimes[0].flow
+    (rates,) = roughly_at(flow, run.time.start, parameters, z, _held_at_start(run))
+    return np.asarray(rates)
+
+
 def check_start(run: PreparedRun) -> None:
     """The right-hand sides must be numbers at the start."""
     system, numbers = run.structure.system, run.numbers
-    (rates,) = roughly_at(system.regimes[0].flow, run.time.start, numbers.p, numbers.z0, _held_at_start(run))
-    sound = np.isfinite(rates)
+    sound = np.isfinite(_rates(run, numbers.p, numbers.z0))
     if sound.all():
         return
     bad = np.flatnonzero(~sound[: system.plant_states])
@@ -297,6 +304,12 @@ def check_start(run: PreparedRun) -> None:
                 "at its initial estimate the controller's law is not a finite number; set it with initial",
             )
         if not sound[b.start : b.end].all():
+            beyond = overflow(b.label, b.observer)
+            if (
+                beyond is not None
+                and np.isfinite(_rates(run, moderate(numbers.p), moderate(numbers.z0))[b.start : b.end]).all()
+            ):
+                raise beyond
             internal = ", ".join(name for name in b.states if name not in ("xhat", "alpha"))
             raise Problem(
                 ("observers", b.label),

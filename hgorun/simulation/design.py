@@ -11,6 +11,7 @@ import numpy as np
 from hgorun.errors import PluginError, Problem, called
 from hgorun.memo import same
 from hgorun.observers.base import AnyObserver, ContinuousObserver, CorrectedObserver
+from hgorun.simulation.overflow import overflow
 from hgorun.symbolic.forms import ChosenChains, Form, Guessing
 from hgorun.symbolic.parameters import flat
 from hgorun.symbolic.states import StateBlock, Symmetric
@@ -65,12 +66,7 @@ class Design:
                     raise Problem(("observers", label, key), f"{observer.type} has no state that could be given here")
                 if name not in known:
                     raise Problem(("observers", label, key), f"unknown state {name!r}; known here: {', '.join(known)}")
-        try:
-            found = observer.design(form)
-            with called("observer", observer.type, "design"):
-                gains = {name: np.asarray(value, dtype=float) for name, value in found.items()}
-        except Problem as problem:
-            raise Problem(("observers", label, *problem.path), problem.message) from problem
+        gains = _gains(label, observer, form)
         gains |= _shrinking(label, observer)
         defaults = {"xhat": np.zeros(form.plant.n), **observer.states(form)}
         for name, value in defaults.items():
@@ -162,6 +158,30 @@ class Design:
     def guess(self) -> np.ndarray | None:
         """Where Newton's method starts that finds the estimate; None where there is none."""
         return self.form.guess if isinstance(self.form, Guessing) else None
+
+
+def _gains(label: str, observer: AnyObserver, form: Form) -> dict[str, np.ndarray]:
+    """What the observer's keys give for the plant.
+
+    Raises
+    ------
+    Problem
+        When they do not fit it, or are so large that a gain overflows.
+    """
+    try:
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            found = observer.design(form)
+            with called("observer", observer.type, "design"):
+                gains = {name: np.asarray(value, dtype=float) for name, value in found.items()}
+    except Problem as problem:
+        raise Problem(("observers", label, *problem.path), problem.message) from problem
+    except (np.linalg.LinAlgError, OverflowError) as error:
+        if beyond := overflow(label, observer):
+            raise beyond from error
+        raise
+    if not all(np.all(np.isfinite(value)) for value in gains.values()) and (beyond := overflow(label, observer)):
+        raise beyond
+    return gains
 
 
 def _shrinking(label: str, observer: AnyObserver) -> dict[str, np.ndarray]:

@@ -75,11 +75,13 @@ def _check_limits(experiment: Experiment) -> None:
 def check_limit(experiment: Experiment, label: str, observer: AnyObserver) -> None:
     """What has no limit as the step falls cannot have its step found by error control.
 
+    The steps of a recursion of samples are the times between them, whatever the solver's are.
+
     Raises
     ------
     Problem
     """
-    if experiment.blocks.solver.controlled and isinstance(observer, Switching) and observer.switches:
+    if experiment.blocks.solver.controlled and _has_no_limit(experiment, observer):
         raise Problem(
             ("solver", "step"),
             f"observer {label} ({observer.type}) switches in every step and has no limit as steps get shorter, "
@@ -91,6 +93,13 @@ def needs_given_steps(experiment: Experiment, observer: AnyObserver) -> bool:
     """Whether the numbers of an observer are those of the solver's steps, and have no limit or another one."""
     if isinstance(observer, SteppedObserver) and not experiment.sampled():
         return True
+    return _has_no_limit(experiment, observer)
+
+
+def _has_no_limit(experiment: Experiment, observer: AnyObserver) -> bool:
+    """Whether it chatters as its steps let it, and they are the solver's."""
+    if isinstance(observer, SteppedObserver) and experiment.sampled():
+        return False
     return isinstance(observer, Switching) and observer.switches
 
 

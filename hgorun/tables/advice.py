@@ -11,6 +11,7 @@ from hgorun.analysis.reasons import NoValue
 from hgorun.analysis.report import Analysis, Findings
 from hgorun.analysis.stability.critical import Timing, timing_of
 from hgorun.observers.capabilities import FilterOrder
+from hgorun.observers.eso import LinearExtendedStateObserver
 from hgorun.observers.kalman import KalmanFilter
 from hgorun.tables.layout import number, wrapped
 from hgorun.tables.typeset import printable
@@ -118,25 +119,26 @@ def _change(analysis: Analysis, label: str, found: Findings, timing: Timing | No
     theta = found.values.get("theta")
     noise = found.values.get("noise_rms_measured")
     subject = analysis.context.subjects[label]
+    key = "omega_o" if isinstance(subject.observer, LinearExtendedStateObserver) else "theta"
     if isinstance(subject.observer, KalmanFilter):
         yield "to change: Q against R, larger for a faster estimate, smaller for less noise"
     if not isinstance(theta, (int, float)):
         return
     if _unstable(found, timing):
-        yield "to change: measure more often and sooner, or a smaller theta: the error grows as it is"
+        yield f"to change: measure more often and sooner, or a smaller {key}: the error grows as it is"
         return
     shares = _shares(analysis, label, noise) if isinstance(noise, Mapping) else {}
     filtered = "; a larger r may" if isinstance(subject.observer, FilterOrder) else ""
     if shares and min(shares.values()) >= _MOST:
-        yield f"to change: most of its error is noise: a smaller theta lowers it{filtered}"
+        yield f"to change: most of its error is noise: a smaller {key} lowers it{filtered}"
     elif shares and max(shares.values()) < _MOST:
-        yield "to change: little of its error is noise: a larger theta lowers what is left"
+        yield f"to change: little of its error is noise: a larger {key} lowers what is left"
     else:
-        yield "to change: theta, larger for a faster decay, smaller for less noise"
+        yield f"to change: {key}, larger for a faster decay, smaller for less noise"
     room = _room(found, timing)
     if room is not None:
         narrow = ": that is near" if room < _NEAR else ""
-        yield f"theta = {number(theta)} may grow to about {number(theta * room)} on a chain measured like this{narrow}"
+        yield f"{key} = {number(theta)} may grow to about {number(theta * room)} on a chain measured like this{narrow}"
 
 
 def _unstable(found: Findings, timing: Timing | None) -> bool:

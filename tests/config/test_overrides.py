@@ -1,8 +1,10 @@
 """Configurations on top of each other: ``--set`` and ``extends``, and the positions they leave."""
 
+from pathlib import Path
 from typing import Any
 
 import pytest
+from examples import load
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from written import EXAMPLE
@@ -216,3 +218,25 @@ def test_merge_of_unlike_things(base: str, over: str, result: object) -> None:
 def test_merge_with_itself_changes_nothing() -> None:
     source = parse(EXAMPLE, "c.yaml")
     assert merge(source, source) == source
+
+
+@pytest.mark.parametrize(
+    ("assignment", "key"),
+    [
+        ("observers.N.alpha=[1, 2, 0.5]", "observers.N.alpha"),
+        ("time.end=-1", "time.end"),
+        ("metrics.window=[2, 1]", "metrics.window"),
+        ("solver={rtol: 1e-6, method: rk4}", "solver.method"),
+    ],
+)
+def test_what_a_whole_block_refuses_is_told_where_the_key_was_set(tmp_path: Path, assignment: str, key: str) -> None:
+    config = {
+        "time": {"end": 1, "output_step": 0.1},
+        "plant": {"type": "integrator_chain", "n": 2, "initial": {"x1": 1, "x2": 0}},
+        "observers": {"N": {"type": "neso", "omega_o": 4, "delta": 1, "alpha": [1, 0.5, 0.25]}},
+        "metrics": {"window": [0.5, 1]},
+    }
+    with pytest.raises(ConfigError) as caught:
+        load(tmp_path, config, assignment)
+    assert caught.value.file == f"--set {assignment}"
+    assert caught.value.key == key

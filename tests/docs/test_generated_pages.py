@@ -37,8 +37,8 @@ def fhgo2() -> str:
 def test_the_page_of_an_observer_has_its_keys_source_errata_and_choice(fhgo2: str) -> None:
     assert "| `r` | `1` | \\>= 0 and \\<= 20 |" in fhgo2
     assert "Robles Magdaleno 2023, (3.33)" in fhgo2
-    assert "- (3.74)-(3.75) of the thesis print a second theta" in fhgo2
-    assert fhgo2.count("second theta") == 1
+    assert "- (3.74)-(3.75) of the thesis print a second θ" in fhgo2
+    assert fhgo2.count("second θ") == 1
     assert "Take it when: the noise is fast." in fhgo2
     assert "continuous, sampled and late outputs" in fhgo2
     assert "<svg" in fhgo2
@@ -95,7 +95,8 @@ def test_choices_are_read_from_their_table() -> None:
 
 def test_a_docstring_is_shown_as_it_is_meant() -> None:
     text, errata = without_errata("First * line\nof two.\n\n    x' = a_1 [x]\n\nThe paper prints a. (2) holds ``x*y``.")
-    assert text == "First \\* line of two.\n\n```text\nx' = a_1 [x]\n```\n\n(2) holds ``x*y``."
+    equation = "```{code-block} text\n:class: formula\n\nx' = a_1 [x]\n```"
+    assert text == f"First \\* line of two.\n\n{equation}\n\n(2) holds ``x*y``."
     assert errata == ["The paper prints a."]
     assert plain("a_1 _b_ |x| < 2") == r"a_1 \_b\_ \|x\| \< 2"
 

@@ -215,3 +215,26 @@ def test_phases_of_continuous_and_of_sampled_outputs() -> None:
         assert np.all(moved[20:99])
         assert 18 <= np.count_nonzero(moved[102:200]) <= 21
         assert np.all(moved[202:299])
+
+
+SWITCHING: dict[str, Block] = {
+    "P": {"type": "red", "L": 1.2, "discretisation": "proper"},
+    "E": {"type": "red", "L": 1.2, "discretisation": "explicit"},
+    "H": {"type": "hybrid_red", "L": 1.2},
+    "F": {"type": "filtering", "L": 1.2},
+}
+
+
+def test_recursions_of_samples_need_no_given_step() -> None:
+    """Their step is the period: found by error control, or given, whatever it is, the numbers are the same."""
+    measurement = {"sampling": {"period": 0.02}}
+    free, given = (
+        simulated(TWO, SWITCHING, end=2, output_step=0.02, measurement=measurement, **more)
+        for more in ({}, {"solver": {"method": "rk4", "step": 0.001}})
+    )
+    for label in SWITCHING:
+        np.testing.assert_allclose(free.observers[label].xhat, given.observers[label].xhat, rtol=0, atol=1e-5)
+    assert set(given.integration_error or {}) >= set(SWITCHING)
+    for block in SWITCHING.values():
+        with pytest.raises(ConfigError, match="give a number, as in solver"):
+            prepare(experiment(TWO, {"O": block}))

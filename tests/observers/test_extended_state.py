@@ -10,6 +10,7 @@ from scipy.integrate import solve_ivp
 from hgorun.analysis.report import analyze
 from hgorun.errors import ConfigError
 from hgorun.simulation.simulate import prepare
+from hgorun.tables.advice import advice
 
 DRIVEN = inline({"x1": "x2", "x2": "1.5*u"}, "x1", initial={"x1": 1, "x2": -0.5}, inputs={"u": "sin(2*t)"})
 
@@ -139,3 +140,39 @@ def test_one_state_and_its_disturbance() -> None:
     for found in run.observers.values():
         np.testing.assert_allclose(found.xhat[-1], run.x[-1], atol=1e-9)
         np.testing.assert_allclose(found.internal["sigma"][-1], 0.3, rtol=1e-9)
+
+
+def test_its_rate_is_told_at_its_bandwidth() -> None:
+    """All poles at -omega_o, as those of the extended observer of that theta: the same words about both."""
+    blocks: dict[str, Block] = {"E": {"type": "eso", "omega_o": 4}, "X": {"type": "extended", "theta": 4}}
+    analysis = analyze(experiment(chain(2), blocks, end=1, step=0.01), findings("decay"))
+    said_of = [said(analysis.observers[label]) for label in ("E", "X")]
+    assert said_of[0]["theta"] == said_of[1]["theta"] == 4
+    assert said_of[0]["beta_theta"] == pytest.approx(said_of[1]["beta_theta"], rel=1e-9)
+    words = " ".join(advice(analysis))
+    assert words.count("decays like exp(-4.000 t)") == 2
+    assert "to change: omega_o" in words
+
+
+OVERFLOWING = [
+    ({"type": "eso", "omega_o": 1e300}, "omega_o: 1e.300 is too large: gains that follow from it overflow"),
+    ({"type": "neso", "omega_o": 1e300, "delta": 0.5}, "omega_o: 1e.300 is too large"),
+    ({"type": "neso", "omega_o": 1e100, "delta": 1e-200}, "delta: 1e-200 is too small"),
+    ({"type": "extended", "theta": 1e300}, "theta: 1e.300 is too large"),
+    ({"type": "low_power", "theta": 1e300}, "theta: 1e.300 is too large"),
+    ({"type": "piecewise", "theta_1": 1e300, "theta_2": 2, "d": 0.1}, "theta_1: 1e.300 is too large"),
+    ({"type": "updated", "theta_0": 1e300, "delta": 1}, "theta_0: 1e.300 is too large"),
+]
+
+
+@pytest.mark.parametrize(("block", "message"), OVERFLOWING)
+@pytest.mark.filterwarnings("error")
+def test_gains_that_overflow_are_named(block: Block, message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        prepare(experiment(chain(2), {"O": block}))
+
+
+def test_what_is_singular_is_not_called_too_large() -> None:
+    plant = inline({"x1": "x2", "x2": "-log(x1)"}, "x1", initial={"x1": 1, "x2": 0})
+    with pytest.raises(ConfigError, match="where the equations are singular"):
+        prepare(experiment(plant, {"O": {"type": "shgo", "theta": 1e16}}, step=0.01))

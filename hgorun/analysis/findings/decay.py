@@ -8,6 +8,20 @@ from hgorun.analysis.convergence.gains import MU
 from hgorun.analysis.convergence.premises import dynamics_of, theta_of
 from hgorun.analysis.finding import finding
 from hgorun.analysis.subject import Subject
+from hgorun.observers.eso import LinearExtendedStateObserver
+
+
+def speed_of(subject: Subject) -> float:
+    """What the error's matrix at theta = 1 is multiplied by: theta, or the bandwidth of ``eso``.
+
+    Raises
+    ------
+    NoValue
+        When it has neither.
+    """
+    if isinstance(subject.observer, LinearExtendedStateObserver):
+        return float(subject.observer.omega_o)
+    return theta_of(subject)
 
 
 @finding(
@@ -51,9 +65,9 @@ def P(observer: Subject) -> np.ndarray:
     "the decay rate of the error without delay", title="beta theta", places=("compare",), group="decay", optional=True
 )
 def beta_theta(observer: Subject) -> float:
-    return dynamics_of(observer).lyapunov.beta * theta_of(observer)
+    return dynamics_of(observer).lyapunov.beta * speed_of(observer)
 
 
-@finding("the configured high gain", group="theta", optional=True)
+@finding("the configured high gain; omega_o of `eso`, which is the same", group="theta", optional=True)
 def theta(observer: Subject) -> float:
-    return theta_of(observer)
+    return speed_of(observer)

@@ -1,0 +1,74 @@
+"""Formulas of docstrings as readers of a page expect them: Greek letters, hats, powers and relations as characters."""
+
+from __future__ import annotations
+
+import re
+from unicodedata import lookup
+
+_SMALL = (
+    "alpha beta gamma delta epsilon zeta eta theta iota kappa lamda mu nu xi pi rho sigma tau upsilon phi chi psi omega"
+)
+_CAPITAL = "Gamma Delta Theta Lamda Xi Pi Sigma Upsilon Phi Psi Omega"  # the others are Latin letters to the eye
+_GREEK = {name: lookup(f"GREEK SMALL LETTER {name}") for name in _SMALL.split()}
+_GREEK |= {name: lookup(f"GREEK CAPITAL LETTER {name}") for name in _CAPITAL.split()}
+_GREEK["Upsilon"] = "\N{GREEK UPSILON WITH HOOK SYMBOL}"
+_OTHER_NAMES = {"lambda": "lamda", "lam": "lamda", "Lambda": "Lamda", "Lam": "Lamda", "Gam": "Gamma", "eps": "epsilon"}
+_GREEK |= {short: _GREEK[name] for short, name in _OTHER_NAMES.items()}
+_HAT = "\N{COMBINING CIRCUMFLEX ACCENT}"
+_HATS = {f"{letter}hat": letter + _HAT for letter in "uxyz"}  # what and that are words
+_HATS |= {f"{name}hat": letter + _HAT for name, letter in _GREEK.items()}
+_RAISED = str.maketrans("-0123456789T", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹ᵀ")
+_RELATIONS = {">=": "≥", "<=": "≤", "!=": "≠", "+-": "±", "->": "→", "<-": "←"}
+
+_KEPT = re.compile(r"(``.+?``|`[^`]+`|(?:^|(?<=[.;] ))\w+(?=:))", re.DOTALL)  # code, and keys that a sentence is about
+_WORD = re.compile(r"(?<!\w)[A-Za-z]\w*")
+_LETTER = re.compile(r"([A-Za-z]+)(\d*)")
+_BARE_HAT = re.compile(r"(?<=[Α-ωϒ])\^(?=[\s',.;)]|$)")
+_POWER = re.compile(r"\^(-?(?:\d+|T))(?!\w|\.\d)")
+_RELATION = re.compile("|".join(map(re.escape, _RELATIONS)))
+_EQUALS = re.compile(r"\s+=\s+")
+
+
+def symbols(text: str) -> str:
+    """A text with symbols; what stands between backquotes stays, and a word before a colon that begins a sentence.
+
+    Such a word is a key of a configuration.
+    """
+    return "".join(part if i % 2 else _written(part) for i, part in enumerate(_KEPT.split(text)))
+
+
+def aligned(block: str) -> str:
+    """Equations with symbols; signs = that stood below each other still do."""
+    lines = block.splitlines()
+    written = [_written(line) for line in lines]
+    found = [_EQUALS.search(line) for line in lines]
+    for place in {one.end() for one in found if one}:
+        column = [i for i, one in enumerate(found) if one and one.end() == place]
+        sides = {i: _EQUALS.split(written[i], maxsplit=1) for i in column}
+        width = max(_width(left) for left, _ in sides.values())
+        for i, (left, right) in sides.items():
+            written[i] = f"{left}{' ' * (width - _width(left))} = {right}"
+    return "\n".join(written)
+
+
+def _written(text: str) -> str:
+    text = _BARE_HAT.sub(_HAT, _WORD.sub(lambda found: _name(found[0]), text))
+    text = _POWER.sub(lambda found: found[1].translate(_RAISED), text)
+    return _RELATION.sub(lambda found: _RELATIONS[found[0]], text)
+
+
+def _name(word: str) -> str:
+    """A letter with its indices; another word stays as it is."""
+    first, *indices = word.split("_")
+    if len(first) > 1 and _letter(first) == first:
+        return word
+    return "_".join(map(_letter, (first, *indices)))
+
+
+def _letter(word: str) -> str:
+    found = _LETTER.fullmatch(word)
+    return (_GREEK | _HATS).get(found[1], found[1]) + found[2] if found else word
+
+
+def _width(text: str) -> int:
+    return len(text.replace(_HAT, ""))

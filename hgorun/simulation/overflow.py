@@ -1,0 +1,41 @@
+"""Numbers of an observer's block with which its gains overflow."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from hgorun.errors import Problem
+from hgorun.observers.base import AnyObserver
+
+_FAR = 15.0  # orders of magnitude: powers of such a number may overflow
+_MODERATE = 1e10  # whose powers up to 30 do not
+
+
+def overflow(label: str, observer: AnyObserver) -> Problem | None:
+    """What is said where a gain is not a finite number; None if no number of the block is large or small enough."""
+    given = [(key, number) for key in observer.model_fields_set for number in _numbers(getattr(observer, key))]
+    far = [(abs(float(np.log10(abs(number)))), key, number) for key, number in given if number]
+    size, key, number = max(far, default=(0.0, "", 0.0))
+    if size < _FAR:
+        return None
+    kind = "large" if abs(number) > 1 else "small"
+    return Problem(("observers", label, key), f"{number:g} is too {kind}: gains that follow from it overflow")
+
+
+def moderate(parameters: np.ndarray) -> np.ndarray:
+    """Parameters whose powers do not overflow: what is singular with them is not so because of their size."""
+    size = np.clip(np.abs(np.nan_to_num(parameters, nan=_MODERATE, posinf=_MODERATE)), 1 / _MODERATE, _MODERATE)
+    return np.asarray(np.where(parameters == 0, 0.0, np.copysign(size, parameters)))
+
+
+def _numbers(value: object) -> Iterator[float]:
+    """Those in a key's value."""
+    if isinstance(value, dict):
+        value = tuple(value.values())
+    if isinstance(value, (tuple, list)):
+        for part in value:
+            yield from _numbers(part)
+    elif isinstance(value, (int, float)) and not isinstance(value, bool):
+        yield float(value)

@@ -1,0 +1,28 @@
+"""Numbers of the page of choices are those of the benchmark's table of record."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+RECORD = ROOT / "experiments" / "benchmark" / "record" / "standings.md"
+
+
+def _rows(page: Path) -> dict[str, list[str]]:
+    """Cells of tables by their first one, without intervals and counts of plants; of equal ones the first."""
+    found: dict[str, list[str]] = {}
+    for line in page.read_text().splitlines():
+        if line.startswith("|"):
+            first, *others = line.strip().strip("|").split("|")
+            found.setdefault(first.strip(), [cell.split("[")[0].strip() for cell in others])
+    return found
+
+
+def test_numbers_are_those_of_the_record() -> None:
+    record = _rows(RECORD)
+    page = (ROOT / "docs" / "choosing.md").read_text()
+    found = _rows(ROOT / "docs" / "choosing.md")
+    shared = {name: cells for name, cells in found.items() if name in record and name != "observer"}
+    assert "## What the benchmark found" in page
+    assert len(shared) >= 10
+    assert shared == {name: record[name] for name in shared}
