@@ -159,7 +159,21 @@ def by_records(
         pairs = zip(truths, columns, strict=True)
         each = [by_records(time, truth, column, settings, metrics, reference) for truth, column in pairs]
         return {metric.name: np.concatenate([values[metric.name] for values in each]) for metric in metrics}
-    error = np.repeat(x, m // x.shape[1], axis=1)  # numpy subtracts rows faster than pairs
+    # what is finite may have squares and differences that are not: such a metric is infinite
+    with np.errstate(over="ignore", invalid="ignore"):
+        return _by_record(time, x, xhat, settings, metrics, reference)
+
+
+def _by_record(
+    time: np.ndarray,
+    x: np.ndarray,
+    xhat: np.ndarray,
+    settings: MetricSettings,
+    metrics: Sequence[Metric],
+    reference: np.ndarray | None,
+) -> dict[str, np.ndarray]:
+    """The same, of arrays in the order of C."""
+    error = np.repeat(x, xhat.shape[1] // x.shape[1], axis=1)  # numpy subtracts rows faster than pairs
     np.subtract(xhat, error, out=error)
     step = float(time[1] - time[0]) if time.size > 1 else np.nan
     beside = None if reference is None else np.ascontiguousarray(reference)[:, None]

@@ -14,11 +14,12 @@ import numpy as np
 
 from hgorun.engine.memory import Raw
 from hgorun.errors import PlantDiverged, Problem, SimulationError
+from hgorun.observers.capabilities import Switching
 from hgorun.result.estimated import Estimated
 from hgorun.result.status import OK, Verdict
 from hgorun.simulation.loss import Again, of_estimate, why_lost
 from hgorun.simulation.prepared import PreparedRun
-from hgorun.simulation.verdict import estimates_near, left_for_good, may_have_left
+from hgorun.simulation.verdict import estimates_near, left_for_good, may_have_left, swamped
 from hgorun.simulation.why_diverged import singular, why_diverged
 from hgorun.symbolic.evaluate import Floats
 
@@ -55,7 +56,7 @@ def confirmed(run: PreparedRun, raw: Raw, again: Again) -> tuple[Raw, dict[str, 
     bounded = any(np.isfinite(raw.diverged[j, 0]) for j in suspects)
     free = (_free(again) if bounded else None) or raw
     said = {j: judged(run, free, j, again) for j in suspects}
-    back = [j for j, verdict in said.items() if verdict == OK]
+    back = [j for j, verdict in said.items() if not verdict.lost]
     enough = _enough(run, again, [j for j in suspects if j not in back])
     for j, verdict in said.items():
         at = float(raw.diverged[j, 0])
@@ -90,7 +91,7 @@ def ended(run: PreparedRun, raw: Raw, again: Again | None = None) -> tuple[Raw, 
     Raw
         The same where no observer is lost.
     dict of str to Verdict
-        Of those that are.
+        Of those that are not ok.
     """
     suspects = _suspects(run, raw)
     if run.solver.divergence is not None:
@@ -98,12 +99,13 @@ def ended(run: PreparedRun, raw: Raw, again: Again | None = None) -> tuple[Raw, 
         return raw, {run.observers[j].label: _beyond_given(run, raw, j) for j in left}
     said = {j: judged(run, raw, j, again) for j in suspects}
     lost = {j: verdict for j, verdict in said.items() if verdict.lost}
+    verdicts = {run.observers[j].label: verdict for j, verdict in said.items() if verdict != OK}
     if not lost:
-        return raw, {}
+        return raw, verdicts
     diverged = raw.diverged.copy()
     diverged[list(lost)] = np.inf  # numbers end where the estimate has left, not where they overflow
     rows = _ended(run, replace(raw, diverged=diverged), lost).rows
-    return replace(raw, rows=rows), {run.observers[j].label: verdict for j, verdict in lost.items()}
+    return replace(raw, rows=rows), verdicts
 
 
 def plant_lost(run: PreparedRun, error: PlantDiverged, again: Again) -> SimulationError:
@@ -133,7 +135,7 @@ def judged(run: PreparedRun, raw: Raw, j: int, again: Again | None = None) -> Ve
     left = _left(run, raw, j, xhat)
     overflow = float(raw.diverged[j, 0])
     if left is None and not np.isfinite(overflow):
-        return of_estimate(run, raw, j, xhat)
+        return _chatter(run, raw, j, xhat) or of_estimate(run, raw, j, xhat)
     missing = np.flatnonzero(~np.all(np.isfinite(xhat), axis=1))
     if left is not None and (not missing.size or left < missing[0]):
         return Verdict("diverged", float(run.grid[left]))
@@ -144,6 +146,22 @@ def judged(run: PreparedRun, raw: Raw, j: int, again: Again | None = None) -> Ve
         return Verdict("diverged", overflow, f"{no_step}, or the tolerance is out of reach")
     reason = None if again is None else why_lost(run, again, j, overflow)
     return Verdict("diverged" if reason is None else "undefined", overflow, reason)
+
+
+def _chatter(run: PreparedRun, raw: Raw, j: int, xhat: Floats) -> Verdict | None:
+    """Of an observer that switches in every step and has nothing of a state but its switching."""
+    observer = run.observers[j].observer
+    if not (isinstance(observer, Switching) and observer.switches):
+        return None
+    state = swamped(raw.rows[:, run.structure.truths[j], 0], xhat)
+    if state is None:
+        return None
+    name = run.plant.model.states[state]
+    return Verdict(
+        "inaccurate",
+        reason=f"it switches in every step, and its error of {name} is more than 1e6 times {name}: "
+        "its gains are too large for the step, or for the period of the samples",
+    )
 
 
 def _suspects(run: PreparedRun, raw: Raw) -> list[int]:

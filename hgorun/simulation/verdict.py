@@ -18,6 +18,7 @@ from hgorun.symbolic.evaluate import Floats
 
 _FAR = 1e6  # times the size of the state
 _GROWN = 1e3  # times the smallest errors of the run
+_ROUNDING = 1e-9  # times the largest state: one that is smaller all along may be rounding
 _SMALLEST = 0.1  # of the points: those with the smallest errors
 
 
@@ -56,6 +57,16 @@ def may_have_left(x: Floats, xhat: Floats) -> NDArray[np.bool_]:
     first, last = _gap(x, xhat)
     size = np.maximum(np.max(np.abs(x), axis=0), np.where(np.isfinite(first), first, 0.0))
     return np.asarray(~np.all(last <= _FAR * size, axis=0))
+
+
+def swamped(x: Floats, xhat: Floats) -> int | None:
+    """The first state whose error in the last tenth is a million times what the state ever is.
+
+    It need not have left: an error that is as large from the first step on is of an observer that chatters so.
+    """
+    size, late = np.max(np.abs(x), axis=0), slice(-max(len(x) // 10, 1), None)
+    beyond = (np.max(_gap(x[late], xhat[late]), axis=0) > _FAR * size) & (size > _ROUNDING * np.max(size))
+    return int(np.argmax(beyond)) if np.any(beyond) else None
 
 
 def estimates_near(truths: Estimated, estimated: Estimated) -> bool:

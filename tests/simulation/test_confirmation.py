@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from examples import run
+from examples import chain as integrators
+from examples import run, simulated
 from scipy.integrate import solve_ivp
 
 import hgorun
@@ -179,3 +180,30 @@ def test_divergence_is_said_in_any_unit(unit: float, tmp_path: Path) -> None:
     assert np.all(np.isnan(observer.xhat[result.time >= observer.diverged_at]))
     assert np.all(np.isfinite(observer.xhat[result.time < observer.diverged_at - 0.02]))
     assert np.all(np.isinf(observer.metrics["sup"]))
+
+
+RELAYS: list[tuple[dict[str, Any], dict[str, Any]]] = [
+    ({"type": "super_twisting", "f": 1e12}, {"solver": {"method": "euler", "step": 1e-3}}),
+    ({"type": "super_twisting", "f": 1e300}, {"solver": {"method": "euler", "step": 1e-3}}),
+    ({"type": "red", "L": 1e9, "discretisation": "explicit"}, {"measurement": {"sampling": {"period": 0.01}}}),
+]
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(("block", "how"), RELAYS)
+def test_a_relay_that_swamps_the_state_is_not_ok(block: dict[str, Any], how: dict[str, Any]) -> None:
+    """It chatters by gain times step from the first step on, and has not left anything."""
+    found = simulated(integrators(2, "-sin(t)", [0, 1]), {"O": block}, end=2, **how).observers["O"]
+    assert found.status == "inaccurate"
+    assert "gains are too large for the step" in str(found.verdict.reason)
+    assert np.all(np.isfinite(found.xhat))
+
+
+@pytest.mark.parametrize("size", [1e-9, 1.0, 1e9])
+def test_a_relay_that_follows_is_ok_in_every_unit(size: float) -> None:
+    block = {"type": "super_twisting", "f": 2 * size}
+    how = {"solver": {"method": "euler", "step": 1e-3}}
+    assert (
+        simulated(integrators(2, f"-{size}*sin(t)", [0, size]), {"O": block}, end=2, **how).observers["O"].status
+        == "ok"
+    )
