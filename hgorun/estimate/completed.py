@@ -49,7 +49,9 @@ def completed(source: Source, recording: Recording, name: str, text: str) -> Exp
         return Experiment(_with(source, changes), name=name, text=text)  # which says what is wrong
     with source.located():
         _check_outputs(plant_of(source).output_names, recording)
-    changes["measurement"] = _measurement(given.get("measurement") or {}, recording)
+    start = changes.get("time", {}).get("start")
+    start = float(start) if isinstance(start, (int, float)) else recording.span[0]
+    changes["measurement"] = _measurement(given.get("measurement") or {}, recording, start)
     whole, states = _with_plant(_with(source, changes))
     experiment = Experiment(whole, name=name, text=text)
     with experiment.located():
@@ -153,7 +155,7 @@ def _numbers(time: Mapping[str, Any]) -> bool:
     return all(isinstance(time[key], (int, float)) for key in ("start", "end"))
 
 
-def _measurement(given: Mapping[str, Any], recording: Recording) -> dict[str, Any]:
+def _measurement(given: Mapping[str, Any], recording: Recording, start: float) -> dict[str, Any]:
     """The noise of the block, and every output sampled about as often as it was recorded."""
     found = {key: given[key] for key in _OF_NOISE if key in given}
     outputs: dict[str, Any] = {}
@@ -163,7 +165,7 @@ def _measurement(given: Mapping[str, Any], recording: Recording) -> dict[str, An
         outputs[name] = {key: block[key] for key in _OF_NOISE if key in block}
         signal = recording.outputs.get(name)
         if signal is not None:
-            outputs[name]["sampling"] = {"period": _period(signal.taken)}
+            outputs[name]["sampling"] = {"period": _period(signal.taken), **_offset(signal.taken, start)}
             if signal.std is not None and "noise" not in outputs[name]:
                 outputs[name]["noise"] = [{"type": "gaussian", "std": signal.std}]
     return {**found, "outputs": outputs}
@@ -173,6 +175,12 @@ def _period(taken: np.ndarray) -> float:
     """About how far apart samples are; any number for a single one."""
     step = median_step(taken)
     return 1.0 if np.isnan(step) else step
+
+
+def _offset(taken: np.ndarray, start: float) -> dict[str, float]:
+    """How long after the start the first sample is taken, where it is not the start."""
+    heard = taken[taken >= start]
+    return {"offset": float(heard[0] - start)} if heard.size and heard[0] > start else {}
 
 
 def plant_units(source: Source) -> dict[str, str]:
