@@ -60,7 +60,18 @@ _TOKEN = re.compile(
     r"|(?P<sign>\*\*|<=|>=|==|!=|(?!//|<<|>>)[-+*/()<>,])|(?P<space>[ \t]+)|(?P<other>//|<<|>>|:=|.)",
     re.DOTALL,
 )
-_LOOKALIKES = {"−": "-", "–": "-", "×": "*", "·": "*", "÷": "/", "²": "**2", "³": "**3", "≤": "<=", "≥": ">="}
+_LOOKALIKES = {
+    "−": "-",
+    "–": "-",
+    "×": "*",
+    "·": "*",
+    "÷": "/",
+    "²": "**2",
+    "³": "**3",
+    "≤": "<=",
+    "≥": ">=",
+    "°": "*pi/180",
+}
 _HINTS = {
     "^": "a power is `**`",
     "//": "write floor(a/b)",
@@ -76,10 +87,14 @@ _HINTS = {
     "#": "a comment stands outside the expression",
 }
 
+# Of a function as other packages call it.
+_ATTRIBUTE = re.compile(rf"\b[A-Za-z_]\w*\.({'|'.join((*FUNCTIONS, *CONSTANTS))})\b")
+
 # Behind a number these are meant as its unit.
 _UNITS = {
-    *("s", "ms", "us", "ns", "min", "h", "hr", "hours", "d", "days", "Hz", "kHz", "m", "mm", "cm", "km", "deg"),
-    *("g", "kg", "mg", "l", "L", "ml", "V", "mV", "A", "mA", "K", "N", "Pa", "bar", "W", "J"),
+    *("s", "ms", "us", "ns", "sec", "min", "h", "hr", "hours", "d", "days", "Hz", "kHz", "m", "mm", "cm", "km", "um"),
+    *("g", "kg", "mg", "l", "L", "ml", "V", "mV", "kV", "A", "mA", "K", "N", "Nm", "Pa", "kPa", "bar", "W", "kW", "J"),
+    *("rad", "mrad", "deg", "degree", "degrees", "degC", "rpm", "mol", "mmol", "ohm", "Ohm", "percent"),
 }
 DECIMAL_POINT = "a decimal number is written with a point, as in 0.25"
 
@@ -149,7 +164,8 @@ def tokens(text: str) -> list[str]:
         token = match[0]
         level += (token == "(") - (token == ")")
         if match.lastgroup == "other":
-            raise ExpressionError(_foreign(token))
+            other = _ATTRIBUTE.search(text) if token == "." else None
+            raise ExpressionError(_foreign(token) if other is None else f"write `{other[1]}` for `{short(other[0])}`")
         if match.lastgroup == "name" and token not in ("and", "or", "not", *FUNCTIONS):
             if token in ("if", "else"):
                 raise ExpressionError("write a choice as where(condition, a, b)")
@@ -194,15 +210,18 @@ def _check_neighbours(left: re.Match[str], right: re.Match[str]) -> None:
     ends = left.lastgroup == "number" or a == ")" or (left.lastgroup == "name" and b != "(")
     begins = right.lastgroup in ("number", "name") or b == "("
     if left.lastgroup == "number" and b in _UNITS:
-        raise ExpressionError(f"a number has no unit here, so `{short(b)}` is too much: times are in time.unit")
+        turned = b in ("deg", "degree", "degrees")
+        meant = f"write {short(a)}*pi/180" if turned else "times are in time.unit, the rest as in the model"
+        raise ExpressionError(f"a number has no unit here, so `{short(b)}` is too much: {meant}")
     if left.lastgroup == right.lastgroup == "number":
         raise ExpressionError(
             f"two numbers, `{short(a)}` and `{short(b)}`, stand side by side: digits are not grouped, and a number has "
             "no unit here"
         )
     if ends and begins:
+        unit = "; a number has no unit here" if left.lastgroup == "number" and right.lastgroup == "name" else ""
         a, b = short(a), short(b)
-        raise ExpressionError(f"an operator is missing between `{a}` and `{b}`: write a product as `{a}*{b}`")
+        raise ExpressionError(f"an operator is missing between `{a}` and `{b}`: write a product as `{a}*{b}`{unit}")
 
 
 def syntax_tree(tokens: list[str]) -> ast.expr:

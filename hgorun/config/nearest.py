@@ -16,6 +16,7 @@ _CALLED_ELSEWHERE = {
     **dict.fromkeys(("ode", "f", "equations", "rhs", "eqs", "model"), ("dynamics", "plant")),
     **dict.fromkeys(("y", "h", "measured", "sensor"), ("output", "measurement")),
     **dict.fromkeys(("u", "control"), ("inputs", "controller")),
+    **dict.fromkeys(("time", "tau"), ("t",)),
     **dict.fromkeys(("p", "constants", "consts"), ("parameters",)),
     **dict.fromkeys(("eigenvalues", "k"), ("poles", "gains")),
     **dict.fromkeys(("lag", "latency", "dead_time"), ("delay",)),

@@ -100,8 +100,13 @@ def explain(error: yaml.YAMLError, text: str, bracket: int | None) -> tuple[str,
 
 
 def _without_colon(problem: _Place) -> int | None:
-    """The line, from 1, that should have a `:` where one on the next line is refused; None where that is not why."""
-    if problem.char != ":" or problem.line < 1:
+    """The line, from 1, that should have a `:` where a later one is refused; None where that is not why."""
+    if problem.char != ":":
+        return None
+    own = problem.text[problem.starts[problem.line] : problem.index]
+    if re.fullmatch(r"[^\S\n]*[^\s:,{}\[\]\"'#]+[^\S\n]+\{.*", own):  # label {key: value}
+        return problem.line + 1
+    if problem.line < 1:
         return None
     line = problem.text[problem.starts[problem.line - 1] : problem.starts[problem.line]]
     before = line.partition(" #")[0].rstrip()

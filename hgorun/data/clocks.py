@@ -121,6 +121,15 @@ def origin_stamp(said: str | float, clock: ClockColumn) -> int:
         raise Problem(path, error.message) from None
 
 
+def shown(time: float, origin: Origin) -> str:
+    """A time as a message says it: the number, and the date that stands in the file where times are dates."""
+    text = f"{time:.9g}"
+    if origin.epoch is None:
+        return text
+    date = origin.epoch + np.timedelta64(round(time * float(seconds(origin.unit, ("time", "unit"))) * 1e6), "us")
+    return f"{text} ({str(date.astype('datetime64[us]')).removesuffix('.000000')}{'Z' if origin.zone else ''})"
+
+
 def times_since(found: np.ndarray, epoch: int, unit: str) -> np.ndarray:
     """Times from dates; missing ones are NaN."""
     since = scaled((found - epoch).astype(float), 1 / (seconds(unit, ("time", "unit")) * 10**9))

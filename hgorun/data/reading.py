@@ -73,12 +73,14 @@ class _Reader:
         self._stamps: dict[tuple[LogFile, ClockColumn], np.ndarray] = {}
         self._times: dict[tuple[LogFile, ClockColumn], np.ndarray] = {}
         self._notes: list[Note] = []
+        self._origin = Origin(unit=unit)  # once it is known
 
     def recording(self) -> Recording:
         """All signals."""
         signals = [signal for some in self._wanted.values() for signal in some]
         epoch, zoned = self._epoch(signals)
         self._to_times(signals, epoch)
+        self._origin = origin(self._unit, epoch, zoned)
         outputs = {signal.name: self._signal(signal) for signal in self._wanted["outputs"]}
         inputs = {signal.name: self._input(signal) for signal in self._wanted["inputs"]}
         reference = {signal.name: self._signal(signal) for signal in self._wanted["reference"]}
@@ -87,7 +89,7 @@ class _Reader:
             inputs=inputs,
             reference=reference,
             notes=tuple(dict.fromkeys(self._notes)),
-            origin=origin(self._unit, epoch, zoned),
+            origin=self._origin,
             first_samples=self._block.first_samples,
         )
 
@@ -119,10 +121,12 @@ class _Reader:
         if number is not None and self._block.origin is None:
             message = "numbers here and dates elsewhere: data.origin has to say from which date the numbers count"
             raise Problem(number[1].path, message)
-        zones = {zone for _, clock in absolute if isinstance(clock.cells, Stamps) for zone in clock.cells.zoned}
-        zones |= {True for _, clock in absolute if clock.clock.format == "unix"}
+        of_zones = {zone: place for place in reversed(absolute) for zone in _zones(place[1])}
+        zones = set(of_zones)
         if len(zones) > 1:
-            raise Problem(absolute[0][1].path, "some dates have a time zone and others have none")
+            with_one, without = (self._first_stamp(*of_zones[zone]) for zone in (True, False))
+            message = f"some dates have a time zone and others have none: {with_one} has one, {without} has none"
+            raise Problem(of_zones[False][1].path, message)
         if self._beside is not None and self._beside.epoch is not None:
             if zones != {bool(self._beside.zone)}:
                 here, there = ("have a", "have none") if True in zones else ("have no", "have one")
@@ -135,6 +139,11 @@ class _Reader:
         if not firsts:
             raise ConfigError("no time stamps", file=str(absolute[0][0].path))
         return min(firsts), zones == {True}
+
+    def _first_stamp(self, file: LogFile, clock: ClockColumn) -> str:
+        """Where the first date of a column stands."""
+        there = self._stamps[file, clock] != NAT
+        return f"{clock.cells.column} in {file.path}, line {self._tables[file].lines[int(there.argmax())]},"
 
     def _unit_of_clock(self, file: LogFile, clock: ClockColumn) -> Iterator[Note]:
         """What a file says of the unit of its stamps, where it is another one than the run's."""
@@ -207,7 +216,7 @@ class _Reader:
 
     def _sorted(self, signal: Wanted, plausible: tuple[float, float] | None, *, measured: bool) -> Samples:
         told = signal.block.faults.over(self._block.faults)
-        sorting = Sorting(told, measured)
+        sorting = Sorting(told, measured, self._origin)
         samples = sorting.sorted_out(self._samples(signal), plausible)
         self._notes += sorting.notes
         return samples
@@ -255,3 +264,9 @@ class _Reader:
 def _joined(parts: Sequence[np.ndarray]) -> np.ndarray:
     """One after the other; of a single one the array itself, which signals then share."""
     return parts[0] if len(parts) == 1 else np.concatenate(parts)
+
+
+def _zones(clock: ClockColumn) -> set[bool]:
+    """Whether its dates have a time zone: numbers since 1970 count in UTC."""
+    of_dates = clock.cells.zoned if isinstance(clock.cells, Stamps) else set()
+    return of_dates | ({True} if clock.clock.format == "unix" else set())

@@ -54,11 +54,18 @@ class Rows:
         plan = list(zip(self._places, self._readers, strict=True))
         for line, cells in self._cells(blocks):
             if len(cells) != width or (width > names and cells[-1].strip()):
-                raise self._error(line, f"{_cells(len(cells))}, where the header has {names}")
+                raise self._error(line, f"{_cells(len(cells))}, where the header has {names}{self._commas(cells)}")
             try:
                 yield (line, *(read(cells[place]) for place, read in plan))
             except ValueError:
                 raise self._first_wrong(line, cells) from None
+
+    def _commas(self, cells: Sequence[str]) -> str:
+        """What may be the reason for too many cells, where commas separate them."""
+        digits = sum(cell.strip().isdigit() for cell in cells)
+        if self._dialect.separator != "," or len(cells) <= len(self._dialect.names) or digits < 2:
+            return ""
+        return "; decimal commas in a file separated by commas: separate by ; or put such numbers in quotes"
 
     def _first_wrong(self, line: int, row: Sequence[str]) -> ConfigError:
         """What is wrong in a row, with the name of its column."""

@@ -9,7 +9,8 @@ import numpy as np
 
 from hgorun.config.data import Faults
 from hgorun.data import faults
-from hgorun.data.recording import Note
+from hgorun.data.clocks import shown
+from hgorun.data.recording import Note, Origin
 from hgorun.data.samples import Samples
 from hgorun.errors import ConfigError
 
@@ -24,10 +25,12 @@ class Sorting:
     told : Faults
     measured : bool
         Whether a sensor measured them: what a machine was told to do may well be a ramp, a level or a step.
+    origin : Origin
+        Of their times.
     """
 
-    def __init__(self, told: Faults, measured: bool) -> None:
-        self._told, self._measured = told, measured
+    def __init__(self, told: Faults, measured: bool, origin: Origin) -> None:
+        self._told, self._measured, self._origin = told, measured, origin
         self.notes: list[Note] = []
 
     def sorted_out(self, samples: Samples, plausible: tuple[float, float] | None) -> Samples:
@@ -112,7 +115,7 @@ class Sorting:
         if not back.size:
             return self._by_arrival(samples)
         k, told = int(back[0]), self._told.backwards
-        what = f"the time stamp {samples.taken[k]:.9g} lies before one above it"
+        what = f"the time stamp {shown(samples.taken[k], self._origin)} lies before one above it"
         if told == "drop":
             wrong = np.zeros(samples.values.size, dtype=bool)
             wrong[back] = True
@@ -136,7 +139,8 @@ class Sorting:
         if not again.size:
             return samples
         k = int(again[0])
-        what = f"the time stamp {samples.taken[k]:.9g} has come before, on line {samples.place(k - 1)[1]}"
+        stamp = shown(samples.taken[k], self._origin)
+        what = f"the time stamp {stamp} has come before, on line {samples.place(k - 1)[1]}"
         if told is None or told == "refuse":
             raise self._refused(samples, k, what, "faults: {repeated: first}, last, mean or keep if this is known")
         self._note("repeated", samples, k, again.size, f"{_samples(again.size)} ({told}): {what}")

@@ -146,7 +146,12 @@ def _steps(run: PreparedRun) -> _Steps:
 
         found = controlled(run).integration
         if found.step is None or found.method is None:
-            raise Problem(("solver", "step"), f"no fixed step is accurate enough for this run; {_ADVICE}")
+            message = (
+                f"no fixed step reaches the accuracy {solver.accuracy:g} in this run (where a right-hand side "
+                "jumps, as with sign, none may): give one, as in solver: {method: rk4, step: 0.01}; hgorun simulate "
+                "--check-step tells its error"
+            )
+            raise Problem(("solver", "step"), message)
         how = Pass(method=found.method, step=found.step)  # type: ignore[arg-type]  # one of the methods
     return _Steps(how.method, longest_step(run, how.step), lambda: plan_of(run, how)[0])
 
@@ -180,7 +185,7 @@ def _exported(run: PreparedRun, label: str, steps: _Steps | None, wanted: Wanted
         raise Problem(
             (*path, "late"),
             "exported code takes late samples into the innovation or not at all: it does not go back to the time of a "
-            "sample, and leaves none out; export it from a configuration without delay",
+            f"sample, and leaves none out; {_without_lateness(run, label)}",
         )
     if isinstance(design.observer, NotExported):
         raise Problem((*path, "type"), design.observer.not_exported)
@@ -226,6 +231,18 @@ def _exported(run: PreparedRun, label: str, steps: _Steps | None, wanted: Wanted
         jump=found.jump,
         held=found.held,
     )
+
+
+def _without_lateness(run: PreparedRun, label: str) -> str:
+    """What to leave out for an observer that goes back to late samples, and which others can be exported."""
+    data = run.experiment.blocks.data
+    recorded = {} if data is None else data.outputs
+    keys = [f"data.outputs.{name}.available" for name, one in recorded.items() if one.available is not None]
+    said = f"take {' and '.join(keys)} out" if keys else "leave measurement.delay out"
+    designs = run.experiment.designs.items()
+    others = [name for name, other in designs if treatment_of(other.observer) not in run.treatments]
+    chosen = " ".join(f"--observer {name}" for name in others)
+    return f"{said}, or export the others with {chosen}" if others else said
 
 
 def _start(run: PreparedRun, label: str, found: Equations) -> np.ndarray:

@@ -8,9 +8,9 @@ from typing import Annotated, Any, ClassVar
 
 import casadi as ca
 import numpy as np
-from pydantic import Discriminator, Field, ModelWrapValidatorHandler, Tag, model_validator
+from pydantic import BeforeValidator, Discriminator, Field, ModelWrapValidatorHandler, Tag, model_validator
 
-from hgorun.config.types import Name, NonNegative, Number, Positive
+from hgorun.config.types import Name, NonNegative, Number, Positive, describe
 from hgorun.errors import Problem
 from hgorun.observers.base import ContinuousObserver
 from hgorun.observers.capabilities import NoiseInformed
@@ -33,8 +33,19 @@ def _kind(value: object) -> str:
     return "by name" if isinstance(value, dict) else "as a whole"
 
 
+def _rows(value: object) -> object:
+    """Refuse what is neither a diagonal nor rows with all the forms that a density has."""
+    if isinstance(value, (list, tuple)) and all(isinstance(row, (list, tuple)) for row in value):
+        return value
+    raise ValueError(
+        f"expected a number for each state, found {describe(value)}: write {{state: 0.1, ...}} (the diagonal) or the "
+        "rows of a matrix, [[0.1, 0], [0, 0.1]]; one number for the ends of chains is the key q"
+    )
+
+
+_Rows = Annotated[tuple[tuple[Number, ...], ...], BeforeValidator(_rows)]
 ProcessNoise = Annotated[
-    Annotated[dict[Name, NonNegative], Tag("by name")] | Annotated[tuple[tuple[Number, ...], ...], Tag("as a whole")],
+    Annotated[dict[Name, NonNegative], Tag("by name")] | Annotated[_Rows, Tag("as a whole")],
     Discriminator(_kind),
 ]
 SensorNoise = Annotated[

@@ -21,6 +21,10 @@ T = TypeVar("T")
 
 LARGEST = 2**30  # bytes that the numbers may take; compressed or sparse data sets could claim any size
 NAMED = 1_000  # characters of a label
+_NOT_YET_RUN = (
+    "this is a configuration or a sweep file, not a result: hgorun simulate {0} writes results/{1}.h5, and hgorun "
+    "sweep {0} results/{1}.sweep.h5"
+)
 _SECONDS = 60.0  # that reading may take: a GiB takes two
 
 
@@ -54,6 +58,8 @@ def found(source: Path | BytesIO, path: Path, budget: int, work: Callable[[h5py.
     except MemoryError:
         raise ConfigError(f"reading it takes more than {budget / 2**30:.3g} GiB", file=str(path)) from None
     except (OSError, KeyError, ValueError, TypeError, AttributeError, RuntimeError, OverflowError) as error:
+        if path.suffix.lower() in (".yaml", ".yml"):
+            raise ConfigError(_NOT_YET_RUN.format(path, path.stem), file=str(path)) from None
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise ConfigError(f"not a file of hgorun: {reason}", file=str(path)) from error
 

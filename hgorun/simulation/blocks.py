@@ -48,6 +48,7 @@ def check(source: Source) -> Checked:
     ConfigError
         For the first thing wrong: file, line, key, what was found and what would be right.
     """
+    _refuse_recorded(source)
     blocks = validate(ExperimentBlocks, source.data, source, ())
     plant = plant_of(source)
     measurement = validate(Measurement, blocks.measurement, source, ("measurement",))
@@ -55,6 +56,23 @@ def check(source: Source) -> Checked:
     with source.located():
         refuse_unused(source, plant, observers, blocks.controller)
     return Checked(blocks.model_copy(update=_NOT_OF_A_RUN), plant, measurement, observers)
+
+
+def _refuse_recorded(source: Source) -> None:
+    """Where there are recordings and no horizon, say which command takes them: it finds the horizon in the log.
+
+    Raises
+    ------
+    ConfigError
+    """
+    data = source.data
+    if not isinstance(data, dict) or "data" not in data:
+        return
+    time = data.get("time", {})
+    if isinstance(time, dict) and "end" not in time:
+        file, line = source.where(("data",))
+        message = f"this configuration is of recorded data: hgorun estimate {file or 'FILE'}"
+        raise ConfigError(message, file=file, line=line, key="data")
 
 
 _NOT_OF_A_RUN: dict[str, Any] = {"figures": {}, "claims": (), "tune": None}
@@ -241,7 +259,7 @@ def _refuse_key_of_others(key: str, cls: type[AnyObserver], source: Source, path
         file, line = source.where((*path, key))
         which = ", ".join(owners[:_MANY])
         raise ConfigError(
-            f"unknown key {key!r}: it is one of {which}. Known here: {', '.join(cls.model_fields)}",
+            f"unknown key {key!r}: it is a key of {which}. Known here: {', '.join(cls.model_fields)}",
             file=file,
             line=line,
             key=".".join((*path, key)),

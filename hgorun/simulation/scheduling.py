@@ -131,10 +131,8 @@ def remarks(experiment: Experiment) -> tuple[str, ...]:
         for label, design in experiment.designs.items()
         for remark in design.observer.remarks(design.form)
     ]
-    return tuple(dict.fromkeys([*sum(found, of_plant), *_never_held(experiment)])) + (
-        *of_observers,
-        *_uneven(experiment),
-    )
+    of_all = dict.fromkeys([*sum(found, of_plant), *_never_held(experiment)])
+    return (*of_all, *of_observers, *_uneven(experiment))
 
 
 def _uneven(experiment: Experiment) -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from shell import Shell
@@ -48,7 +49,16 @@ def shell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captur
         ("    x1: x2", "    dx1: x2", "dx1 is no state: the key is the name of the state itself"),
         ("inputs: {u: 0.5}", "inputs: 0.5", "write lines `name: value`"),
         ("noise: [{type: gaussian, std: 0.1}]", "noise: gaussian", "a list has brackets"),
-        ("theta: 2", "theta: 2, r: 1", "unknown key 'r': it is one of fhgo2"),
+        ("theta: 2", "theta: 2, r: 1", "unknown key 'r': it is a key of fhgo2"),
+        ("std: 0.1", "std: 0.02 rad", "a number has no unit here, so `rad` is too much"),
+        ("std: 0.1", "std: 2 pixels", "write a product as `2*pixels`; a number has no unit here"),
+        ("u: 0.5", "u: 45°", "write `*pi/180`"),
+        ("u: 0.5", "u: 45 deg", "write 45*pi/180"),
+        ("u: 0.5", "u: np.sin(t)", "write `sin` for `np.sin`"),
+        ("u: 0.5", "u: sin(1.3*time)", "Did you mean `t`?"),
+        ("SHGO: {type", "SHGO {type", "this line has no `:` after its key"),
+        ("{type: shgo, theta: 2}", "{type: ekf, Q: 0}", "{state: 0.1, ...} (the diagonal)"),
+        ("{type: shgo, theta: 2}", "{type: ekf, Q: [0.1, 0.1]}", "found a list: write {state: 0.1, ...}"),
         ("type: shgo", "type: SHGO", "Did you mean `shgo`? See hgorun list observers"),
         ("{type: shgo, theta: 2}", "{theta: 2}", "type is missing. It is a name from hgorun list observers"),
         ("output_step: 0.1", "dt: 0.1", "Did you mean `output_step`?"),
@@ -78,6 +88,7 @@ def test_what_is_written_wrong(shell: Shell, right: str, wrong: str, words: str)
         (("c.yaml",), "a command comes first: hgorun simulate c.yaml"),
         (("c.h5",), "a command comes first: hgorun compare c.h5"),
         (("simulate", "log.csv"), "this is a log, not a configuration: hgorun estimate CONFIG log.csv"),
+        (("report", "c.yaml"), "a configuration or a sweep file, not a result: hgorun simulate c.yaml writes"),
         (("simulate", "c.yaml", "--set", "theta=2"), "Did you mean `observers.SHGO.theta`?"),
         (("simulate", "c.yaml", "--set", "observers.shgo.theta=2"), "Did you mean `SHGO`?"),
     ],
@@ -87,6 +98,26 @@ def test_what_is_typed_wrong(shell: Shell, arguments: tuple[str, ...], words: st
     (shell.folder / "log.csv").write_text("t,y\n0,1\n")
     code, out, err = shell(*arguments)
     assert (code, out, words in err) == (2, "", True), err
+
+
+@pytest.mark.parametrize("command", ["simulate", "explore", "analyze", "compare"])
+def test_recorded_data_given_to_a_command_of_simulations(shell: Shell, command: str) -> None:
+    recorded = CONFIG.replace("end: 1, output_step: 0.1", "unit: s") + "data: {file: log.csv, outputs: {x1: y}}\n"
+    (shell.folder / "c.yaml").write_text(recorded)
+    code, _, err = shell(command, "c.yaml")
+    assert (code, "this configuration is of recorded data: hgorun estimate c.yaml" in err) == (2, True), err
+
+
+def test_a_run_without_an_accurate_fixed_step_is_exported_with_a_given_one(
+    shell: Shell, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As where a right-hand side jumps; a run in which no step is enough takes long to find that out."""
+    none = SimpleNamespace(integration=SimpleNamespace(step=None, method=None))
+    monkeypatch.setattr("hgorun.simulation.control.controlled", lambda run: none)
+    (shell.folder / "c.yaml").write_text(CONFIG.replace("{method: rk4, step: 0.01}", "{accuracy: 1e-5}"))
+    code, _, err = shell("export", "c.yaml")
+    assert (code, "solver.step: no fixed step reaches the accuracy 1e-05 in this run" in err) == (2, True), err
+    assert "--check-step tells its error" in err
 
 
 def test_a_step_that_was_given_may_be_why_an_observer_diverges(shell: Shell) -> None:

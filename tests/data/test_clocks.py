@@ -101,7 +101,7 @@ def test_clocks_that_cannot_be_compared(tmp_path: Path) -> None:
     with pytest.raises(Problem, match="numbers here and dates elsewhere"):
         recorded(tmp_path, log([date.isoformat() for date in DATES]), other)
     tmp_path.joinpath("lab.csv").write_text("t,e\n2024-03-01T00:00Z,2\n2024-03-01T01:00Z,3\n")
-    with pytest.raises(Problem, match="some dates have a time zone"):
+    with pytest.raises(Problem, match=r"lab.csv, line 2, has one, t in .*log.csv, line 2, has none"):
         recorded(tmp_path, log([date.isoformat() for date in DATES]), other)
 
 
@@ -153,3 +153,10 @@ def test_the_step_of_an_even_log_is_free_of_the_rounding_of_its_times(tmp_path: 
     recording = recorded(tmp_path, content, time_unit="min")
     assert recording.median_gap == pytest.approx(1 / 30, rel=2e-16)
     assert recorded(tmp_path, "t,glucose\n0,1\n1,2\n3,1\n4,3\n", {}).median_gap == 1
+
+
+def test_a_repeated_date_is_shown_as_it_stands_in_the_file(tmp_path: Path) -> None:
+    dates = [f"2024-03-01T00:0{k}:30" for k in (0, 1, 2, 2, 3)]
+    text = "t;glucose\n" + "".join(f"{date};{k}\n" for k, date in enumerate(dates))
+    with pytest.raises(ConfigError, match=r":5: .* stamp 120 \(2024-03-01T00:02:30\) has come before, on line 4"):
+        recorded(tmp_path, text)

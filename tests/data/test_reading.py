@@ -242,3 +242,8 @@ def test_keys_that_name_what_is_not_there(
 def test_what_it_takes_is_bounded(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"limit of data\.max_memory"):
         recorded(tmp_path, PLAIN, {"max_memory": 500})
+
+
+def test_decimal_commas_between_commas(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="4 cells, where the header has 2; decimal commas in a file separated by"):
+        recorded(tmp_path, "t,glucose\n0,0,20,1\n0,1,20,2\n")

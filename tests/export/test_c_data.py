@@ -12,6 +12,7 @@ from shell import Shell
 
 from hgorun.commands.estimate import log_of
 from hgorun.config.reading import read_source
+from hgorun.errors import ConfigError
 from hgorun.estimate.carrying import one_pass
 from hgorun.estimate.completed import completed
 from hgorun.estimate.prepared import PreparedEstimate, prepare_estimate
@@ -100,3 +101,10 @@ def test_the_command(folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pyte
     assert "gates are not exported" in err
     code, _, err = shell("export", "config.yaml", "--set", "solver.method=rodas5p")
     assert (code, "rodas5p solves linear equations" in err) == (2, True)
+
+
+def test_an_observer_that_goes_back_in_time_is_not_exported(folder: Path) -> None:
+    config = folder / "config.yaml"
+    config.write_text(config.read_text().replace("type: shgo_riccati", "late: replay, type: shgo_riccati"))
+    with pytest.raises(ConfigError, match=r"take data\.outputs\.b\.available out, .* others with --observer F$"):
+        exported_estimate(prepared_of(folder))

@@ -278,7 +278,7 @@ GAUSSIAN: Block = {"sampling": {"period": 0.1}, "noise": [{"type": "gaussian", "
         ({"Q": {"x3": 1}}, GAUSSIAN, "unknown state 'x3'"),
         ({"Q": [[1, 0]]}, GAUSSIAN, "expected 2 rows of 2 numbers"),
         ({"Q": [[1, 2], [2, 1]]}, GAUSSIAN, "without negative eigenvalues"),
-        ({"Q": 3}, GAUSSIAN, "expected a list, found 3"),
+        ({"Q": 3}, GAUSSIAN, "expected a number for each state, found 3"),
         ({"Q": {"x2": 1}, "R": {"z": 1}}, GAUSSIAN, "unknown output 'z'"),
         ({"Q": {"x2": 1}, "R": 0}, GAUSSIAN, "a number above 0"),
         ({"Q": {"x2": 0}}, GAUSSIAN, "ceases to listen"),
