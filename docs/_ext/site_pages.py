@@ -192,6 +192,7 @@ def quantities_page() -> str:
         "# Metrics and findings",
         "What is measured of every run, and what [analyze](../analysis.md) says of it.",
         "## Metrics",
+        "[The block metrics](../configuration.md#metrics) has the windows, the part of the peak and the moving mean.",
         table(("name", "unit", "meaning"), metrics),
         "## Findings",
         table(("name", "unit", "meaning"), findings),

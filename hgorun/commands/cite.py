@@ -11,6 +11,7 @@ from sys import modules
 from typing import Any
 
 from hgorun.commands.citations import Entry, cited_in, known
+from hgorun.commands.described import reference_of
 from hgorun.commands.inputs import configuration
 from hgorun.commands.options import Cite
 from hgorun.commands.outputs import refuse_other_kinds, there, written
@@ -175,9 +176,10 @@ def _named(kind: str, registry: Registry[Any], block: object, label: str) -> Ite
         cls = registry.find(name)
     except KeyError:
         return
-    if cls.reference:
+    used = [key for key, value in block.items() if value is not None] if isinstance(block, dict) else []
+    if reference := reference_of(cls, used):
         what = f"{kind} {label} ({name})" if label else f"{kind} {name}"
-        yield Use(what, cls.reference, tuple(cited_in(cls.reference)))
+        yield Use(what, reference, tuple(cited_in(reference)))
 
 
 def _with_scipy(data: dict[str, Any]) -> bool:

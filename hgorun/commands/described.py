@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Iterator, Mapping
+from collections.abc import Container, Iterator, Mapping
 from typing import TYPE_CHECKING, TypeAlias, TypedDict, get_args
 
 from annotated_types import Ge, Gt, Le, Lt
@@ -87,11 +87,17 @@ def of_metric(metric: Metric) -> Record:
     }
 
 
+def reference_of(cls: type[Plant] | type[Observer] | type[Noise], keys: Container[str]) -> str:
+    """The source of a class, and those of what it does only where its block has a key, of these keys."""
+    optional = cls.key_references.items() if issubclass(cls, Observer) else ()
+    return "; ".join(filter(None, (cls.reference, *(f"{key}: {source}" for key, source in optional if key in keys))))
+
+
 def of_class(name: str, kind: str, cls: type[Plant] | type[Observer] | type[Noise]) -> Description:
     found: Description = {
         "name": name,
         "kind": kind,
-        "reference": cls.reference,
+        "reference": reference_of(cls, cls.model_fields),
         "description": own_doc(cls),
         "keys": keys_of(cls),
     }

@@ -63,9 +63,19 @@ def _marks(result: ResultData, state: str, looks: Mapping[str, Look]) -> list[tu
                 cross = {**OUTLIERS, "color": looks[label].colour, "zorder": 4.6}
                 found.append((f"not used by {looks[label].text}", Unseen(one.taken[own], one.y[own]), cross))
     names = dict.fromkeys((state, *result.outputs_of(state)))  # a file may hold out a state that is no output
-    for label, unseen, style in (
-        ("reference", recorded.reference, REFERENCE),
-        ("held out", recorded.held_out, HELD_OUT),
-    ):
-        found.extend((label, unseen[name], style) for name in names if name in unseen)
+    for name in names:
+        held_out = recorded.held_out.get(name)
+        if name in recorded.reference:
+            found.append(("reference", _without(recorded.reference[name], held_out), REFERENCE))
+        if held_out is not None:
+            found.append(("held out", held_out, HELD_OUT))
     return found
+
+
+def _without(points: Unseen, others: Unseen | None) -> Unseen:
+    """Those that are not among others: a column may be the reference of an output, too, whose samples are held out."""
+    if others is None:
+        return points
+    known = set(zip(others.taken.tolist(), others.y.tolist(), strict=True))
+    own = [pair not in known for pair in zip(points.taken.tolist(), points.y.tolist(), strict=True)]
+    return Unseen(points.taken[own], points.y[own])

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 from pydantic import Field, ModelWrapValidatorHandler, model_validator
 
-from hgorun.config.types import Positive
+from hgorun.config.types import Number, Positive
 from hgorun.errors import Problem
 from hgorun.observers.base import Arrival, CorrectedObserver, DecidedObserver, Flow, Role, observer
 from hgorun.observers.capabilities import NoiseInformed
@@ -34,7 +34,7 @@ class AdaptiveFilter(NoiseInformed, ScaledFilter):
 
     reference = "Boizot, Busvelle, Gauthier 2010; N copies in place of a delayed innovation: our own"
 
-    theta_1: Positive = Field(description="theta_1 > 1: theta moves between 1 and 2 theta_1")
+    theta_1: Number = Field(gt=1, description="theta moves between 1 and 2 theta_1, theta_1 > 1")
     window: Positive | None = Field(
         default=None, description="update: flow, time d of a prediction; 5/theta_1 by default"
     )
@@ -77,8 +77,6 @@ class AdaptiveFilter(NoiseInformed, ScaledFilter):
         if form.plant.transform is not None and not isinstance(form, CanonicalForm):
             message = "the plant is triangular in coordinates of its own, where no copy can begin: take hg_ekf"
             raise Problem(("type",), message)
-        if not self.theta_1 > 1:
-            raise Problem(("theta_1",), f"expected more than 1, found {self.theta_1:g}")
         for name in self.internal:
             if name in ("predictions", "J", "turn", "waited"):
                 raise Problem(("internal", name), "the copies begin at the estimate, one after the other")

@@ -69,6 +69,8 @@ class Observer(Keys, Generic[FormT, CopyT]):
 
     kind: ClassVar[str] = "observer"
     reference: ClassVar[str] = ""
+    # {key: its source}, of what an observer does only where its block has the key
+    key_references: ClassVar[Mapping[str, str]] = {}
     # the class of plants: a function that gives a plant's form, and refuses other plants
     form: ClassVar[FormFinder] = canonical_form
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from hgorun.observers.base import Flow, observer
 from hgorun.observers.constant_gain import FilteredGain
-from hgorun.observers.nested import NestedSaturation, nested
+from hgorun.observers.nested import NESTED_FROM, NestedSaturation, nested
 from hgorun.symbolic.canonical import CanonicalForm, PlantCopy
 from hgorun.symbolic.matrices import A, B, C
 from hgorun.symbolic.symbols import Symbols
@@ -34,10 +34,8 @@ class FilteredObserver2(NestedSaturation, FilteredGain):
     The observer is the integral observer (3.32) with the filter's state scaled.
     """
 
-    reference = (
-        "Robles Magdaleno 2023, (3.33), (3.64)-(3.67), (3.144)-(3.146); nested saturations in the spirit of Farza et "
-        "al. 2021, in a form of our own"
-    )
+    reference = "Robles Magdaleno 2023, (3.33), (3.64)-(3.67), (3.144)-(3.146)"
+    key_references = NESTED_FROM
 
     def design(self, form: CanonicalForm) -> dict[str, np.ndarray]:
         numbers = super().design(form)

@@ -109,7 +109,8 @@ class LowPowerObserver(LocallyLinear, Extendable, ConstantGain):
     is so for the outputs above, and not for (xi_11, xi_12, xi_22, ...), where the second has 1.
     """
 
-    reference = "Astolfi, Marconi 2015; peaking-free: Astolfi, Marconi, Praly, Teel 2018, quoted from memory"
+    reference = "Astolfi, Marconi 2015"
+    key_references = {"saturate": "Astolfi, Marconi, Praly, Teel 2018, quoted from memory"}
     form = PhaseVariableForms()
 
     gains: tuple[Number, ...] | None = Field(default=None, description="k_11, k_12, k_21, k_22, ..., instead of poles")

@@ -13,6 +13,7 @@ from hgorun.symbolic.canonical import CanonicalForm, PlantCopy
 from hgorun.symbolic.symbols import Symbols
 
 _PROVED = 3  # order up to which no start was found from which it does not converge
+NESTED_FROM = {"nested": "in the spirit of Farza et al. 2021, in a form of our own"}
 Bounds = tuple[Positive, ...]
 
 

@@ -30,8 +30,14 @@ class ScaledFilter(ContinuousObserver[Form, ScaledCopy]):
 
     form = scaled_form
 
-    Q: Weight = Field(default=1.0, description="of z at theta = 1: a multiple of the identity, or the rows of a matrix")
-    R: SensorNoise = Field(default=1.0, description="at theta = 1, of all outputs, or output: number")
+    Q: Weight = Field(
+        default=1.0,
+        description="weight of the model's errors in z, at theta = 1: a multiple of the identity, or the rows of a "
+        "matrix",
+    )
+    R: SensorNoise = Field(
+        default=1.0, description="weight of the noise, at theta = 1: a number for all outputs, or output: number"
+    )
 
     def design(self, form: Form) -> dict[str, np.ndarray]:
         if "P" in self.internal:

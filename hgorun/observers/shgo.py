@@ -8,7 +8,7 @@ import numpy as np
 from hgorun.observers.base import Flow, observer
 from hgorun.observers.constant_gain import ConstantGain
 from hgorun.observers.extension import Extendable
-from hgorun.observers.nested import NestedSaturation, nested
+from hgorun.observers.nested import NESTED_FROM, NestedSaturation, nested
 from hgorun.symbolic.canonical import CanonicalForm, PlantCopy
 from hgorun.symbolic.symbols import Symbols
 
@@ -45,10 +45,8 @@ class StandardObserver(NestedSaturation, Extendable, ConstantGain):
     in (3.141); the inverse of (3.29) is right, since with the printed one theta gives no high gain.
     """
 
-    reference = (
-        "Robles Magdaleno 2023, (3.20), (3.29), (3.142); nested saturations in the spirit of Farza et al. 2021, in a "
-        "form of our own"
-    )
+    reference = "Robles Magdaleno 2023, (3.20), (3.29), (3.142)"
+    key_references = NESTED_FROM
 
     def design(self, form: CanonicalForm) -> dict[str, np.ndarray]:
         _, G = self.chain_gains(form)

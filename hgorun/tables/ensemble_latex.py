@@ -9,7 +9,7 @@ from hgorun.ensemble.statistics import Statistics
 from hgorun.result.metrics.base import unit_of
 from hgorun.tables.axis_names import names_of_values, short_axis
 from hgorun.tables.ensemble import Compared, best
-from hgorun.tables.latex import latex_head, latex_number
+from hgorun.tables.latex import NEEDS, latex_head, latex_number
 from hgorun.tables.typeset import latex_words, symbol
 from hgorun.tables.uncertain import latex_uncertain
 
@@ -23,7 +23,7 @@ def latex(found: Sequence[Compared]) -> str:
     only if it differs from that of every other observer (paired test, Holm-adjusted p < 0.05) and no other observer has
     fewer failures.
     """
-    return "\n".join(_tabular(one) for one in found)
+    return "\n".join([NEEDS, *map(_tabular, found)])
 
 
 def _tabular(one: Compared) -> str:

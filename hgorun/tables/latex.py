@@ -12,6 +12,7 @@ from hgorun.tables.layout import number
 from hgorun.tables.rows import NEVER, metrics_of, rows_of, states_of
 from hgorun.tables.typeset import latex_words, symbol
 
+NEEDS = r"% needs \usepackage{booktabs}"
 _PAGE = 6  # numbers side by side on a page
 
 
@@ -35,7 +36,7 @@ def latex(results: Sequence[Result], metrics: Sequence[str] | None = None) -> st
     at_once = max(_PAGE // max(len(states), 1), 1)
     blocks = [chosen[i : i + at_once] for i in range(0, len(chosen), at_once)] or [[]]
     width = len(blocks[0]) * len(states)
-    lines = [rf"\begin{{tabular}}{{l{'r' * width}}}", r"\toprule"]
+    lines = [NEEDS, rf"\begin{{tabular}}{{l{'r' * width}}}", r"\toprule"]
     for block in blocks:
         padding = [""] * (width - len(block) * len(states))
         of_columns = [unit_of(metric, s, units) for metric in block for s in states]

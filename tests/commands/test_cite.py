@@ -56,6 +56,28 @@ def test_a_method_and_scipy_are_cited_where_they_are_used(shell: Shell) -> None:
     assert {"scipy", "luenberger1971", "astolfi2016"} <= set(found)
 
 
+@pytest.mark.parametrize(
+    ("observer", "optional", "source"),
+    [
+        ("{type: shgo, theta: 2}", "nested: {M: [4]}", "nested: in the spirit of Farza et al. 2021"),
+        ("{type: fhgo2, theta: 2}", "nested: {M: [4]}", "nested: in the spirit of Farza et al. 2021"),
+        ("{type: low_power, theta: 2}", "saturate: [4]", "saturate: Astolfi, Marconi, Praly, Teel 2018"),
+    ],
+)
+def test_the_source_of_an_optional_key_is_cited_where_the_key_is_used(
+    shell: Shell, observer: str, optional: str, source: str
+) -> None:
+    """``show`` names it in any case, since it names the key."""
+    found = []
+    for name, block in (("without", observer), ("with", observer.replace("}", f", {optional}}}"))):
+        (shell.folder / f"{name}.yaml").write_text(TWO.split("observers:")[0] + f"observers: {{A: {block}}}\n")
+        found.append(" ".join(shell("cite", f"{name}.yaml")[1].split()))
+    assert source not in found[0]
+    assert source in found[1]
+    shown = shell("show", observer.split(",")[0].removeprefix("{type: "))[1]
+    assert source in " ".join(shown.split())
+
+
 def test_text_json_and_a_file_say_the_same(shell: Shell) -> None:
     text = shell("cite", "two.yaml")[1]
     assert "observer A (ekf): Jazwinski 1970, 8.3; Gelb 1974, 6.1 [jazwinski1970, gelb1974]" in text
@@ -93,7 +115,8 @@ def test_every_shipped_experiment_names_its_publication() -> None:
 
 def test_sources_of_observers_and_plants_are_known() -> None:
     """All but a few, which are then cited by their own words."""
-    words = [*(cls.reference for cls in OBSERVERS.all().values()), *(cls.reference for cls in PLANTS.all().values())]
+    words = [cls.reference for registry in (OBSERVERS, PLANTS) for cls in registry.all().values()]
+    words += [source for cls in OBSERVERS.all().values() for source in cls.key_references.values()]
     unknown = [w for w in filter(None, words) if not set(cited_in(w)) <= set(known().values())]
     assert len(unknown) <= 3, unknown
     for reference in unknown:

@@ -22,7 +22,7 @@ from hgorun.figures.page import Page, dark
 from hgorun.figures.style import PALETTE, styled
 from hgorun.figures.tuning import Tuned, tuning
 from hgorun.result.observer import ObserverResult
-from hgorun.result.recorded import Recorded, RecordedOutput
+from hgorun.result.recorded import Recorded, RecordedOutput, Unseen
 from hgorun.result.theory import Bode
 
 
@@ -216,6 +216,23 @@ def test_samples_that_one_of_two_observers_left_out_say_whose(result: Result) ->
     assert drawn["not used by A"].get_xdata().size == 1
     assert drawn["not used by A"].get_color() == drawn["A"].get_color()
     assert "not used by B" not in drawn
+
+
+@pytest.mark.parametrize(
+    ("count", "expected"),
+    [(3, {"held out": 3}), (2, {"held out": 2, "reference": 1}), (0, {"reference": 3})],
+)
+def test_points_that_are_held_out_and_the_reference_are_drawn_once(
+    result: Result, count: int, expected: dict[str, int]
+) -> None:
+    """A file that is held out may stand in the column that is the reference."""
+    one = recorded(result, np.ones((result.time[::5].size, 2), dtype=bool))
+    assert one.recorded is not None
+    points = Unseen(np.array([0.2, 0.5, 0.8]), np.array([0.1, 0.4, 0.2]))
+    held_out = Unseen(points.taken[:count], points.y[:count])
+    more = replace(one.recorded, held_out={"x1": held_out}, reference={"x1": points})
+    drawn = lines(comparison(replace(one, recorded=more)).axes[0])
+    assert {name: drawn[name].get_xdata().size for name in ("held out", "reference") if name in drawn} == expected
 
 
 def test_two_estimates_compared_name_their_samples_once(result: Result) -> None:

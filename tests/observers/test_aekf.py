@@ -149,7 +149,7 @@ SAMPLED: Block = {"sampling": {"period": 0.1}}
 @pytest.mark.parametrize(
     ("keys", "measurement", "message"),
     [
-        ({"theta_1": 1}, {}, "expected more than 1"),
+        ({"theta_1": 1}, {}, "theta_1: expected a number above 1"),
         ({"copies": 0}, {}, "K.copies"),
         ({"copies": 21}, {}, "K.copies"),
         ({"m": 0}, {}, "above 0"),

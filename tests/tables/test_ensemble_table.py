@@ -164,6 +164,7 @@ def test_bold_is_what_is_significantly_best() -> None:
     assert best(clear.whole, "rmse", "x1") == "F"
     assert best(chance.whole, "rmse", "x1") is None
     assert best(failing.whole, "rmse", "x1") is None  # who drops out looks better than he is
+    assert latex([clear, clear]).count("% needs \\usepackage{booktabs}\n\\begin{tabular}") == 1
     assert latex([clear]).count(r"\mathbf") == 4
     assert r"\mathbf" not in latex([chance])
     assert "F: 1 of 60 without numbers" in latex([failing])

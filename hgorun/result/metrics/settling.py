@@ -21,7 +21,8 @@ def _settling(estimates: Estimates) -> np.ndarray:
 SETTLING = metric(
     Metric(
         name="settling",
-        meaning="last time at which the error exceeds a part of its transient peak",
+        meaning="last time at which the error exceeds 5 % (metrics.settling) of its transient peak; never if it still "
+        "does at the end",
         unit="time",
         moment=True,
         measure=_settling,
