@@ -127,3 +127,18 @@ def _on_floats(operation: str, *values: float) -> float:
     else:
         shown = f"{operation}({', '.join(f'{value:.6g}' for value in values)})"
     raise ExpressionError(f"{shown} {trouble}")
+
+
+def zero_divisor(node: Node, values: Mapping[str, float]) -> str | None:
+    """The name of a value that is 0 and that something is divided by; None where there is none."""
+    match node:
+        case Chain(first, rest):
+            for sign, operand in rest:
+                if sign == "/" and isinstance(operand, Name) and values.get(operand.name) == 0:
+                    return operand.name
+            parts: tuple[Node, ...] = (first, *(operand for _, operand in rest))
+        case Call(arguments=parts):
+            pass
+        case _:
+            return None
+    return next(filter(None, (zero_divisor(part, values) for part in parts)), None)

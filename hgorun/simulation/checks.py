@@ -15,6 +15,7 @@ from hgorun.observers.hold import Shrinking
 from hgorun.observers.stepped import SteppedObserver
 from hgorun.observers.treatment import treatment_of
 from hgorun.simulation.overflow import moderate, overflow
+from hgorun.simulation.plant_alone import divided_by_zero
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.steps import counted_steps, steps_between
 from hgorun.symbolic.evaluate import roughly_at
@@ -296,7 +297,8 @@ def check_start(run: PreparedRun) -> None:
             )
         name = run.plant.model.states[int(bad[0])]
         path = ("plant", *run.plant.block.place_of(name))
-        raise Problem(path, f"the right-hand side of {name} is not a finite number at the start of the run")
+        why = f"the right-hand side of {name} is not a finite number at the start of the run"
+        raise Problem(path, divided_by_zero(run.plant, path) or why)
     for b, (first, *_) in zip(numbers.observers, system.blocks, strict=True):
         if not sound[first : b.start].all():
             raise Problem(

@@ -8,6 +8,8 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
+from hgorun.config.evaluation import zero_divisor
+from hgorun.config.expressions import parse
 from hgorun.config.models import Time
 from hgorun.engine.layout import Held, HybridSystem, Regime
 from hgorun.engine.memory import Start, Tolerance
@@ -89,7 +91,17 @@ def _refuse(plant: BuiltPlant, time: Time, origin: float) -> None:
     """Say which of the functions is not finite."""
     for path, one in _each(plant, time):
         if one.infinite is not None:
-            raise Problem(path, infinite(origin + one.infinite))
+            raise Problem(path, divided_by_zero(plant, path) or infinite(origin + one.infinite))
+
+
+def divided_by_zero(plant: BuiltPlant, path: KeyPath) -> str | None:
+    """What is said of an equation of the plant that divides by a parameter whose value is 0; None of others."""
+    text = plant.block.expressions().get(tuple(map(str, path[1:])))
+    if text is None:
+        return None
+    values = dict(zip(plant.model.parameters, plant.parameters.tolist(), strict=True))
+    name = zero_divisor(parse(text).tree, values)
+    return None if name is None else f"a division by {name}, which is 0"
 
 
 def _each(plant: BuiltPlant, time: Time) -> Iterator[tuple[KeyPath, Irregular]]:

@@ -56,6 +56,11 @@ def shell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captur
         ("u: 0.5", "u: 45 deg", "write 45*pi/180"),
         ("u: 0.5", "u: np.sin(t)", "write `sin` for `np.sin`"),
         ("u: 0.5", "u: sin(1.3*time)", "Did you mean `t`?"),
+        (
+            "-k*x1 + u\n  output: x1\n  parameters: {k: 4.5",
+            "-k*x1 + u/k\n  output: x1\n  parameters: {k: 0",
+            "by k, which is 0",
+        ),
         ("SHGO: {type", "SHGO {type", "this line has no `:` after its key"),
         ("{type: shgo, theta: 2}", "{type: ekf, Q: 0}", "{state: 0.1, ...} (the diagonal)"),
         ("{type: shgo, theta: 2}", "{type: ekf, Q: [0.1, 0.1]}", "found a list: write {state: 0.1, ...}"),
