@@ -13,6 +13,8 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from hgorun.errors import HgorunError, SimulationError
+from hgorun.observers.base import AnyObserver, SampledObserver
+from hgorun.observers.capabilities import NotLinear, SlidingMode
 from hgorun.observers.treatment import treatment_of
 from hgorun.result.observer import ObserverResult
 from hgorun.simulation.prepared import PreparedRun
@@ -111,6 +113,16 @@ def require_innovation(run: PreparedRun, label: str) -> None:
     treatment = treatment_of(run.experiment.observers[label])
     if treatment in run.treatments:
         raise NoValue(f"late samples do not enter the innovation (late: {treatment}), which theory reckons with")
+
+
+def why_no_flow(observer: AnyObserver) -> str:
+    """Why an observer that samples correct has no linear flow: what it says itself, where it says something."""
+    if isinstance(observer, SlidingMode):
+        return SLIDING
+    own = observer.not_linear if isinstance(observer, NotLinear) else None
+    if own is not None:
+        return own
+    return JUMPS if isinstance(observer, SampledObserver) else CORRECTED
 
 
 def no_spectrum(*kinds: str) -> str:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
 
 from hgorun.config.overrides import replaced
 from hgorun.config.yaml_source import Source
-from hgorun.data.recording import Recording, median_step
+from hgorun.data.recording import Recording, Signal, median_step
 from hgorun.errors import ConfigError, Problem
 from hgorun.estimate.prepared import prepare_estimate
 from hgorun.plants.base import units_of
@@ -49,7 +49,9 @@ def completed(source: Source, recording: Recording, name: str, text: str) -> Exp
         return Experiment(_with(source, changes), name=name, text=text)  # which says what is wrong
     with source.located():
         _check_outputs(plant_of(source).output_names, recording)
-    changes["measurement"] = _measurement(given.get("measurement") or {}, recording)
+    start = changes.get("time", {}).get("start")
+    start = float(start) if isinstance(start, (int, float)) else recording.span[0]
+    changes["measurement"] = _measurement(given.get("measurement") or {}, recording, start)
     whole, states = _with_plant(_with(source, changes))
     experiment = Experiment(whole, name=name, text=text)
     with experiment.located():
@@ -153,7 +155,7 @@ def _numbers(time: Mapping[str, Any]) -> bool:
     return all(isinstance(time[key], (int, float)) for key in ("start", "end"))
 
 
-def _measurement(given: Mapping[str, Any], recording: Recording) -> dict[str, Any]:
+def _measurement(given: Mapping[str, Any], recording: Recording, start: float) -> dict[str, Any]:
     """The noise of the block, and every output sampled about as often as it was recorded."""
     found = {key: given[key] for key in _OF_NOISE if key in given}
     outputs: dict[str, Any] = {}
@@ -163,7 +165,7 @@ def _measurement(given: Mapping[str, Any], recording: Recording) -> dict[str, An
         outputs[name] = {key: block[key] for key in _OF_NOISE if key in block}
         signal = recording.outputs.get(name)
         if signal is not None:
-            outputs[name]["sampling"] = {"period": _period(signal.taken)}
+            outputs[name]["sampling"] = {"period": _period(signal.taken), **_offset(signal.taken, start)}
             if signal.std is not None and "noise" not in outputs[name]:
                 outputs[name]["noise"] = [{"type": "gaussian", "std": signal.std}]
     return {**found, "outputs": outputs}
@@ -173,6 +175,12 @@ def _period(taken: np.ndarray) -> float:
     """About how far apart samples are; any number for a single one."""
     step = median_step(taken)
     return 1.0 if np.isnan(step) else step
+
+
+def _offset(taken: np.ndarray, start: float) -> dict[str, float]:
+    """How long after the start the first sample is taken, where it is not the start."""
+    heard = taken[taken >= start]
+    return {"offset": float(heard[0] - start)} if heard.size and heard[0] > start else {}
 
 
 def plant_units(source: Source) -> dict[str, str]:
@@ -205,11 +213,28 @@ def _check_names(experiment: Experiment, recording: Recording) -> None:
 
 def first_values(experiment: Experiment, recording: Recording) -> dict[str, float]:
     """By state the first sample of an output that measures it, not before the start of the run."""
-    found = {}
+    return {state: float(signal.values[k]) for state, (signal, k) in _first_samples(experiment, recording).items()}
+
+
+def known_later(experiment: Experiment, recording: Recording) -> Iterator[str]:
+    """Where an estimate starts from a sample that became known after it was taken: who estimates live lacks it."""
+    for state, (signal, k) in _first_samples(experiment, recording).items():
+        value, taken, known = (float(numbers[k]) for numbers in (signal.values, signal.taken, signal.available))
+        labels = [label for label, one in experiment.observers.items() if one.initial.get(state) == value]
+        if known > taken and labels:
+            yield (
+                f"{', '.join(labels)}: {state} starts from the first sample, taken at {taken:g} and known at {known:g} "
+                "only: give observers.*.initial where the time before counts"
+            )
+
+
+def _first_samples(experiment: Experiment, recording: Recording) -> dict[str, tuple[Signal, int]]:
+    """By state the signal that measures it, and which of its samples is the first of the run."""
+    found: dict[str, tuple[Signal, int]] = {}
     start = experiment.blocks.time.start
     for output, state in experiment.plant.model.measures.items():
         signal = recording.outputs[output]
         inside = np.flatnonzero(signal.taken >= start)
         if inside.size and state not in found:
-            found[state] = float(signal.values[inside[0]])
+            found[state] = signal, int(inside[0])
     return found

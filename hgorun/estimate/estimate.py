@@ -10,7 +10,7 @@ import numpy as np
 from hgorun.config.yaml_source import Source
 from hgorun.data.recording import Recording, Signal
 from hgorun.estimate.assessed import assess
-from hgorun.estimate.completed import completed
+from hgorun.estimate.completed import completed, known_later
 from hgorun.estimate.evaluated import Compared, Evaluated, evaluate_run
 from hgorun.estimate.prepared import PreparedEstimate, prepare_estimate
 from hgorun.observers.treatment import treatment_of
@@ -138,7 +138,7 @@ def result_of(
 
 def _remarks(prepared: PreparedEstimate, recording: Recording) -> list[str]:
     """What was found in the data, and where estimates start from them."""
-    told = [str(note) for note in recording.notes]
+    told = [*map(str, recording.notes), *known_later(prepared.experiment, recording)]
     for one in prepared.samples:
         late = int(np.count_nonzero(~one.used))
         labels = [label for label, o in prepared.experiment.observers.items() if treatment_of(o) == "innovation"]

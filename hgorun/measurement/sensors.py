@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from hgorun.config.expressions import parse
 from hgorun.measurement.availability import Stretch
-from hgorun.measurement.blocks import Times
+from hgorun.measurement.blocks import Periodic, Times
 from hgorun.measurement.noise import is_relative
 from hgorun.symbolic.sensors import Sensor
 
@@ -38,13 +38,16 @@ def _sensor(stretches: Sequence[Stretch]) -> Sensor:
     interval = intervals.pop() if len(intervals) == 1 else None
     delays = {float(parse(s.delay).number()) if s.delay_is_constant else None for s in stretches}
     delay, amplitude = delays.pop() if len(delays) == 1 else None, _amplitude(stretches)
+    first_sample = _first(stretches)
     try:
         strengths = [_strength(s) for s in stretches]
         if len({one.power for one in strengths}) > 1 or len({s.multiplicative for s in stretches}) > 1:
             raise _Unknown("the noise changes from one phase to the next")
     except _Unknown as unknown:
         why, continuous = str(unknown), any(s.continuous for s in stretches)
-        return Sensor(None, None, interval, why=why, amplitude=amplitude, delay=delay, continuous=continuous)
+        return Sensor(
+            None, None, interval, why=why, amplitude=amplitude, delay=delay, continuous=continuous, first=first_sample
+        )
     first = strengths[0]
     power = None if stretches[0].multiplicative else first.power
     continuous = any(s.continuous for s in stretches)
@@ -53,9 +56,23 @@ def _sensor(stretches: Sequence[Stretch]) -> Sensor:
     why = "the output is continuous: it has no samples" if variance is None else ""
     if density is None:
         why = why or "the mean time between its samples is not known, or changes"
+    multiplicative = stretches[0].multiplicative
     return Sensor(
-        variance, density, interval, stretches[0].multiplicative, why, amplitude, delay, power, continuous=continuous
+        variance, density, interval, multiplicative, why, amplitude, delay, power, continuous, first=first_sample
     )
+
+
+def _first(stretches: Sequence[Stretch]) -> float:
+    """When the first sample is due, counted from the start of the run; 0 where there is none."""
+    for stretch in stretches:
+        sampling = stretch.sampling
+        if isinstance(sampling, Times):
+            due = [t - stretch.origin for t in sampling.times if t - stretch.origin >= stretch.start]
+        else:
+            due = [stretch.start + (sampling.offset if isinstance(sampling, Periodic) else 0.0)]
+        if not stretch.continuous and due and due[0] <= stretch.end:
+            return float(due[0])
+    return 0.0
 
 
 def _amplitude(stretches: Sequence[Stretch]) -> float | None:

@@ -147,7 +147,10 @@ class ObserverBank(NoiseInformed, NotLinear, DecidedObserver):
 
     @property
     def not_linear(self) -> str | None:
-        return "it switches between modes; each mode is an observer of its own, to be looked at apart"
+        return (
+            "its gain changes by decisions, from that of one mode to that of another; each mode is an observer of its "
+            "own, to be looked at apart"
+        )
 
     def fastest_rate(self, form: CanonicalForm) -> float:
         return max(one.fastest_rate(form) for one in self.modes)

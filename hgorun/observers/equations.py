@@ -78,11 +78,14 @@ class SampleSchedule:
         The expression of k that gives them, where the configuration has one.
     path : tuple
         Where the sampling stands in the configuration.
+    first : float
+        When the first sample comes, counted from the start of the run.
     """
 
     intervals: np.ndarray
     steps: str | None
     path: KeyPath
+    first: float = 0.0
 
 
 class PeriodLimit(NamedTuple):

@@ -23,6 +23,7 @@ from hgorun.symbolic.sensors import Sensor
 from hgorun.symbolic.smooth import smooth_form
 from hgorun.symbolic.states import StateBlock, Symmetric
 from hgorun.symbolic.symbols import Symbols
+from hgorun.symbolic.unseen import unseen_states
 
 _SYMMETRIC = 1e-12  # relative
 _UNKNOWN = Sensor(None, None, None, why="nothing is known of its noise")
@@ -174,6 +175,11 @@ class KalmanFilter(NoiseInformed, ContinuousObserver[Form, ModelCopy]):
             else default.values
             for name, default in self.states(form).items()
         }
+
+    def remarks(self, form: Form) -> tuple[str, ...]:
+        """States whose errors no sample tells: the filter carries them along all the same."""
+        unseen = ", ".join(unseen_states(form.plant))
+        return (f"nothing that is measured depends on {unseen}: samples cannot tell errors there",) if unseen else ()
 
     def process_noise(self, form: Form) -> dict[str, np.ndarray]:
         """The numbers of the process noise."""

@@ -41,7 +41,8 @@ class ContinuousKkl(BySampling, KklObserver, ContinuousObserver[DriftForm, Smoot
     estimate is away; several outputs have a z each. z(0) = T(xhat(0)). T has an inverse for nearly all n + 1 complex
     eigenvalues (Andrieu, Praly), 2n + 1 real ones (Brivadis et al.), which is what m is by default; m >= n is needed.
 
-    A linear plant x' = A x + g(t, u): T A - Lam T = Gam C (Sylvester), exactly, xhat = T^+ z, and T g is added to z'.
+    A linear plant x' = A x + g(t, u): T A - Lam T = Gam C (Sylvester), exactly, xhat = T^+ z; T g is added to z', which
+    is for continuous outputs only: with sampled ones the plant must be free of time and inputs, linear or not.
     With m = n and one output this is Luenberger's observer with L = T^-1 Gam and the poles -theta lam.
 
     Other plants: T is known at points of ``box``, by integrating the plant backwards until e^(-20) is left, and T^inv
@@ -56,7 +57,10 @@ class ContinuousKkl(BySampling, KklObserver, ContinuousObserver[DriftForm, Smoot
 
         z_(k+1) = Lam_d z_k + Gam y_k,    Lam_d = exp(-theta lam T_s),    T(x) = sum_j Lam_d^j Gam h(X(x, -(j+1) T_s))
 
-    z_(k+1) belongs to the next sample, when xhat = T^inv(z_(k+1)); in between xhat follows f. Late outputs are refused:
+    z_(k+1) belongs to the next sample, when xhat = T^inv(z_(k+1)); in between xhat follows f. The first z belongs to
+    the first sample, at t_1: it is T(xhat(t_1)), where f has carried the initial estimate by then, so that a right
+    start stays right. t_1 is that of the configuration, or of the recording; of a stream ``offset`` says it. A linear
+    plant with constant terms takes a box, like nonlinear ones. Late outputs are refused:
     z lives in the time when outputs were taken, and nothing of the plant's is integrated that would lead from there
     to now. Take it for plants that no chain fits; where one does, ``shgo`` needs no map and no box.
     """
@@ -112,8 +116,30 @@ class ContinuousKkl(BySampling, KklObserver, ContinuousObserver[DriftForm, Smoot
 class SampledKkl(KklObserver, HybridObserver[DriftForm, SmoothCopy]):
     """The observer of samples; see :class:`ContinuousKkl`."""
 
+    without_box = "linear plants without constant terms"
+
     def require_times(self, form: DriftForm) -> None:
         _ = self._period(form)
+        if not form.autonomous:
+            raise Problem(("type",), "time or inputs enter the plant: the map of samples is that of one without")
+
+    @property
+    def _first(self) -> float:
+        """When the first sample is due, counted from the start of the run."""
+        return self._sensors[0].first if self._sensors else 0.0
+
+    def at_first(self, form: DriftForm, x: np.ndarray) -> np.ndarray:
+        """Where the observer's own flow has carried the estimate when the first sample comes."""
+        bounds = np.array([self.saturation.get(name, (-np.inf, np.inf)) for name in form.plant.states])
+        low, high = bounds.T
+        try:
+            return kkl_map.carried(lambda x: form.values(np.clip(x, low, high)), x, self._first)
+        except kkl_map.Escaped as escaped:
+            raise Problem(
+                ("initial",),
+                f"the first sample comes at {self._first:.6g}, and the estimate has run away before, after "
+                f"{escaped.after:.4g}",
+            ) from None
 
     def _period(self, form: DriftForm) -> float:
         periods = mean_intervals(None, self._sensors, form, "type")
@@ -128,12 +154,18 @@ class SampledKkl(KklObserver, HybridObserver[DriftForm, SmoothCopy]):
                 ("type",),
                 f"its map is that of one period, but samples are {np.min(gaps):.6g} to {np.max(gaps):.6g} apart",
             )
+        if abs(samples.first - self._first) > _UNEVEN * self._period(form):
+            raise Problem(
+                ("type",),
+                f"z begins with the sample that is due {self._first:.6g} after the start, but the first one comes "
+                f"{samples.first:.6g} after it",
+            )
 
     def eigenvalues(self, form: DriftForm) -> np.ndarray:
         return np.asarray(np.exp(-self.numbers(form) * self._period(form)))
 
     def is_exact(self, form: DriftForm) -> bool:
-        return form.A is not None and form.autonomous and not form.offset
+        return form.A is not None and not form.offset
 
     def _matrix(self, form: DriftForm) -> np.ndarray:
         from scipy.linalg import expm
@@ -143,8 +175,6 @@ class SampledKkl(KklObserver, HybridObserver[DriftForm, SmoothCopy]):
         return kkl_map.of_linear_plant(expm(form.A * self._period(form)), form.C, self.eigenvalues(form))
 
     def _mapped(self, form: DriftForm, x: Floats) -> Floats:
-        if not form.autonomous:
-            raise Problem(("type",), "time or inputs enter the plant: the map of samples is that of one without")
         field, reach = self.backwards(form)
         return kkl_map.of_samples(field, x, self.eigenvalues(form), self._period(form), reach)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping
-from typing import Literal
+from typing import ClassVar, Literal
 
 import casadi as ca
 import numpy as np
@@ -40,6 +40,7 @@ class KklObserver(NoiseInformed, Punctual, NotExported, NotLinear, Observer[Drif
         "the inverse by regression: our own"
     )
     form = staticmethod(drift_form)
+    without_box: ClassVar[str] = "linear plants"
 
     theta: Positive = Field(default=1.0, description="speed theta > 0: the eigenvalues of z are -theta lam")
     lam: tuple[Positive, ...] | None = Field(
@@ -73,7 +74,7 @@ class KklObserver(NoiseInformed, Punctual, NotExported, NotLinear, Observer[Drif
         _ = self._start(form)
         if self.is_exact(form):
             T = self._matrix(form)
-            return {**numbers, "T": T, "inverse": np.linalg.pinv(T)}
+            return {**numbers, "T": T, "inverse": kkl_map.left_inverse(T, values)}
         found = self.inverse(form)
         return {**numbers, "W": found.W, "center": found.center, "scale": found.scale}
 
@@ -92,6 +93,10 @@ class KklObserver(NoiseInformed, Punctual, NotExported, NotLinear, Observer[Drif
     @abstractmethod
     def is_exact(self, form: DriftForm) -> bool:
         """Whether T is a matrix."""
+
+    def at_first(self, form: DriftForm, x: np.ndarray) -> np.ndarray:
+        """The estimate where z begins, shape (n,), from that at the start of the run; by default the same."""
+        return x
 
     @abstractmethod
     def _matrix(self, form: DriftForm) -> np.ndarray:
@@ -121,13 +126,14 @@ class KklObserver(NoiseInformed, Punctual, NotExported, NotLinear, Observer[Drif
         return {"z": "signal"}
 
     def _start(self, form: DriftForm) -> np.ndarray:
-        """T at the initial estimate."""
-        x = np.array([self.initial.get(name, 0.0) for name in form.plant.states])
+        """T at the estimate where z begins."""
+        if not self.is_exact(form):
+            self._require_box(form)
+            if "z" in self.internal:
+                return np.zeros(len(self.eigenvalues(form)) * len(form.plant.outputs))
+        x = self.at_first(form, np.array([self.initial.get(name, 0.0) for name in form.plant.states]))
         if self.is_exact(form):
             return np.asarray(self._matrix(form) @ x)
-        self._require_box(form)
-        if "z" in self.internal:
-            return np.zeros(len(self.eigenvalues(form)) * len(form.plant.outputs))
         return _STARTS.get((same(form), x.tobytes(), *self._key(form)), lambda: self._at(form, x[None], "initial")[0])
 
     def _at(self, form: DriftForm, x: Floats, key: str) -> Floats:
@@ -170,7 +176,7 @@ class KklObserver(NoiseInformed, Punctual, NotExported, NotLinear, Observer[Drif
             raise Problem(
                 ("box",) if self.box else (),
                 f"box of {', '.join(missing)} is missing: the inverse of the map is fitted in a box of the states, but "
-                "for linear plants",
+                f"for {self.without_box}",
             )
 
     def _points(self, form: DriftForm) -> tuple[Floats, Floats]:

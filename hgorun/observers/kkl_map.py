@@ -23,11 +23,13 @@ if TYPE_CHECKING:
 
 _FORGOTTEN = 20.0  # over the slowest eigenvalue: what is left of the past is exp(-20)
 _ACCURACY = 1e-10  # of the backward integration, relative
+_CARRIED = 1e-13  # of the estimate until the first sample, relative
 _COARSE = 1e-6  # where the plant has kinks at the box, and T is not quite right anyway
 _ESCAPED = 1e3  # in widths of the box: an orbit that goes on from there does not come back
 _STEPS = 5_000  # before an orbit counts as escaped
 _RANK = 1e-12  # relative singular values that count
 _SINGULAR = 1e-12  # of T, its rows of size one
+_EXACT, _INEXACT = 1e-6, 1e-3  # by how much an inverse may miss T: unnoticed, and at all
 
 Field = Callable[[Floats], tuple[Floats, Floats]]
 """(N, n) -> f, shape (N, n), and h, shape (N, q)."""
@@ -70,8 +72,58 @@ def of_linear_plant(A: np.ndarray, C: np.ndarray, eigenvalues: np.ndarray) -> np
     T = np.array(rows)
     size = np.max(np.abs(T), axis=1, keepdims=True)
     if np.linalg.matrix_rank(T / np.where(size > 0, size, 1), tol=_SINGULAR) < n:
-        raise Problem(("type",), "the state is no function of z: the plant cannot be observed from its outputs")
+        if not _is_observable(A, C):
+            raise Problem(("type",), "the state is no function of z: the plant cannot be observed from its outputs")
+        raise _singular(T / size, eigenvalues)
     return T
+
+
+def left_inverse(T: np.ndarray, eigenvalues: np.ndarray) -> np.ndarray:
+    """T^+, or where it has lost the digits of T, whose rows may be of very different sizes, that of even rows.
+
+    Raises
+    ------
+    Problem
+        Where neither of them is an inverse.
+    """
+    size = np.max(np.abs(T), axis=1, keepdims=True)
+    plain = np.linalg.pinv(T)
+    if _missed(plain, T) <= _EXACT:  # nearly always
+        return np.asarray(plain)
+    found = min(plain, np.linalg.pinv(T / size) / size.T, key=lambda inverse: _missed(inverse, T))
+    if _missed(found, T) > _INEXACT:
+        raise _singular(T / size, eigenvalues)
+    return np.asarray(found)
+
+
+def _missed(inverse: np.ndarray, T: np.ndarray) -> float:
+    """How far the product with T is from the identity, the largest entry."""
+    return float(np.max(np.abs(inverse @ T - np.eye(T.shape[1]))))
+
+
+def _singular(T: np.ndarray, eigenvalues: np.ndarray) -> Problem:
+    """A plant that can be observed, but not with these numbers."""
+    low, high = np.min(eigenvalues), np.max(eigenvalues)
+    return Problem(
+        ("lam",),
+        f"the plant can be observed, but not by these numbers: with {len(eigenvalues)} eigenvalues of z for each "
+        f"output, from {low:.4g} to {high:.4g}, its {T.shape[1]} states follow from z with the condition number "
+        f"{np.linalg.cond(T):.2g}, which leaves no digits. Take another theta or lam, nearer to the plant's own rates, "
+        "or other units of time or of the states",
+    )
+
+
+def _is_observable(A: np.ndarray, C: np.ndarray) -> bool:
+    """Whether C, C A, C A^2, ... span all directions: one orthonormal basis, in which no power of A loses digits."""
+    basis, new = np.zeros((0, len(A))), C / np.linalg.norm(C, axis=1, keepdims=True).clip(1e-300)
+    least = _SINGULAR
+    while len(new):
+        for _ in range(2):  # once more, for what rounding leaves
+            new = new - new @ basis.T @ basis
+        _, size, directions = np.linalg.svd(new, full_matrices=False)
+        new = directions[size > least]
+        basis, new, least = np.vstack([basis, new]), new @ A, _SINGULAR * float(np.linalg.norm(A))
+    return len(basis) == len(A)
 
 
 def of_points(field: Field, x: Floats, eigenvalues: np.ndarray, reach: np.ndarray) -> Floats:
@@ -126,14 +178,36 @@ def of_samples(field: Field, x: Floats, factors: np.ndarray, T: float, reach: np
     return np.reshape(found, (len(x), -1))
 
 
+def carried(field: Field, x: Floats, T: float) -> Floats:
+    """The state after a time T, shape (n,).
+
+    Raises
+    ------
+    Escaped
+        Where it does not live that long.
+    """
+    if T == 0:
+        return x
+    reach = np.full(x.size, np.inf)
+    for solver in _steps(lambda s, x: field(x[None])[0][0], x, T, x[None], reach, _CARRIED):
+        found = solver.y
+    return np.asarray(found)
+
+
 def _steps(
-    rate: Callable[[float, Floats], Floats], start: Floats, end: float, x: Floats, reach: np.ndarray
+    rate: Callable[[float, Floats], Floats],
+    start: Floats,
+    end: float,
+    x: Floats,
+    reach: np.ndarray,
+    accuracy: float | None = None,
 ) -> Iterator[DOP853]:
     """The integration after every step; the states stand first in what is integrated."""
     from scipy.integrate import DOP853
 
     with np.errstate(all="ignore"):  # what escapes is told
-        accuracy = _ACCURACY if np.all(np.isfinite(reach)) else _COARSE
+        if accuracy is None:
+            accuracy = _ACCURACY if np.all(np.isfinite(reach)) else _COARSE
         solver = DOP853(rate, 0.0, start, end, rtol=accuracy, atol=accuracy / 100)
         for _ in range(_STEPS):
             solver.step()

@@ -45,7 +45,8 @@ class MovingHorizonEstimator(RecallsInputs, NotExported, NotLinear, KalmanFilter
     window corrects linearisations that were wrong, at N times the cost of ``ekf``, and more than N times the time to
     compile: choose it for a wrong start or strong curvature, and N a few time constants. Outputs may be sampled at
     different times, and samples may be missing. Late samples are replayed. Qd = Q T by default, T the time between the
-    samples; Q or q or theta, R as for ``ekf``. Inputs have to be functions of time.
+    samples; Q or q or theta, R as for ``ekf``. Inputs have to be functions of time: not of
+    a law, and not recorded.
     """
 
     reference = "Rao, Rawlings, Mayne 2003; arrival cost in the filtering form: textbook"

@@ -59,7 +59,7 @@ def check(source: Source) -> Checked:
 
 
 def _refuse_recorded(source: Source) -> None:
-    """Where there are recordings and no horizon, say which command takes them: it finds the horizon in the log.
+    """Where there are recordings and no horizon or initial state, say which command takes them and needs neither.
 
     Raises
     ------
@@ -68,8 +68,9 @@ def _refuse_recorded(source: Source) -> None:
     data = source.data
     if not isinstance(data, dict) or "data" not in data:
         return
-    time = data.get("time", {})
-    if isinstance(time, dict) and "end" not in time:
+    time, plant = data.get("time", {}), data.get("plant")
+    endless = isinstance(time, dict) and "end" not in time
+    if endless or (isinstance(plant, dict) and not {"initial", "type"} & plant.keys()):
         file, line = source.where(("data",))
         message = f"this configuration is of recorded data: hgorun estimate {file or 'FILE'}"
         raise ConfigError(message, file=file, line=line, key="data")

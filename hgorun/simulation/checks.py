@@ -196,7 +196,7 @@ def check_jumps(run: PreparedRun) -> None:
             raise Problem(stepped[0], "this needs all outputs sampled at the same times")
         if samples.late:
             raise Problem(stepped[0], "this takes samples without delay")
-    _check_schedules(run, np.diff(first.arrival[first.used]))
+    _check_schedules(run, first.arrival[first.used])
 
 
 def _check_law(run: PreparedRun) -> None:
@@ -247,10 +247,11 @@ def check_holds(run: PreparedRun) -> None:
                     raise Problem(("observers", b.label, "hold"), message)
 
 
-def _check_schedules(run: PreparedRun, intervals: np.ndarray) -> None:
+def _check_schedules(run: PreparedRun, times: np.ndarray) -> None:
     """What each discrete-time observer asks of the times between samples."""
     first, *others = run.channels[0].stretches
-    schedule = SampleSchedule(intervals, None if others else first.steps, first.paths["sampling"])
+    begin = float(times[0]) if times.size else 0.0
+    schedule = SampleSchedule(np.diff(times), None if others else first.steps, first.paths["sampling"], begin)
     for b in run.observers:
         if isinstance(b.observer, SampledObserver):
             try:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from typing import get_origin
 
 from hgorun.errors import HgorunError, NotObservableForm, Problem, called
 from hgorun.memo import Memo, same
@@ -12,11 +13,14 @@ from hgorun.plants.build import BuiltPlant
 from hgorun.result.observer import Coordinates
 from hgorun.symbolic.forms import ChosenChains, Form, FormFinder, Redecided
 from hgorun.symbolic.observability import CanonicalForms
+from hgorun.symbolic.unseen import unseen_states
 
 _FOUND: Memo[list[tuple[Form, Redecided | None]]] = Memo(256)  # by plant and function
 _DECIDED: Memo[tuple[Form, Form]] = Memo(256)  # by numbers, too
 _COORDINATES: Memo[Coordinates | None] = Memo(256)  # of forms; to ask for their type again takes longer
 _KEPT = 8  # forms of one plant and function
+_USUAL = ("shgo", "fhgo2", "ekf")  # named first
+_NAMED = 8  # of those that take a plant
 _NEED_SAMPLES = (SampledObserver, CorrectedObserver)
 
 
@@ -99,13 +103,17 @@ def _finder(
 
 def _elsewhere(plant: BuiltPlant, label: str, observer: AnyObserver, sampled: bool) -> str:
     """Which observers take the plant, in place of one that does not."""
-    others = ", ".join(_takers(plant, sampled or isinstance(observer, _NEED_SAMPLES)))
+    takers = sorted(_takers(plant, sampled or isinstance(observer, _NEED_SAMPLES)), key=_rank)
     mine = f"observer {label} ({observer.type}) needs another form of the plant"
-    return (
-        f"{mine}; observers for this plant are {others}"
-        if others
-        else f"{mine}, and no other observer accepts this plant"
-    )
+    if not takers:
+        return f"{mine}, and no other observer accepts this plant"
+    more = f"; {len(takers) - _NAMED} more of hgorun list observers take it" if len(takers) > _NAMED else ""
+    unseen = " (which carry that state along, uncorrected)" if unseen_states(plant.model) else ""
+    return f"{mine}; observers for this plant are {', '.join(takers[:_NAMED])}{unseen}{more}"
+
+
+def _rank(name: str) -> int:
+    return _USUAL.index(name) if name in _USUAL else len(_USUAL)
 
 
 def _takers(plant: BuiltPlant, sampled: bool) -> Iterator[str]:
@@ -113,6 +121,8 @@ def _takers(plant: BuiltPlant, sampled: bool) -> Iterator[str]:
     for name, family in OBSERVERS.all().items():
         if issubclass(family, _NEED_SAMPLES) and not issubclass(family, SteppedObserver) and not sampled:
             continue
+        if any(field.is_required() and get_origin(field.annotation) is dict for field in family.model_fields.values()):
+            continue  # it is told of the plant what does not follow from the equations, as the yields of reactions
         try:
             block = family.model_validate({"type": name, **family.example(plant.model.states)})
             form = family.form(plant.model, plant.initial, plant.parameters)

@@ -95,6 +95,10 @@ class DrivenPlant:
         return self.plant.controller
 
     @property
+    def untimed(self) -> tuple[int, ...]:
+        return self.law.driven
+
+    @property
     def states(self) -> LoopStates:
         """Where its states lie."""
         return LoopStates.of(self.plant.model, self.law, keeps=self.keeps)

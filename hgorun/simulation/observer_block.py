@@ -291,7 +291,8 @@ def _given(u: ca.SX, z: ca.SX, build: Callable[[ca.SX], ca.SX]) -> ca.SX:
     if not ca.depends_on(u, z):
         return build(u)
     own = ca.SX.sym("u", *u.shape)
-    return ca.substitute(build(own), own, u)
+    given = [own[i] if ca.depends_on(one, z) else one for i, one in enumerate(ca.vertsplit(u))]
+    return ca.substitute(build(ca.vertcat(*given)), own, u)
 
 
 def _entries(name: str, state: StateBlock) -> dict[str, tuple[int, int]]:

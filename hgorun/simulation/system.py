@@ -19,6 +19,7 @@ from hgorun.observers.base import CorrectedObserver
 from hgorun.observers.capabilities import RecallsInputs
 from hgorun.observers.recalling import RecallingObserver
 from hgorun.simulation.groups import Group, Part, SystemSymbols
+from hgorun.simulation.observer_block import ObserverBlock
 from hgorun.simulation.truth import PlantNumbers, SameTruth, SimulatedPlant
 
 
@@ -129,17 +130,25 @@ def _recalled(groups: Sequence[Group], first: int) -> list[list[range]]:
             own.append(range(first, first + b.recalled))
             first += b.recalled
             truth = group.truth.truth if isinstance(group.truth, SameTruth) else group.truth
-            driven = isinstance(b.observer, RecallsInputs) and b.form.plant.driven
-            if driven and not isinstance(truth, SimulatedPlant):
-                message = (
-                    "it asks for the inputs of times before, which have to be functions of time, not data or a law"
-                )
-                raise Problem(("observers", b.label, "type"), message)
+            if isinstance(b.observer, RecallsInputs):
+                _require_timed(b, truth.untimed)
             if isinstance(b.observer, RecallingObserver) and not isinstance(truth, SimulatedPlant):
                 message = "it looks back at its own past, which is kept in simulations alone, not of data or a stream"
                 raise Problem(("observers", b.label, "type"), message)
         found.append(own)
     return found
+
+
+def _require_timed(b: ObserverBlock, untimed: Sequence[int]) -> None:
+    """Refuse inputs of which nothing is known but what they are now."""
+    plant = b.form.plant
+    names = [plant.inputs[i] for i in untimed if plant.depends_on_input(i)]
+    if names:
+        raise Problem(
+            ("observers", b.label, "type"),
+            "it asks for the inputs of times before, which have to be functions of time, not data or a law: "
+            f"{', '.join(names)}",
+        )
 
 
 def _replayed(last: Group, held: Held, output: int) -> tuple[int, int] | None:

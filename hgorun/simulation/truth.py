@@ -103,6 +103,11 @@ class Truth(Protocol):
         ...
 
     @property
+    def untimed(self) -> tuple[int, ...]:
+        """The inputs that are no functions of time: nobody can ask what they have been."""
+        ...
+
+    @property
     def structure(self) -> Hashable:
         """All that its equations depend on."""
         ...
@@ -141,6 +146,7 @@ class SimulatedPlant:
     plant: SymbolicPlant
     stepped: bool = False
     recorded_inputs: int = 0
+    untimed: tuple[int, ...] = ()
 
     @property
     def size(self) -> int:
@@ -190,6 +196,10 @@ class SameTruth:
         return self.truth.recorded_inputs
 
     @property
+    def untimed(self) -> tuple[int, ...]:
+        return self.truth.untimed
+
+    @property
     def structure(self) -> Hashable:
         return type(self), self.truth.structure, self.replayed
 
@@ -222,6 +232,10 @@ class Recording:
     @property
     def recorded_inputs(self) -> int:
         return len(self.recorded)
+
+    @property
+    def untimed(self) -> tuple[int, ...]:
+        return self.recorded
 
     @property
     def structure(self) -> Hashable:

@@ -19,6 +19,7 @@ from hgorun.symbolic.plant import PlantModel
 from hgorun.symbolic.points import around
 from hgorun.symbolic.shares import chain_lengths, unevenness
 from hgorun.symbolic.uniform import input_slopes, require_uniform
+from hgorun.symbolic.unseen import unseen_states
 
 _TIE = 1e-6  # of the logarithm of a determinant
 
@@ -246,6 +247,11 @@ class _Search:
         seen = set(ca.jacobian(ca.vertcat(*rows), plant.x).sparsity().get_col())
         missing = [name for k, name in enumerate(plant.states) if k not in seen]
         names = ", ".join(plant.outputs)
+        if hidden := ", ".join(unseen_states(plant)):
+            return (
+                f"nothing that is measured ({names}) depends on the state {hidden}, now or later: no observer can tell "
+                "it from measurements; measure more, or leave it out"
+            )
         if missing:
             return (
                 f"state {', '.join(missing)} does not appear in the output {names} and its derivatives along the "

@@ -31,6 +31,8 @@ class Sensor:
         Mean square of the noise, in y^2, of continuous outputs too; None where it is not known, or relative to h.
     continuous : bool
         Whether it is so in any phase.
+    first : float
+        When the first sample is due, counted from the start of the run; 0 where there are none.
     """
 
     variance: float | None
@@ -42,3 +44,4 @@ class Sensor:
     delay: float | None = 0.0
     power: float | None = None
     continuous: bool = False
+    first: float = 0.0

@@ -518,7 +518,7 @@ def test_a_recording_is_not_replaced_by_its_result(shell: Shell) -> None:
 def test_a_matrix_that_is_a_number_is_reported_under_its_key(shell: Shell) -> None:
     code, _, err = shell("estimate", "pendulum.yaml", "--set", "observers.E={type: ekf, Q: 1}")
     assert code == 2
-    assert "observers.E.Q: expected a list" in err
+    assert "observers.E.Q: expected a number for each state" in err
 
 
 def samples_of(text: str) -> list[Sample]:

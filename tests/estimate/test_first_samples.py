@@ -13,7 +13,7 @@ from recordings import held_input, observers, recording, signal, source
 
 from hgorun.data.recording import Recording, Signal
 from hgorun.errors import ConfigError
-from hgorun.estimate.completed import completed
+from hgorun.estimate.completed import completed, known_later
 
 TIMES = np.array([0.0, 0.11, 0.2, 0.32, 0.4, 0.5])
 
@@ -113,3 +113,21 @@ def test_a_model_that_leaves_all_bounds_is_refused() -> None:
     plant = plant_of({"a": "b", "b": "exp(50*a)"}, "a")
     with pytest.raises(ConfigError, match="leaves all bounds"):
         start_of(plant, recording(*outputs_at(TIMES, a=5 + TIMES)), 6)
+
+
+@pytest.mark.parametrize(
+    ("known", "given", "told"),
+    [
+        ([1.5, 2.0, 3.0], {}, ["o: a starts from the first sample, taken at 0 and known at 1.5 only"]),
+        ([1.5, 2.0, 3.0], {"a": 0.4}, []),
+        ([0.0, 1.0, 2.0], {}, []),
+    ],
+)
+def test_a_start_from_a_sample_that_is_known_later_is_told(
+    known: list[float], given: dict[str, float], told: list[str]
+) -> None:
+    recorded = recording(signal("a", [0.0, 1.0, 2.0], [0.7, 0.6, 0.5], known))
+    block = {"type": "shgo", "theta": 2, "poles": -1, "initial": given}
+    config = source({"plant": OSCILLATOR, "observers": {"o": block}, "solver": {"step": 0.01}})
+    found = list(known_later(completed(config, recorded, "start", ""), recorded))
+    assert [words.partition(":")[0] + ":" + words.split(":")[1] for words in found] == told

@@ -187,3 +187,12 @@ def test_late_continuous_outputs_are_refused() -> None:
 @pytest.mark.parametrize("block", [{"reset": True}, {"observer": {"type": "integral", "theta": 2}, "lam2": 0.1}])
 def test_it_keeps_the_contract_with_other_keys(block: Block) -> None:
     check_observer(ContinuousBank, block, plants=[chain(2, "-x1 - x2")])
+
+
+def test_the_analysis_of_samples_says_that_the_gain_changes_by_decisions() -> None:
+    """Its flow between samples is driven by innovations, so that must not be the reason."""
+    made = experiment(VAN_DER_POL, {"B": BANK}, end=1, step=0.01, measurement=SAMPLED)
+    found = hgorun.analyze(made).observers["B"]
+    told = {reason for reason in found.reasons.values() if "samples alone" in reason or "decisions" in reason}
+    assert told
+    assert all("its gain changes by decisions" in reason for reason in told)

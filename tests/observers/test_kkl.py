@@ -10,9 +10,9 @@ from scipy.linalg import expm
 
 import hgorun
 from hgorun.analysis.finding import FINDINGS
-from hgorun.errors import ConfigError
+from hgorun.errors import ConfigError, Problem
 from hgorun.export.prepared import exported
-from hgorun.observers.kkl_map import of_linear_plant
+from hgorun.observers.kkl_map import left_inverse, of_linear_plant
 from hgorun.result.result import Result
 from hgorun.simulation.passes import as_given, integrate, integrate_lanes
 from hgorun.simulation.preparation import prepare
@@ -162,7 +162,7 @@ def test_lanes(measurement: Block) -> None:
         (DUFFING, {**KKL, "points": 20}, {}, "at least as many points"),
         (DUFFING, KKL, {"delay": 0.1}, "delay|late"),
         (REST, {"type": "kkl"}, {"sampling": {"period": 0.1, "jitter": 0.01}}, "one period|mean time"),
-        (driven(), {"type": "kkl", "lam": [1, 2]}, {"sampling": {"period": 0.1}}, "box of x1, x2 is missing"),
+        (driven(), {"type": "kkl", "lam": [1, 2]}, {"sampling": {"period": 0.1}}, "time or inputs enter the plant"),
         (driven(), KKL, {"sampling": {"period": 0.1}}, "the map of samples is that of one without"),
         (
             inline({"a": "-a**3 + u"}, "a", inputs={"u": "1"}),
@@ -182,3 +182,37 @@ def test_what_does_not_fit_is_refused(plant: Block, block: Block, measurement: B
 def test_it_is_not_exported() -> None:
     with pytest.raises(ConfigError, match="kkl is not exported"):
         exported(prepare(experiment(driven(), {"K": {"type": "kkl"}}, step=0.01)))
+
+
+def chain(n: int) -> Block:
+    """Integrators one after the other."""
+    names = [f"x{i}" for i in range(1, n + 1)]
+    return inline(dict(zip(names, [*names[1:], "0"], strict=True)), "x1", initial=dict.fromkeys(names, 1))
+
+
+def test_a_chain_that_is_too_long_for_floating_point_numbers_is_not_called_unobservable() -> None:
+    with pytest.raises(
+        ConfigError, match=r"K\.lam: the plant can be observed, but .* 27 eigenvalues .* from -27 to -1"
+    ):
+        prepare(experiment(chain(13), {"K": {"type": "kkl"}}))
+    prepare(experiment(chain(13), {"K": {"type": "kkl", "theta": 0.3}}))  # as the message says
+
+
+@pytest.mark.parametrize("theta", [1, 0.3, 0.1])
+def test_the_inverse_is_one(theta: float) -> None:
+    """Where sizes of rows differ by more digits than numbers have, too."""
+    A, values = np.eye(11, k=1), -theta * np.arange(1.0, 24.0)
+    T = of_linear_plant(A, np.eye(11)[:1], values)
+    assert np.max(np.abs(left_inverse(T, values) @ T - np.eye(11))) < 1e-4
+
+
+def test_what_cannot_be_observed_is_still_told_apart() -> None:
+    """A random plant of which three states drive nothing that is measured, and the same with a little of it."""
+    random = np.random.default_rng(1)
+    A, C, turn = random.normal(size=(6, 6)), np.zeros((2, 6)), np.linalg.qr(random.normal(size=(6, 6)))[0]
+    A[:3, 3:], C[:, :3] = 0, random.normal(size=(2, 3))
+    values = -np.arange(4.0, 17.0)
+    with pytest.raises(Problem, match="the plant cannot be observed from its outputs"):
+        of_linear_plant(turn.T @ A @ turn, C @ turn, values)
+    A[0, 3:] = 1e-3
+    assert of_linear_plant(turn.T @ A @ turn, C @ turn, values).shape == (26, 6)

@@ -231,7 +231,7 @@ def test_a_refusal_names_only_observers_that_take_the_plant(output: dict[str, st
     block = plant({"s": "-I*s", "v": "-v + I*s*v"}, output, inputs={"I": "1 + sin(t)"}, parameters={"r": 0.1})
     with pytest.raises(ConfigError) as error:
         simulated(block, measurement={})
-    _, _, names = error.value.message.partition("observers for this plant are ")
+    names = error.value.message.partition("observers for this plant are ")[2].partition(";")[0]
     if not names:
         assert "no other observer accepts this plant" in error.value.message
     for name in names.split(", ") if names else []:
@@ -258,3 +258,32 @@ def test_a_short_cut_says_of_a_matrix_what_its_singular_values_say(data: st.Data
     if data.draw(st.booleans()):
         matrix[:, -1] = matrix[:, 0] * (1 + 1e-11 * matrix[:, -1])
     assert ranks.is_regular(matrix) == (ranks.singular_value_ratio(matrix) > ranks.SINGULAR)
+
+
+@pytest.mark.parametrize(
+    ("dynamics", "output", "unseen"),
+    [
+        ({"a": "b", "b": "-a"}, {"y": "0*b"}, ("a", "b")),
+        ({"a": "b", "b": "-b"}, {"y": "b"}, ("a",)),
+        ({"a": "u*b", "b": "-b"}, {"y": "a"}, ()),  # seen while the input acts
+        ({"a": "b", "b": "c", "c": "-a"}, {"y": "a"}, ()),
+    ],
+)
+def test_states_that_no_measurement_depends_on(
+    dynamics: dict[str, str], output: dict[str, str], unseen: tuple[str, ...]
+) -> None:
+    block = plant(dynamics, output, inputs={"u": "1"} if "u*b" in dynamics.values() else {})
+    noise = {"sampling": {"period": 0.1}, "noise": [{"type": "gaussian", "std": 0.1}]}
+    result = simulated(block, {"E": {"type": "ekf", "Q": {"b": 0.1}}}, measurement=noise, end=0.5)
+    told = [f"observer E: nothing that is measured depends on {', '.join(unseen)}: samples cannot tell errors there"]
+    assert list(result.remarks) == (told if unseen else [])
+    if unseen:
+        with pytest.raises(ConfigError, match=f"depends on the state {', '.join(unseen)}, now or later") as refused:
+            simulated(block, {"S": {"type": "shgo", "theta": 2}}, measurement=noise, end=0.5)
+        assert "kinetic_rate" not in refused.value.message
+
+
+def test_a_refusal_names_few_observers() -> None:
+    with pytest.raises(ConfigError, match=r"are shgo, .*; \d+ more of hgorun list observers take it") as refused:
+        simulated(plant({"a": "b", "b": "-sin(a)"}, {"y": "a"}), {"L": {"type": "luenberger_exact", "poles": -1}})
+    assert len(refused.value.message) < 350

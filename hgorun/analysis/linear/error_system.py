@@ -20,7 +20,7 @@ from functools import cached_property
 import numpy as np
 
 from hgorun.analysis.linear.linear import Linearisation
-from hgorun.analysis.reasons import CORRECTED, JUMPS, RECALLS, SLIDING, NoValue, why_lost
+from hgorun.analysis.reasons import RECALLS, NoValue, why_lost, why_no_flow
 from hgorun.observers.base import CorrectedObserver, SampledObserver
 from hgorun.observers.capabilities import SlidingMode
 from hgorun.result.observer import ObserverResult
@@ -115,12 +115,8 @@ def error_system(run: PreparedRun, label: str, result: Result) -> ErrorSystem:
         Where the observer has no slopes, or no flow, along this run.
     """
     observer = run.experiment.observers[label]
-    if isinstance(observer, SlidingMode):
-        raise NoValue(SLIDING)
-    if isinstance(observer, SampledObserver):
-        raise NoValue(JUMPS)
-    if isinstance(observer, CorrectedObserver):
-        raise NoValue(CORRECTED)
+    if isinstance(observer, SlidingMode | SampledObserver | CorrectedObserver):
+        raise NoValue(why_no_flow(observer))
     if next(b for b in run.observers if b.label == label).recalled:
         raise NoValue(RECALLS)
     if label not in result.observers:

@@ -18,14 +18,13 @@ from hgorun.analysis.noise.jumps import noise_of_jumps
 from hgorun.analysis.noise.late import noise_of_late_output
 from hgorun.analysis.noise.terms import NoiseTerms, require_spectra
 from hgorun.analysis.reasons import (
-    CORRECTED,
     NO_SLOPES,
-    SLIDING,
     NoValue,
     first_of,
     outcome,
     require_estimate,
     require_innovation,
+    why_no_flow,
 )
 from hgorun.observers.base import CorrectedObserver, SampledObserver
 from hgorun.observers.capabilities import SlidingMode
@@ -65,10 +64,8 @@ def deviation_in_window(
     NoValue
     """
     observer = run.experiment.observers[label]
-    if isinstance(observer, SlidingMode):
-        raise NoValue(SLIDING)
-    if isinstance(observer, CorrectedObserver):
-        raise NoValue(CORRECTED)
+    if isinstance(observer, SlidingMode | CorrectedObserver):
+        raise NoValue(why_no_flow(observer))
     require_innovation(run, label)
     require_estimate(noise_free.observers[label])
     inside = np.arange(noise_free.time.size)[points_in(noise_free.time, tuple(noise_free.windows["steady"]))]

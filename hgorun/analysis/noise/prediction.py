@@ -14,13 +14,12 @@ from hgorun.analysis.noise.jumps import noise_of_jumps
 from hgorun.analysis.noise.sampled import SampledLoop
 from hgorun.analysis.noise.terms import NoiseTerms
 from hgorun.analysis.reasons import (
-    CORRECTED,
     NO_SLOPES,
-    SLIDING,
     NoValue,
     first_of,
     require_estimate,
     require_innovation,
+    why_no_flow,
 )
 from hgorun.measurement.blocks import noise_blocks
 from hgorun.observers.base import CorrectedObserver, SampledObserver
@@ -55,7 +54,7 @@ def predicted_noise(run: PreparedRun, label: str, noise_free: Result, result: Re
     """
     observer = run.experiment.observers[label]
     if isinstance(observer, CorrectedObserver):
-        raise NoValue(SLIDING if isinstance(observer, SlidingMode) else CORRECTED)
+        raise NoValue(why_no_flow(observer))
     require_innovation(run, label)
     steady = partial(_power, run, noise_free, label)
     if result is None or noise_free.observers[label].lost or isinstance(observer, SlidingMode):

@@ -10,10 +10,9 @@ from hgorun.analysis.linear.linear import Linear, Linearisation
 from hgorun.analysis.linear.sinusoids import with_theta
 from hgorun.analysis.linear.transfer import response, restricted, steady_part
 from hgorun.analysis.noise.terms import NoiseTerms
-from hgorun.analysis.reasons import CORRECTED, JUMPS, SLIDING, NoValue, outcomes, require_estimate
+from hgorun.analysis.reasons import NoValue, outcomes, require_estimate, why_no_flow
 from hgorun.analysis.subject import Context, Subject, once
 from hgorun.observers.base import CorrectedObserver, SampledObserver
-from hgorun.observers.capabilities import SlidingMode
 from hgorun.result.observer import ObserverResult
 from hgorun.result.theory import Bode
 from hgorun.simulation.simulate import prepare, simulate_prepared
@@ -34,10 +33,8 @@ def linear_at_end(observer: Subject) -> Linear:
     NoValue
         When the error is not Hurwitz there, or there is no such system.
     """
-    if isinstance(observer.observer, SampledObserver):
-        raise NoValue(JUMPS)
-    if isinstance(observer.observer, CorrectedObserver):
-        raise NoValue(SLIDING if isinstance(observer.observer, SlidingMode) else CORRECTED)
+    if isinstance(observer.observer, SampledObserver | CorrectedObserver):
+        raise NoValue(why_no_flow(observer.observer))
     require_estimate(observer.found)
     return _at_end(Linearisation(observer.run, observer.label), observer.result.time, observer.found)
 
