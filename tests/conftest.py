@@ -6,6 +6,7 @@ import signal
 
 import pytest
 
+os.environ.pop("COLUMNS", None)  # workers of pytest-xdist are told another width than what is tested
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the command does; NumPy reads it when it is imported
 
 from hypothesis import HealthCheck, settings

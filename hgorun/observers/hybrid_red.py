@@ -41,13 +41,22 @@ class HybridDifferentiator(SlidingMode, Switching, SteppedDifferentiator):
     Late outputs are refused: a relay with a delay ends in a limit cycle. Choose it over ``red`` where the start is far
     off; against noise, which the linear part passes on too, choose ``filtering``.
 
+    The default of M is for outputs of order one: with it both parts of w_1 are of one size where |z_0 - y| is
+    (lambda_n/(2 mu_n))^(n+1) units of y, 1/16 of one at n = 1, and L does not tell how large y is. The same signal in
+    another unit of y gets another M: in one a million times smaller, at n = 1, M is a thousand times as large, and
+    Euler steps that were stable diverge. Where y is of another size give M, about 2 (L/|y|)^(1/(n+1)).
+
     Coefficients and form are quoted from memory of the publication; both limits are checked.
     """
 
     reference = "Levant 2009"
 
     L: Positive = Field(description="bound of the derivative after the last, |y^(n+1)| <= L, in y/time^(n+1), > 0")
-    M: Positive | None = Field(default=None, description="bandwidth of the linear terms, > 0; 2 L^(1/(n+1)) by default")
+    M: Positive | None = Field(
+        default=None,
+        description="bandwidth of the linear terms, per time, > 0; 2 L^(1/(n+1)) by default, for outputs of order one: "
+        "else give about 2 (L/|y|)^(1/(n+1))",
+    )
     discretisation: Explicit = Field(default="explicit", description="explicit (Euler) or proper (Taylor terms)")
 
     @classmethod

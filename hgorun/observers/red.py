@@ -46,8 +46,11 @@ class RobustExactDifferentiator(SlidingMode, Switching, SteppedDifferentiator):
     h^(n+1) a_n; else |s| = r^(n+1) with r > 0 the root of r^(n+1) + sum_j h^(j+1) a_j r^(n-j) = |b|, which Newton's
     method approaches from above. It does not chatter, and in sliding z_j is the backward difference quotient
     nabla^j y/h^j. So what is shown is M z: row j of M holds the coefficients of (-ln(1-x))^j, times h^(i-j), which adds
-    h z_2/2 to z_1 and so on. Then polynomials of degree n are exact after a finite time, without noise, and errors of
-    y^(j) are of the order h^(n+1-j), as those of ``proper``; ``explicit`` lags by h y''/2.
+    h z_2/2 to z_1 and so on. Then, on even samples, polynomials of degree n are exact after a finite time, without
+    noise, and errors of y^(j) are of the order h^(n+1-j), as those of ``proper``; ``explicit`` lags by h y''/2. On
+    uneven ones (jitter, lost samples, times of their own) z_1 = nabla y/h still is a quotient over the last step, but
+    z_j, j >= 2, and what M adds to the others are off by a part of y^(j) that is of the order of the unevenness of h;
+    a remark says so for n >= 2.
 
     Choose it where there is no model but a bound of the highest derivative; ``implicit``, the default, unless numbers
     of others are to be repeated. It takes the noise for signal: ``filtering`` averages noise of high frequency, and an

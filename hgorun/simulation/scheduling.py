@@ -18,6 +18,7 @@ from hgorun.measurement.signals import extremes_of, kinks_of, signal_remarks, un
 from hgorun.measurement.sizes import EVENT_BYTES
 from hgorun.memo import Memo
 from hgorun.observers.recalling import LAGS, RecallingObserver
+from hgorun.observers.red import RobustExactDifferentiator
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.plant_alone import plant_extremes, plant_kinks, plant_remarks, plant_unknown
 from hgorun.simulation.prepared import PreparedRun
@@ -130,7 +131,21 @@ def remarks(experiment: Experiment) -> tuple[str, ...]:
         for label, design in experiment.designs.items()
         for remark in design.observer.remarks(design.form)
     ]
-    return tuple(dict.fromkeys([*sum(found, of_plant), *_never_held(experiment)])) + tuple(of_observers)
+    of_all = dict.fromkeys([*sum(found, of_plant), *_never_held(experiment)])
+    return (*of_all, *of_observers, *_uneven(experiment))
+
+
+def _uneven(experiment: Experiment) -> list[str]:
+    """Of implicit differentiators, whose quotients of higher order are those of even samples."""
+    sampled = [s for one in experiment.stretches for s in one if not s.continuous]
+    if all(s.regular is not None for s in sampled):
+        return []
+    return [
+        f"observer {label}: samples are not even, so that its derivatives from the second on are not exact, even for "
+        "polynomials"
+        for label, observer in experiment.observers.items()
+        if isinstance(observer, RobustExactDifferentiator) and observer.implicit and experiment.plant.model.n > 2
+    ]
 
 
 def _never_held(experiment: Experiment) -> list[str]:

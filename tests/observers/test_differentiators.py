@@ -238,3 +238,27 @@ def test_recursions_of_samples_need_no_given_step() -> None:
     for block in SWITCHING.values():
         with pytest.raises(ConfigError, match="give a number, as in solver"):
             prepare(experiment(TWO, {"O": block}))
+
+
+@pytest.mark.parametrize("size", [1.0, 1e6])
+def test_hybrid_in_other_units_of_y_with_the_documented_bandwidth(size: float) -> None:
+    """M = 2 (L/|y|)^(1/(n+1)) is the same rate in every unit of y: so is the estimate."""
+    plant = chain(2, f"-{size}*sin(t)", [0, size])
+    block = {"type": "hybrid_red", "L": 1.2 * size, "M": 2 * 1.2**0.5}
+    found = simulated(plant, {"D": block}, end=2, step=0.01, measurement={"sampling": {"period": 0.01}})
+    assert np.abs(found.observers["D"].xhat - found.x)[-5:].max() < 0.1 * size
+
+
+def test_implicit_red_says_what_uneven_samples_cost() -> None:
+    """z_2 = nabla(nabla y/h)/h is y'' on even samples only."""
+    block = {"type": "red", "L": 5, "initial": {"x1": 1, "x2": 0.3, "x3": -0.4}}
+    errors, remarks = [], []
+    for jitter in (0.0, 0.006):
+        measurement = {"sampling": {"period": 0.02, "jitter": jitter}}
+        found = simulated(chain(3, "0", [1, 0.3, -0.4]), {"D": block}, end=2, measurement=measurement, seed=1)
+        errors.append(np.abs(found.observers["D"].xhat - found.x)[-5:, 2].max())
+        remarks.append(" ".join(found.remarks))
+    assert errors[0] < 1e-9
+    assert errors[1] > 1e-3
+    assert "samples are not even" not in remarks[0]
+    assert "samples are not even" in remarks[1]

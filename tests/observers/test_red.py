@@ -229,10 +229,9 @@ def test_what_does_not_fit_is_refused() -> None:
         prepared({}, measurement={**sampled, "delay": 0.05}, step=0.01)
     with pytest.raises(ConfigError, match="measures a continuous output at the ends of the solver's steps"):
         prepared({})
-    with pytest.raises(ConfigError, match="switches in every step"):
-        prepared({"discretisation": "explicit"}, measurement=sampled)
     with pytest.raises(ConfigError, match="up to 13 states; this plant has 14"):
         prepare(experiment(chain(14), {"D": {"type": "red", "L": 1}}, measurement=sampled))
     with pytest.raises(ConfigError, match="expected a number above 0"):
         prepared({"L": 0})
-    assert prepared({}, measurement=sampled).observers
+    for discretisation in ("implicit", "explicit"):
+        assert prepared({"discretisation": discretisation}, measurement=sampled).observers

@@ -203,7 +203,7 @@ def test_running_out_of_memory_names_the_causes(
         raise MemoryError
 
     monkeypatch.setattr("hgorun.cli.app", exhausted)
-    monkeypatch.setattr("sys.argv", ["hgorun", "version"])
+    monkeypatch.setattr("sys.argv", ["hgorun", "list"])
     with pytest.raises(SystemExit) as stop:
         main()
     assert stop.value.code == 1
