@@ -71,6 +71,11 @@ def _rate(found: Findings) -> float | None:
 
 def _limits(found: Findings, timing: Timing, unit: str) -> Iterator[str]:
     """How long period and delay may become, beside what they are."""
+    keys = "period_critical", "delay_critical"
+    why = {found.reasons.get(key) for key in keys}
+    if len(why) == 1 and not any(found.values.get(k) is not None for key in keys for k in (key, f"{key}_chain")):
+        yield f"no limit of the period or the delay is computed, since {why.pop() or 'none is known'}"
+        return
     period = "no sampling" if timing.period is None else f"period {_time(timing.period, unit)}"
     yield f"{period}: {_limit(found, 'period_critical', timing.period, unit)}"
     delay = f"delay {_time(timing.delay, unit)}" if timing.delay else "no delay"

@@ -41,7 +41,11 @@ def latex(results: Sequence[Result], metrics: Sequence[str] | None = None) -> st
         padding = [""] * (width - len(block) * len(states))
         of_columns = [unit_of(metric, s, units) for metric in block for s in states]
         lines += [*([r"\midrule"] if block is not blocks[0] else []), *latex_head(block, states, padding, of_columns)]
-        numbers = {(metric, s): [row.value(metric, s) for row in rows] for metric in block for s in states}
+        numbers = {
+            (metric, s): [None if row.never(metric, s) else row.value(metric, s) for row in rows]
+            for metric in block
+            for s in states
+        }
         best = {column: _best(column[0], values) for column, values in numbers.items()}
         for i, row in enumerate(rows):
             cells = [

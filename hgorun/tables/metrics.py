@@ -122,6 +122,8 @@ def text(results: Sequence[Result], predicted: Sequence[Predicted] = ()) -> str:
         lines += ["", *block]
     still = _without_motion(rows)
     lines += ["", *wrapped(still)] if still else []
+    noisy = _noisy(rows)
+    lines += ["", *wrapped(noisy)] if noisy else []
     for run, result in zip(runs, results, strict=True):
         if result.closed_loop:
             lines += ["", *wrapped(run)] if len(runs) > 1 else []
@@ -164,6 +166,18 @@ def _without_motion(rows: Sequence[Row]) -> str:
         if row.without_motion(metric, state)
     )
     return f"no {', '.join(found)}: what does not move in the window has no such ratio" if found else ""
+
+
+def _noisy(rows: Sequence[Row]) -> str:
+    """Which errors noise keeps from settling; nothing where it keeps none."""
+    found = dict.fromkeys(
+        metric
+        for row in rows
+        for metric in row.observer.metrics
+        if any(row.noisy(metric, state) for state in row.result.states)
+    )
+    why = "never, where noise lifts the error above that part of its peak again and again"
+    return f"{', '.join(map(printable, found))}: {why}" if found else ""
 
 
 def _units(result: Result) -> str:

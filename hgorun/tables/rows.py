@@ -14,6 +14,7 @@ from hgorun.tables.layout import number
 from hgorun.tables.typeset import printable
 
 NEVER = "never"
+_DEVIATIONS = 5.0  # of noise, that it hardly exceeds
 
 
 @dataclass(frozen=True)
@@ -35,7 +36,23 @@ class Row:
     def never(self, metric: str, state: str) -> bool:
         """Whether what a metric waits for has not come by the end of the run, as an error that never settles."""
         value, known = self.value(metric, state), all_metrics(closed=True).get(metric)
-        return known is not None and known.moment and value is not None and self.result.time[-1] <= value < math.inf
+        if known is None or not known.moment or value is None or not value < math.inf:
+            return False
+        return bool(self.result.time[-1] <= value) or self.noisy(metric, state)
+
+    def noisy(self, metric: str, state: str) -> bool:
+        """Whether noise again and again lifts the error above the part of its peak that it has to settle below.
+
+        Then the last time above it is a chance of the last samples. That is so where the error exceeds that part in
+        the steady window and five standard deviations of its fast part do; a slow decay has next to no fast part.
+        """
+        known, part = all_metrics(closed=True).get(metric), self.result.windows.get("settling")
+        if known is None or known.setting != "settling" or not isinstance(part, (int, float)):
+            return False
+        sup, fast, peak = (self.value(name, state) for name in ("sup", "hf", "peak"))
+        if sup is None or fast is None or peak is None or not sup < math.inf:
+            return False
+        return min(sup, _DEVIATIONS * fast) > part * peak
 
     def without_motion(self, metric: str, state: str) -> bool:
         """Whether a ratio has no value, since what the state itself does is nothing."""

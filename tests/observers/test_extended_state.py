@@ -9,6 +9,7 @@ from scipy.integrate import solve_ivp
 
 from hgorun.analysis.report import analyze
 from hgorun.errors import ConfigError
+from hgorun.simulation.overflow import overflow
 from hgorun.simulation.simulate import prepare
 from hgorun.tables.advice import advice
 
@@ -176,3 +177,16 @@ def test_what_is_singular_is_not_called_too_large() -> None:
     plant = inline({"x1": "x2", "x2": "-log(x1)"}, "x1", initial={"x1": 1, "x2": 0})
     with pytest.raises(ConfigError, match="where the equations are singular"):
         prepare(experiment(plant, {"O": {"type": "shgo", "theta": 1e16}}, step=0.01))
+
+
+def test_numbers_inside_lists_and_mappings_are_looked_at_too() -> None:
+    blocks: dict[str, Block] = {
+        "S": {"type": "super_twisting", "f": {"x1": 1e300}},
+        "N": {"type": "neso", "beta": [1, 1e-200, 3], "delta": 1},
+        "E": {"type": "eso", "omega_o": 4},
+    }
+    run = experiment(chain(2), blocks, step=0.01)
+    found = {label: overflow(label, run.observers[label]) for label in blocks}
+    assert str(found["S"]).startswith("1e+300 is too large")
+    assert str(found["N"]).startswith("1e-200 is too small")
+    assert found["E"] is None

@@ -78,3 +78,21 @@ def test_no_observers_have_no_advice() -> None:
         )
     )
     assert advice(analysis)[-1] == "no observers"
+
+
+def test_of_an_observer_corrected_by_samples_no_limit_is_said_once() -> None:
+    analysis = hgorun.analyze(
+        Experiment(
+            {
+                "time": {"end": 2, "output_step": 0.1},
+                "plant": {"type": "integrator_chain", "n": 2, "phi": "0", "initial": {"x1": 1, "x2": 1}},
+                "measurement": {"sampling": {"period": 0.1}},
+                "observers": {"EKF": {"type": "ekf", "Q": {"x2": 1}, "R": 1}},
+                "solver": {"method": "rk4", "step": 0.01},
+            },
+            name="chain",
+        )
+    )
+    together = " ".join("\n".join(advice(analysis)).split())
+    assert together.count("jump at the samples") == 1
+    assert "no limit of the period or the delay is computed, since all observers here jump" in together

@@ -370,3 +370,23 @@ def test_remarks_stand_in_json(result: Result) -> None:
 )
 def test_greek_letters_are_commands_where_latex_has_them(text: str, shown: str) -> None:
     assert latex_words(text) == shown
+
+
+@pytest.mark.parametrize(
+    ("sup", "hf", "word"),
+    [
+        (0.1, 0.03, "never"),  # noise as large as 5 % of the peak
+        (0.1, 1e-4, "2.900"),  # slow, and smooth
+        (0.04, 0.01, "2.900"),  # noise below it
+    ],
+)
+def test_a_settling_time_that_noise_decides_is_none(result: Result, sup: float, hf: float, word: str) -> None:
+    """The last time above 5 % of the peak is then a chance of the last samples: no number, no bold one, a reason."""
+    numbers = {"rmse": [1e-3, 1e-3], "sup": [sup, 0.0], "peak": [1.0, 1.0], "hf": [hf, 0.0], "settling": [2.9, 1.0]}
+    one = with_metrics(result, good=numbers | {"sup": [0.0, 0.0], "settling": [2.95, 1.0]}, noisy=numbers)
+    row = next(line for line in tables.text([one]).split("\n") if line.startswith("noisy") and "1.000" in line)
+    assert word in row.split()
+    assert ("settling: never, where noise lifts the error" in tables.text([one])) == (word == "never")
+    shown = next(line for line in latex([one], ["settling"]).split("\n") if line.startswith("noisy"))
+    assert ("never" in shown, r"\mathbf{2.900}" in shown) == (word == "never", word != "never")
+    assert tables.as_json(one)["observers"]["noisy"]["settling"]["x1"] == 2.9
