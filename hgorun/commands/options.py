@@ -171,6 +171,9 @@ class Rerun(Printing):
     """
 
     file: Annotated[Path, typer.Argument(metavar="FILE", help="A result file.", autocompletion=completion.results)]
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="File or folder to write to (default: beside FILE).")
+    ] = None
     check: Annotated[bool, typer.Option("--check", help="Write nothing; exit with code 3 if any number differs.")] = (
         False
     )
