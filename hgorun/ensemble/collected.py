@@ -69,6 +69,8 @@ class Collected:
     trajectories : Trajectories or None
     quantities : mapping of str to ndarray, shape (N,)
         What else was measured, by its text.
+    settling : float
+        The part of its peak below which an error has settled.
     """
 
     name: str
@@ -86,6 +88,7 @@ class Collected:
     planned: int = 0
     trajectories: Trajectories | None = None
     quantities: Mapping[str, Floats] = field(default_factory=dict)
+    settling: float = 0.05
 
     def __len__(self) -> int:
         return int(self.status.shape[0])

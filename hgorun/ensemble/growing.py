@@ -123,6 +123,7 @@ def _finished(store: Store, max_memory: float) -> Collected:
         planned=store.size,
         trajectories=_kept(kept, members),
         quantities=dict(zip(map(str, ensemble.quantities), block.quantities.T, strict=True)),
+        settling=base.blocks.metrics.settling,
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -88,7 +89,14 @@ class _Reader(StoredFile):
             planned=size,
             trajectories=self.trajectories(size, m, n) if "trajectories" in self.file else None,
             quantities=self.quantities(dimensions, shape),
+            settling=self.settling(),
         )
+
+    def settling(self) -> float:
+        """The part of the peak in the configuration of its base."""
+        text = self.text("config_resolved") if "config_resolved" in self.file.attrs else ""
+        found = re.search(r"^metrics:\n(?:[ ]+.*\n)*?[ ]+settling: ([0-9.e+-]+)$", text, re.MULTILINE)
+        return float(found[1]) if found else 0.05
 
     def quantities(self, dimensions: Sequence[str], shape: tuple[int, ...]) -> dict[str, NDArray[Any]]:
         """What else was measured; nothing in most files."""

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hgorun.ensemble.collected import Collected, Floats
+from hgorun.result.metrics.settling import lifted_by_noise
 
 QUANTILES = {"q05": 0.05, "q25": 0.25, "median": 0.5, "q75": 0.75, "q95": 0.95}
 LEVEL = 0.95  # of the intervals
@@ -99,6 +100,8 @@ class Statistics:
     summaries : mapping of (str, str, str) to Summary
         By observer, metric and state.
     differences : tuple of Difference
+    noisy : frozenset of (str, str, str)
+        Of ``summaries`` the times that noise decides in at least half of the members: no mean tells anything.
     """
 
     at: Mapping[str, Any]
@@ -108,6 +111,11 @@ class Statistics:
     differences: tuple[Difference, ...]
     pooled: tuple[str, ...] = ()
     shared: tuple[str, ...] = ()
+    noisy: frozenset[tuple[str, str, str]] = frozenset()
+
+    def decided_by_noise(self, metric: str, state: str, *labels: str) -> bool:
+        """Whether that is so of an observer, or of any of several; of any at all where none is named."""
+        return any((m, s) == (metric, state) and (not labels or label in labels) for label, m, s in self.noisy)
 
     @property
     def independent(self) -> bool:
@@ -136,10 +144,24 @@ def statistics(members: Collected, metrics: Sequence[str] = (), at: Mapping[str,
         found = _summaries(members.metrics[metric], members.sound, chance=members.independent)
         for (i, label), (j, state) in product(enumerate(members.observers), enumerate(members.states)):
             summaries[label, metric, state] = found[i][j]
+    noisy = frozenset(_noisy(members, names))
     differences = tuple(_differences(members, names))
     return Statistics(
-        dict(at or {}), len(members), members.counts, summaries, differences, members.grid, members.shared
+        dict(at or {}), len(members), members.counts, summaries, differences, members.grid, members.shared, noisy
     )
+
+
+def _noisy(members: Collected, metrics: Sequence[str]) -> Iterator[tuple[str, str, str]]:
+    """The settling times that noise decides in at least half of the members that have numbers."""
+    if "settling" not in metrics or not {"sup", "hf", "peak"} <= members.metrics.keys():
+        return
+    sup, fast, peak = (members.metrics[name] for name in ("sup", "hf", "peak"))
+    with np.errstate(invalid="ignore"):
+        lifted = lifted_by_noise(sup, fast, peak, members.settling) & members.sound[:, :, None]
+    often = 2 * np.sum(lifted, axis=0) >= np.maximum(np.sum(members.sound, axis=0), 1)[:, None]
+    for (i, label), (j, state) in product(enumerate(members.observers), enumerate(members.states)):
+        if often[i, j]:
+            yield label, "settling", state
 
 
 def quantiles(values: Floats, sound: NDArray[np.bool_], at: Iterable[float]) -> list[Floats]:

@@ -10,6 +10,7 @@ from hgorun.result.metrics.base import unit_of
 from hgorun.tables.axis_names import names_of_values, short_axis
 from hgorun.tables.ensemble import Compared, best
 from hgorun.tables.latex import NEEDS, latex_head, latex_number
+from hgorun.tables.rows import NEVER
 from hgorun.tables.typeset import latex_words, symbol
 from hgorun.tables.uncertain import latex_uncertain
 
@@ -85,4 +86,6 @@ def _members(one: Compared) -> str:
 
 def _cell(part: Statistics, label: str, metric: str, state: str) -> str:
     summary = part.summaries[label, metric, state]
+    if part.decided_by_noise(metric, state, label):
+        return NEVER
     return latex_uncertain(summary.mean, summary.half, bold=best(part, metric, state) == label)

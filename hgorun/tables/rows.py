@@ -6,7 +6,10 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from hgorun.result.metrics.base import all_metrics
+from hgorun.result.metrics.settling import lifted_by_noise
 from hgorun.result.observer import ObserverResult
 from hgorun.result.result import Result
 from hgorun.result.run_names import run_names
@@ -14,7 +17,6 @@ from hgorun.tables.layout import number
 from hgorun.tables.typeset import printable
 
 NEVER = "never"
-_DEVIATIONS = 5.0  # of noise, that it hardly exceeds
 
 
 @dataclass(frozen=True)
@@ -41,18 +43,13 @@ class Row:
         return bool(self.result.time[-1] <= value) or self.noisy(metric, state)
 
     def noisy(self, metric: str, state: str) -> bool:
-        """Whether noise again and again lifts the error above the part of its peak that it has to settle below.
-
-        Then the last time above it is a chance of the last samples. That is so where the error exceeds that part in
-        the steady window and five standard deviations of its fast part do; a slow decay has next to no fast part.
-        """
+        """Whether noise decides the number, see :func:`hgorun.result.metrics.settling.lifted_by_noise`."""
         known, part = all_metrics(closed=True).get(metric), self.result.windows.get("settling")
         if known is None or known.setting != "settling" or not isinstance(part, (int, float)):
             return False
-        sup, fast, peak = (self.value(name, state) for name in ("sup", "hf", "peak"))
-        if sup is None or fast is None or peak is None or not sup < math.inf:
-            return False
-        return min(sup, _DEVIATIONS * fast) > part * peak
+        found = [self.value(name, state) for name in ("sup", "hf", "peak")]
+        sup, fast, peak = (np.array(np.nan if value is None else value) for value in found)
+        return bool(lifted_by_noise(sup, fast, peak, part))
 
     def without_motion(self, metric: str, state: str) -> bool:
         """Whether a ratio has no value, since what the state itself does is nothing."""

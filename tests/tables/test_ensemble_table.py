@@ -196,3 +196,20 @@ def test_many_values_of_an_axis_are_told_by_their_ends() -> None:
     found = as_json(compared(made(1001), ()))
     assert found["axes"]["seed"] == {"first": 0, "last": 1000, "count": 1001}
     assert found["axes"]["observers.F.theta"] == [2.0, 4.0]
+
+
+@pytest.mark.parametrize(("fast", "never"), [(0.03, True), (1e-4, False)])
+def test_a_settling_time_that_noise_decides_has_no_mean_and_no_star(fast: float, never: bool) -> None:
+    """F's error is lifted above 5 % of its peak by noise: its last such time is a chance of the last samples."""
+    members = drawn()
+    one = np.ones_like(members.metrics["rmse"])
+    hf = one * np.array([fast, 1e-4])[:, None]
+    numbers = {"sup": 0.1 * one, "peak": one, "hf": hf, "settling": members.metrics["rmse"]}
+    found = compared(replace(members, metrics=numbers), (), ["settling"])
+    shown = text([found])
+    assert ("never" in shown, "*" in shown.partition("F - S")[2].partition("paired")[0]) == (never, not never)
+    assert ("settling: never, where noise lifts the error" in shown) == never
+    tabular = latex([found])
+    assert ("never" in tabular, r"\mathbf" in tabular) == (never, not never)
+    assert found.whole.summaries["F", "settling", "x1"].mean == pytest.approx(members.metrics["rmse"][:, 0, 0].mean())
+    assert not compared(replace(members, metrics=numbers, settling=0.5), (), ["settling"]).whole.noisy

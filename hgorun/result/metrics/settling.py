@@ -6,6 +6,8 @@ import numpy as np
 
 from hgorun.result.metrics.base import Estimates, Metric, largest, metric
 
+_DEVIATIONS = 5.0  # of noise, that it hardly exceeds
+
 
 def _settling(estimates: Estimates) -> np.ndarray:
     """The last time at which |e| exceeds a part of its transient peak; the start where it never does."""
@@ -33,3 +35,12 @@ SETTLING = metric(
         told=lambda part, _: f"{100 * part:g} % of peak",
     )
 )
+
+
+def lifted_by_noise(sup: np.ndarray, fast: np.ndarray, peak: np.ndarray, part: float) -> np.ndarray:
+    """Whether noise again and again lifts the error above the part of its peak that it has to settle below.
+
+    Then the last time above it is a chance of the last samples. That is so where the error exceeds that part in the
+    steady window and five standard deviations of its fast part (hf) do; a slow decay has next to no fast part.
+    """
+    return np.asarray(np.isfinite(sup) & (np.minimum(sup, _DEVIATIONS * fast) > part * peak))
