@@ -297,8 +297,9 @@ def check_start(run: PreparedRun) -> None:
             )
         name = run.plant.model.states[int(bad[0])]
         path = ("plant", *run.plant.block.place_of(name))
-        why = f"the right-hand side of {name} is not a finite number at the start of the run"
-        raise Problem(path, divided_by_zero(run.plant, path) or why)
+        if (why := divided_by_zero(run.plant, path)) is not None:
+            raise Problem(path, why)
+        raise Problem(path, f"the right-hand side of {name} is not a finite number at the start of the run")
     for b, (first, *_) in zip(numbers.observers, system.blocks, strict=True):
         if not sound[first : b.start].all():
             raise Problem(
