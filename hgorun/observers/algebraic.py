@@ -11,8 +11,9 @@ from pydantic import Field
 
 from hgorun.config.types import NonNegative
 from hgorun.errors import Problem
-from hgorun.observers.base import Arrival, Flow, Role, observer
+from hgorun.observers.base import Arrival, observer
 from hgorun.observers.capabilities import Differentiator
+from hgorun.observers.last_samples import LastSamples
 from hgorun.observers.least_squares import TINY, projections
 from hgorun.observers.stepped import SteppedObserver
 from hgorun.symbolic.derivatives import DerivativeCopy, DerivativeForm, derivative_form
@@ -20,7 +21,7 @@ from hgorun.symbolic.symbols import Symbols
 
 
 @observer("algebraic")
-class AlgebraicDifferentiator(Differentiator, SteppedObserver[DerivativeForm, DerivativeCopy]):
+class AlgebraicDifferentiator(Differentiator, LastSamples, SteppedObserver[DerivativeForm, DerivativeCopy]):
     """Algebraic differentiator of Mboup, Join and Fliess, for lower triangular plants with one output.
 
     Each derivative is an integral over the last samples, ``window`` of them, which span the time T:
@@ -70,16 +71,6 @@ class AlgebraicDifferentiator(Differentiator, SteppedObserver[DerivativeForm, De
         for i in range(n):
             factors[i, : i + 1] = kernel_coefficients(i, kappa[i], mu[i])
         return {"kappa": kappa, "mu": mu, "factors": factors}
-
-    def states(self, form: DerivativeForm) -> dict[str, np.ndarray]:
-        return {name: np.zeros(self.window) for name in ("y", "age", "there")}
-
-    def roles(self, form: DerivativeForm) -> Mapping[str, Role]:
-        return {"y": "signal", "age": "gain", "there": "gain"}
-
-    def equations(self, plant: DerivativeCopy, s: Symbols, e: ca.SX, k: Symbols) -> Flow:
-        still = {name: ca.SX.zeros(value.shape) for name, value in vars(s).items() if name in ("xhat", "y", "there")}
-        return Flow(still | {"age": s.there}, correction=ca.SX.zeros(1))
 
     def _ends(self, i: int, tau: ca.SX, k: Symbols) -> ca.SX:
         """tau^kappa (1-tau)^mu."""

@@ -10,15 +10,16 @@ import numpy as np
 from pydantic import Field
 
 from hgorun.errors import Problem
-from hgorun.observers.base import Arrival, CorrectedObserver, Flow, Role, observer
+from hgorun.observers.base import Arrival, CorrectedObserver, observer
 from hgorun.observers.capabilities import Differentiator
+from hgorun.observers.last_samples import LastSamples
 from hgorun.observers.least_squares import TINY, projections
 from hgorun.symbolic.derivatives import DerivativeCopy, DerivativeForm, derivative_form
 from hgorun.symbolic.symbols import Symbols
 
 
 @observer("savgol")
-class SavitzkyGolayFilter(Differentiator, CorrectedObserver[DerivativeForm, DerivativeCopy]):
+class SavitzkyGolayFilter(Differentiator, LastSamples, CorrectedObserver[DerivativeForm, DerivativeCopy]):
     """Causal Savitzky-Golay differentiator, for lower triangular plants with one sampled output.
 
     A polynomial c_0 + c_1 (t - t_k) + ... + c_p (t - t_k)^p is fitted to the last ``window`` samples, at whatever
@@ -49,16 +50,6 @@ class SavitzkyGolayFilter(Differentiator, CorrectedObserver[DerivativeForm, Deri
         if self.window <= self.degree:
             raise Problem(("window",), f"a polynomial of degree {self.degree} takes {self.degree + 1} samples or more")
         return {}
-
-    def states(self, form: DerivativeForm) -> dict[str, np.ndarray]:
-        return {name: np.zeros(self.window) for name in ("y", "age", "there")}
-
-    def roles(self, form: DerivativeForm) -> Mapping[str, Role]:
-        return {"y": "signal", "age": "gain", "there": "gain"}
-
-    def equations(self, plant: DerivativeCopy, s: Symbols, e: ca.SX, k: Symbols) -> Flow:
-        still = {name: ca.SX.zeros(value.shape) for name, value in vars(s).items() if name in ("xhat", "y", "there")}
-        return Flow(still | {"age": s.there}, correction=ca.SX.zeros(1))
 
     def correct(self, plant: DerivativeCopy, s: Symbols, arrival: Arrival, k: Symbols) -> Mapping[str, ca.SX]:
         y, age, there = (

@@ -1,0 +1,34 @@
+"""What observers share that keep the last samples: a window of them, with their ages."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import casadi as ca
+import numpy as np
+
+from hgorun.observers.base import Flow, Role
+from hgorun.symbolic.derivatives import DerivativeCopy, DerivativeForm
+from hgorun.symbolic.symbols import Symbols
+
+
+class LastSamples:
+    """The last ``window`` samples y, the newest one first, how old they are, and 1 where there is one.
+
+    Between samples nothing but the ages changes.
+    """
+
+    window: int
+
+    def states(self, form: DerivativeForm) -> dict[str, np.ndarray]:
+        """All of them zero at the start."""
+        return {name: np.zeros(self.window) for name in ("y", "age", "there")}
+
+    def roles(self, form: DerivativeForm) -> Mapping[str, Role]:
+        """What of this scales like a signal."""
+        return {"y": "signal", "age": "gain", "there": "gain"}
+
+    def equations(self, plant: DerivativeCopy, s: Symbols, e: ca.SX, k: Symbols) -> Flow:
+        """Samples that are there grow older."""
+        still = {name: ca.SX.zeros(value.shape) for name, value in vars(s).items() if name in ("xhat", "y", "there")}
+        return Flow(still | {"age": s.there}, correction=ca.SX.zeros(1))
