@@ -98,7 +98,7 @@ def test_what_has_not_changed_is_shared(base: Experiment) -> None:
         ({"observers.F r=1.theta": -1}, 10, "observers.F r=1.theta"),
         ({"observers.F r=1.thteta": 1}, 8, "observers.F r=1.thteta"),
         ({"measurement.noise.0.terms.0.amplitude": "x"}, 16, "measurement.noise.0.terms.0.amplitude"),
-        ({"time.end": -1}, 1, "time"),
+        ({"time.end": -1}, 1, "time.end"),
         ({"observers.S.theta": None}, 12, "observers.S.theta"),
         ({"plant.initial": {"x1": 1}}, 6, "plant.initial"),
         ({"solver.step.size": 1}, 17, "solver.step.size"),

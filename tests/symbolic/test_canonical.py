@@ -130,7 +130,7 @@ def test_two_outputs_with_their_own_schedules(delay: float) -> None:
 @pytest.mark.parametrize(
     ("plant", "words"),
     [
-        (inline("x1 x2", {"x1": "-x1", "x2": "-x2"}, "x1"), "x2 does not appear"),
+        (inline("x1 x2", {"x1": "-x1", "x2": "-x2"}, "x1"), r"\(x1\) depends on the state x2"),
         (inline("x1 x2", {"x1": "-x1 + u*x2", "x2": "-x2"}, "x1", inputs={"u": "1"}), "x2 does not appear"),
         (inline("x1 x2 x3", {"x1": "x2 + x3", "x2": "-x2", "x3": "-x3"}, "x1"), "singular Jacobian everywhere"),
         (inline("x1 x2", {"x1": "x2*(1 + u)", "x2": "-x1"}, "x1", inputs={"u": "sin(t)"}), "not uniformly observable"),

@@ -1,0 +1,50 @@
+"""What is said of numbers that a given step or given tolerances make wrong."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from examples import VAN_DER_POL, experiment
+
+import hgorun
+from hgorun.commands.remarks import coarse
+from hgorun.result.result import Result
+
+
+def _result(**solver: object) -> Result:
+    observers = {"S": {"type": "shgo", "theta": 2}}
+    return hgorun.simulate(experiment(VAN_DER_POL, observers, solver=solver, time={"end": 4, "output_step": 0.1}))
+
+
+def _with_error(result: Result, error: float) -> Result:
+    assert result.integration is not None
+    return replace(result, integration=replace(result.integration, error={"S": error}))
+
+
+@pytest.fixture(scope="module")
+def rough() -> Result:
+    result = _result(method="euler", step=0.02)
+    assert result.integration_error is not None
+    return result
+
+
+def test_a_step_that_is_too_long_is_told_with_a_better_one(rough: Result) -> None:
+    (told,) = coarse(_with_error(rough, 0.05))
+    assert told.startswith("observer S: the integration error is about 0.05; give a step of 0.0004")  # 1/50 of it
+
+
+def test_numbers_that_are_wrong_altogether_are_told(rough: Result) -> None:
+    (told,) = coarse(_with_error(rough, 3.0))
+    assert "is as large as the numbers; give a step of 0.0002" in told  # no more than a hundred times shorter
+
+
+def test_small_errors_and_unknown_methods_are_passed_over(rough: Result) -> None:
+    assert not list(coarse(_with_error(rough, 1e-3)))
+    assert not list(coarse(replace(rough, integration=None)))
+
+
+def test_of_tolerances_smaller_ones_are_advised() -> None:
+    result = _result(method="dopri5", rtol=1e-3)
+    (told,) = coarse(_with_error(result, 0.05))
+    assert "give smaller tolerances than rtol 0.001, or leave it out" in told
