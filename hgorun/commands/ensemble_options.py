@@ -10,7 +10,10 @@ from typing import Annotated
 import typer
 
 from hgorun.commands import completion
-from hgorun.commands.options import Configured, Drawing, Printing
+from hgorun.commands.options import Configured, Drawing, Printing, Strict
+
+Threads = Annotated[int | None, typer.Option("--jobs", min=1, help="Number of threads (default: one per processor).")]
+"""Of commands that carry out many runs within this process."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -55,7 +58,7 @@ class Sweep(Printing):
     jobs: Annotated[
         int | None, typer.Option("--jobs", min=1, help="Threads, processes or workers (default: one per processor).")
     ] = None
-    strict: Annotated[bool, typer.Option("--strict", help="Exit with code 3 if a status is not ok.")] = False
+    strict: Strict = False
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -63,7 +66,7 @@ class Merge(Printing):
     """Put the parts of a sweep together, and collect them in results/NAME.sweep.h5."""
 
     folders: Annotated[list[Path], typer.Argument(metavar="FOLDER...", help="Folders NAME.sweep with finished parts.")]
-    strict: Annotated[bool, typer.Option("--strict", help="Exit with code 3 if a status is not ok.")] = False
+    strict: Strict = False
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -114,7 +117,7 @@ class Compare(Configured, OfEnsembles, Drawing):
             autocompletion=completion.one_of("text", "csv", "latex"),
         ),
     ] = "text"
-    strict: Annotated[bool, typer.Option("--strict", help="Exit with code 3 if a status is not ok.")] = False
+    strict: Strict = False
     analyze: Annotated[bool, typer.Option("--analyze", help="Add the numbers that theory predicts.")] = False
 
     @property
@@ -177,9 +180,7 @@ class Tune(Printing):
     plots: Annotated[bool, typer.Option("--plots/--no-plots", help="Draw what was tried and found (PNG and PDF).")] = (
         True
     )
-    jobs: Annotated[
-        int | None, typer.Option("--jobs", min=1, help="Number of threads (default: one per processor).")
-    ] = None
+    jobs: Threads = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -199,6 +200,4 @@ class Bench(Printing):
         ),
     ]
     plots: Annotated[bool, typer.Option("--plots/--no-plots", help="Draw the fronts (PNG and PDF).")] = True
-    jobs: Annotated[
-        int | None, typer.Option("--jobs", min=1, help="Number of threads (default: one per processor).")
-    ] = None
+    jobs: Threads = None

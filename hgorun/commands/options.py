@@ -12,6 +12,9 @@ import typer
 
 from hgorun.commands import completion
 
+Strict = Annotated[bool, typer.Option("--strict", help="Exit with code 3 if a status is not ok.")]
+"""Of commands that find out whether all went well."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Printing:
@@ -85,7 +88,7 @@ class Simulate(Configured):
             autocompletion=completion.configurations,
         ),
     ]
-    strict: Annotated[bool, typer.Option("--strict", help="Exit with code 3 if a status is not ok.")] = False
+    strict: Strict = False
     check_step: Annotated[
         bool, typer.Option("--check-step", help="Estimate the error of a given step from shorter ones.")
     ] = False
@@ -160,7 +163,7 @@ class Estimate(Configured, Drawing):
     sensitivity: Annotated[
         bool, typer.Option("--sensitivity/--no-sensitivity", help="Report how the scores depend on each gain.")
     ] = True
-    strict: Annotated[bool, typer.Option("--strict", help="Exit with code 3 if a status is not ok.")] = False
+    strict: Strict = False
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
