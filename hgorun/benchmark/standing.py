@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hgorun.benchmark.benchmark import Entry, of_cells
+from hgorun.benchmark.scan import vertices
 from hgorun.benchmark.trial import Score
 
 Floats = NDArray[np.float64]
@@ -62,7 +63,7 @@ def standings(entries: Sequence[Entry]) -> dict[tuple[str, str], Standing]:
         kept = {label: total for label, total in totals.items() if np.mean(np.isinf(total)) <= _MOST_LOST}
         if not kept:
             continue
-        means = np.stack([_resampled(total) * _chosen_anew(scored[label]) for label, total in kept.items()])
+        means = np.stack([_resampled(total) * chosen_anew(scored[label]) for label, total in kept.items()])
         best = means.min(axis=0)
         for label, mean in zip(kept, means, strict=True):
             logs.setdefault((scenario, label), []).append(np.log(mean / best))
@@ -74,27 +75,34 @@ def standings(entries: Sequence[Entry]) -> dict[tuple[str, str], Standing]:
     return found
 
 
-def _chosen_anew(score: Score) -> Floats:
+def chosen_anew(score: Score) -> Floats:
     """By what factor the error grows where the knob is chosen with other seeds, over resamplings; first 1, for these.
 
-    Shape (1 + resamplings,). Of values that were tried around the best, as they are with all seeds of tuning.
+    Shape (1 + resamplings,). The value that other seeds choose is the vertex of a parabola through the best of what was
+    tried and its two neighbours, and so is the one that these have chosen: how far both are apart is how far the knob is
+    uncertain, and the error that all seeds of tuning have there, by the same parabola, is what that costs.
     """
+    values = np.array([value for value, _ in score.tried])
     errors = np.array([found for _, found in score.tried])
-    errors = errors[np.isfinite(errors).all(axis=1)]
+    kept = np.isfinite(errors).all(axis=1)
+    values, errors = values[kept], errors[kept]
     if not len(errors):
         return np.ones(1 + _RESAMPLED)
-    seeds, random = errors.shape[1], np.random.default_rng(_SEED + 1)
-    chosen = np.vstack([np.arange(seeds), random.integers(0, seeds, (_RESAMPLED, seeds))])
-    means = errors.mean(axis=1)
-    best = np.argmin(errors[:, chosen].mean(axis=2), axis=0)
-    return np.asarray(means[best] / means.min())
+    order, random = np.argsort(values), np.random.default_rng(_SEED + 1)
+    errors = errors[order]
+    chosen = _draws(errors.shape[1], random)
+    _, costs = vertices(values[order], np.mean(errors[:, chosen], axis=2), errors.mean(axis=1))
+    return np.asarray(np.maximum(costs / costs[0], 1.0))
+
+
+def _draws(count: int, random: np.random.Generator) -> NDArray[np.int64]:
+    """Which seeds are taken: first these, then resamplings with repetition; shape (1 + resamplings, seeds)."""
+    return np.vstack([np.arange(count), random.integers(0, count, (_RESAMPLED, count))])
 
 
 def _resampled(total: Floats) -> Floats:
     """The mean over the seeds, then those over resamplings of them; of the seeds that kept the estimate."""
-    random = np.random.default_rng(_SEED)
-    chosen = np.vstack([np.arange(total.size), random.integers(0, total.size, (_RESAMPLED, total.size))])
-    values = np.where(np.isfinite(total), total, np.nan)[chosen]
+    values = np.where(np.isfinite(total), total, np.nan)[_draws(total.size, np.random.default_rng(_SEED))]
     whole = float(np.nanmean(values[0]))
     counts = np.sum(np.isfinite(values), axis=1)
     return np.where(counts > 0, np.nansum(values, axis=1) / np.maximum(counts, 1), whole)

@@ -29,6 +29,7 @@ COLUMNS = (
     "lost",
     "operations",
     "at_samples",
+    "ns_per_step",
     "refused",
 )
 
@@ -73,6 +74,7 @@ def table(entries: Sequence[Entry]) -> str:
             row |= {"error_ci95": _short(half), "steady": _short(_mean(score.steady)[0]), "peak": _short(score.peak)}
             row |= {"converged": _short(score.converged), "lost": score.lost}
             row |= {"operations": score.operations, "at_samples": score.at_samples}
+            row |= {"ns_per_step": f"{score.nanoseconds:.3g}"}
         writer.writerow(row)
     return file.getvalue()
 
