@@ -28,7 +28,7 @@ from hgorun.study.loading import load
 from hgorun.version import __version__
 
 _KEPT = TypeAdapter(Score | str)
-_OWN = ("benchmark/contestants.py", "benchmark/scan.py", "benchmark/trial.py")
+_OWN = tuple(f"benchmark/{name}.py" for name in ("contestants", "parabolas", "scan", "trial"))
 
 
 @dataclass(frozen=True)

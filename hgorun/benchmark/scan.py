@@ -13,11 +13,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hgorun.benchmark.parabolas import Floats, vertices
 from hgorun.config.benchmark import Knob
-
-Floats = NDArray[np.float64]
 
 _FINEST = 1 / 64  # of the distance between two values all over the range: nothing closer is tried
 _PARABOLAS = 2  # values that are found by them
@@ -123,49 +121,3 @@ class Search:
         new = [value for value in dict.fromkeys(values) if value not in self.tried][: max(count - len(self.tried), 0)]
         if new:
             self.tried.update(zip(new, self.errors_of(np.array(new)), strict=True))
-
-
-def vertices(values: Floats, errors: Floats, of: Floats | None = None) -> tuple[Floats, Floats]:
-    """Where errors are least: at the vertex of the parabola through the least of them and its two neighbours.
-
-    Parameters
-    ----------
-    values : ndarray, shape (N,)
-        In ascending order. Where all are above 0 the parabola is one of their logarithm.
-    errors : ndarray, shape (N, K)
-        K times the error of each value.
-    of : ndarray, shape (N,), optional
-        Other errors of the values.
-
-    Returns
-    -------
-    ndarray, shape (K,)
-        The vertices; where the least error is that of the first or the last value, or next to an infinite one, that
-        value.
-    ndarray, shape (K,)
-        What the other errors are there, by the parabola through the same three values; infinite where none are given.
-    """
-    axis = np.log(values) if values[0] > 0 else values
-    least = np.argmin(errors, axis=0)
-    best, then = axis[least], np.full(least.size, np.inf) if of is None else of[least]
-    for k, i in enumerate(least.tolist()):
-        three = slice(i - 1, i + 2)
-        if 0 < i < values.size - 1 and np.isfinite(errors[three, k]).all():
-            best[k] = axis[i] + _lowest(axis[three] - axis[i], errors[three, k])
-            if of is not None:
-                then[k] = _parabola(axis[three] - axis[i], of[three])(best[k] - axis[i])
-    return np.exp(best) if values[0] > 0 else best, then
-
-
-def _parabola(x: Floats, y: Floats) -> Callable[[float], float]:
-    """The one through three points, the second of which is at 0."""
-    left, right = (y[0] - y[1]) / x[0], (y[2] - y[1]) / x[2]
-    curvature = (right - left) / (x[2] - x[0])
-    return lambda at: float(y[1] + at * (left - curvature * x[0] + curvature * at))
-
-
-def _lowest(x: Floats, y: Floats) -> float:
-    """The vertex of the parabola through three points, the second of which is at 0 and the lowest."""
-    left, right = (y[0] - y[1]) / x[0], (y[2] - y[1]) / x[2]
-    curvature = (right - left) / (x[2] - x[0])
-    return float((curvature * x[0] - left) / (2 * curvature)) if curvature > 0 else 0.0
