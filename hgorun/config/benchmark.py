@@ -98,7 +98,7 @@ class Tries(Block):
     """How many values of each knob are tried: all over its range, then around the best one."""
 
     coarse: Count = Field(default=9, description="all over its range, with a quarter of the seeds")
-    fine: Count = Field(default=7, description="around the best of these, with all seeds")
+    fine: Count = Field(default=10, description="around the best of these, with all seeds")
 
 
 class BenchmarkFile(Block):

@@ -54,7 +54,9 @@ def test_between_values_it_goes_to_the_bottom_of_a_parabola() -> None:
     """So that what is found is that of a smooth curve, and not that of the values which happened to be tried."""
     found = []
     for start in (0.4, 0.45, 0.5):  # other values each
-        search = Search(Scan(knob()), errors(lambda values: 1 + np.log(values / 9) ** 2 + 0.2 * np.log(values / 9) ** 3))
+        search = Search(
+            Scan(knob()), errors(lambda values: 1 + np.log(values / 9) ** 2 + 0.2 * np.log(values / 9) ** 3)
+        )
         found.append(search.around(start, 1 / 8, 10))
     np.testing.assert_allclose(found, 9, rtol=2e-3)
 
