@@ -15,12 +15,17 @@ from hgorun.engine.member_numbers import Outcome
 from hgorun.engine.memory import Raw
 from hgorun.engine.plan import Plan
 from hgorun.ensemble.lot import Lot, Numbers, times_of
-from hgorun.errors import PlantDiverged, Problem
+from hgorun.errors import PlantDiverged, Problem, SimulationError
 from hgorun.simulation import passes
+from hgorun.simulation.lanes import control_of
 from hgorun.simulation.passes import Pass, as_given, plan_of
 from hgorun.simulation.prepared import PreparedRun
 
 _NUMBERS = 16_000_000  # doubles of the trajectories of members that are looked at together
+
+
+class NotTogether(SimulationError):
+    """A pass that has to be made alone."""
 
 
 def together(run: PreparedRun) -> int:
@@ -57,6 +62,8 @@ class Suspects:
         Raises
         ------
         PlantDiverged
+        NotTogether
+            Where no controlled step was small enough, or too many would be needed.
         Problem
             Where there is no time or no memory for so many steps.
         """
@@ -69,6 +76,8 @@ class Suspects:
         if i in made.problems:
             raise made.problems[i]
         place, found, run = made.places[i], made.found, self.runs[i]
+        if np.isneginf(found.plant_diverged[place]):
+            raise NotTogether("controlled steps that need a closer look")
         if np.isfinite(found.plant_diverged[place]):
             raise PlantDiverged("the plant diverged", float(found.plant_diverged[place]))
         own = slice(place, place + 1)
@@ -93,15 +102,16 @@ class Suspects:
             raise problems[0]
         which = [i for i in range(len(self.runs)) if i not in problems]
         runs = [self.runs[i] for i in which]
-        ensemble = runs[0].structure.ensemble(as_given(runs[0]).method)
+        how = as_given(runs[0])
+        ensemble, control = runs[0].structure.ensemble(how.method), control_of(how)
         if len({times_of(run) for run in runs}) == 1:
             numbers = Numbers.of(runs).beside(plans[0], starts[0].bound)
-            found = ensemble.run(plans[0], numbers, rows=True, threads=self.threads)
+            found = ensemble.run(plans[0], numbers, rows=True, threads=self.threads, control=control)
         else:
             numbers = Lot.of(which, runs).numbers.beside(plans[0], starts[0].bound)
-            found = ensemble.run_each(plans, numbers, rows=True, threads=self.threads)
+            found = ensemble.run_each(plans, numbers, rows=True, threads=self.threads, control=control)
         places = {i: place for place, i in enumerate(which)}
-        return _Made(found, places, [plan.steps for plan in plans], problems)
+        return _Made(found, places, found.tries.tolist() if control else [plan.steps for plan in plans], problems)
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,5 +151,8 @@ class Again:
         """What they give without a bound: that of all suspects together, but for tables that were changed."""
         for known, shorter in self._plans:
             if known is plan:
-                return self.suspects.free(self.i, shorter)
+                try:
+                    return self.suspects.free(self.i, shorter)
+                except NotTogether:
+                    break
         return self.alone.integrate(plan)
