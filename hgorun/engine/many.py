@@ -138,6 +138,7 @@ class Worker:
         self._memory = Memory(s, lanes, program.constants, plan, start, tolerance, program.width, len(OWN))
         if control:
             self._memory["budget"] = control.limit
+        self._memory["awaits"] = int(len(inputs["awaited"]) > 0)
         job = np.zeros(len(JOB), dtype=np.int64)
         for name in INPUTS:
             room = self._memory.arrays[name].size // lanes

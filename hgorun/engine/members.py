@@ -10,7 +10,7 @@ from hgorun.native.ir import Function, hexadecimal
 
 # Numbers of members are read from arrays of any strides: for each an address, its rows, and the distances in words
 # from row to row and from member to member.
-INPUTS = ("z", "p", "gain", "bias", "holds")
+INPUTS = ("z", "p", "gain", "bias", "holds", "awaited")
 SOURCE = ("address", "rows", "row_stride", "member_stride")
 # What is written of each member, arrays of shape (rows, members).
 OUTPUTS = ("final", "first", "diverged", "lost", "error", "tries", "found", "kept")
@@ -67,7 +67,7 @@ def add_members(m: Module) -> None:
                 size = f.intrinsic("fabs", f.load(f.at(own["z"], place), f.real))
                 finite = f.compare("olt", size, f.constant(float("inf")))
                 f.store(f.select(finite, size, zero), f.at(own["size"], place), f.real)
-        for word in ("row", "ring_count", "segment", "paused"):
+        for word in ("row", "ring_count", "segment", "paused", "stopped"):
             f.store("0", f.at("%ctx", WORD[word]), "i64")
         collect("first", own["z"], str(s.states))
         f.call("begin", "ptr %ctx")
@@ -76,7 +76,8 @@ def add_members(m: Module) -> None:
             _run_each(f, m, own, job("tables", "ptr"), first, job("count"), job("points"))
         else:
             verdict = f.call("run", f"ptr %ctx, i64 {job('segments')}", "i64")
-            with f.when(f.test("ne", verdict, str(DONE))):
+            lost = f.test("ne", verdict, str(DONE))
+            with f.when(f.let(f"and i1 {lost}, {f.test('eq', f.word('%ctx', WORD['stopped']), '0')}")):
                 _fill(f, own["lost"], "1", float("-inf"))
             _add_last_rows(f, m, own, job("points"))
         with f.when(f.test("ne", job("first"), "0")):
