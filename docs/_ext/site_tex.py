@@ -240,6 +240,7 @@ def _is_fraction(text: str) -> bool:
 
 def _bare(text: str) -> str:
     """Without the parentheses around all of it, which a fraction makes superfluous."""
+    text = re.sub(r"^\\left\( ((?:(?!\\left|\\right).)*) \\right\)$", r"(\1)", text)
     if not (text.startswith("(") and text.endswith(")")):
         return text
     depth = [text[: i + 1].count("(") - text[: i + 1].count(")") for i in range(len(text) - 1)]

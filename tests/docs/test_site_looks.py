@@ -59,6 +59,7 @@ def test_a_formula_has_its_symbols_and_words_and_keys_stay(text: str, expected: 
             r"{\dot{\hat{x}}}_{i} = \hat{\rho} - \theta^{-1} \, {\ddot{z}}_{n - 1}",
         ),
         ("z+ = a b/c + (k+1)/T", r"z^{+} = \frac{a \, b}{c} + \frac{k + 1}{T}"),
+        ("(a/b + 1)/c", r"\frac{\frac{a}{b} + 1}{c}"),
         ("(T/eps) (x + 1/2)^2", r"\frac{T}{\varepsilon} \, \left( x + \frac{1}{2} \right)^{2}"),
         ("|w_1|^(i/(N+1)) sign(e)", r"\left| w_{1} \right|^{i / (N + 1)} \, \operatorname{sign}(e)"),
         ("sum_(j=3..i) 1/alpha_j", r"\sum_{j = 3 \ldots i} \frac{1}{\alpha_{j}}"),
