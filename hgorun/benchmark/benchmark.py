@@ -13,7 +13,7 @@ from typing import Any
 from pydantic import TypeAdapter
 
 from hgorun.benchmark.contestants import absent, check_types, contestant_in, contestants
-from hgorun.benchmark.scan import Floats
+from hgorun.benchmark.parabolas import Floats
 from hgorun.benchmark.trial import Score, Trial, swing
 from hgorun.code import ENSEMBLE, RUN, code, code_of
 from hgorun.config.benchmark import BenchmarkFile, Contestant

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hgorun.benchmark.scan import Floats, Scan
+from hgorun.benchmark.parabolas import Floats
+from hgorun.benchmark.scan import Scan
 from hgorun.config.benchmark import BenchmarkFile, Contestant, Knob, Others
 from hgorun.errors import Problem
 from hgorun.observers.base import OBSERVERS, AnyObserver

@@ -18,7 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hgorun.benchmark.contestants import with_knob
-from hgorun.benchmark.scan import Floats, Scan, Search
+from hgorun.benchmark.parabolas import Floats
+from hgorun.benchmark.scan import Scan, Search
 from hgorun.config.benchmark import Contestant, Seeds, Tries
 from hgorun.ensemble.block import Block, compute
 from hgorun.ensemble.members import Members

@@ -53,7 +53,7 @@ BENCHMARK: dict[str, Any] = {
     },
 }
 
-THETA = {"block": {"theta": 1}}
+SHGO: dict[str, Any] = {"group": "g", "block": {"type": "shgo"}}
 
 
 def written(folder: Path, **changes: Any) -> Path:
@@ -252,11 +252,8 @@ def test_files_and_json(done: tuple[Path, Benchmark], capsys: pytest.CaptureFixt
         ({"observers": {"S": {"group": "g", "block": {"type": "shgo", "initial": {}}}}}, "plant's file"),
         ({"observers": {"S": {"group": "g", "block": {"type": "none"}}}, "scenarios": ["held"]}, "none"),
         ({"seeds": {"tuning": 0}}, "tuning"),
-        ({"observers": {"S": {"group": "g", "block": {"type": "shgo"}, "plants": {"moon": {}}}}}, "'moon'"),
-        (
-            {"observers": {"S": {"group": "g", "block": {"type": "shgo"}, "plants": {"oscillator": THETA}}}},
-            "it is tuned",
-        ),
+        ({"observers": {"S": SHGO | {"plants": {"moon": {}}}}}, "'moon'"),
+        ({"observers": {"S": SHGO | {"plants": {"oscillator": {"block": {"theta": 1}}}}}}, "it is tuned"),
     ],
 )
 def test_what_is_wrong_in_the_file_is_named(tmp_path: Path, change: dict[str, Any], words: str) -> None:
