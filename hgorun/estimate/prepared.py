@@ -31,6 +31,7 @@ from hgorun.simulation.preparation import check_limit, in_groups, numbers_of, tr
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.structure import Structure, structure_of
 from hgorun.simulation.tables import build_plan
+from hgorun.simulation.tabulated import Stretchwise
 from hgorun.simulation.truth import Recording, SameTruth, Truth
 from hgorun.symbolic.evaluate import Floats, evaluate
 from hgorun.symbolic.plant import PlantModel
@@ -108,7 +109,7 @@ class PreparedEstimate:
         """Of integration."""
         return self.run.solver.given_method
 
-    def plan(self, grid: Floats, step: float, uneven: float | None = None) -> Plan:
+    def plan(self, grid: Floats, step: float, uneven: float | None = None, shared: Stretchwise | None = None) -> Plan:
         """The tables of a run; arguments as of :func:`~hgorun.simulation.tables.build_plan`."""
         return build_plan(
             self.run.schedule,
@@ -123,6 +124,7 @@ class PreparedEstimate:
             inputs=self.inputs,
             samples=[one.values for one in self.samples],
             in_parts=not self.gated,
+            shared=shared,
         )
 
     def start(self) -> Start:

@@ -91,6 +91,8 @@ class Actions:
     ----------
     acting : ndarray of int, optional
         The events at which a controller acts.
+    kept : int
+        Tables that are kept, in case that they are asked for once more.
 
     Attributes
     ----------
@@ -110,6 +112,7 @@ class Actions:
         inputs: RecordedInputs | None,
         order: Order | None = None,
         acting: np.ndarray | None = None,
+        kept: int = 1,
     ) -> None:
         layout = system.held
         rebase = system.has_alpha and not system.compares_with_past
@@ -169,6 +172,7 @@ class Actions:
             self.snapshots = replay.snapshots
             kinds += replay.kinds()
         self.slots, self._kinds = base, kinds + lines
+        self._kept = kept
         self._known: dict[tuple[int, int], tuple[np.ndarray, np.ndarray]] = {}
         self._ranks = max((kind.rank for kind in self._kinds), default=0) - _FIRST + 1
 
@@ -183,7 +187,9 @@ class Actions:
         """
         key = first, stop
         if key not in self._known:
-            self._known = {key: self._rows(first, stop)}
+            if len(self._known) >= self._kept:
+                self._known.clear()
+            self._known[key] = self._rows(first, stop)
         return self._known[key]
 
     def take_from(self, other: Actions) -> None:
