@@ -37,7 +37,7 @@ class RecordedInputs:
 
     def at(self, times: np.ndarray) -> np.ndarray:
         """u at several times, shape (len(times), m)."""
-        i = np.clip(np.searchsorted(self.times, times, side="right") - 1, 0, None)
+        i = last_of(self.times, times)
         return np.asarray(self.levels[i] + self.slopes[i] * (times - self.times[i])[:, None])
 
     def values(self, channels: Sequence[Channel], *, before: bool) -> list[np.ndarray]:
@@ -68,6 +68,16 @@ class RecordedInputs:
             sample = nearest_event(events, _arrivals(channels))
             for k, place in enumerate(last):
                 yield Kind.of(sample, -3, SET, place, Numbered(behind + k, len(last)))
+
+
+def last_of(times: np.ndarray, sought: np.ndarray) -> np.ndarray | slice:
+    """Where the last of some ascending times is that is not after each sought one; the first where all are."""
+    if sought.size:  # where these are the times themselves, one after the other, nothing is sought
+        first = int(np.searchsorted(times, sought[0], side="right")) - 1
+        own = times[max(first, 0) : first + sought.size]
+        if np.array_equal(own, sought) and np.all(own[1:] > own[:-1]):
+            return slice(first, first + sought.size)
+    return np.maximum(np.searchsorted(times, sought, side="right") - 1, 0)
 
 
 def _arrivals(channels: Sequence[Channel]) -> np.ndarray:

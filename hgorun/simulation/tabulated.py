@@ -172,5 +172,5 @@ def _row_in_last_step(start: np.ndarray, end: np.ndarray, steps: np.ndarray, gri
         return found
     h = (end - start) / steps
     snap = 1e-9 * h + 1e-15 * np.maximum(np.abs(start), np.abs(end))
-    first = np.searchsorted(grid, end - h + snap, side="right")
-    return np.asarray(np.searchsorted(grid, end - snap, side="left") > first)
+    behind = np.searchsorted(grid, end - snap, side="left")  # whether the last one before the end is in the step
+    return np.asarray((behind > 0) & (grid[np.maximum(behind, 1) - 1] > end - h + snap))

@@ -18,6 +18,7 @@ from hgorun.data.recording import Recording, Signal
 from hgorun.estimate import long_found, long_log, stretches
 from hgorun.estimate.estimate import estimate
 from hgorun.estimate.long_log import estimate_into
+from hgorun.measurement import schedule
 from hgorun.result import digests
 from hgorun.result.reading import read
 from hgorun.result.result import Result
@@ -117,8 +118,13 @@ def test_a_log_of_one_clock_gives_the_same_file(hold: str, short: pytest.MonkeyP
     log = recording(signal("a", t, np.sin(t)), signal("d", t, np.cos(t)), u=held_input("u", t, np.sin(3 * t), hold))
     smooth = PLANT | {"dynamics": {"a": "b + c", "b": "-sin(a) - 0.1*b + u", "c": "0"}}
     short.setitem(globals(), "PLANT", smooth)
-    counted, build = [], stretches.build_schedule
-    short.setattr(stretches, "build_schedule", lambda *given: counted.append(1) or build(*given))
+    counted: list[Any] = []
+
+    def counting(*given: Any) -> schedule.Schedule:
+        counted.append(given)
+        return schedule.build_schedule(*given)
+
+    short.setattr(stretches, "build_schedule", counting)
     whole, found = _both(log, tmp_path / "a.h5", "shgo", **FIXED)
     assert found is not None
     assert len(counted) == 1  # of the last stretch, which ends with a sample
