@@ -107,6 +107,7 @@ class Worker:
         start = Start(np.zeros((s.states, lanes)), np.zeros((s.parameters, lanes)), bound)
         self._program, self._kept = program, (inputs, outputs, reducer)
         self._memory = Memory(s, lanes, program.constants, plan, start, None, program.width, len(OWN))
+        self._memory["awaits"] = int(len(inputs["awaited"]) > 0)
         job = np.zeros(len(JOB), dtype=np.int64)
         for name in INPUTS:
             room = self._memory.arrays[name].size // lanes

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Protocol
+
+import numpy as np
 
 from hgorun.engine.many import Reducer
 from hgorun.engine.plan import Floats
@@ -23,6 +25,9 @@ class MemberNumbers:
         These three take the place of the plan's.
     bound : (offset, factor)
         As in :class:`~hgorun.engine.program.Start`.
+    awaited : ndarray, shape (observers, N), optional
+        One for each observer without which the run of a member need not go on, else zero: it may end when nothing is
+        left of them any more. Then the rows behind that tell nothing of all else.
     """
 
     z0: Floats
@@ -31,6 +36,7 @@ class MemberNumbers:
     bias: Floats
     holds: Floats
     bound: tuple[float, float] = (1e6, 1e6)
+    awaited: Floats = field(default_factory=lambda: np.zeros((0, 1)))
 
     @property
     def count(self) -> int:
@@ -38,13 +44,13 @@ class MemberNumbers:
         return int(self.z0.shape[1])
 
     def named(self, name: str) -> Floats:
-        """The numbers that the engine calls ``z``, ``p``, ``gain``, ``bias``, ``holds``."""
+        """The numbers that the engine calls ``z``, ``p``, ``gain``, ``bias``, ``holds``, ``awaited``."""
         numbers: Floats = getattr(self, {"z": "z0"}.get(name, name))
         return numbers
 
     def some(self, which: slice) -> MemberNumbers:
         """Some of them, as views."""
-        parts = {name: getattr(self, name) for name in ("z0", "p", "gain", "bias", "holds")}
+        parts = {name: getattr(self, name) for name in ("z0", "p", "gain", "bias", "holds", "awaited")}
         return replace(self, **{name: part[:, which] if part.ndim == 2 else part for name, part in parts.items()})
 
 

@@ -10,7 +10,7 @@ from hgorun.native.ir import Function, hexadecimal
 
 # Numbers of members are read from arrays of any strides: for each an address, its rows, and the distances in words
 # from row to row and from member to member.
-INPUTS = ("z", "p", "gain", "bias", "holds")
+INPUTS = ("z", "p", "gain", "bias", "holds", "awaited")
 SOURCE = ("address", "rows", "row_stride", "member_stride")
 # What is written of each member, arrays of shape (rows, members).
 OUTPUTS = ("final", "first", "diverged", "lost", "error", "found", "kept")
@@ -61,7 +61,7 @@ def add_members(m: Module) -> None:
             size = f.intrinsic("fabs", f.load(f.at(own["z"], state * lanes), f.real))
             largest = f.select(f.compare("ogt", size, largest), size, largest)
         f.store(largest, own["largest"], f.real)
-        for word in ("row", "ring_count", "segment", "paused"):
+        for word in ("row", "ring_count", "segment", "paused", "stopped"):
             f.store("0", f.at("%ctx", WORD[word]), "i64")
         collect("first", own["z"], str(s.states))
         f.call("begin", "ptr %ctx")
@@ -70,7 +70,8 @@ def add_members(m: Module) -> None:
             _run_each(f, m, own, job("tables", "ptr"), first, job("count"), job("points"))
         else:
             verdict = f.call("run", f"ptr %ctx, i64 {job('segments')}", "i64")
-            with f.when(f.test("ne", verdict, str(DONE))):
+            lost = f.test("ne", verdict, str(DONE))
+            with f.when(f.let(f"and i1 {lost}, {f.test('eq', f.word('%ctx', WORD['stopped']), '0')}")):
                 _fill(f, own["lost"], "1", float("-inf"))
             _add_last_rows(f, m, own, job("points"))
         with f.when(f.test("ne", job("first"), "0")):

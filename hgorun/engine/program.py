@@ -196,6 +196,7 @@ class Program:
         limit: float = np.inf,
         take: Take | None = None,
         room: int | None = None,
+        until: Sequence[int] = (),
     ) -> Raw:
         """Run a plan.
 
@@ -213,6 +214,9 @@ class Program:
             Gets all rows, some of them at a time, in place of an array of all.
         room : int, optional
             So many of them at a time.
+        until : sequence of int
+            Observers without which the run need not go on: it may end when nothing is left of them any more, and then
+            the rows behind that tell nothing of all else. With fixed steps.
 
         Raises
         ------
@@ -222,6 +226,7 @@ class Program:
         """
         window = None if take is None else Window(plan.grid, self.system.states, take, room)
         memory = self.memory(plan, start, tolerance, window)
+        memory.stop_without(until)
         chunk = 1 if tolerance or progress else _FIRST  # adaptive segments may be long
         passed, tries = 0, 0
         for part, segments in enumerate(plan.parts()):
@@ -250,6 +255,8 @@ class Program:
                 tries += granted - memory["budget"]
                 if window:
                     window.check()
+                if memory["stopped"]:
+                    return memory.result(tries if tolerance else plan.steps)
                 if verdict != DONE:
                     stiff = isinstance(self.method, Rosenbrock)
                     message = _explain(verdict, plan.origin + memory.real("now"), stiff=stiff)

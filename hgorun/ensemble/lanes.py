@@ -61,12 +61,12 @@ def carry_out(lot: Lot, how: Pass, metrics: Sequence[Metric], *, rows: bool = Fa
     run = lot.run
     reduction = reduction_of(run, metrics) if run.observers else None
     ensemble = run.structure.ensemble(how.method)
-    if lot.own is None:
+    if lot.own is None and lot.plans is None:
         plan, start = plan_of(run, how)
         numbers, steps = lot.numbers.beside(plan, start.bound), np.full(lot.which.size, plan.steps)
         found = ensemble.run(plan, numbers, reduction, rows=rows, threads=threads)
     else:
-        plans = [plan_of(own, how)[0] for own in lot.own]
+        plans = lot.plans or [plan_of(own, how)[0] for own in lot.own or ()]
         numbers, steps = lot.numbers.beside(plans[0], plan_of(run, how)[1].bound), np.array([p.steps for p in plans])
         found = ensemble.run_each(plans, numbers, reduction, rows=rows, threads=threads)
     nothing = np.empty((0, run.plant.model.n, lot.which.size))

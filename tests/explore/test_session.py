@@ -10,6 +10,7 @@ import yaml
 from live import CLOSED, OSCILLATOR, Live
 
 from hgorun import load, simulate
+from hgorun.analysis.convergence.premises import premises_of
 from hgorun.analysis.finding import FINDINGS
 from hgorun.analysis.report import analyze
 from hgorun.errors import ConfigError, HgorunError
@@ -280,3 +281,13 @@ def test_a_run_that_cannot_be_made_is_told(file: Path) -> None:
         live.bench.state_of("observers.F.theta=-")
     with pytest.raises(HgorunError):
         live.bench.simulated(live.bench.state_of("observers.F.theta=-1"))
+
+
+def test_what_no_slider_changes_is_made_once(file: Path) -> None:
+    """The coordinates of a theory and their functions stay while values change."""
+    live = Live(file)
+    charts = set()
+    for theta in (3.0, 3.5, 4.0):
+        shown = live.bench.simulated(live.bench.state_of(f"observers.S.theta={theta}"))
+        charts |= {premises_of(subject).chart for subject in shown.context.subjects.values()}
+    assert len(charts) == 1
