@@ -6,26 +6,33 @@ Each observer runs on the first of the plants that it takes, with the keys of it
 it takes; ``shgo`` runs on the same plant, under the same availability, with the same method and steps. What is compared
 is the CPU time of the native loop of a run, plant and observer together, divided by steps and by states. The bar is 2;
 ``ukf``, ``mhe`` and ``kkl`` have none.
+
+With a C compiler, what six powers a stage cost by nature: ``homogeneous`` over ``shgo`` in plain C (powers.c), one run
+with the C library's ``pow``, and eight runs side by side with its vector functions, which are right to 4 ulp.
 """
 
 from __future__ import annotations
 
 import argparse
+import ctypes
 import os
 import sys
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
-from sweep_cases import cpu
+from academic import compiler
+from sweep_cases import POINTER, built, cpu
 
 from hgorun import Experiment
 from hgorun.engine.member_numbers import MemberNumbers
 from hgorun.errors import HgorunError
 from hgorun.observers.base import OBSERVERS
+from hgorun.observers.homogeneous import powers
 from hgorun.simulation.passes import as_given, plan_of
 from hgorun.simulation.simulate import prepare
 
@@ -44,6 +51,12 @@ PLANTS: Mapping[str, Block] = {
 } | {
     "contois": {"type": "contois", "inputs": {"D": "0.3"}, "initial": {"x1": 1.5, "x2": 15.0}},
     "academic": {"type": "academic", "initial": {"x1": 1.0, "x2": 0.5, "x3": -0.5}},
+    "linear": {
+        "states": ["x1", "x2"],
+        "dynamics": {"x1": "x2", "x2": "-x1 - x2/2"},
+        "output": "x1",
+        "initial": {"x1": 0.5, "x2": 0.25},
+    },
 }
 AVAILABILITIES: Mapping[str, Block] = {
     "continuous": {},
@@ -145,7 +158,7 @@ class Row:
 
 
 def rows(labels: Sequence[str], method: str, members: int, count: int) -> Iterator[Row]:
-    """Rows, or why there is none, of each label."""
+    """The rows of each label, one for each availability that it takes."""
     for label in labels:
         for availability in AVAILABILITIES:
             for plant in PLANTS:
@@ -154,6 +167,23 @@ def rows(labels: Sequence[str], method: str, members: int, count: int) -> Iterat
                 if isinstance(mine, Timed) and isinstance(theirs, Timed):
                     yield _measured(label, plant, availability, mine, theirs, members, count)
                     break
+
+
+def by_nature(folder: Path, members: int, *flags: str) -> float:
+    """``homogeneous`` over ``shgo`` in plain C, so many members side by side."""
+    a, b = (powers(d, 3) for d in (-0.1, 0.1))
+    gains, start = np.array([6.0, 12.0, 8.0]), np.array([0.5, 0.25, 0.17, 0.57, 0.3, 0.2])
+    runs = []
+    for kind in (1, 0):
+        options = [f"-DMEMBERS={members}", f"-DPOWERS={kind}", "-fopenmp-simd", *flags]
+        run = built(folder, f"powers{members}{kind}", Path(__file__).with_name("powers.c"), *options).run
+        run.restype, run.argtypes = None, [ctypes.c_long, ctypes.c_double, *[POINTER] * 4]
+        runs.append(partial(_in_c, run, (gains, a, b, np.repeat(start[:, None], members, axis=1))))
+    return ratio(runs[0], runs[1], 7)[0]
+
+
+def _in_c(run: Callable[..., None], arrays: Sequence[np.ndarray]) -> None:
+    run(4000, 1e-4, *(one.ctypes.data for one in arrays))
 
 
 def _measured(label: str, plant: str, availability: str, mine: Timed, theirs: Timed, members: int, count: int) -> Row:
@@ -205,11 +235,21 @@ def main() -> int:
     labels = options.labels or list(blocks())
     head = f"{'':<22}{'plant':<12}{'outputs':<12}{'alone':>7}{'in lanes':>9}{'ns alone':>11}{'in lanes':>9}"
     print(f"over {REFERENCE}, per step and state; {options.method}; the bar is {BAR:g}\n\n{head}\n{'-' * 94}")
-    missed = 0
+    missed, measured = 0, set()
     for row in rows(labels, options.method, options.members, options.count):
         print(line(row), flush=True)
         missed += row.met is False
+        measured.add(row.label)
     print(f"\n{missed} above the bar")
+    for label in set(labels) - measured:
+        why = {
+            str(timed(plant, one, label, options.method, options.members)) for plant in PLANTS for one in AVAILABILITIES
+        }
+        print(f"{label} runs on none of the plants: {'; '.join(sorted(why))}")
+    if compiler() is not None:
+        with tempfile.TemporaryDirectory() as folder:
+            one, eight = by_nature(Path(folder), 1), by_nature(Path(folder), 8, "-Ofast", "-lmvec")
+        print(f"homogeneous / shgo in plain C: {one:.1f} alone, {eight:.1f} in eight lanes")
     return 0
 
 
