@@ -11,7 +11,7 @@ from pydantic import Field, ModelWrapValidatorHandler, model_validator
 from hgorun.config.types import Positive
 from hgorun.errors import Problem
 from hgorun.observers.base import ContinuousObserver, Flow, Observer, Sample, SampledObserver, observer
-from hgorun.observers.capabilities import Differentiator, SlidingMode, Switching
+from hgorun.observers.capabilities import NO_MODEL, Differentiator, SlidingMode, Switching
 from hgorun.symbolic.derivatives import DerivativeCopy, DerivativeForm, derivative_form
 from hgorun.symbolic.symbols import Symbols
 
@@ -51,6 +51,8 @@ def levant_flow(z: ca.SX, error: ca.SX, gains: ca.SX) -> ca.SX:
 
 class LevantDifferentiator(Differentiator, SlidingMode, Observer[DerivativeForm, DerivativeCopy]):
     """The keys and the gain that both discretisations share."""
+
+    lacks = NO_MODEL
 
     reference = "Levant 2003; Meiners, Adamy 2025, section IV"
     form = staticmethod(derivative_form)
