@@ -11,7 +11,7 @@ import numpy as np
 from hgorun.engine.lane_tables import OWN, TABLES
 from hgorun.engine.layout import ACTION_WORDS, HybridSystem
 from hgorun.engine.members import INPUTS, JOB, OUTPUTS, PLACE
-from hgorun.engine.memory import Memory, Start
+from hgorun.engine.memory import Memory, Start, Tolerance
 from hgorun.engine.plan import Floats, Plan
 from hgorun.engine.program import generate, generate_loose
 from hgorun.native.compiler import NativeModule, address_of, vector_doubles
@@ -52,14 +52,23 @@ class ManyProgram:
         The states of a row, all of them by default.
     loose : bool
         Every member has tables of its own.
+    adaptive : bool
+        Every member has steps of its own, too, which an error estimate controls.
     """
 
     def __init__(
-        self, system: HybridSystem, method: str, lanes: int, shown: Sequence[int] | None = None, *, loose: bool = False
+        self,
+        system: HybridSystem,
+        method: str,
+        lanes: int,
+        shown: Sequence[int] | None = None,
+        *,
+        loose: bool = False,
+        adaptive: bool = False,
     ) -> None:
-        self.system, self.lanes, self.shown, self.loose = system, lanes, shown, loose
-        if loose:
-            ir, self.constants = generate_loose(system, method, lanes, shown)
+        self.system, self.lanes, self.shown, self.loose = system, lanes, shown, loose or adaptive
+        if self.loose:
+            ir, self.constants = generate_loose(system, method, lanes, shown, adaptive=adaptive)
         else:
             ir, self.constants = generate(system, method, lanes=lanes, many=True, shown=shown)
         self._native = NativeModule(ir, ("members",))
@@ -70,6 +79,21 @@ class ManyProgram:
     def width(self) -> int:
         """States of a row."""
         return self.system.states if self.shown is None else len(self.shown)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Control:
+    """Of the steps of members, each of which has its own.
+
+    Attributes
+    ----------
+    tolerance : Tolerance
+    limit : int
+        So many steps may be tried.
+    """
+
+    tolerance: Tolerance
+    limit: int
 
 
 class Worker:
@@ -89,7 +113,10 @@ class Worker:
         As of :class:`~hgorun.engine.memory.Start`.
     reducer : Reducer, optional
     tables : sequence of Plan
-        Of a loose program, the plans of all members; ``plan`` has as many slots and holds as the largest.
+        Of a loose program, the plans of all members, or the one of all; ``plan`` has as many slots and holds as the
+        largest.
+    control : Control, optional
+        Of steps that are controlled.
     """
 
     def __init__(
@@ -102,11 +129,16 @@ class Worker:
         bound: tuple[float, float],
         reducer: Reducer | None = None,
         tables: Sequence[Plan] = (),
+        control: Control | None = None,
     ) -> None:
         s, lanes = program.system, program.lanes
         start = Start(np.zeros((s.states, lanes)), np.zeros((s.parameters, lanes)), bound)
         self._program, self._kept = program, (inputs, outputs, reducer)
-        self._memory = Memory(s, lanes, program.constants, plan, start, None, program.width, len(OWN))
+        tolerance = control.tolerance if control else None
+        self._memory = Memory(s, lanes, program.constants, plan, start, tolerance, program.width, len(OWN))
+        if control:
+            self._memory["budget"] = control.limit
+        self._memory["awaits"] = int(len(inputs["awaited"]) > 0)
         job = np.zeros(len(JOB), dtype=np.int64)
         for name in INPUTS:
             room = self._memory.arrays[name].size // lanes
@@ -127,7 +159,7 @@ class Worker:
             job[PLACE["reduce"]], job[PLACE["numbers"]] = reducer.address, reducer.size
             job[PLACE["workspace"]], job[PLACE["reduced"]] = address_of(reducer.arrays[0]), address_of(self._reduced)
         if program.loose:
-            self._tables, self._plans = _table_of(tables)
+            self._tables, self._plans = _table_of(tables, count)
             job[PLACE["tables"]] = address_of(self._tables)
         self._job = job
 
@@ -142,7 +174,7 @@ def _needed(plan: Plan, name: str) -> int:
     return sizes.get(name, 0)
 
 
-def _table_of(plans: Sequence[Plan]) -> tuple[np.ndarray, list[list[np.ndarray]]]:
+def _table_of(plans: Sequence[Plan], count: int) -> tuple[np.ndarray, list[list[np.ndarray]]]:
     """Where the tables of every member are, shape (members, 4), and these."""
     found = np.empty((len(plans), len(TABLES)), dtype=np.int64)
     kept = []
@@ -151,7 +183,7 @@ def _table_of(plans: Sequence[Plan]) -> tuple[np.ndarray, list[list[np.ndarray]]
         arrays = [np.ascontiguousarray(array) for array in (plan.spans, plan.counts, actions)]
         row[:] = *(array.__array_interface__["data"][0] for array in arrays), len(plan.counts)
         kept.append(arrays)
-    return found, kept
+    return np.repeat(found, count // len(plans), axis=0), kept
 
 
 def widest(plans: Sequence[Plan]) -> Plan:

@@ -18,7 +18,7 @@ from hgorun.ensemble.ladder import found_steps
 from hgorun.ensemble.lanes import given_steps
 from hgorun.ensemble.lot import Lot, settings_of, times_of
 from hgorun.ensemble.members import Members
-from hgorun.ensemble.reseeded import reseeded_members
+from hgorun.ensemble.reseeded import reseeded_members, retimed_lots
 from hgorun.ensemble.suspects import Suspects, together
 from hgorun.errors import ConfigError, HgorunError, Problem, SimulationError
 from hgorun.memo import Memo, same
@@ -154,6 +154,10 @@ class _Work:
         """Members that are prepared one by one, and carried out side by side as far as they have one plan."""
         for start in range(0, which.size, _PREPARED):
             some = which[start : start + _PREPARED]
+            for lot in retimed_lots(self.base, self.members, some):
+                if able(lot.run):
+                    self._alone(self._lot(lot))
+                    some = some[~np.isin(some, lot.which)]
             groups, rest = self._groups(self._runs_by_seed(some))
             self._alone(np.array([i for i, _ in rest], dtype=np.int64))
             for lot in lots_of(list(groups.values())):

@@ -155,6 +155,11 @@ def _row_in_last_step(start: np.ndarray, end: np.ndarray, steps: np.ndarray, gri
             own = distinct(i[inside])
             found[own] = _row_in_last_step(start[own], end[own], steps[own], grid[inside])
         return found
+    return rows_in_last_steps(start, end, steps, grid)
+
+
+def rows_in_last_steps(start: np.ndarray, end: np.ndarray, steps: np.ndarray, grid: np.ndarray) -> np.ndarray:
+    """Whether an output point lies strictly inside the last step of each of some segments, in any order."""
     h = (end - start) / steps
     snap = 1e-9 * h + 1e-15 * np.maximum(np.abs(start), np.abs(end))
     first = np.searchsorted(grid, end - h + snap, side="right")
