@@ -7,6 +7,7 @@ ends when nothing is left of the suspect observers of all that are side by side.
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -51,6 +52,7 @@ class Suspects:
     runs: Sequence[PreparedRun]
     threads: int = 1
     _passes: dict[int, _Made] = field(default_factory=dict)
+    _lock: threading.RLock = field(default_factory=threading.RLock)  # a pass is made once, whoever asks first
 
     def raw(self, i: int) -> Raw:
         """What a member has given, up to where it was stopped."""
@@ -89,9 +91,10 @@ class Suspects:
         return None if ended and not (until and _all_lost(raw, until)) else raw
 
     def _made(self, shorter: int) -> _Made:
-        if shorter not in self._passes:
-            self._passes[shorter] = self._pass(shorter)
-        return self._passes[shorter]
+        with self._lock:
+            if shorter not in self._passes:
+                self._passes[shorter] = self._pass(shorter)
+            return self._passes[shorter]
 
     def _pass(self, shorter: int) -> _Made:
         """The pass of all members: with the bound for 0, else without it and with steps so many times shorter."""
