@@ -42,10 +42,10 @@ def escaped(run: PreparedRun) -> PlantDiverged | None:
     grown = x[-1] - x[-2] > _GROWS * np.max(x[:-1], axis=0)
     if not np.any(grown):
         return None
-    names = [name for name, one in zip(run.plant.model.states, grown, strict=True) if one]
-    reach = f"{', '.join(names)} {'reaches' if len(names) == 1 else 'reach'} infinity"
+    lost = [state for state, one in zip(run.plant.model.states, grown, strict=True) if one]
+    reach = f"{', '.join(lost)} {'reaches' if len(lost) == 1 else 'reach'} infinity"
     return PlantDiverged(
         f"the plant itself diverged at t = {run.origin + end:.6g}, where {reach}: nothing can be said about its "
         "observers after that; end the run before",
-        end,
+        at=end,
     )
