@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
+from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_hex
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.lines import Line2D
 
 _SIZE = 7.0  # points
 _ROW, _LETTER = 1.15 * _SIZE, 0.52 * _SIZE  # points: height of a row, about the width of a letter
@@ -43,23 +43,29 @@ class Cut:
 
 
 def cuts(ax: Axes) -> list[Cut]:
-    """Of all lines of one colour the furthest beyond each edge, the furthest first.
+    """Of all lines and bands of one colour the furthest beyond each edge, the furthest first.
 
     A logarithmic axis has no lower edge that a peak could pass: errors that are small for a moment leave it.
     """
     found: dict[tuple[str, str], Cut] = {}
-    for line in ax.lines:
-        for one in _of_line(ax, line):
+    drawn = [
+        (line.get_transform(), np.array(line.get_data(), dtype=float), to_hex(line.get_color())) for line in ax.lines
+    ]
+    for band in ax.collections:
+        if isinstance(band, PolyCollection) and len(band.get_facecolor()):
+            corners = np.concatenate([path.vertices for path in band.get_paths()] or [np.empty((0, 2))])
+            drawn.append((band.get_transform(), corners.T, to_hex(np.asarray(band.get_facecolor())[0])))
+    for transform, (x, y), colour in drawn:
+        if transform != ax.transData:  # a line across the panel, such as that at zero
+            continue
+        for one in _of_points(ax, x, y, colour):
             known = found.get((one.side, one.colour))
             if known is None or abs(one.value) > abs(known.value):
                 found[one.side, one.colour] = one
     return sorted(found.values(), key=lambda one: -abs(one.value))
 
 
-def _of_line(ax: Axes, line: Line2D) -> list[Cut]:
-    if line.get_transform() != ax.transData:  # a line across the panel, such as that at zero
-        return []
-    x, y = (np.asarray(values, dtype=float) for values in line.get_data())
+def _of_points(ax: Axes, x: np.ndarray, y: np.ndarray, colour: str) -> list[Cut]:
     (left, right), (low, high) = sorted(ax.get_xlim()), sorted(ax.get_ylim())
     seen = (x >= left) & (x <= right) & np.isfinite(y)
     x, y = x[seen], y[seen]
@@ -68,7 +74,6 @@ def _of_line(ax: Axes, line: Line2D) -> list[Cut]:
     logarithmic = ax.get_yscale() == "log"
     room = high * ((high / low) ** _UNSEEN - 1) if logarithmic else _UNSEEN * (high - low)
     top, bottom = int(np.argmax(y)), int(np.argmin(y))
-    colour = to_hex(line.get_color())
     found = [Cut("top", float(x[top]), float(y[top]), colour)] if y[top] > high + room else []
     if not logarithmic and y[bottom] < low - room:
         found.append(Cut("bottom", float(x[bottom]), float(y[bottom]), colour))
