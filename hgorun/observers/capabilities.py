@@ -11,7 +11,7 @@ own.
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Self
 
 import casadi as ca
@@ -169,3 +169,16 @@ class NoiseInformed(Block):
         copied = self.model_copy()
         copied._sensors = tuple(sensors)
         return copied
+
+
+class BeginsWithASample(Block):
+    """An observer with states that belong to the first sample, whose time a stream does not know before."""
+
+    @property
+    @abstractmethod
+    def begins(self) -> float:
+        """When that is due, counted from the start of the run: for then the states at the start are meant."""
+
+    @abstractmethod
+    def begun(self, form: Any, xhat: np.ndarray) -> Mapping[str, np.ndarray]:
+        """These states where the first sample comes at another time, from the estimate then, shape (n,)."""

@@ -132,6 +132,10 @@ class KklObserver(NoiseInformed, Punctual, NotExported, NotLinear, Observer[Drif
             if "z" in self.internal:
                 return np.zeros(len(self.eigenvalues(form)) * len(form.plant.outputs))
         x = self.at_first(form, np.array([self.initial.get(name, 0.0) for name in form.plant.states]))
+        return self.of_estimate(form, x)
+
+    def of_estimate(self, form: DriftForm, x: np.ndarray) -> np.ndarray:
+        """T at an estimate, shape (q m,)."""
         if self.is_exact(form):
             return np.asarray(self._matrix(form) @ x)
         return _STARTS.get((same(form), x.tobytes(), *self._key(form)), lambda: self._at(form, x[None], "initial")[0])
