@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -48,21 +48,24 @@ def cuts(ax: Axes) -> list[Cut]:
     A logarithmic axis has no lower edge that a peak could pass: errors that are small for a moment leave it.
     """
     found: dict[tuple[str, str], Cut] = {}
-    drawn = [
-        (line.get_transform(), np.array(line.get_data(), dtype=float), to_hex(line.get_color())) for line in ax.lines
-    ]
-    for band in ax.collections:
-        if isinstance(band, PolyCollection) and len(band.get_facecolor()):
-            corners = np.concatenate([path.vertices for path in band.get_paths()] or [np.empty((0, 2))])
-            drawn.append((band.get_transform(), corners.T, to_hex(np.asarray(band.get_facecolor())[0])))
-    for transform, (x, y), colour in drawn:
-        if transform != ax.transData:  # a line across the panel, such as that at zero
-            continue
+    for x, y, colour in _drawn(ax):
         for one in _of_points(ax, x, y, colour):
             known = found.get((one.side, one.colour))
             if known is None or abs(one.value) > abs(known.value):
                 found[one.side, one.colour] = one
     return sorted(found.values(), key=lambda one: -abs(one.value))
+
+
+def _drawn(ax: Axes) -> Iterator[tuple[np.ndarray, np.ndarray, str]]:
+    """The points of lines and the corners of bands, but of those across the panel, such as the line at zero."""
+    for line in ax.lines:
+        if line.get_transform() == ax.transData:
+            x, y = np.array(line.get_data(), dtype=float)
+            yield x, y, to_hex(line.get_color())
+    for band in ax.collections:
+        if isinstance(band, PolyCollection) and band.get_transform() == ax.transData and band.get_paths():
+            x, y = np.concatenate([path.vertices for path in band.get_paths()]).T
+            yield x, y, to_hex(np.asarray(band.get_facecolor())[0])
 
 
 def _of_points(ax: Axes, x: np.ndarray, y: np.ndarray, colour: str) -> list[Cut]:
