@@ -35,6 +35,8 @@ _STARTS: Memo[np.ndarray] = Memo(64)
 class KklObserver(NoiseInformed, Punctual, NotExported, NotLinear, Observer[DriftForm, SmoothCopy]):
     """The keys of a KKL observer, and the map T: of what, its classes say."""
 
+    because = "z lives in the time when outputs were taken"
+
     reference = (
         "Kazantzis, Kravaris 1998; Andrieu, Praly 2006; Brivadis, Andrieu, Bernard, Serres 2023, quoted from memory; "
         "the inverse by regression: our own"
