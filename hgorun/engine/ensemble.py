@@ -44,7 +44,7 @@ class Ensemble:
         self.system, self.method = system, method
         self.lanes = lanes_of(system) if lanes is None else lanes
         self._others = {self.lanes: self}  # by their numbers of lanes
-        self._programs: dict[tuple[tuple[int, ...] | None, bool], ManyProgram] = {}
+        self._programs: dict[tuple[tuple[int, ...] | None, bool, bool], ManyProgram] = {}
 
     def run(
         self,
@@ -150,7 +150,7 @@ class Ensemble:
         if reduction is not None and not compiled and not rows:
             return self._in_parts(plans, members, reduction, threads, progress)
         shown = reduction.states if reduction is not None and compiled and not rows else None
-        program, count, s = self._program(shown, loose=loose), members.count, self.system
+        program, count, s = self._program(shown, loose=loose, rows=rows), members.count, self.system
         inputs = {name: _doubles(members.named(name)) for name in INPUTS}
         outputs = {
             "final": np.empty((s.states, count)),
@@ -187,10 +187,10 @@ class Ensemble:
             self._others[lanes] = Ensemble(self.system, self.method, lanes)
         return self._others[lanes]
 
-    def _program(self, shown: Sequence[int] | None, *, loose: bool) -> ManyProgram:
-        key = None if shown is None else tuple(shown), loose
+    def _program(self, shown: Sequence[int] | None, *, loose: bool, rows: bool) -> ManyProgram:
+        key = None if shown is None else tuple(shown), loose, rows
         if key not in self._programs:
-            self._programs[key] = ManyProgram(self.system, self.method, self.lanes, key[0], loose=loose)
+            self._programs[key] = ManyProgram(self.system, self.method, self.lanes, key[0], loose=loose, estimates=rows)
         return self._programs[key]
 
     def _in_parts(

@@ -52,16 +52,25 @@ class ManyProgram:
         The states of a row, all of them by default.
     loose : bool
         Every member has tables of its own.
+    estimates : bool
+        Whether embedded error estimates are kept.
     """
 
     def __init__(
-        self, system: HybridSystem, method: str, lanes: int, shown: Sequence[int] | None = None, *, loose: bool = False
+        self,
+        system: HybridSystem,
+        method: str,
+        lanes: int,
+        shown: Sequence[int] | None = None,
+        *,
+        loose: bool = False,
+        estimates: bool = True,
     ) -> None:
         self.system, self.lanes, self.shown, self.loose = system, lanes, shown, loose
         if loose:
             ir, self.constants = generate_loose(system, method, lanes, shown)
         else:
-            ir, self.constants = generate(system, method, lanes=lanes, many=True, shown=shown)
+            ir, self.constants = generate(system, method, lanes=lanes, many=True, shown=shown, estimates=estimates)
         self._native = NativeModule(ir, ("members",))
         kinds = ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64, ctypes.c_int64
         self.members = ctypes.CFUNCTYPE(None, *kinds)(self._native.address["members"])
