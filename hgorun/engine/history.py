@@ -158,12 +158,12 @@ class History:
             f.store(value(f, f.splat(theta), f.splat(h), *parts), f.at("%target", place), f.real)
 
         if f.lanes == 1 and self.m.system.width <= _TOGETHER:
-            for j, count in _powers(self.m.system.width):
-                with f.wide(count):
-                    recalled(str(j))
+            for channel, together in _powers(self.m.system.width):
+                with f.wide(together):
+                    recalled(str(channel))
         else:
-            for i in each(f, self.m.system.width):
-                recalled(f.scalar("mul", str(i), str(f.lanes)))
+            for each_channel in each(f, self.m.system.width):
+                recalled(f.scalar("mul", str(each_channel), str(f.lanes)))
         provisional = f.test("eq", i, count)
         f.do(f"ret i64 {f.let(f'zext i1 {provisional} to i64')}")
         self.m.finish(f)
