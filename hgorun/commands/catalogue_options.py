@@ -38,6 +38,23 @@ class Figures(Reproduction):
     """
 
     report: Annotated[bool, typer.Option("--report", help="Check the claims too, and write REPORT.md.")] = False
+    width: Annotated[
+        str | None,
+        typer.Option(
+            "--width",
+            metavar="COLUMNS",
+            help="One or two columns of a journal (default: what the file says).",
+            autocompletion=completion.one_of("one", "two"),
+        ),
+    ] = None
+    style: Annotated[
+        str | None,
+        typer.Option(
+            "--style",
+            help="Page that figures are for: light or dark (default: what the file says).",
+            autocompletion=completion.one_of("light", "dark"),
+        ),
+    ] = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)

@@ -101,7 +101,7 @@ class _Loop:
                     with f.when(f.test("ogt", shown, hexadecimal(0.0))):
                         arrays = ", ".join(f"ptr {of}" for of in (self.before, self.slope_before, self.z, self.slope))
                         times = f"double {begin}, double {end}, double {snap}"
-                        f.call("rows_of", f"ptr %ctx, i64 {lane}, {times}, {arrays}")
+                        f.call("rows_of", f"ptr %ctx, i64 {lane}, {times}, {arrays}, ptr null")
                     if enter:
                         f.call("enter", f"ptr %ctx, i64 {lane}")
 

@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from hgorun.engine.many import Reducer
-from hgorun.engine.plan import Floats
+from hgorun.engine.plan import Floats, Integers
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -107,7 +107,8 @@ class Outcome:
     diverged : ndarray, shape (observers, N)
         Time of divergence of each observer, infinity where there was none.
     plant_diverged : ndarray, shape (N,)
-        When the plant did; other numbers of such a member mean nothing. Infinity where it did not.
+        When the plant did; other numbers of such a member mean nothing. Infinity where it did not. Minus infinity of
+        controlled steps where none was small enough, or more would have had to be tried than may be.
     first, last : ndarray, shape (states, N)
         The states at the first and at the last point of the grid; at the first one, of a compiled reduction those
         that are not in the rows have their initial values.
@@ -115,6 +116,8 @@ class Outcome:
         Largest local error estimate of an embedded method where rows were asked for, zeros otherwise.
     rows : ndarray, shape (grid points, states, N), or None
         Where they were asked for.
+    tries : ndarray of int64, shape (N,)
+        Steps that were tried, where they are controlled; zeros otherwise.
     """
 
     reduced: Floats
@@ -124,3 +127,4 @@ class Outcome:
     last: Floats
     error: Floats
     rows: Floats | None = None
+    tries: Integers

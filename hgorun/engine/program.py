@@ -37,7 +37,7 @@ _SLICE = 0.05  # seconds of native code between two checks for Ctrl-C
 _FIRST = 1000  # steps in the first slice, until it is known how long one takes
 _LARGEST = 1 << 40  # steps in a slice: parts of a run may be shorter than any slice
 _BUDGET = 20_000  # adaptive steps between two such looks
-_PATIENCE, _PROGRESS = 1_000_000, 1e-3  # adaptive steps, and the part of the run that they must bring
+PATIENCE, _PROGRESS = 1_000_000, 1e-3  # adaptive steps, and the part of the run that they must bring
 
 
 class TooManySteps(Exception):
@@ -88,18 +88,29 @@ def generate(
     return m.text(), m.constants
 
 
-def generate_loose(system: HybridSystem, method: str, lanes: int, shown: Sequence[int] | None) -> tuple[str, int]:
-    """As :func:`generate`, for many members that have tables of their own, see :mod:`hgorun.engine.loose`."""
+def generate_loose(
+    system: HybridSystem, method: str, lanes: int, shown: Sequence[int] | None, *, adaptive: bool = False
+) -> tuple[str, int]:
+    """As :func:`generate`, for many members that have tables of their own.
+
+    See :mod:`hgorun.engine.loose`, and :mod:`hgorun.engine.loose_adaptive` where their steps are controlled.
+    """
     from hgorun.engine.loose import add_loose
+    from hgorun.engine.loose_adaptive import add_loose_adaptive
     from hgorun.engine.members import add_members
 
     m, chosen = Module(system, lanes, shown, loose=True), METHODS[method]
-    assert isinstance(chosen, Method)
-    flows = [m.emit(regime.flow, f"flow{i}") for i, regime in enumerate(system.regimes)]
+    implicit = isinstance(chosen, Rosenbrock)
+    flows = [m.emit(regime.flow, f"flow{i}", inlined=not implicit) for i, regime in enumerate(system.regimes)]
     add_channels(m)
     add_jumps(m)
     add_flag(m, alone=False)
-    add_loose(m, chosen, flows)
+    if adaptive:
+        steppers = [_stepper(m, chosen, None, i, flow, f"try{i}") for i, flow in enumerate(flows)]
+        add_loose_adaptive(m, steppers, quintic=bool(chosen.dense))
+    else:
+        assert isinstance(chosen, Method)
+        add_loose(m, chosen, flows)
     add_begin(m)
     m.setup()
     add_members(m)
@@ -251,7 +262,7 @@ class Program:
                     if tries >= limit:
                         raise TooManySteps(tries, memory.real("now"))
                     pauses += 1
-                    if pauses * _BUDGET >= _PATIENCE:
+                    if pauses * _BUDGET >= PATIENCE:
                         if memory.real("now") - reached < _PROGRESS * plan.span:
                             memory.set_real("hopeless", 2 * memory.real("step"))
                         pauses, reached = 0, memory.real("now")

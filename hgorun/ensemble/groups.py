@@ -69,7 +69,7 @@ def families(base: Experiment, members: Members) -> Iterator[Integers]:
 def able(run: PreparedRun) -> bool:
     """Whether runs like this one can be carried out side by side."""
     method = steps_in_lanes(run) if run.solver.controlled else run.solver.given_method
-    return method is not None and fits(run, method)
+    return method is not None and fits(run)
 
 
 def size_of_lots(run: PreparedRun) -> int:

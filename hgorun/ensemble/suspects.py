@@ -7,6 +7,7 @@ ends when nothing is left of the suspect observers of all that are side by side.
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -16,15 +17,20 @@ from hgorun.engine.member_numbers import MemberNumbers, Outcome
 from hgorun.engine.memory import Raw, Start
 from hgorun.engine.plan import Plan
 from hgorun.ensemble.lot import Lot, Numbers, times_of
-from hgorun.errors import PlantDiverged, Problem
+from hgorun.errors import PlantDiverged, Problem, SimulationError
 from hgorun.simulation import passes
 from hgorun.simulation.confirmation import ends_with_suspects, suspects_of
+from hgorun.simulation.lanes import control_of
 from hgorun.simulation.passes import Pass, as_given, plan_of
 from hgorun.simulation.prepared import PreparedRun
 
 # what side by side a step of all lanes takes, alone it takes one; with one plan for all, and with one for each
 _ALIKE, _OWN = 2.0, 3.0
 _NUMBERS = 16_000_000  # doubles of the trajectories of members that are looked at together
+
+
+class NotTogether(SimulationError):
+    """A pass that has to be made alone."""
 
 
 def together(run: PreparedRun) -> int:
@@ -46,6 +52,7 @@ class Suspects:
     runs: Sequence[PreparedRun]
     threads: int = 1
     _passes: dict[int, _Made] = field(default_factory=dict)
+    _lock: threading.RLock = field(default_factory=threading.RLock)  # a pass is made once, whoever asks first
 
     def raw(self, i: int) -> Raw:
         """What a member has given, up to where it was stopped."""
@@ -74,16 +81,20 @@ class Suspects:
             Where there is no time or no memory for so many steps.
         """
         made = self._made(shorter)
-        raw, awaited = made.raw(self.runs[i], i), made.awaited[i]
+        try:
+            raw, awaited = made.raw(self.runs[i], i), made.awaited[i]
+        except NotTogether:
+            return None
         if raw is None:
             return None
         ended = bool(awaited) and _all_lost(raw, awaited)
         return None if ended and not (until and _all_lost(raw, until)) else raw
 
     def _made(self, shorter: int) -> _Made:
-        if shorter not in self._passes:
-            self._passes[shorter] = self._pass(shorter)
-        return self._passes[shorter]
+        with self._lock:
+            if shorter not in self._passes:
+                self._passes[shorter] = self._pass(shorter)
+            return self._passes[shorter]
 
     def _pass(self, shorter: int) -> _Made:
         """The pass of all members: with the bound for 0, else without it and with steps so many times shorter."""
@@ -98,7 +109,8 @@ class Suspects:
             raise problems[0]
         awaited = {i: self._awaited(i, shorter) for i in plans}
         one = self.runs[0]
-        ensemble = one.structure.ensemble(as_given(one).method)
+        how = as_given(one)
+        ensemble, control = one.structure.ensemble(how.method), control_of(how)
         alike = len({times_of(self.runs[i]) for i in plans}) == 1
         which = list(plans)
         if shorter:
@@ -111,10 +123,12 @@ class Suspects:
         found: Outcome
         if alike:
             numbers = _ending(Numbers.of(runs).beside(own[0], bound), [awaited[i] for i in which])
-            found = ensemble.run(own[0], numbers, rows=True, threads=self.threads)
+            found = ensemble.run(own[0], numbers, rows=True, threads=self.threads, control=control)
         else:
             numbers = _ending(Lot.of(which, runs).numbers.beside(own[0], bound), [awaited[i] for i in which])
-            found = ensemble.run_each(own, numbers, rows=True, threads=self.threads)
+            found = ensemble.run_each(own, numbers, rows=True, threads=self.threads, control=control)
+        if control:
+            steps = dict(zip(which, found.tries.tolist(), strict=True))
         return _Made(found, {i: place for place, i in enumerate(which)}, steps, problems, awaited)
 
     def _awaited(self, i: int, shorter: int) -> list[int]:
@@ -125,7 +139,7 @@ class Suspects:
         try:
             suspects = suspects_of(run, self.raw(i))
             free = self._passes[1].raw(run, i) if shorter > 1 and 1 in self._passes else None
-        except PlantDiverged:
+        except SimulationError:
             suspects, free = [], None
         overflown = [] if free is None else [j for j in suspects if np.isfinite(free.diverged[j, 0])]
         return overflown or suspects or list(range(len(run.observers)))
@@ -134,7 +148,7 @@ class Suspects:
         """About which part of a run it takes until nothing is left of some observers."""
         try:
             lost = self.raw(i).diverged[awaited, 0]
-        except PlantDiverged:
+        except SimulationError:
             return 1.0
         run = self.runs[i]
         return min(float(np.max(lost, initial=0.0) - run.time.start) / run.span, 1.0) if lost.size else 1.0
@@ -196,6 +210,8 @@ class _Made:
         Raises
         ------
         PlantDiverged
+        NotTogether
+            Where no controlled step was small enough, or too many would have been needed.
         Problem
         """
         if i in self.problems:
@@ -203,6 +219,8 @@ class _Made:
         if self.found is None or i not in self.places:
             return None
         found, place = self.found, self.places[i]
+        if np.isneginf(found.plant_diverged[place]):
+            raise NotTogether("its controlled steps have to be looked at alone")
         if np.isfinite(found.plant_diverged[place]):
             raise PlantDiverged("the plant diverged", float(found.plant_diverged[place]))
         own = slice(place, place + 1)

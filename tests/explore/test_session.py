@@ -16,6 +16,7 @@ from hgorun.analysis.report import analyze
 from hgorun.errors import ConfigError, HgorunError
 from hgorun.explore.keeping import Keeper
 from hgorun.explore.promises import AT_ONCE, LATER
+from hgorun.explore.simulated import Simulated
 from hgorun.result.result import Result
 
 
@@ -280,7 +281,7 @@ def test_a_run_that_cannot_be_made_is_told(file: Path) -> None:
     with pytest.raises(ConfigError):
         live.bench.state_of("observers.F.theta=-")
     with pytest.raises(HgorunError):
-        live.bench.simulated(live.bench.state_of("observers.F.theta=-1"))
+        live.bench.shown(live.bench.state_of("observers.F.theta=-1"))
 
 
 def test_what_no_slider_changes_is_made_once(file: Path) -> None:
@@ -288,6 +289,7 @@ def test_what_no_slider_changes_is_made_once(file: Path) -> None:
     live = Live(file)
     charts = set()
     for theta in (3.0, 3.5, 4.0):
-        shown = live.bench.simulated(live.bench.state_of(f"observers.S.theta={theta}"))
+        shown = live.bench.shown(live.bench.state_of(f"observers.S.theta={theta}"))
+        assert isinstance(shown, Simulated)
         charts |= {premises_of(subject).chart for subject in shown.context.subjects.values()}
     assert len(charts) == 1
