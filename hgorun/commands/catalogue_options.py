@@ -161,5 +161,8 @@ class Init:
         Path | None,
         typer.Option("-o", "--output", metavar="FILE", help="With --plant or --ask: its file (default: PLANT.yaml)."),
     ] = None
+    schema: Annotated[
+        bool, typer.Option("--schema", help="Write the schema for editors beside it, to go with it to other machines.")
+    ] = False
     ask: Annotated[bool, typer.Option("--ask", help="Ask what the configuration should have.")] = False
     force: Annotated[bool, typer.Option("--force", help="Overwrite existing files.")] = False

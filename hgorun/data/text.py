@@ -66,7 +66,7 @@ def blocks(path: Path, encoding: str | None = None, size: int = BLOCK) -> Iterat
     if rest:
         yield _checked(Block(_unix(rest) if rest.endswith((b"\n", b"\r")) else _unix(rest) + b"\n", line), path)
     elif line == 1:
-        raise ConfigError("this file is empty", file=str(path))
+        raise ConfigError("this file is empty", file=str(path), line=1)
 
 
 def _cut(text: bytes) -> tuple[bytes, bytes]:

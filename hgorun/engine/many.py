@@ -18,7 +18,7 @@ from hgorun.native.compiler import NativeModule, address_of, vector_doubles
 from hgorun.symbolic.instructions import calls_of_state
 from hgorun.symbolic.interpreter import CALLS
 
-_FEW_STATES, _FEW_THAT_WAIT = 6, 10
+_FEW_STATES, _FEW_THAT_WAIT = 6, 11
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -214,7 +214,7 @@ def lanes_of(system: HybridSystem) -> int:
     with 8, and 0.59 with 16, of what it takes with 4. Of more states two vectors only go through memory more often:
     7 states take as long with 16 lanes as with 8, 12 states 1.15 times as long, 17 states 1.4, 23 states 1.0 to 1.1.
     Where every evaluation waits for powers, exponentials and the like it is more states: differentiators of 7 states
-    take 0.7 of the time, 10 states with three of them one after the other 0.85.
+    take 0.7 of the time, 11 states with three of them one after the other, too.
     """
     few = system.states <= _FEW_STATES or (
         system.states <= _FEW_THAT_WAIT and any(calls_of_state(one.flow, CALLS) for one in system.regimes)

@@ -30,7 +30,7 @@ from hgorun.engine.plan import Plan
 from hgorun.engine.rows import add_rows
 from hgorun.engine.stepper import Stepper
 from hgorun.engine.window import Take, Window
-from hgorun.errors import PlantDiverged, SimulationError
+from hgorun.errors import NoStep, PlantDiverged, SimulationError
 from hgorun.native.compiler import NativeModule
 
 _SLICE = 0.05  # seconds of native code between two checks for Ctrl-C
@@ -278,6 +278,8 @@ class Program:
                     message = _explain(verdict, plan.origin + memory.real("now"), stiff=stiff)
                     if verdict == PLANT_DIVERGED:
                         raise PlantDiverged(message, memory.real("now"))
+                    if verdict == STEP_TOO_SMALL:
+                        raise NoStep(message, memory.real("now"))
                     raise SimulationError(message)
                 spent = max(time.perf_counter() - before, 1e-6)
                 chunk = min(max(1, int(chunk * min(_SLICE / spent, 8.0))), _LARGEST)

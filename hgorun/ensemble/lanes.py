@@ -40,13 +40,26 @@ class Passed:
         False where something has to be looked at: a plant or an observer that seems lost.
     steps : ndarray of int64, shape (N,)
         Those that were made; where they are controlled, that were tried.
+    unfinished : ndarray of bool, shape (N,)
+        Where controlled steps could not be made to the end, or not as many as may be.
     rows : ndarray, shape (grid points, states, N), optional
     """
 
     metrics: dict[str, Floats]
     sound: np.ndarray
     steps: Integers
+    unfinished: np.ndarray
     rows: Floats | None
+
+    def some(self, among: np.ndarray) -> Passed:
+        """Of some of the members."""
+        return Passed(
+            metrics={name: values[..., among] for name, values in self.metrics.items()},
+            sound=self.sound[among],
+            steps=self.steps[among],
+            unfinished=self.unfinished[among],
+            rows=None if self.rows is None else self.rows[:, :, among],
+        )
 
 
 def carry_out(lot: Lot, how: Pass, metrics: Sequence[Metric], *, rows: bool = False, threads: int = 1) -> Passed:
@@ -72,7 +85,13 @@ def carry_out(lot: Lot, how: Pass, metrics: Sequence[Metric], *, rows: bool = Fa
     if control:
         steps = found.tries
     named = dict(reduction.named(found.reduced)) if reduction else {metric.name: nothing for metric in metrics}
-    return Passed(metrics=named, sound=_sound(lot, found, named), steps=steps, rows=found.rows)
+    return Passed(
+        metrics=named,
+        sound=_sound(lot, found, named),
+        steps=steps,
+        unfinished=np.isneginf(found.plant_diverged),
+        rows=found.rows,
+    )
 
 
 def _sound(lot: Lot, found: Outcome, metrics: dict[str, Floats]) -> np.ndarray:

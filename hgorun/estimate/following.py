@@ -113,6 +113,8 @@ class Following:
             if not np.isnan(self._last_sample):
                 self.live.w[system.structure.system.held.interval] = event.t - self._last_sample
                 found = system.steps + found
+            else:
+                system.begun(event.t, self.live.z)
             self._last_sample = event.t
         return found
 

@@ -246,9 +246,19 @@
     Object.defineProperty(PlotView.prototype, "base_font_size", { get, configurable: true });
   }
   try { keep_styles(); } catch { /* as Bokeh does it */ }
+  // What of a figure takes the focus says whose it is; Bokeh's parts stand in roots of their own.
+  function name_figures() {
+    const inside = (root) => [...root.querySelectorAll("*")].flatMap((one) => one.shadowRoot ? [one, ...inside(one.shadowRoot)] : [one]);
+    for (const figure of document.querySelectorAll("figure"))
+      for (const one of inside(figure).filter((part) => part.matches(".bk-events"))) {
+        one.setAttribute("role", "img");
+        one.setAttribute("aria-label", figure.getAttribute("aria-label"));
+      }
+  }
   function begin() {
     const found = window.Bokeh?.documents?.[0]?.get_model_by_name("channel");
-    if (!found) { setTimeout(begin, 20); return; }
+    if (!found || !Bokeh.index.roots?.length) { setTimeout(begin, 20); return; }
+    settled(name_figures);
     channel = found;
     found.properties.told.change.connect(heard);
     waiting.unshift({ do: "begin" });

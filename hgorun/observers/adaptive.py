@@ -55,6 +55,8 @@ class AdaptiveObserver(ConstantGain):
     hand; that forgetting ceases by and by near p_max, and P can fall from there, is our own.
     """
 
+    lacks = {"extend": "an unknown input could not be told from the unknown constants of Psi: take one of the two"}
+
     reference = "Farza, M'Saad, Maatoug, Kamoun 2009"
 
     Psi: dict[Name, tuple[ExpressionText, ...]] = Field(

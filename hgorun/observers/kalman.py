@@ -117,6 +117,8 @@ class KalmanFilter(NoiseInformed, ContinuousObserver[Form, ModelCopy]):
     process has the density Q given in the plant's coordinates; or q, see :class:`ChainNoise`.
     """
 
+    lacks = {"extend": "it takes any model: give the plant a state for the unknown input, with noise in Q"}
+
     form = staticmethod(smooth_form)
     of_samples: ClassVar[bool]
     """Whether R is the variance of a sample, and not the density R_c of the noise."""

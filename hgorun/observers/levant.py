@@ -11,7 +11,7 @@ from pydantic import Field, ModelWrapValidatorHandler, model_validator
 from hgorun.config.types import Positive
 from hgorun.errors import Problem
 from hgorun.observers.base import ContinuousObserver, Flow, Observer, Sample, SampledObserver, observer
-from hgorun.observers.capabilities import Differentiator, SlidingMode, Switching
+from hgorun.observers.capabilities import NO_MODEL, Differentiator, SlidingMode, Switching
 from hgorun.observers.roots import root, root_powers
 from hgorun.symbolic.derivatives import DerivativeCopy, DerivativeForm, derivative_form
 from hgorun.symbolic.symbols import Symbols
@@ -59,6 +59,8 @@ def gains_of_powers(gains: ca.SX, n: int) -> list[ca.SX]:
 
 class LevantDifferentiator(Differentiator, SlidingMode, Observer[DerivativeForm, DerivativeCopy]):
     """The keys and the gain that both discretisations share."""
+
+    lacks = NO_MODEL
 
     reference = "Levant 2003; Meiners, Adamy 2025, section IV"
     form = staticmethod(derivative_form)

@@ -21,7 +21,7 @@ from hgorun.result import digests
 from hgorun.result.sink import Sink
 
 _PIECE = 1 << 16
-_WAITING = 64  # pieces that may wait to be written: they are memory
+_WAITING = 16  # pieces that may wait to be written: they are memory
 
 
 class Growing:

@@ -119,9 +119,12 @@ def ended(run: PreparedRun, raw: Raw, again: Again | None = None) -> tuple[Raw, 
 
 
 def plant_lost(run: PreparedRun, error: PlantDiverged, again: Again) -> SimulationError:
-    """What is to be said of a plant that could not be followed: whether shorter steps can."""
-    if run.adaptive or run.plant.block.discretise:
-        return error
+    """What is to be said of a plant that could not be followed: whether it can be, and shorter steps can."""
+    from hgorun.simulation.escape import escaped  # not for runs that can be followed
+
+    escape = escaped(run)
+    if escape is not None or run.adaptive or run.plant.block.discretise:
+        return escape or error
     for shorter in _attempts(run, np.inf):
         try:
             again.integrate(again.plan(shorter))

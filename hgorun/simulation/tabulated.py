@@ -162,7 +162,8 @@ def all_steps(schedule: AnySchedule, longest: float, uneven: float | None) -> in
 
 def _row_in_last_step(start: np.ndarray, end: np.ndarray, steps: np.ndarray, grid: np.ndarray) -> np.ndarray:
     """Whether an output point lies strictly inside the last step before each event."""
-    if grid.size < end.size:  # then every output point is asked for its segment
+    in_order = bool(np.all(end[1:] >= end[:-1]))  # not where late samples take observers back in time
+    if grid.size < end.size and in_order:  # then every output point is asked for its segment
         i = np.searchsorted(end, grid)
         inside = (i < end.size) & (grid > start[np.minimum(i, end.size - 1)])
         found = np.zeros(end.size, dtype=bool)

@@ -307,7 +307,7 @@ def test_powers_of_one_base_are_each_what_it_is_alone(lanes: int) -> None:
     by_lane = [np.resize(y, POINTS) for y in ([0.91, 3.0, 1.1, 0.5], [1 / 3, -0.25, 7.5], [0.4, 1 / 3, 2.0, 40.0, 1.7])]
     at = {"t": np.zeros(1), "p": np.array(by_lane[:2]), "z": base[None], "w": by_lane[2][None]}
     found = Native([t, p, z, w], [size ** p[0], size ** p[1], size**w, size ** (1 / 3), size**0.9], lanes)(at)
-    same_bits(found, np.array([apply("pow", base, y) for y in (*by_lane, 1 / 3, 0.9)]))
+    same_bits(found, np.array([apply("pow", base, y) for y in (*by_lane, np.array(1 / 3), np.array(0.9))]))
 
 
 SPECIAL = np.array(

@@ -99,3 +99,22 @@ def test_a_plant_of_which_the_steps_differ_by_far() -> None:
     members = Members.of({"plant.initial.x1": x1, "plant.initial.x2": x2})
     block = compared(base, members, 7)
     assert np.ptp(block.evaluations) > 0.2 * np.max(block.evaluations)
+
+
+SPECIAL: dict[str, tuple[dict[str, Any], dict[str, Any], dict[str, Any]]] = {  # plant, solver, observer
+    "explicit": (VAN_DER_POL, {"method": "dopri5", "accuracy": 1e-6}, {"theta": 3}),
+    "stiff": (VAN_DER_POL | {"parameters": {"mu": 30}}, {"method": "rodas5p"}, {"theta": 3}),
+    "fast": (VAN_DER_POL, {}, {"theta": 6e4}),
+}
+
+
+@pytest.mark.parametrize("kind", SPECIAL)
+def test_automatic_steps_that_errors_control(kind: str, singles: list[int]) -> None:
+    """Methods with an error estimate, and runs for which fixed steps would be too many."""
+    plant, solver, observer = SPECIAL[kind]
+    base = experiment(plant, {"S": {"type": "shgo", **observer}}, end=2.0, step=None).varied({"solver": solver})
+    members = Members.of({"plant.initial.x1": np.linspace(0.5, 2, COUNT)})
+    block = compared(base, members, 6)
+    assert np.all(np.isfinite(block.rtol))
+    assert np.all(np.isfinite(block.integration_error))
+    assert len(singles) <= 2

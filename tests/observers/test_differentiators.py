@@ -191,7 +191,7 @@ def test_more_of_what_is_refused() -> None:
         prepare(experiment(TWO, {"D": {"type": "tracking", "r": 1, "h_0": 0.05}}, step=0.1))
     with pytest.raises(ConfigError, match="up to 8 states; this plant has 9"):
         prepare(experiment(chain(9), {"D": {"type": "hybrid_red", "L": 1}}, measurement=sampled, step=0.01))
-    with pytest.raises(ConfigError, match="takes continuous outputs without delay"):
+    with pytest.raises(ConfigError, match="takes outputs without delay"):
         prepare(experiment(TWO, {"D": {"type": "tracking", "r": 1}}, measurement={"delay": 0.1}, step=0.01))
 
 
