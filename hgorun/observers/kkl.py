@@ -149,7 +149,7 @@ class SampledKkl(BeginsWithASample, KklObserver, HybridObserver[DriftForm, Smoot
             ) from None
 
     def _period(self, form: DriftForm) -> float:
-        periods = mean_intervals(None, self._sensors, form, "type")
+        periods = mean_intervals(None, self._sensors, form, None)
         if np.ptp(periods) > _UNEVEN * periods[0]:
             raise Problem(("type",), f"the outputs have periods from {np.min(periods):.6g} to {np.max(periods):.6g}")
         return float(periods[0])

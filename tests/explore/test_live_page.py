@@ -197,9 +197,11 @@ LOOKED_AT = """(() => {
     return (x + 0.05) / (y + 0.05); };
   const texts = [...document.querySelectorAll(
     'h1, h2, p, label, legend, button:enabled, a, th, td, li, figcaption, input[type=text]')];
-  const used = [...document.querySelectorAll('input, button, a[href], select, [tabindex="0"]')];
+  const inside = (root) => [...root.querySelectorAll('*')].flatMap(
+    one => one.shadowRoot ? [one, ...inside(one.shadowRoot)] : [one]);  // a figure's parts stand in roots of their own
+  const used = inside(document).filter(one => one.matches('input, button, a[href], select, [tabindex="0"]'));
   const named = (one) => one.getAttribute('aria-label') || one.labels?.[0]?.textContent.trim()
-    || one.textContent.trim();
+    || one.textContent.trim() || one.title;
   return JSON.stringify({
     faint: texts.filter(one => one.textContent.trim() || one.value)
       .filter(one => ratio(getComputedStyle(one).color, behind(one)) < 4.5).map(one => one.outerHTML.slice(0, 100)),

@@ -153,3 +153,9 @@ def test_members_of_an_ensemble_have_the_bits_of_their_own_runs(path: str) -> No
         assert block.error[i] == ""
         for name, values in block.metrics.items():
             assert values[i, 0].tobytes() == np.asarray(own.metrics[name], dtype=float).tobytes(), name
+
+
+def test_uneven_samples_are_refused_with_the_reason() -> None:
+    uneven = {"sampling": {"steps": "0.1 + 0.02*sin(k)"}}
+    with pytest.raises(ConfigError, match="it takes samples of one period, and those of x1 come at times of their own"):
+        hgorun.simulate(experiment(DAMPED, {"K": RIGHT}, measurement=uneven))
