@@ -54,7 +54,7 @@ class Ensemble:
         self.system, self.method = system, method
         self.lanes = lanes_of(system) if lanes is None else lanes
         self._others = {self.lanes: self}  # by their numbers of lanes
-        self._programs: dict[tuple[tuple[int, ...] | None, bool, bool], ManyProgram] = {}
+        self._programs: dict[tuple[tuple[int, ...] | None, bool, bool, bool], ManyProgram] = {}
 
     def run(
         self,
@@ -163,7 +163,7 @@ class Ensemble:
         if reduction is not None and not compiled and not rows:
             return self._in_parts(plans, members, reduction, how)
         shown = reduction.states if reduction is not None and compiled and not rows else None
-        program = self._program(shown, loose=loose, adaptive=how.control is not None)
+        program = self._program(shown, loose=loose, adaptive=how.control is not None, rows=rows)
         count, s = members.count, self.system
         inputs = {name: _doubles(members.named(name)) for name in INPUTS}
         outputs = {
@@ -203,11 +203,11 @@ class Ensemble:
             self._others[lanes] = Ensemble(self.system, self.method, lanes)
         return self._others[lanes]
 
-    def _program(self, shown: Sequence[int] | None, *, loose: bool, adaptive: bool) -> ManyProgram:
-        key = None if shown is None else tuple(shown), loose, adaptive
+    def _program(self, shown: Sequence[int] | None, *, loose: bool, adaptive: bool, rows: bool) -> ManyProgram:
+        key = None if shown is None else tuple(shown), loose, adaptive, rows
         if key not in self._programs:
             self._programs[key] = ManyProgram(
-                self.system, self.method, self.lanes, key[0], loose=loose, adaptive=adaptive
+                self.system, self.method, self.lanes, key[0], loose=loose, adaptive=adaptive, estimates=rows
             )
         return self._programs[key]
 

@@ -54,6 +54,8 @@ class ManyProgram:
         The states of a row, all of them by default.
     loose : bool
         Every member has tables of its own.
+    estimates : bool
+        Whether embedded error estimates are kept.
     adaptive : bool
         Every member has steps of its own, too, which an error estimate controls.
     """
@@ -66,13 +68,14 @@ class ManyProgram:
         shown: Sequence[int] | None = None,
         *,
         loose: bool = False,
+        estimates: bool = True,
         adaptive: bool = False,
     ) -> None:
         self.system, self.lanes, self.shown, self.loose = system, lanes, shown, loose or adaptive
         if self.loose:
             ir, self.constants = generate_loose(system, method, lanes, shown, adaptive=adaptive)
         else:
-            ir, self.constants = generate(system, method, lanes=lanes, many=True, shown=shown)
+            ir, self.constants = generate(system, method, lanes=lanes, many=True, shown=shown, estimates=estimates)
         self._native = NativeModule(ir, ("members",))
         kinds = ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64, ctypes.c_int64
         self.members = ctypes.CFUNCTYPE(None, *kinds)(self._native.address["members"])

@@ -113,7 +113,7 @@ class Outcome:
         The states at the first and at the last point of the grid; at the first one, of a compiled reduction those
         that are not in the rows have their initial values.
     error : ndarray, shape (states, N)
-        Largest local error estimate of an embedded method, zeros otherwise.
+        Largest local error estimate of an embedded method where rows were asked for, zeros otherwise.
     rows : ndarray, shape (grid points, states, N), or None
         Where they were asked for.
     tries : ndarray of int64, shape (N,)

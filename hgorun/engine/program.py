@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -51,12 +52,16 @@ def generate(
     lanes: int = 1,
     many: bool = False,
     shown: Sequence[int] | None = None,
+    estimates: bool = True,
 ) -> tuple[str, int]:
     """The IR of a system, and how many constants a lane of a run has.
 
     With the loop over ``many`` members of :mod:`hgorun.engine.members`, and the states that are ``shown`` in rows.
+    Embedded error estimates are kept where ``estimates`` says so.
     """
     m, chosen = Module(system, lanes, shown), METHODS[method]
+    if not estimates and isinstance(chosen, Method):
+        chosen = replace(chosen, error=())
     implicit = isinstance(chosen, Rosenbrock)
     flows = [m.emit(regime.flow, f"flow{i}", inlined=not implicit) for i, regime in enumerate(system.regimes)]
     add_channels(m)

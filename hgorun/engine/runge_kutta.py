@@ -25,8 +25,8 @@ class RungeKutta(Stepper):
     ) -> None:
         super().__init__(m, method.c, history, regime, flow, name)
         self.method, self.order = method, method.order
-        # where nothing else asks for the start of a step, it costs a tenth of the time to copy it
-        self.in_place = not (method.error or method.dense or m.system.remembers)
+        # where nothing but output points asks for the start of a step, it costs a tenth of the time to copy it
+        self.in_place = not (method.error or m.system.remembers)
         self.base, first = (self.z, self.slope) if self.in_place else (self.before, self.slope_before)
         self.k = [first, *(self.f.slot("double", self.size * m.lanes) for _ in method.stages)]
 
@@ -66,8 +66,8 @@ class RungeKutta(Stepper):
 
     def _embedded(self, weights: tuple[float, ...], h: str, i: int) -> str:
         """h sum_j weights[j] k_j of state i, the last k being the slope at the end of the step."""
-        f = self.f
-        return f.mul(self.spread(h), weighted(f, weights, [*self.k, self.slope], i * f.lanes))
+        slopes = [self.slope_before, *self.k[1:], self.slope]
+        return self.f.mul(self.spread(h), weighted(self.f, weights, slopes, i * self.f.lanes))
 
     def errors(self, h: str) -> list[str]:
         if not self.method.error:
