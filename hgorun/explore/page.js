@@ -257,8 +257,8 @@
   }
   function begin() {
     const found = window.Bokeh?.documents?.[0]?.get_model_by_name("channel");
-    if (!found || !Bokeh.index.roots?.length) { setTimeout(begin, 20); return; }
-    settled(name_figures);
+    if (!found) { setTimeout(begin, 20); return; }
+    for (const wait of [0, 1000, 5000]) setTimeout(name_figures, wait);  // figures are built after the document
     channel = found;
     found.properties.told.change.connect(heard);
     waiting.unshift({ do: "begin" });
